@@ -1,0 +1,61 @@
+"""Baxter and its kinematics: model, limits, frames, and inverse kinematics.
+
+Names are loaded when they are first used, so that importing the package costs nothing, reads no
+file and starts nothing, and so that a program may catch Ctrl-C before the libraries below have
+loaded.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from baxter_kin.errors import (
+        BaxterError,
+        ConfigurationError,
+        DescriptionError,
+        LimitsError,
+        PoseError,
+        RequestError,
+        UnknownNameError,
+    )
+    from baxter_kin.frames import Frame, StampedPose, pose_from_quaternion, quaternion_xyzw
+    from baxter_kin.ik import IKFailure, IKResult, IKService, SeedMode, SeedType
+    from baxter_kin.limits import JointLimits
+    from baxter_kin.model import Arm, Baxter
+
+__all__ = [
+    "Arm",
+    "Baxter",
+    "BaxterError",
+    "ConfigurationError",
+    "DescriptionError",
+    "Frame",
+    "IKFailure",
+    "IKResult",
+    "IKService",
+    "JointLimits",
+    "LimitsError",
+    "PoseError",
+    "RequestError",
+    "SeedMode",
+    "SeedType",
+    "StampedPose",
+    "UnknownNameError",
+    "pose_from_quaternion",
+    "quaternion_xyzw",
+]
+
+_MODULES = ("errors", "frames", "ik", "limits", "model")
+
+
+def __getattr__(name: str) -> object:
+    """Load a public name from the module that defines it."""
+    if name in __all__:
+        for module in _MODULES:
+            found = getattr(import_module(f"{__name__}.{module}"), name, None)
+            if found is not None:
+                globals()[name] = found
+                return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

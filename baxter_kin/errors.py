@@ -1,0 +1,59 @@
+"""What this layer raises.
+
+```
+BaxterError
+├── DescriptionError          the robot's URDF cannot be found or read
+├── UnknownNameError          a limb, frame or joint that does not exist   (also ValueError)
+├── ConfigurationError        joint values: shape, finiteness, limits      (also ValueError)
+├── LimitsError               joint limits that make no sense              (also ValueError)
+├── PoseError                 a position, quaternion or pose that is none  (also ValueError)
+└── RequestError              an IK request that contradicts itself        (also ValueError)
+```
+
+Malformed input raises one of these. "No solution" is a result with a reason, never an exception.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class BaxterError(Exception):
+    """Root of every error the toolkit raises on purpose."""
+
+
+class DescriptionError(BaxterError):
+    """The robot description is missing or does not contain what it should."""
+
+
+class UnknownNameError(BaxterError, ValueError):
+    """A name that does not exist.
+
+    Attributes:
+        kind: what was looked up, such as "limb".
+        name: the name that came.
+        allowed: the names that exist.
+    """
+
+    def __init__(self, kind: str, name: object, allowed: Iterable[str]) -> None:
+        """Say what came and what is allowed."""
+        self.kind = kind
+        self.name = name
+        self.allowed = tuple(allowed)
+        super().__init__(f"unknown {kind} {name!r}; use one of: {', '.join(self.allowed)}")
+
+
+class ConfigurationError(BaxterError, ValueError):
+    """Joint values of the wrong shape, not finite, or outside the limits."""
+
+
+class LimitsError(BaxterError, ValueError):
+    """Joint limits that are not finite, not positive, or empty."""
+
+
+class PoseError(BaxterError, ValueError):
+    """A position, rotation or quaternion that is not one."""
+
+
+class RequestError(BaxterError, ValueError):
+    """An IK request whose parts do not fit together."""

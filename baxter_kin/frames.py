@@ -1,0 +1,162 @@
+"""Frames, poses and quaternions: every convention of the toolkit, on one page.
+
+*Frames.* `base` is the robot's base link: x forward, y to the robot's left, z up. `world` stands on
+the floor under it, 0.93 m lower, with the same axes: `z_base = z_world - 0.93`. The `tip` of an
+arm is its `<side>_gripper` link, between the finger tips, z pointing out of the hand.
+
+*Poses.* `T_base_tip` is the pose of *tip* seen from *base*, a `pinocchio.SE3`; it maps points from
+tip to base coordinates. Inner names cancel: `T_world_tip = T_world_base * T_base_tip`.
+
+*Quaternions* are in x, y, z, w order, as in ROS, and carry their order in their name. They must be
+of unit length within 1e-4, which is what four written decimals give; then they are normalised.
+
+*Twists and Jacobians* are linear first, then angular, both along the axes of base, at the tip.
+
+*Units* are metres, radians and seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import TypeAlias
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.errors import PoseError, UnknownNameError
+
+BASE_HEIGHT_M = 0.93
+"""Height of `base` above `world`: where the original demo spawns the robot in Gazebo."""
+
+UNIT_QUATERNION_TOLERANCE = 1e-4
+ROTATION_TOLERANCE = 1e-6
+"""How far a rotation matrix may be from orthonormal, per element of `R^T R - I`."""
+
+
+class Frame(str, Enum):
+    """The frames in which a pose may be given."""
+
+    BASE = "base"
+    WORLD = "world"
+
+    @classmethod
+    def of(cls, name: str | Frame) -> Frame:
+        """The frame of that name.
+
+        Raises:
+            UnknownNameError: when there is none.
+        """
+        try:
+            return cls(name)
+        except ValueError:
+            raise UnknownNameError("frame", name, [frame.value for frame in cls]) from None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StampedPose:
+    """A pose that says in which frame it is given, as the requests of the original service do.
+
+    Attributes:
+        T_frame_tip: the pose, seen from `frame`.
+        frame: `base` or `world`; a plain string is accepted.
+    """
+
+    T_frame_tip: pin.SE3
+    frame: Frame | str = Frame.BASE
+
+    def __post_init__(self) -> None:
+        """Check and copy."""
+        object.__setattr__(self, "T_frame_tip", checked_pose(self.T_frame_tip))
+        object.__setattr__(self, "frame", Frame.of(self.frame))
+
+    @property
+    def T_base_tip(self) -> pin.SE3:
+        """The same pose, seen from base."""
+        if self.frame is Frame.WORLD:
+            return T_world_base().inverse() * self.T_frame_tip
+        return pin.SE3(self.T_frame_tip)
+
+
+PoseLike: TypeAlias = "pin.SE3 | StampedPose | ArrayLike"
+"""What functions accept as a pose: SE3 or 4 x 4 matrix, seen from base, or a `StampedPose`."""
+
+
+def T_world_base() -> pin.SE3:
+    """The pose of base seen from world: 0.93 m up."""
+    return pin.SE3(np.eye(3), np.array([0.0, 0.0, BASE_HEIGHT_M]))
+
+
+def pose_from_quaternion(position_m: ArrayLike, quat_xyzw: ArrayLike) -> pin.SE3:
+    """A pose from a position and a unit quaternion.
+
+    Args:
+        position_m: shape (3,), metres.
+        quat_xyzw: shape (4,), x, y, z, w.
+
+    Raises:
+        PoseError: when a shape is wrong, a number is not finite, or the quaternion is not of unit
+            length within `UNIT_QUATERNION_TOLERANCE`.
+    """
+    position = finite_array(position_m, (3,), "position_m", PoseError)
+    quat = finite_array(quat_xyzw, (4,), "quat_xyzw", PoseError)
+    length = float(np.linalg.norm(quat))
+    if abs(length - 1.0) > UNIT_QUATERNION_TOLERANCE:
+        raise PoseError(
+            f"quat_xyzw {quat.tolist()} has length {length:.6g}; a rotation needs length 1 "
+            f"within {UNIT_QUATERNION_TOLERANCE:g}: divide it by its length"
+        )
+    x, y, z, w = quat / length
+    return pin.SE3(pin.Quaternion(w, x, y, z).toRotationMatrix(), position)
+
+
+def quaternion_xyzw(T: pin.SE3) -> Vector:
+    """The rotation of a pose as a unit quaternion, shape (4,), x, y, z, w, with w >= 0."""
+    quat = pin.Quaternion(T.rotation).normalized().coeffs()
+    return np.array(-quat if quat[3] < 0.0 else quat)
+
+
+def checked_pose(pose: PoseLike) -> pin.SE3:
+    """A valid pose seen from base, as a fresh `SE3`.
+
+    Args:
+        pose: an SE3 or 4 x 4 matrix seen from base, or a `StampedPose`.
+
+    Raises:
+        PoseError: when it is no pose: wrong shape, not finite, mirrored or sheared rotation, or a
+            last row other than 0, 0, 0, 1.
+    """
+    if isinstance(pose, StampedPose):
+        return pose.T_base_tip
+    matrix = pose.homogeneous if isinstance(pose, pin.SE3) else pose
+    T = finite_array(matrix, (4, 4), "pose", PoseError)
+    _check_homogeneous(T)
+    return pin.SE3(T[:3, :3], T[:3, 3])
+
+
+def angle_between(R_base_a: Vector, R_base_b: Vector) -> float:
+    """The angle of the rotation from a to b, in [0, pi], exact for small angles too.
+
+    Uses atan2(sin, cos) of the relative rotation: the arc cosine alone loses half the digits
+    near zero.
+    """
+    R = R_base_a.T @ R_base_b
+    sine_axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    return math.atan2(float(np.linalg.norm(sine_axis)), 0.5 * (float(np.trace(R)) - 1.0))
+
+
+def _check_homogeneous(T: Vector) -> None:
+    R = T[:3, :3]
+    if np.abs(T[3] - [0.0, 0.0, 0.0, 1.0]).max() > ROTATION_TOLERANCE:
+        raise PoseError(f"the last row of a pose is 0, 0, 0, 1; got {T[3].tolist()}")
+    deviation = float(np.abs(R.T @ R - np.eye(3)).max())
+    if deviation > ROTATION_TOLERANCE:
+        raise PoseError(
+            f"the rotation of the pose is not orthonormal: R^T R differs from 1 by "
+            f"{deviation:.3g}, allowed is {ROTATION_TOLERANCE:g}"
+        )
+    if np.linalg.det(R) < 0.0:
+        raise PoseError("the rotation of the pose is mirrored (determinant -1); it must be +1")

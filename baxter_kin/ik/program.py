@@ -1,0 +1,114 @@
+"""Inverse kinematics as a nonlinear program, solved by IPOPT through CasADi.
+
+```
+minimise    1/2 |q - q_seed|^2
+subject to  p(q) - p_target = 0                        (3)
+            2 vec(conj(h_target) h(q)) = 0             (3)
+            q_min <= q <= q_max
+```
+
+`h` is the tip's unit quaternion, a product of joint quaternions and so smooth in `q`. The vector
+part of the relative quaternion is `sin(angle / 2) axis`: it vanishes only when both rotations are
+equal, unlike the skew part of the relative rotation matrix, which also vanishes at half a turn.
+Twice it is the rotation vector, to first order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin.arrays import Vector
+from baxter_kin.frames import quaternion_xyzw
+from baxter_kin.ik.seeds import Start
+from baxter_kin.model import Arm
+from baxter_kin.symbolic import SymbolicArm, quaternion_product
+
+MAX_ITERATIONS = 100
+
+_OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "error_on_fail": False,
+    "ipopt": {
+        "print_level": 0,
+        "sb": "yes",  # no banner
+        "tol": 1e-10,
+        "constr_viol_tol": 1e-12,
+        "acceptable_iter": 0,  # never stop at a merely acceptable point
+        "bound_relax_factor": 0.0,  # the joint limits are hard
+        "max_iter": MAX_ITERATIONS,
+    },
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """The nonlinear program of one arm.
+
+    Attributes:
+        q: decision variables, 7 x 1, rad.
+        parameters: p_target (3), h_target in x, y, z, w order (4), q_seed (7).
+        objective: half the squared distance to the seed.
+        pose_error: equality constraints, 6 x 1, m and rad.
+    """
+
+    q: ca.SX
+    parameters: ca.SX
+    objective: ca.SX
+    pose_error: ca.SX
+
+    @classmethod
+    def of(cls, arm: Arm) -> Program:
+        """State the program of that arm."""
+        kinematics = SymbolicArm.of(arm)
+        p_target, h_target = ca.SX.sym("p_target", 3), ca.SX.sym("h_target", 4)
+        q_seed = ca.SX.sym("q_seed", 7)
+        conjugate = ca.vertcat(-h_target[:3], h_target[3])
+        rotation_error = 2 * quaternion_product(conjugate, kinematics.quat_xyzw)[:3]
+        return cls(
+            q=kinematics.q,
+            parameters=ca.vertcat(p_target, h_target, q_seed),
+            objective=ca.sumsqr(kinematics.q - q_seed) / 2,
+            pose_error=ca.vertcat(kinematics.p_base_tip - p_target, rotation_error),
+        )
+
+
+class Solver(Protocol):
+    """Searches from one start; the service checks what it finds."""
+
+    def attempt(self, T_base_tip: pin.SE3, start: Start) -> Vector:
+        """The best configuration found, shape (7,), rad, inside the limits."""
+
+
+class IpoptSolver:
+    """The interior-point method of Waechter and Biegler (2006) on `Program`."""
+
+    def __init__(self, arm: Arm) -> None:
+        """Compile the program's derivatives."""
+        program = Program.of(arm)
+        nlp = {
+            "x": program.q,
+            "p": program.parameters,
+            "f": program.objective,
+            "g": program.pose_error,
+        }
+        self._limits = arm.limits
+        self._solve = ca.nlpsol("ik", "ipopt", nlp, _OPTIONS)
+
+    def attempt(self, T_base_tip: pin.SE3, start: Start) -> Vector:
+        """The best configuration found, shape (7,), rad, inside the limits."""
+        target = [T_base_tip.translation, quaternion_xyzw(T_base_tip), start.q_seed]
+        solution = self._solve(
+            x0=start.q_start,
+            p=np.concatenate(target),
+            lbx=self._limits.q_min,
+            ubx=self._limits.q_max,
+            lbg=0.0,
+            ubg=0.0,
+        )
+        q: Vector = np.array(solution["x"]).ravel()
+        return np.clip(q, self._limits.q_min, self._limits.q_max)

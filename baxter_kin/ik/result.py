@@ -1,0 +1,91 @@
+"""What the IK service answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.errors import ConfigurationError
+from baxter_kin.ik.seeds import SeedType
+
+POSITION_TOLERANCE_M = 1e-6
+ORIENTATION_TOLERANCE_RAD = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class IKFailure:
+    """Why a pose has no solution; `str()` of it is one sentence.
+
+    Attributes:
+        reason: that sentence, with numbers.
+        starts: how many searches each seed type was given.
+        beyond_reach_m: how far the pose is proven to lie out of reach; zero when nothing is proven.
+        joints_at_limit: joints that the best attempt leaves at a limit.
+    """
+
+    reason: str
+    starts: Mapping[SeedType, int] = field(default_factory=dict)
+    beyond_reach_m: float = 0.0
+    joints_at_limit: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Copy what could change."""
+        object.__setattr__(self, "starts", MappingProxyType(dict(self.starts)))
+
+    def __str__(self) -> str:
+        """The reason."""
+        return self.reason
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IKResult:
+    """The answer to one pose.
+
+    When `is_valid` is false, `q` and the errors are those of the best attempt; it never reached the
+    pose and must not be sent to a robot.
+
+    Attributes:
+        joint_names: the joints of `q`.
+        q: the solution, shape (7,), rad, inside the limits.
+        seed_type: whose start converged; `INVALID` without a solution.
+        position_error_m: distance between requested and reached tip, by Pinocchio.
+        orientation_error_rad: angle between requested and reached tip, by Pinocchio.
+        failure: None, or why there is no solution.
+    """
+
+    joint_names: tuple[str, ...]
+    q: Vector
+    seed_type: SeedType
+    position_error_m: float
+    orientation_error_rad: float
+    failure: IKFailure | None = None
+
+    def __post_init__(self) -> None:
+        """Copy and freeze the configuration."""
+        q = finite_array(self.q, (len(self.joint_names),), "q", ConfigurationError)
+        object.__setattr__(self, "q", q)
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether `q` reaches the pose within 1e-6 m and 1e-6 rad inside the limits."""
+        return self.failure is None
+
+    @property
+    def joints(self) -> dict[str, float]:
+        """The solution by joint name, rad."""
+        return dict(zip(self.joint_names, self.q.tolist(), strict=True))
+
+    @property
+    def label(self) -> str:
+        """The seed type in the words of the original demo."""
+        return self.seed_type.label
+
+
+def reaches_pose(position_error_m: float, orientation_error_rad: float) -> bool:
+    """Whether a residual is small enough to count as a solution."""
+    return (
+        position_error_m <= POSITION_TOLERANCE_M
+        and orientation_error_rad <= ORIENTATION_TOLERANCE_RAD
+    )

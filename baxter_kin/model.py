@@ -1,0 +1,237 @@
+"""Baxter and its arms: joints, limits, forward kinematics, Jacobians (Pinocchio enters here)."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.description import RobotDescription
+from baxter_kin.errors import ConfigurationError, DescriptionError, UnknownNameError
+from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, JointLimits
+
+LIMBS = ("left", "right")
+JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
+"""The arm's joints from shoulder to wrist: two of the shoulder, two of the elbow, three wrist."""
+
+_NEUTRAL = (0.0, -0.55, 0.0, 0.75, 0.0, 1.26, 0.0)
+_LEFT_START = (
+    -0.08000397926829805,
+    -0.9999781166910306,
+    -1.189968899785275,
+    1.9400238130755056,
+    0.6699952259595108,
+    1.030009435085784,
+    -0.4999997247485215,
+)
+"""The start pose of the original demo, which moves the left arm."""
+
+MIRROR = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+"""Signs that turn a left-arm configuration into its mirror image on the right arm."""
+
+
+class Arm:
+    """One arm of seven joints, from base to the tip between its fingers.
+
+    Attributes:
+        side: "left" or "right".
+        joint_names: the seven names, shoulder first, such as "left_s0".
+        limits: what the joints may do.
+        neutral: Rethink's neutral pose, shape (7,), rad.
+        start: where the pick-and-place demo starts, shape (7,), rad.
+        tip_frame: the link whose pose is controlled, "<side>_gripper".
+        model: the arm alone as a `pinocchio.Model`; the rest of the robot is locked.
+    """
+
+    def __init__(self, side: str, robot_model: pin.Model) -> None:
+        """Cut the arm of that side out of the whole robot's model."""
+        self.side = _known_limb(side)
+        self.joint_names = tuple(f"{side}_{joint}" for joint in JOINTS)
+        self.tip_frame = f"{side}_gripper"
+        self.model = _reduced_model(robot_model, self.joint_names)
+        self.limits = _limits(self.model, self.joint_names)
+        sign = MIRROR if side == "right" else np.ones(7)
+        self.neutral = finite_array(_NEUTRAL, (7,), "neutral", ConfigurationError)
+        self.start = finite_array(sign * _LEFT_START, (7,), "start", ConfigurationError)
+        self._tip_id = self.model.getFrameId(self.tip_frame)
+        self._workspace = _Workspace(self.model)
+
+    def __repr__(self) -> str:
+        """Name the arm."""
+        return f"Arm({self.side!r})"
+
+    def T_base_tip(self, q: ArrayLike) -> pin.SE3:
+        """Forward kinematics: the pose of the tip seen from base.
+
+        Args:
+            q: shape (7,), rad; any finite values, inside the limits or not.
+
+        Raises:
+            ConfigurationError: when `q` has another shape or is not finite.
+        """
+        q = finite_array(q, (7,), "q", ConfigurationError)
+        data = self._workspace.data
+        pin.forwardKinematics(self.model, data, q)
+        return pin.SE3(pin.updateFramePlacement(self.model, data, self._tip_id))
+
+    def jacobian(self, q: ArrayLike) -> Vector:
+        """The geometric Jacobian of the tip, shape (6, 7): twist of the tip per joint velocity.
+
+        Rows are linear velocity (m/s), then angular (rad/s), along the axes of base, at the tip.
+
+        Raises:
+            ConfigurationError: when `q` has another shape than (7,) or is not finite.
+        """
+        q = finite_array(q, (7,), "q", ConfigurationError)
+        data = self._workspace.data
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        return np.array(pin.computeFrameJacobian(self.model, data, q, self._tip_id, axes))
+
+    def configuration(self, joints: Mapping[str, float] | ArrayLike, what: str = "q") -> Vector:
+        """Joint values by name or in order, as an array of shape (7,), rad.
+
+        Raises:
+            UnknownNameError: when a name is not a joint of this arm.
+            ConfigurationError: when a joint is missing, the shape is wrong, or a value is not
+                finite.
+        """
+        if not isinstance(joints, Mapping):
+            return finite_array(joints, (7,), what, ConfigurationError)
+        for name in joints:
+            if name not in self.joint_names:
+                raise UnknownNameError(f"joint of the {self.side} arm", name, self.joint_names)
+        missing = [name for name in self.joint_names if name not in joints]
+        if missing:
+            raise ConfigurationError(f"{what} lacks a value for {', '.join(missing)}")
+        ordered = [joints[name] for name in self.joint_names]
+        return finite_array(ordered, (7,), what, ConfigurationError)
+
+    def joints(self, q: ArrayLike) -> dict[str, float]:
+        """Joint values by name, rad.
+
+        Raises:
+            ConfigurationError: when `q` has another shape than (7,) or is not finite.
+        """
+        q = finite_array(q, (7,), "q", ConfigurationError)
+        return dict(zip(self.joint_names, q.tolist(), strict=True))
+
+    def random_configuration(self, rng: np.random.Generator) -> Vector:
+        """A configuration drawn uniformly between the position limits, shape (7,), rad."""
+        return rng.uniform(self.limits.q_min, self.limits.q_max)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Baxter:
+    """The whole robot.
+
+    Attributes:
+        description: the files it was read from.
+        model: the kinematic tree of all 19 joints: head, arms and fingers.
+        arms: both arms by side.
+    """
+
+    description: RobotDescription
+    model: pin.Model
+    arms: Mapping[str, Arm]
+
+    @classmethod
+    def load(cls, description: RobotDescription | None = None) -> Baxter:
+        """Read the kinematics of Baxter; no mesh is touched.
+
+        Args:
+            description: other files than the installed ones.
+
+        Raises:
+            DescriptionError: when files are missing or are not Baxter's.
+        """
+        files = description or RobotDescription.installed()
+        try:
+            model = pin.buildModelFromUrdf(str(files.urdf))
+        except (RuntimeError, ValueError) as cause:
+            raise DescriptionError(f"cannot read {files.urdf}: {cause}") from cause
+        arms = MappingProxyType({side: Arm(side, model) for side in LIMBS})
+        return cls(description=files, model=model, arms=arms)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The 19 joints, in the order of a full configuration."""
+        return tuple(self.model.names)[1:]
+
+    def arm(self, side: str) -> Arm:
+        """The arm of that side.
+
+        Raises:
+            UnknownNameError: when `side` is neither "left" nor "right".
+        """
+        return self.arms[_known_limb(side)]
+
+    def configuration(self, joints: Mapping[str, float] | None = None) -> Vector:
+        """A full configuration, shape (19,), rad and m: neutral arms, closed hands, then `joints`.
+
+        Raises:
+            UnknownNameError: when a name is not a joint of the robot.
+            ConfigurationError: when a value is not finite.
+        """
+        values = dict.fromkeys(self.joint_names, 0.0)
+        for arm in self.arms.values():
+            values.update(arm.joints(arm.neutral))
+        for name, value in (joints or {}).items():
+            if name not in values:
+                raise UnknownNameError("joint", name, self.joint_names)
+            values[name] = value
+        count = len(values)
+        return finite_array(list(values.values()), (count,), "joints", ConfigurationError)
+
+    def indices(self, names: tuple[str, ...]) -> tuple[int, ...]:
+        """Where those joints stand in a full configuration.
+
+        Raises:
+            UnknownNameError: when a name is not a joint of the robot.
+        """
+        positions = {name: i for i, name in enumerate(self.joint_names)}
+        for name in names:
+            if name not in positions:
+                raise UnknownNameError("joint", name, self.joint_names)
+        return tuple(positions[name] for name in names)
+
+
+class _Workspace(threading.local):
+    """Pinocchio's scratch memory, one for each thread, so that an arm may be shared."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.data = model.createData()
+
+
+def _known_limb(side: object) -> str:
+    if not isinstance(side, str) or side not in LIMBS:
+        raise UnknownNameError("limb", side, LIMBS)
+    return str(side)
+
+
+def _reduced_model(robot_model: pin.Model, joint_names: tuple[str, ...]) -> pin.Model:
+    missing = [name for name in joint_names if not robot_model.existJointName(name)]
+    if missing:
+        raise DescriptionError(f"the URDF is not Baxter's: it lacks the joints {missing}")
+    locked = [
+        index
+        for index, name in enumerate(robot_model.names)
+        if index > 0 and name not in joint_names
+    ]
+    return pin.buildReducedModel(robot_model, locked, pin.neutral(robot_model))
+
+
+def _limits(model: pin.Model, names: tuple[str, ...]) -> JointLimits:
+    return JointLimits(
+        names=names,
+        q_min=model.lowerPositionLimit,
+        q_max=model.upperPositionLimit,
+        v_max=model.velocityLimit,
+        a_max=np.full(len(names), DEFAULT_ACCELERATION_RAD_S2),
+        j_max=np.full(len(names), DEFAULT_JERK_RAD_S3),
+    )

@@ -1,0 +1,64 @@
+"""What this layer raises; the root is `baxter_kin.errors.BaxterError`.
+
+```
+BaxterError
+└── PlannerError
+    ├── SceneError          a body, shape or name that makes no sense    (also ValueError)
+    ├── TrajectoryError     a motion that is none, or a bad sample time  (also ValueError)
+    ├── MotionError         states that no motion under the limits joins (also ValueError)
+    └── TaskError           a pick or place that contradicts itself      (also ValueError)
+```
+
+A task without a solution is a `Plan` that carries its reason, not an exception.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TypeVar
+
+from baxter_kin import BaxterError
+
+T = TypeVar("T")
+
+
+class PlannerError(BaxterError):
+    """Root of what the planner raises."""
+
+
+class SceneError(PlannerError, ValueError):
+    """A body, shape or name that makes no sense in a scene."""
+
+
+class TrajectoryError(PlannerError, ValueError):
+    """Numbers that are no motion, or a time outside it."""
+
+
+class MotionError(PlannerError, ValueError):
+    """Start and goal states that no motion under the limits can join."""
+
+
+class TaskError(PlannerError, ValueError):
+    """A pick or place whose parts contradict each other."""
+
+
+def expect(value: object, kind: type[T], what: str, error: type[BaxterError]) -> T:
+    """`value`, known to be of that class.
+
+    Raises:
+        BaxterError: of class `error`, when it is of another.
+    """
+    if not isinstance(value, kind):
+        raise error(f"{what} must be of class {kind.__name__}, got {type(value).__name__}")
+    return value
+
+
+def expect_all(values: object, kind: type[T], what: str, error: type[BaxterError]) -> tuple[T, ...]:
+    """All `values`, known to be of that class.
+
+    Raises:
+        BaxterError: of class `error`, when they are no sequence, or one is of another class.
+    """
+    if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
+        raise error(f"{what} must be a sequence, got {type(values).__name__}")
+    return tuple(expect(value, kind, f"each of {what}", error) for value in values)

@@ -1,0 +1,152 @@
+"""Plan: what an arm and its gripper do, step by step, and what every step came from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import TypeAlias
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import IKResult
+from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.errors import ConfigurationError, UnknownNameError
+from baxter_kin.model import LIMBS
+from planner.collision import Clearance, least
+from planner.errors import TaskError, expect, expect_all
+from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """The arm goes to a waypoint.
+
+    Attributes:
+        label: stage and waypoint, such as "pick: approach".
+        trajectory: how it gets there.
+        T_base_tip: where the tip shall be; None for a move given in joint angles.
+        ik: the answer that the move ends at; None for a move given in joint angles.
+        clearance: the least distance on the way, where it was checked.
+    """
+
+    label: str
+    trajectory: Trajectory
+    T_base_tip: pin.SE3 | None = None
+    ik: IKResult | None = None
+    clearance: Clearance | None = None
+
+
+class GripperAction(str, Enum):
+    """What a gripper can be told to do."""
+
+    OPEN = "open"
+    CLOSE = "close"
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """The gripper opens or closes.
+
+    Attributes:
+        label: stage and action, such as "pick: close".
+        action: open or close.
+        body: name of the body it is about; None when the hand should be empty.
+    """
+
+    label: str
+    action: GripperAction
+    body: str | None = None
+
+
+Step: TypeAlias = Move | Grip
+
+
+@dataclass(frozen=True, slots=True)
+class PlanFailure:
+    """Why there is no plan; `str()` of it is one sentence.
+
+    Attributes:
+        stage: the label of the step that has no solution.
+        reason: why, with names and numbers.
+        ik: the answer that was invalid, when that was the reason.
+    """
+
+    stage: str
+    reason: str
+    ik: IKResult | None = None
+
+    def __str__(self) -> str:
+        """Stage and reason."""
+        return f"{self.stage}: {self.reason}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """Steps in order. An invalid plan says why and must not be executed.
+
+    Attributes:
+        limb: "left" or "right".
+        q_start: where the arm must stand before the first step, shape (7,), rad.
+        steps: moves and gripper actions; of an invalid plan, those before the failed one.
+        failure: None, or why there is no plan.
+
+    Raises:
+        UnknownNameError: when there is no such limb.
+        ConfigurationError: when `q_start` has another shape or is not finite.
+        TaskError: when a step is none, or a move starts elsewhere than the arm stands by then.
+    """
+
+    limb: str
+    q_start: Vector
+    steps: tuple[Step, ...]
+    failure: PlanFailure | None = None
+
+    def __post_init__(self) -> None:
+        """Check and copy."""
+        if not isinstance(self.limb, str) or self.limb not in LIMBS:
+            raise UnknownNameError("limb", self.limb, LIMBS)
+        q_start = finite_array(self.q_start, (7,), "q_start", ConfigurationError)
+        object.__setattr__(self, "q_start", q_start)
+        steps = expect_all(self.steps, object, "the steps of a plan", TaskError)
+        object.__setattr__(self, "steps", steps)
+        self._check_steps()
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether it may be executed."""
+        return self.failure is None
+
+    @property
+    def moves(self) -> tuple[Move, ...]:
+        """The arm's moves alone."""
+        return tuple(step for step in self if isinstance(step, Move))
+
+    @property
+    def motion_time_s(self) -> float:
+        """Sum of the moves' durations."""
+        return sum(move.trajectory.duration for move in self.moves)
+
+    @property
+    def clearance(self) -> Clearance | None:
+        """The least distance of all moves that were checked; None when none was."""
+        return least(move.clearance for move in self.moves if move.clearance is not None)
+
+    def __iter__(self) -> Iterator[Step]:
+        """The steps."""
+        return iter(self.steps)
+
+    def _check_steps(self) -> None:
+        q = self.q_start
+        for step in self.steps:
+            if not isinstance(step, Move):
+                expect(step, Grip, "a step that is no Move", TaskError)
+                continue
+            start = finite_array(step.trajectory.q_start, (7,), step.label, ConfigurationError)
+            jump = float(np.abs(start - q).max())
+            if jump > CONTINUITY_TOLERANCE:
+                raise TaskError(
+                    f"{step.label} starts {jump:.3g} rad from where the arm stands then"
+                )
+            q = step.trajectory.q_goal

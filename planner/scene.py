@@ -1,0 +1,242 @@
+"""Scene: an immutable set of named bodies with shapes and poses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TypeAlias
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from baxter_kin.arrays import Vector, finite_array, positive_scalar
+from baxter_kin.frames import checked_pose
+from planner.errors import SceneError, expect, expect_all
+
+GREY = (0.6, 0.6, 0.6, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A cuboid centred on its frame.
+
+    Attributes:
+        size_m: edge lengths along x, y and z, each above zero.
+    """
+
+    size_m: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        """Check the edges."""
+        size = finite_array(self.size_m, (3,), "box size_m", SceneError)
+        x, y, z = (positive_scalar(edge, "box edge", SceneError) for edge in size.tolist())
+        object.__setattr__(self, "size_m", (x, y, z))
+
+    def support_m(self, direction: Vector) -> float:
+        """How far the shape extends from its centre along a unit direction, shape (3,)."""
+        along = finite_array(direction, (3,), "direction", SceneError)
+        return float(np.abs(along) @ np.array(self.size_m)) / 2
+
+
+@dataclass(frozen=True, slots=True)
+class Cylinder:
+    """A cylinder centred on its frame, its axis along z.
+
+    Attributes:
+        radius_m: above zero.
+        length_m: above zero.
+    """
+
+    radius_m: float
+    length_m: float
+
+    def __post_init__(self) -> None:
+        """Check the lengths."""
+        positive_scalar(self.radius_m, "cylinder radius_m", SceneError)
+        positive_scalar(self.length_m, "cylinder length_m", SceneError)
+
+    def support_m(self, direction: Vector) -> float:
+        """How far the shape extends from its centre along a unit direction, shape (3,)."""
+        x, y, z = finite_array(direction, (3,), "direction", SceneError).tolist()
+        return float(self.radius_m * math.hypot(x, y) + abs(z) * self.length_m / 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    """A ball centred on its frame.
+
+    Attributes:
+        radius_m: above zero.
+    """
+
+    radius_m: float
+
+    def __post_init__(self) -> None:
+        """Check the radius."""
+        positive_scalar(self.radius_m, "sphere radius_m", SceneError)
+
+    def support_m(self, direction: Vector) -> float:  # noqa: ARG002 - the same in all directions
+        """How far the shape extends from its centre along a unit direction, shape (3,)."""
+        return self.radius_m
+
+
+Shape: TypeAlias = Box | Cylinder | Sphere
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """One shape of a body.
+
+    Attributes:
+        shape: its geometry.
+        T_body_part: where it sits on the body.
+        rgba: its colour, each of four in 0..1.
+    """
+
+    shape: Shape
+    T_body_part: pin.SE3
+    rgba: tuple[float, float, float, float] = GREY
+
+    def __post_init__(self) -> None:
+        """Check and copy."""
+        if not isinstance(self.shape, (Box, Cylinder, Sphere)):
+            raise SceneError(f"a shape is a Box, Cylinder or Sphere, got {self.shape!r}")
+        object.__setattr__(self, "T_body_part", checked_pose(self.T_body_part))
+        r, g, b, a = np.clip(finite_array(self.rgba, (4,), "rgba", SceneError), 0, 1).tolist()
+        object.__setattr__(self, "rgba", (r, g, b, a))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """A named thing in the scene.
+
+    Attributes:
+        name: unique in a scene.
+        parts: its shapes, at least one.
+        T_base_body: its pose seen from base.
+        is_movable: whether a gripper may carry it.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    T_base_body: pin.SE3
+    is_movable: bool = False
+
+    def __post_init__(self) -> None:
+        """Check and copy."""
+        if not isinstance(self.name, str) or not self.name:
+            raise SceneError(f"a body needs a name, got {self.name!r}")
+        parts = expect_all(self.parts, Part, f"the parts of {self.name!r}", SceneError)
+        if not parts:
+            raise SceneError(f"body {self.name!r} has no shape")
+        object.__setattr__(self, "parts", parts)
+        object.__setattr__(self, "T_base_body", checked_pose(self.T_base_body))
+
+    def at(self, T_base_body: pin.SE3) -> Body:
+        """The same body at another pose seen from base."""
+        return replace(self, T_base_body=T_base_body)
+
+    def extent_m(self, direction_base: ArrayLike) -> tuple[float, float]:
+        """The interval that the body covers along a unit direction of base, shape (3,), metres.
+
+        Raises:
+            SceneError: when the direction has another shape or is not finite.
+        """
+        along = finite_array(direction_base, (3,), "direction_base", SceneError)
+        lows, highs = [], []
+        for part in self.parts:
+            T = self.T_base_body * part.T_body_part
+            middle = float(along @ T.translation)
+            reach = part.shape.support_m(T.rotation.T @ along)
+            lows.append(middle - reach)
+            highs.append(middle + reach)
+        return min(lows), max(highs)
+
+    @property
+    def centre_base(self) -> Vector:
+        """The middle of the body's axis-aligned bounding box in base, shape (3,), m."""
+        return np.array([sum(self.extent_m(axis)) / 2 for axis in np.eye(3)])
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """Bodies by name; changing a scene makes another one.
+
+    Attributes:
+        bodies: name -> body.
+
+    Raises:
+        SceneError: when `bodies` is no such mapping.
+    """
+
+    bodies: Mapping[str, Body]
+
+    def __post_init__(self) -> None:
+        """Check and copy."""
+        if not isinstance(self.bodies, Mapping):
+            raise SceneError(f"bodies must be a mapping, got {type(self.bodies).__name__}")
+        for name, body in self.bodies.items():
+            if expect(body, Body, "a body of a scene", SceneError).name != name:
+                raise SceneError(f"body {body.name!r} stands in the scene under the name {name!r}")
+        object.__setattr__(self, "bodies", MappingProxyType(dict(self.bodies)))
+
+    @classmethod
+    def of(cls, bodies: Iterable[Body] = ()) -> Scene:
+        """A scene of those bodies.
+
+        Raises:
+            SceneError: when two share a name.
+        """
+        scene = cls({})
+        for body in expect_all(bodies, Body, "the bodies of a scene", SceneError):
+            scene = scene.with_body(body)
+        return scene
+
+    def __iter__(self) -> Iterator[Body]:
+        """The bodies, in the order they were added."""
+        return iter(self.bodies.values())
+
+    def __getitem__(self, name: str) -> Body:
+        """The body of that name.
+
+        Raises:
+            SceneError: when there is none.
+        """
+        if not isinstance(name, str) or name not in self.bodies:
+            present = ", ".join(self.bodies) or "none"
+            raise SceneError(f"no body {name!r} in the scene; it has: {present}")
+        return self.bodies[name]
+
+    def with_body(self, body: Body) -> Scene:
+        """This scene and one more body.
+
+        Raises:
+            SceneError: when the name is taken.
+        """
+        name = expect(body, Body, "a body of a scene", SceneError).name
+        if name in self.bodies:
+            raise SceneError(f"the scene already has a body named {name!r}")
+        return Scene({**self.bodies, name: body})
+
+    def without(self, name: str) -> Scene:
+        """This scene less one body.
+
+        Raises:
+            SceneError: when it is not there.
+        """
+        _ = self[name]
+        kept = {key: body for key, body in self.bodies.items() if key != name}
+        return Scene(kept)
+
+    def moved(self, name: str, T_base_body: pin.SE3) -> Scene:
+        """This scene with one body at another pose.
+
+        Raises:
+            SceneError: when it is not there.
+            PoseError: when the pose is none.
+        """
+        body = self[name].at(T_base_body)
+        return Scene({**self.bodies, name: body})

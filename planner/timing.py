@@ -1,0 +1,262 @@
+"""Time-optimal motion from one joint state to another (Ruckig enters here).
+
+Ruckig (Berscheid and Kroeger 2021) finds the fastest motion under limits on velocity, acceleration
+and jerk. It checks little of what it is given, so everything is checked before: wrong sizes and
+NaN make it read out of bounds, and limits left unset count as infinite. Its position limits are
+ignored by the library, so the exact extrema of the result are compared with ours.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import ruckig
+from numpy.typing import ArrayLike
+
+from baxter_kin import JointLimits
+from baxter_kin.arrays import Indices, Vector, finite_array
+from planner.errors import MotionError, TrajectoryError, expect
+from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
+
+SHORTEST_SEGMENT_S = 1e-12
+"""Phases shorter than this are rounding of Ruckig's and are dropped."""
+
+LONGEST_MOTION_S = 7.6e3
+"""Ruckig computes no motion that takes longer."""
+
+_TOO_LONG = f"it takes longer than {LONGEST_MOTION_S:g} s"
+_TOO_LONG_CODE = "-101 "
+"""Ruckig's result code for that, which its Python binding does not know and stumbles over."""
+
+GOAL_TOLERANCE_RAD = CONTINUITY_TOLERANCE
+"""How far Ruckig's motion may miss its goal, by rounding; it then is made to end there exactly."""
+
+POSITION_TOLERANCE_RAD = 1e-9
+"""How far a motion may leave the position limits, by rounding."""
+
+RATIO_TOLERANCE = 1e-9
+"""How far a velocity, acceleration or jerk may exceed its limit, relative to it, by rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    q: Vector
+    v: Vector
+    a: Vector
+
+    def equals(self, other: _State) -> bool:
+        mine, others = (np.concatenate([s.q, s.v, s.a]) for s in (self, other))
+        return np.array_equal(mine, others)
+
+
+def plan_joint_move(
+    q_start: ArrayLike,
+    q_goal: ArrayLike,
+    limits: JointLimits,
+    *,
+    v_start: ArrayLike | None = None,
+    a_start: ArrayLike | None = None,
+    v_goal: ArrayLike | None = None,
+    a_goal: ArrayLike | None = None,
+) -> Trajectory:
+    """The fastest motion between two joint states; from rest to rest unless said otherwise.
+
+    The slowest joint sets the duration and all joints end together. From rest to rest they also
+    move in proportion, along a straight line in joint space, where the limits allow that in the
+    same time.
+
+    Args:
+        q_start: shape (n,), rad, inside the limits.
+        q_goal: shape (n,), rad, inside the limits.
+        limits: of those n joints.
+        v_start: shape (n,), rad/s; zero when not given, as the next three.
+        a_start: shape (n,), rad/s^2.
+        v_goal: shape (n,), rad/s.
+        a_goal: shape (n,), rad/s^2.
+
+    Raises:
+        ConfigurationError: when a position has another shape, is not finite or outside the limits.
+        MotionError: when a velocity or acceleration is malformed or above its limit, or when no
+            motion inside the limits joins the states within `LONGEST_MOTION_S`.
+    """
+    expect(limits, JointLimits, "limits", MotionError)
+    start = _checked_state("start", q_start, v_start, a_start, limits)
+    goal = _checked_state("goal", q_goal, v_goal, a_goal, limits)
+    at_rest = not np.any([start.v, start.a, goal.v, goal.a])
+    if start.equals(goal):
+        return _instant(goal, limits)
+    synchronization = ruckig.Synchronization.Phase if at_rest else ruckig.Synchronization.Time
+    _refuse_endless(start, goal, limits)
+    profile = _solved(_problem(start, goal, limits, synchronization), limits.names)
+    trajectory = _trajectory(profile, start, goal, limits)
+    _check_bounds(trajectory)
+    return trajectory
+
+
+def _checked_state(
+    which: str, q: ArrayLike, v: ArrayLike | None, a: ArrayLike | None, limits: JointLimits
+) -> _State:
+    position = limits.check(q, f"q_{which}")
+    velocity = _checked_rate(f"v_{which}", v, limits.v_max, limits.names)
+    acceleration = _checked_rate(f"a_{which}", a, limits.a_max, limits.names)
+    return _State(position, velocity, acceleration)
+
+
+def _checked_rate(
+    what: str, rate: ArrayLike | None, bound: Vector, names: tuple[str, ...]
+) -> Vector:
+    if rate is None:
+        return np.zeros(len(names))
+    array = finite_array(rate, (len(names),), what, MotionError)
+    for i in np.flatnonzero(np.abs(array) > bound):
+        raise MotionError(
+            f"{what} asks {array[i]:g} of {names[i]}, whose limit is {bound[i]:g}; slow it down"
+        )
+    return array
+
+
+def _problem(
+    start: _State, goal: _State, limits: JointLimits, synchronization: ruckig.Synchronization
+) -> ruckig.InputParameter:
+    problem = ruckig.InputParameter(len(limits.names))
+    problem.current_position = start.q.tolist()
+    problem.current_velocity = start.v.tolist()
+    problem.current_acceleration = start.a.tolist()
+    problem.target_position = goal.q.tolist()
+    problem.target_velocity = goal.v.tolist()
+    problem.target_acceleration = goal.a.tolist()
+    problem.max_velocity = limits.v_max.tolist()
+    problem.max_acceleration = limits.a_max.tolist()
+    problem.max_jerk = limits.j_max.tolist()
+    problem.synchronization = synchronization
+    return problem
+
+
+def _instant(state: _State, limits: JointLimits) -> Trajectory:
+    """The motion of no duration."""
+    none = np.zeros((0, len(limits.names)))
+    return Trajectory(limits, np.zeros(1), state.q[None], state.v[None], state.a[None], none)
+
+
+def _refuse_endless(start: _State, goal: _State, limits: JointLimits) -> None:
+    least_s = np.abs(goal.q - start.q) / limits.v_max
+    slowest = int(least_s.argmax())
+    if least_s[slowest] > LONGEST_MOTION_S:
+        raise MotionError(
+            f"{limits.names[slowest]} needs at least {least_s[slowest]:.4g} s at "
+            f"{limits.v_max[slowest]:.4g} rad/s; motions of up to {LONGEST_MOTION_S:g} s are "
+            "planned: allow more speed"
+        )
+
+
+def _solved(problem: ruckig.InputParameter, names: tuple[str, ...]) -> ruckig.Trajectory:
+    profile = ruckig.Trajectory(len(names))
+    try:
+        result = ruckig.Ruckig(len(names)).calculate(problem, profile)
+    except (ruckig.RuckigError, ValueError) as cause:
+        raise MotionError(f"no motion under the limits: {_reason(cause, names)}") from cause
+    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+        raise MotionError(f"no motion under the limits: Ruckig says {result}")
+    if profile.duration > LONGEST_MOTION_S:  # Ruckig itself refuses only for several joints
+        raise MotionError(f"no motion under the limits: {_TOO_LONG}")
+    return profile
+
+
+def _reason(cause: Exception, names: tuple[str, ...]) -> str:
+    """The first line of what Ruckig says, with the joint by its name."""
+    if str(cause).startswith(_TOO_LONG_CODE):
+        return _TOO_LONG
+    first_line = str(cause).strip().splitlines()[0].removeprefix("[ruckig] ")
+    return re.sub(r"\b(?:DoF|dof:) (\d+)", lambda number: names[int(number[1])], first_line)
+
+
+def _trajectory(
+    profile: ruckig.Trajectory, start: _State, goal: _State, limits: JointLimits
+) -> Trajectory:
+    if profile.duration <= SHORTEST_SEGMENT_S:  # the states differ by rounding, if at all
+        return _instant(goal, limits)
+    joints = [_Phases.of(joint, profile.duration) for joint in profile.profiles[0]]
+    knots = _merged([phases.times for phases in joints], profile.duration)
+    states = np.array([phases.at(knots) for phases in joints])  # joint, (q, v, a), knot
+    q, v, a = (states[:, i].T.copy() for i in range(3))
+    middles = (knots[:-1] + knots[1:]) / 2
+    j = np.array([phases.jerk_at(middles) for phases in joints]).T
+    miss = float(np.abs(q[-1] - goal.q).max())
+    if miss > GOAL_TOLERANCE_RAD:
+        raise MotionError(f"Ruckig's motion misses its goal by {miss:.3g} rad")
+    q[0], v[0], a[0] = start.q, start.v, start.a
+    q[-1], v[-1], a[-1] = goal.q, goal.v, goal.a
+    try:
+        return Trajectory(limits, knots, q, v, a, j)
+    except TrajectoryError as cause:
+        raise MotionError(f"the limits leave no room for exact arithmetic: {cause}") from cause
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Phases:
+    """One joint's motion as phases of constant jerk: start times, states and jerks."""
+
+    times: Vector
+    states: Vector  # (q, v, a), phase
+    jerks: Vector
+
+    @classmethod
+    def of(cls, profile: ruckig.Profile, duration: float) -> _Phases:
+        rows = np.array([row for row in _rows(profile) if row[0] > SHORTEST_SEGMENT_S])
+        if not rows.size:  # a joint that has nowhere to go
+            rows = np.array([[duration, profile.p[0], profile.v[0], profile.a[0], 0.0]])
+        times = np.concatenate([[0.0], np.cumsum(rows[:-1, 0])])
+        return cls(times, rows[:, 1:4].T, rows[:, 4])
+
+    def at(self, t: Vector) -> Vector:
+        """q, v, a at times of shape (m,), shape (3, m)."""
+        i = self._index(t)
+        dt, (q, v, a), j = t - self.times[i], self.states[:, i], self.jerks[i]
+        return np.array(
+            [q + dt * (v + dt * (a / 2 + dt * j / 6)), v + dt * (a + dt * j / 2), a + dt * j]
+        )
+
+    def jerk_at(self, t: Vector) -> Vector:
+        """Jerks at times of shape (m,)."""
+        jerks: Vector = self.jerks[self._index(t)]
+        return jerks
+
+    def _index(self, t: Vector) -> Indices:
+        return np.maximum(np.searchsorted(self.times, t, side="right") - 1, 0)
+
+
+def _rows(profile: ruckig.Profile) -> Iterator[tuple[float, float, float, float, float]]:
+    """Duration, q, v, a, jerk of each phase; up to two to brake come before the seven."""
+    brake = profile.brake
+    for i in range(2):
+        yield brake.t[i], brake.p[i], brake.v[i], brake.a[i], brake.j[i]
+    for i in range(7):
+        yield profile.t[i], profile.p[i], profile.v[i], profile.a[i], profile.j[i]
+
+
+def _merged(times: list[Vector], duration: float) -> Vector:
+    """All phase boundaries in order, those closer than rounding made one; 0 and the end stay."""
+    knots = [0.0]
+    for t in np.unique(np.concatenate(times)).tolist():
+        if t - knots[-1] > SHORTEST_SEGMENT_S and duration - t > SHORTEST_SEGMENT_S:
+            knots.append(t)
+    return np.array([*knots, duration])
+
+
+def _check_bounds(trajectory: Trajectory) -> None:
+    """Near a limit, some boundary states cannot but overshoot it; Ruckig lets them."""
+    limits = trajectory.limits
+    ratios = trajectory.peak_ratios()
+    if max(ratios) > 1.0 + RATIO_TOLERANCE:
+        raise MotionError(
+            f"the states force the motion over its limits: velocity {ratios.velocity:.6g} x, "
+            f"acceleration {ratios.acceleration:.6g} x, jerk {ratios.jerk:.6g} x; start or end "
+            "slower"
+        )
+    for q in trajectory.position_extrema():
+        violations = limits.violations(q, POSITION_TOLERANCE_RAD)
+        if violations:
+            raise MotionError(f"the motion leaves the joint limits: {'; '.join(violations)}")

@@ -1,0 +1,223 @@
+"""Trajectory: exact piecewise-cubic joint motion.
+
+Between two knots every joint moves with constant jerk, so position, velocity and acceleration are
+polynomials and their extrema are known in closed form; nothing here is sampled to be checked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from baxter_kin import JointLimits
+from baxter_kin.arrays import Indices, Vector, finite_array, float_array
+from planner.errors import TrajectoryError, expect
+
+CONTINUITY_TOLERANCE = 1e-8
+"""Largest jump of q, v or a at a knot, in rad, rad/s, rad/s^2: rounding, not motion."""
+
+
+class JointState(NamedTuple):
+    """Position, velocity and acceleration, each of shape (n,) or (m, n); rad and s."""
+
+    q: Vector
+    v: Vector
+    a: Vector
+
+
+class PeakRatios(NamedTuple):
+    """The greatest share of a limit that any joint uses at any time; 1 is the limit."""
+
+    velocity: float
+    acceleration: float
+    jerk: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """A motion of n joints over m segments of constant jerk.
+
+    Attributes:
+        limits: the limits it was made for.
+        knots_s: times where jerk changes, shape (m + 1,), from 0, increasing. One knot and no
+            segment is a motion that stays where it is.
+        q: positions at the knots, shape (m + 1, n), rad.
+        v: velocities at the knots, shape (m + 1, n), rad/s.
+        a: accelerations at the knots, shape (m + 1, n), rad/s^2.
+        j: jerks of the segments, shape (m, n), rad/s^3.
+
+    Raises:
+        TrajectoryError: when shapes do not fit, a number is not finite, knots do not increase from
+            zero, or q, v or a jump by more than `CONTINUITY_TOLERANCE`.
+    """
+
+    limits: JointLimits
+    knots_s: Vector
+    q: Vector
+    v: Vector
+    a: Vector
+    j: Vector
+
+    def __post_init__(self) -> None:
+        """Copy the arrays and check that they describe one continuous motion."""
+        joints = len(expect(self.limits, JointLimits, "limits", TrajectoryError).names)
+        knots = float_array(self.knots_s, "knots_s", TrajectoryError).size
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys("qva", (knots, joints))
+        shapes |= {"knots_s": (knots,), "j": (max(knots - 1, 0), joints)}
+        for name, shape in shapes.items():
+            array = finite_array(getattr(self, name), shape, name, TrajectoryError)
+            object.__setattr__(self, name, array)
+        self._check_knots()
+        self._check_continuity()
+
+    @classmethod
+    def stay(cls, q: ArrayLike, limits: JointLimits) -> Trajectory:
+        """The motion of no duration at `q`, shape (n,), rad.
+
+        Raises:
+            TrajectoryError: when `q` has another shape or is not finite.
+        """
+        joints = len(expect(limits, JointLimits, "limits", TrajectoryError).names)
+        at = finite_array(q, (joints,), "q", TrajectoryError)[None]
+        none = np.zeros((0, joints))
+        return cls(limits, np.zeros(1), at, np.zeros_like(at), np.zeros_like(at), none)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from first to last knot."""
+        return float(self.knots_s[-1])
+
+    @property
+    def q_start(self) -> Vector:
+        """First position, shape (n,), rad."""
+        first: Vector = self.q[0]
+        return first
+
+    @property
+    def q_goal(self) -> Vector:
+        """Last position, shape (n,), rad."""
+        last: Vector = self.q[-1]
+        return last
+
+    def sample(self, t: ArrayLike) -> JointState:
+        """The state at a time, or at many.
+
+        Args:
+            t: one time, or shape (m,); seconds, not negative. After its end a motion that ends at
+                rest stays at its goal.
+
+        Returns:
+            Arrays of shape (n,) for one time, (m, n) for many.
+
+        Raises:
+            TrajectoryError: when a time is not a number, negative, or after the end of a motion
+                that does not end at rest.
+        """
+        times = self._checked_times(t)
+        inside = np.minimum(times, self.duration)
+        i = np.searchsorted(self.knots_s, inside, side="right") - 1
+        state = self._advanced(i, (inside - self.knots_s[i])[..., None])
+        over = (times > self.duration)[..., None]
+        return JointState(
+            *(np.where(over, last, x) for last, x in zip(self._rest(), state, strict=True))
+        )
+
+    def position_extrema(self) -> tuple[Vector, Vector]:
+        """Lowest and highest position of each joint, exact; two arrays of shape (n,), rad."""
+        candidates = np.concatenate([self.q, *self._turning_positions()])
+        return candidates.min(axis=0), candidates.max(axis=0)
+
+    def peak_ratios(self, limits: JointLimits | None = None) -> PeakRatios:
+        """The greatest velocity, acceleration and jerk over their limits, exact.
+
+        Args:
+            limits: others than the trajectory's own, of as many joints.
+        """
+        bounds = self._comparable(self.limits if limits is None else limits)
+        v = np.abs(np.concatenate([self.v, self._turning_velocities()])) / bounds.v_max
+        a, j = np.abs(self.a) / bounds.a_max, np.abs(self.j) / bounds.j_max
+        return PeakRatios(*(float(np.max(ratio, initial=0.0)) for ratio in (v, a, j)))
+
+    def _advanced(self, i: Indices, dt: Vector) -> JointState:
+        """The state a time `dt` after knot `i`."""
+        jerks = np.concatenate([self.j, np.zeros((1, self.j.shape[1]))])
+        q, v, a, j = self.q[i], self.v[i], self.a[i], jerks[i]
+        return JointState(
+            q + dt * (v + dt * (a / 2 + dt * j / 6)),
+            v + dt * (a + dt * j / 2),
+            a + dt * j,
+        )
+
+    def _turning_positions(self) -> list[Vector]:
+        """Positions where a joint turns inside a segment, each shape (m, n); else knot values."""
+        v, a, j = self.v[:-1], self.a[:-1], self.j
+        root = np.sqrt(np.maximum(a * a - 2 * j * v, 0.0))
+        times = []
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # the two roots of v + a t + j t^2 / 2, in the form that does not cancel
+            large = -(a + np.where(a >= 0, root, -root))
+            times = [large / j, 2 * v / large]
+        segments = np.arange(len(j))
+        return [self._advanced(segments, self._inside(t)).q for t in times]
+
+    def _turning_velocities(self) -> Vector:
+        """Velocities where acceleration passes zero inside a segment, shape (m, n)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = -self.a[:-1] / self.j
+        return self._advanced(np.arange(len(self.j)), self._inside(t)).v
+
+    def _inside(self, t: Vector) -> Vector:
+        """Times within their segment; zero, the knot itself, for those that are not."""
+        length = np.diff(self.knots_s)[:, None]
+        return np.where((t > 0.0) & (t < length), t, 0.0)
+
+    def _rest(self) -> tuple[Vector, Vector, Vector]:
+        return self.q[-1], np.zeros_like(self.v[-1]), np.zeros_like(self.a[-1])
+
+    def _checked_times(self, t: ArrayLike) -> Vector:
+        times = float_array(t, "times", TrajectoryError)
+        if times.ndim > 1:
+            raise TrajectoryError(f"times have shape {times.shape}; give one time or shape (m,)")
+        if not np.isfinite(times).all():
+            raise TrajectoryError(f"times must be finite, got {times.tolist()}")
+        if (times < 0.0).any():
+            raise TrajectoryError(f"times start at 0, got {times.min():g} s")
+        self._check_end(float(times.max(initial=0.0)))
+        return times
+
+    def _check_end(self, latest_s: float) -> None:
+        speed, push = (float(np.abs(last).max()) for last in (self.v[-1], self.a[-1]))
+        if latest_s > self.duration and max(speed, push) > CONTINUITY_TOLERANCE:
+            raise TrajectoryError(
+                f"{latest_s:g} s is after the end at {self.duration:g} s, where the motion still "
+                f"has {speed:g} rad/s and {push:g} rad/s^2: nothing is known beyond"
+            )
+
+    def _comparable(self, limits: JointLimits) -> JointLimits:
+        expect(limits, JointLimits, "limits", TrajectoryError)
+        if len(limits.names) != len(self.limits.names):
+            raise TrajectoryError(
+                f"the limits are for {len(limits.names)} joints, the motion has "
+                f"{len(self.limits.names)}"
+            )
+        return limits
+
+    def _check_knots(self) -> None:
+        if self.knots_s.size == 0 or self.knots_s[0] != 0.0:
+            raise TrajectoryError(f"knots must start at 0, got {self.knots_s.tolist()[:3]}")
+        if not (np.diff(self.knots_s) > 0.0).all():
+            raise TrajectoryError("knots must increase from one to the next")
+
+    def _check_continuity(self) -> None:
+        segments = np.arange(len(self.j))
+        reached = self._advanced(segments, np.diff(self.knots_s)[:, None])
+        for name, end in zip("qva", reached, strict=True):
+            jump = np.abs(end - getattr(self, name)[1:]).max(initial=0.0)
+            if jump > CONTINUITY_TOLERANCE:
+                raise TrajectoryError(
+                    f"{name} jumps by {jump:.3g} at a knot; at most {CONTINUITY_TOLERANCE:g} is "
+                    "rounding"
+                )

@@ -1,0 +1,246 @@
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import (
+    Arm,
+    Baxter,
+    BaxterError,
+    ConfigurationError,
+    Frame,
+    IKResult,
+    IKService,
+    PoseError,
+    RequestError,
+    SeedMode,
+    SeedType,
+    StampedPose,
+    UnknownNameError,
+)
+from baxter_kin.frames import T_world_base, angle_between
+from baxter_kin.ik.seeds import Start
+from tests.conftest import at, overhead
+
+TOLERANCE = 1e-6
+"""In m and rad: what counts as a solution."""
+
+UNREACHABLE = at(0.9, 0.3, 0.9)
+"""Inside the ball that the links span, outside what the joint limits allow."""
+
+
+def assert_solves(result: IKResult, T: pin.SE3, robot: Baxter, arm: Arm) -> None:
+    """Check a solution with Pinocchio on the full URDF, not with what the service uses."""
+    assert result.is_valid, str(result.failure)
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.configuration(result.joints))
+    reached = data.oMf[robot.model.getFrameId(f"{arm.side}_gripper")]
+    assert np.linalg.norm(reached.translation - T.translation) <= TOLERANCE
+    assert angle_between(reached.rotation, T.rotation) <= TOLERANCE
+    assert not arm.limits.violations(result.q)
+
+
+def test_solves_the_neighbourhood_of_the_demo_poses_from_the_map_alone(
+    robot: Baxter, arm: Arm
+) -> None:
+    service, rng = IKService(arm), np.random.default_rng(7)
+    side = 1.0 if arm.side == "left" else -1.0
+    for x, y, z in [(0.70, 0.15, -0.129), (0.75, 0.0, -0.129), (0.72, 0.075, -0.129)]:
+        for _ in range(20):
+            dx, dy, dz = rng.uniform(-0.05, 0.05, 3)
+            T = overhead(x + dx - 0.05, side * (y + dy), z + dz + 0.05)
+            assert_solves(service.solve(T, mode=SeedMode.NS_MAP), T, robot, arm)
+
+
+def test_solves_a_pose_near_the_current_angles_anywhere(robot: Baxter, arm: Arm) -> None:
+    service, rng = IKService(arm), np.random.default_rng(8)
+    for _ in range(50):
+        q = arm.random_configuration(rng)
+        current = np.clip(q + rng.uniform(-0.1, 0.1, 7), arm.limits.q_min, arm.limits.q_max)
+        result = service.solve(arm.T_base_tip(q), current=current)
+        assert_solves(result, arm.T_base_tip(q), robot, arm)
+        assert result.seed_type is SeedType.CURRENT
+
+
+def test_solution_is_the_nearest_to_the_seed(left: Arm, ik: IKService) -> None:
+    """First-order optimality: the way to the seed has no component along the self-motion."""
+    result = ik.solve(overhead(0.70, 0.15, -0.129), seed=left.start)
+    self_motion = np.linalg.svd(left.jacobian(result.q))[2][-1]
+    assert abs(self_motion @ (result.q - left.start)) < 1e-6
+
+
+def test_solution_at_a_seed_that_already_fits_is_the_seed(left: Arm, ik: IKService) -> None:
+    result = ik.solve(left.T_base_tip(left.start), seed=left.start)
+    np.testing.assert_allclose(result.q, left.start, atol=1e-8)
+
+
+def test_same_request_gets_the_same_answer(left: Arm) -> None:
+    T = overhead(0.70, 0.15, -0.129)
+    once, again = (IKService(left).solve(T, current=left.start) for _ in range(2))
+    np.testing.assert_array_equal(once.q, again.q)
+
+
+def test_auto_tries_user_then_current_then_map(left: Arm, ik: IKService) -> None:
+    T = overhead(0.70, 0.15, -0.129)
+    assert ik.solve(T, seed=left.start, current=left.start).seed_type is SeedType.USER
+    assert ik.solve(T, current=left.start).seed_type is SeedType.CURRENT
+    assert ik.solve(T).seed_type is SeedType.NS_MAP
+
+
+class OnlyFrom:
+    """A solver that finds a known answer from one seed type alone, and the neutral otherwise."""
+
+    def __init__(self, arm: Arm, seed_type: SeedType, answer: np.ndarray) -> None:
+        self._arm, self._seed_type, self._answer = arm, seed_type, answer
+
+    def attempt(self, T_base_tip: pin.SE3, start: Start) -> np.ndarray:  # noqa: ARG002
+        return self._answer if start.seed_type is self._seed_type else self._arm.neutral
+
+
+@pytest.mark.parametrize("seed_type", [SeedType.USER, SeedType.CURRENT, SeedType.NS_MAP])
+def test_reported_type_is_the_one_whose_start_converged(left: Arm, seed_type: SeedType) -> None:
+    service = IKService(left, OnlyFrom(left, seed_type, left.start))
+    T = left.T_base_tip(left.start)
+    result = service.solve(T, seed=left.neutral, current=left.neutral)
+    assert result.seed_type is seed_type
+    assert result.label == seed_type.label
+
+
+@pytest.mark.parametrize("mode", [SeedMode.USER, SeedMode.CURRENT, SeedMode.NS_MAP])
+def test_other_modes_try_their_type_alone(left: Arm, mode: SeedMode) -> None:
+    others = [t for t in SeedType if t.value not in (0, mode.value)]
+    for other in others:
+        service = IKService(left, OnlyFrom(left, other, left.start))
+        T = left.T_base_tip(left.start)
+        result = service.solve(T, left.neutral, left.neutral, mode)
+        assert not result.is_valid
+        assert result.failure is not None
+        assert set(result.failure.starts) == {SeedType(mode)}
+
+
+@pytest.mark.parametrize("mode", [SeedMode.USER, SeedMode.CURRENT])
+def test_mode_without_its_seed_is_an_invalid_result_that_says_so(
+    ik: IKService, mode: SeedMode
+) -> None:
+    result = ik.solve(overhead(0.70, 0.15, -0.129), mode=mode)
+    assert not result.is_valid
+    assert result.seed_type is SeedType.INVALID
+    assert f"no {mode.name} seed was given" in str(result.failure)
+
+
+def test_seed_may_be_given_by_joint_name(left: Arm, ik: IKService) -> None:
+    T = overhead(0.70, 0.15, -0.129)
+    by_name = ik.solve(T, seed=left.joints(left.start))
+    np.testing.assert_array_equal(by_name.q, ik.solve(T, seed=left.start).q)
+
+
+def test_pose_may_be_given_in_world(ik: IKService, left: Arm) -> None:
+    T = overhead(0.70, 0.15, -0.129)
+    stamped = StampedPose(T_world_base() * T, Frame.WORLD)
+    np.testing.assert_allclose(
+        ik.solve(stamped, left.start).q, ik.solve(T, left.start).q, atol=1e-8
+    )
+
+
+def test_result_lists_joints_by_name(ik: IKService, left: Arm) -> None:
+    result = ik.solve(overhead(0.70, 0.15, -0.129), current=left.start)
+    assert tuple(result.joints) == left.joint_names
+    assert list(result.joints.values()) == result.q.tolist()
+
+
+def test_proven_out_of_reach_says_by_how_much_and_from_where(ik: IKService) -> None:
+    result = ik.solve(at(3.0, 0.0, 0.0))
+    assert not result.is_valid
+    assert result.failure is not None
+    assert result.failure.beyond_reach_m == pytest.approx(1.53, abs=0.02)
+    assert "mm beyond the 1.414 m that the left arm spans from left_s0" in str(result.failure)
+
+
+def test_failure_carries_the_best_attempt_and_its_residual(ik: IKService, left: Arm) -> None:
+    result = ik.solve(UNREACHABLE, current=left.start)
+    assert not result.is_valid
+    assert result.seed_type is SeedType.INVALID
+    reached = left.T_base_tip(result.q)
+    offset = float(np.linalg.norm(reached.translation - UNREACHABLE.translation))
+    assert result.position_error_m == pytest.approx(offset, abs=1e-12)
+    assert result.position_error_m > TOLERANCE
+    assert f"{1e3 * offset:.3g} mm" in str(result.failure)
+    assert "8 CURRENT" in str(result.failure)
+
+
+def test_batch_answers_every_pose_in_order(robot: Baxter, left: Arm, ik: IKService) -> None:
+    poses = [overhead(0.70, 0.15, -0.129), at(3.0, 0.0, 0.0), overhead(0.75, 0.0, -0.129)]
+    results = ik.solve_batch(poses, current=left.start)
+    assert [result.is_valid for result in results] == [True, False, True]
+    assert_solves(results[0], poses[0], robot, left)
+    assert_solves(results[2], poses[2], robot, left)
+
+
+def test_batch_takes_one_seed_per_pose_or_none(left: Arm, ik: IKService) -> None:
+    poses = [overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129)]
+    results = ik.solve_batch(poses, seeds=[left.start, None], current=left.start)
+    assert [r.seed_type for r in results] == [SeedType.USER, SeedType.CURRENT]
+
+
+def test_empty_batch_has_an_empty_answer(ik: IKService) -> None:
+    assert ik.solve_batch([]) == []
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_batch_with_another_number_of_seeds_is_refused(
+    left: Arm, ik: IKService, count: int
+) -> None:
+    with pytest.raises(RequestError, match=f"2 poses came with {count} seeds"):
+        ik.solve_batch([overhead(0.7, 0.0, 0.0)] * 2, seeds=[left.start] * count)
+
+
+@pytest.mark.parametrize("poses", [None, 3, "pose", {"a": 1}])
+def test_batch_of_what_is_no_sequence_is_refused(ik: IKService, poses: object) -> None:
+    with pytest.raises(RequestError, match="poses must be a sequence"):
+        ik.solve_batch(poses)  # type: ignore[arg-type]
+
+
+def test_batch_names_the_bad_seed(left: Arm, ik: IKService) -> None:
+    with pytest.raises(ConfigurationError, match=r"seeds\[1\] has shape \(3,\)"):
+        ik.solve_batch([overhead(0.7, 0.0, 0.0)] * 2, seeds=[left.start, np.zeros(3)])
+
+
+@pytest.mark.parametrize("seed", [np.zeros(6), [math.nan] * 7, [math.inf] * 7, "seed", {}])
+def test_malformed_seed_is_refused(ik: IKService, seed: object) -> None:
+    with pytest.raises(ConfigurationError, match="seed"):
+        ik.solve(overhead(0.7, 0.0, 0.0), seed=seed)  # type: ignore[arg-type]
+
+
+def test_seed_far_outside_the_limits_is_refused_by_name(left: Arm, ik: IKService) -> None:
+    with pytest.raises(ConfigurationError, match=r"left_e1 = -0\.5 rad is outside -0\.05"):
+        ik.solve(overhead(0.7, 0.0, 0.0), current=left.start * [1, 1, 1, 0, 1, 1, 1] - 0.5 * E1)
+
+
+E1 = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+
+
+def test_seed_a_little_outside_the_limits_is_clamped(left: Arm, ik: IKService) -> None:
+    """Arms at rest report a little more than their limits."""
+    q = np.array(left.start)
+    q[3] = left.limits.q_max[3] + 0.01
+    assert ik.solve(overhead(0.7, 0.15, -0.129), current=q).is_valid
+
+
+def test_seed_with_a_joint_of_the_other_arm_is_refused(ik: IKService) -> None:
+    with pytest.raises(UnknownNameError, match="right_s0"):
+        ik.solve(overhead(0.7, 0.0, 0.0), seed={"right_s0": 0.0})
+
+
+@pytest.mark.parametrize("pose", [None, np.eye(3), np.diag([1.0, 1.0, -1.0, 1.0]), "here", []])
+def test_malformed_pose_is_refused(ik: IKService, pose: Any) -> None:
+    with pytest.raises(PoseError):
+        ik.solve(pose)
+
+
+def test_unknown_mode_is_refused(ik: IKService) -> None:
+    with pytest.raises(BaxterError, match="unknown seed mode 9"):
+        ik.solve(overhead(0.7, 0.0, 0.0), mode=9)  # type: ignore[arg-type]

@@ -1,0 +1,127 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from baxter_kin import Frame, PoseError, StampedPose, UnknownNameError
+from baxter_kin.frames import (
+    T_world_base,
+    angle_between,
+    checked_pose,
+    pose_from_quaternion,
+    quaternion_xyzw,
+)
+from tests.conftest import OVERHEAD_XYZW
+
+ROUNDING = 1e-12
+
+components = st.floats(-1.0, 1.0)
+unit_quaternions = st.tuples(components, components, components, components).map(np.array)
+
+
+@given(unit_quaternions)
+def test_quaternion_survives_the_round_trip_up_to_sign(quat: np.ndarray) -> None:
+    assume(np.linalg.norm(quat) > 1e-3)
+    quat = quat / np.linalg.norm(quat)
+    back = quaternion_xyzw(pose_from_quaternion((0.0, 0.0, 0.0), quat))
+    assert min(np.abs(back - quat).max(), np.abs(back + quat).max()) < ROUNDING
+
+
+def test_quaternion_order_is_xyzw() -> None:
+    quarter_turn_about_z = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
+    R = pose_from_quaternion((0.0, 0.0, 0.0), quarter_turn_about_z).rotation
+    np.testing.assert_allclose(R @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=ROUNDING)
+
+
+def test_quaternion_of_four_decimals_is_accepted_and_normalised() -> None:
+    R = pose_from_quaternion((0.0, 0.0, 0.0), (0.0, 0.7071, 0.0, 0.7071)).rotation
+    np.testing.assert_allclose(R.T @ R, np.eye(3), atol=ROUNDING)
+
+
+@pytest.mark.parametrize("quat", [(0, 0, 0, 0), (0, 0, 0, 0.9), (0, 0, 0, 2), (1, 1, 0, 0)])
+def test_rejects_quaternion_that_is_not_of_unit_length(quat: tuple[float, ...]) -> None:
+    with pytest.raises(PoseError, match=r"has length .* needs length 1"):
+        pose_from_quaternion((0.0, 0.0, 0.0), quat)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_rejects_numbers_that_are_not_finite(bad: float) -> None:
+    with pytest.raises(PoseError, match="position_m must be finite"):
+        pose_from_quaternion((bad, 0.0, 0.0), OVERHEAD_XYZW)
+
+
+@pytest.mark.parametrize("position", [(0.0, 0.0), (0.0,) * 4, 1.0, "abc", None, ((0.0,), 1, 2)])
+def test_rejects_position_of_another_shape(position: object) -> None:
+    with pytest.raises(PoseError, match="position_m"):
+        pose_from_quaternion(position, OVERHEAD_XYZW)  # type: ignore[arg-type]
+
+
+def test_world_stands_on_the_floor_0_93_m_below_base() -> None:
+    in_world = pose_from_quaternion((0.7, 0.1, 0.801), OVERHEAD_XYZW)
+    in_base = StampedPose(in_world, Frame.WORLD).T_base_tip
+    np.testing.assert_allclose(in_base.translation, [0.7, 0.1, -0.129], atol=ROUNDING)
+    np.testing.assert_array_equal(in_base.rotation, in_world.rotation)
+
+
+def test_stamped_pose_in_base_is_itself() -> None:
+    T = pin.SE3.Random()
+    np.testing.assert_array_equal(StampedPose(T, "base").T_base_tip.homogeneous, T.homogeneous)
+
+
+def test_T_world_base_maps_base_origin_to_0_93_m() -> None:
+    np.testing.assert_array_equal(T_world_base().act(np.zeros(3)), [0.0, 0.0, 0.93])
+
+
+def test_rejects_unknown_frame_and_names_the_known_ones() -> None:
+    with pytest.raises(UnknownNameError, match="unknown frame 'torso'; use one of: base, world"):
+        StampedPose(pin.SE3.Identity(), "torso")
+
+
+def test_checked_pose_is_a_copy() -> None:
+    T = pin.SE3.Identity()
+    copy = checked_pose(T)
+    T.translation = np.ones(3)
+    np.testing.assert_array_equal(copy.translation, np.zeros(3))
+
+
+def test_accepts_a_homogeneous_matrix() -> None:
+    T = pin.SE3.Random()
+    np.testing.assert_array_equal(checked_pose(T.homogeneous).homogeneous, T.homogeneous)
+
+
+def test_rejects_mirrored_rotation() -> None:
+    with pytest.raises(PoseError, match="mirrored"):
+        checked_pose(np.diag([1.0, 1.0, -1.0, 1.0]))
+
+
+def test_rejects_sheared_rotation() -> None:
+    sheared = np.eye(4)
+    sheared[0, 1] = 0.01
+    with pytest.raises(PoseError, match=r"not orthonormal: R\^T R differs from 1 by 0.01"):
+        checked_pose(sheared)
+
+
+def test_rejects_wrong_last_row() -> None:
+    projective = np.eye(4)
+    projective[3, 0] = 0.5
+    with pytest.raises(PoseError, match="last row"):
+        checked_pose(projective)
+
+
+@pytest.mark.parametrize("pose", [None, "up", np.eye(3), [], np.full((4, 4), math.nan), object()])
+def test_rejects_what_is_no_pose(pose: object) -> None:
+    with pytest.raises(PoseError, match="pose"):
+        checked_pose(pose)
+
+
+@given(st.floats(1e-12, math.pi - 1e-6))
+def test_angle_between_is_exact_for_small_angles_too(angle: float) -> None:
+    axis = np.array([2.0, -1.0, 0.5]) / np.linalg.norm([2.0, -1.0, 0.5])
+    R = pin.exp3(angle * axis)
+    start = pin.exp3(np.array([0.3, 0.2, -0.9]))
+    assert angle_between(start, start @ R) == pytest.approx(angle, rel=1e-6, abs=1e-15)

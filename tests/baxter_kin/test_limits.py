@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from baxter_kin import ConfigurationError, JointLimits, LimitsError
+
+
+def limits(**changes: object) -> JointLimits:
+    """Limits of two joints, changed where asked."""
+    values: dict[str, object] = {
+        "names": ("a", "b"),
+        "q_min": [-1.0, -2.0],
+        "q_max": [1.0, 2.0],
+        "v_max": [1.5, 4.0],
+        "a_max": [2.0, 2.0],
+        "j_max": [20.0, 20.0],
+    }
+    return JointLimits(**{**values, **changes})  # type: ignore[arg-type]
+
+
+def test_arrays_are_copied_and_read_only() -> None:
+    given = np.array([-1.0, -2.0])
+    made = limits(q_min=given)
+    given[0] = 0.0
+    assert made.q_min[0] == -1.0
+    with pytest.raises(ValueError, match="read-only"):
+        made.q_min[0] = 0.0
+
+
+def test_is_frozen() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        limits().v_max = np.ones(2)  # type: ignore[misc]
+
+
+def test_every_kind_of_limit_names_its_origin() -> None:
+    assert set(limits().origins) == {"position", "velocity", "acceleration", "jerk"}
+
+
+@pytest.mark.parametrize("name", ["v_max", "a_max", "j_max"])
+@pytest.mark.parametrize("value", [0.0, -1.0])
+def test_rejects_limit_that_is_not_above_zero(name: str, value: float) -> None:
+    with pytest.raises(LimitsError, match=f"{name} of b must be above zero, got {value}"):
+        limits(**{name: [1.0, value]})
+
+
+@pytest.mark.parametrize("name", ["q_min", "q_max", "v_max", "a_max", "j_max"])
+@pytest.mark.parametrize("value", [[1.0], [1.0, 2.0, 3.0], [[1.0, 2.0]], [1.0, math.nan], None])
+def test_rejects_malformed_arrays(name: str, value: object) -> None:
+    with pytest.raises(LimitsError, match=name):
+        limits(**{name: value})
+
+
+def test_rejects_infinite_limit() -> None:
+    with pytest.raises(LimitsError, match="j_max must be finite"):
+        limits(j_max=[math.inf, 20.0])
+
+
+def test_rejects_empty_range() -> None:
+    with pytest.raises(LimitsError, match="b has an empty range: q_min 2 is not below q_max 2"):
+        limits(q_min=[-1.0, 2.0])
+
+
+def test_rejects_no_joints() -> None:
+    with pytest.raises(LimitsError, match="at least one joint"):
+        limits(names=())
+
+
+def test_scaling_touches_velocity_alone_and_says_so() -> None:
+    scaled = limits().scaled(0.5)
+    np.testing.assert_array_equal(scaled.v_max, [0.75, 2.0])
+    np.testing.assert_array_equal(scaled.a_max, [2.0, 2.0])
+    assert scaled.origins["velocity"].startswith("0.5 x")
+
+
+@pytest.mark.parametrize("ratio", [0.0, -0.1, 1.1, math.nan, math.inf, "fast", None, True])
+def test_rejects_speed_ratio_outside_0_to_1(ratio: object) -> None:
+    with pytest.raises(LimitsError, match="speed ratio must be"):
+        limits().scaled(ratio)  # type: ignore[arg-type]
+
+
+def test_check_names_every_joint_outside_with_its_range() -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        limits().check([1.5, -3.0])
+    assert "a = 1.5 rad is outside -1 .. 1" in str(caught.value)
+    assert "b = -3 rad is outside -2 .. 2" in str(caught.value)
+
+
+def test_check_clamps_within_the_tolerance() -> None:
+    np.testing.assert_array_equal(limits().check([1.005, 0.0], tolerance=0.01), [1.0, 0.0])

@@ -1,0 +1,151 @@
+from __future__ import annotations
+
+import math
+import threading
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Arm, Baxter, ConfigurationError, UnknownNameError
+from baxter_kin.model import JOINTS, MIRROR
+
+AGREEMENT = 1e-12
+FINITE_DIFFERENCE = 1e-7
+"""Error of a central difference of step 1e-6 on functions of size 1."""
+
+
+def test_limits_are_those_of_the_urdf(arm: Arm) -> None:
+    np.testing.assert_allclose(
+        arm.limits.q_min, [-1.70168, -2.147, -3.05418, -0.05, -3.059, -1.5708, -3.059], atol=1e-5
+    )
+    np.testing.assert_allclose(
+        arm.limits.q_max, [1.70168, 1.047, 3.05418, 2.618, 3.059, 2.094, 3.059], atol=1e-5
+    )
+    np.testing.assert_array_equal(arm.limits.v_max, [1.5, 1.5, 1.5, 1.5, 4.0, 4.0, 4.0])
+
+
+def test_acceleration_and_jerk_have_named_defaults(arm: Arm) -> None:
+    assert set(arm.limits.a_max) == {2.0}
+    assert set(arm.limits.j_max) == {20.0}
+    assert "MoveIt" in arm.limits.origins["acceleration"]
+
+
+def test_joint_order_is_shoulder_to_wrist(arm: Arm) -> None:
+    assert arm.joint_names == tuple(f"{arm.side}_{joint}" for joint in JOINTS)
+
+
+def test_forward_kinematics_agrees_with_the_whole_robot(robot: Baxter, arm: Arm) -> None:
+    """The reduced model against Pinocchio on the full URDF."""
+    data, rng = robot.model.createData(), np.random.default_rng(1)
+    tip = robot.model.getFrameId(f"{arm.side}_gripper")
+    for _ in range(100):
+        q = arm.random_configuration(rng)
+        pin.framesForwardKinematics(robot.model, data, robot.configuration(arm.joints(q)))
+        difference = arm.T_base_tip(q).homogeneous - data.oMf[tip].homogeneous
+        assert np.abs(difference).max() < AGREEMENT
+
+
+def test_jacobian_is_the_derivative_of_the_pose(arm: Arm) -> None:
+    rng, step = np.random.default_rng(2), 1e-6
+    for _ in range(20):
+        q = arm.random_configuration(rng)
+        J = arm.jacobian(q)
+        for i, delta in enumerate(step * np.eye(7)):
+            ahead, behind = arm.T_base_tip(q + delta), arm.T_base_tip(q - delta)
+            linear = (ahead.translation - behind.translation) / (2 * step)
+            angular = pin.log3(ahead.rotation @ behind.rotation.T) / (2 * step)
+            twist = np.concatenate([linear, angular])
+            np.testing.assert_allclose(J[:, i], twist, atol=FINITE_DIFFERENCE)
+
+
+def test_right_arm_mirrors_the_left(robot: Baxter) -> None:
+    left, right = robot.arm("left"), robot.arm("right")
+    mirror = np.diag([1.0, -1.0, 1.0])
+    q = left.random_configuration(np.random.default_rng(3))
+    p_left, p_right = left.T_base_tip(q).translation, right.T_base_tip(MIRROR * q).translation
+    urdf_digits = 1e-5  # its mount angle is written as 0.7854
+    np.testing.assert_allclose(p_right, mirror @ p_left, atol=urdf_digits)
+
+
+def test_start_of_the_demo_is_above_the_table(arm: Arm) -> None:
+    x, y, z = arm.T_base_tip(arm.start).translation
+    assert 0.5 < x < 0.7
+    assert 0.1 < abs(y) < 0.3
+    assert z > 0.0
+
+
+def test_unknown_limb_names_the_known_ones(robot: Baxter) -> None:
+    with pytest.raises(UnknownNameError, match="unknown limb 'top'; use one of: left, right"):
+        robot.arm("top")
+
+
+@pytest.mark.parametrize("limb", [None, 3, ["left"], {}])
+def test_limb_of_another_type_is_unknown(robot: Baxter, limb: object) -> None:
+    with pytest.raises(UnknownNameError, match="unknown limb"):
+        robot.arm(limb)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "q", [np.zeros(6), np.zeros((1, 7)), [math.nan] * 7, [math.inf] * 7, None, "q"]
+)
+def test_kinematics_reject_malformed_configurations(arm: Arm, q: Any) -> None:
+    for function in (arm.T_base_tip, arm.jacobian, arm.joints, arm.configuration):
+        with pytest.raises(ConfigurationError, match="q "):
+            function(q)
+
+
+def test_configuration_by_name_is_put_in_order(arm: Arm) -> None:
+    q = np.arange(7.0) / 10
+    shuffled = dict(reversed(arm.joints(q).items()))
+    np.testing.assert_array_equal(arm.configuration(shuffled), q)
+
+
+def test_configuration_by_name_rejects_a_joint_of_the_other_arm(left: Arm) -> None:
+    with pytest.raises(UnknownNameError, match="joint of the left arm 'right_s0'"):
+        left.configuration({"right_s0": 0.0})
+
+
+def test_configuration_by_name_lists_what_is_missing(left: Arm) -> None:
+    with pytest.raises(ConfigurationError, match="lacks a value for left_e0, left_w2"):
+        left.configuration({f"left_{j}": 0.0 for j in JOINTS if j not in ("e0", "w2")})
+
+
+def test_full_configuration_rejects_unknown_joints(robot: Baxter) -> None:
+    with pytest.raises(UnknownNameError, match="unknown joint 'left_s9'"):
+        robot.configuration({"left_s9": 0.0})
+    with pytest.raises(UnknownNameError, match="unknown joint 'left_s9'"):
+        robot.indices(("left_s9",))
+
+
+def test_full_configuration_rejects_values_that_are_not_finite(robot: Baxter) -> None:
+    with pytest.raises(ConfigurationError, match="must be finite"):
+        robot.configuration({"left_s0": math.nan})
+
+
+def test_results_do_not_share_memory(left: Arm) -> None:
+    """Pinocchio hands out views of its workspace; ours must be copies."""
+    first = left.T_base_tip(left.start)
+    J, kept = left.jacobian(left.start), left.jacobian(left.start).copy()
+    before = first.homogeneous.copy()
+    left.T_base_tip(left.neutral)
+    left.jacobian(left.neutral)
+    np.testing.assert_array_equal(first.homogeneous, before)
+    np.testing.assert_array_equal(J, kept)
+
+
+def test_an_arm_may_be_shared_between_threads(left: Arm) -> None:
+    expected = {i: left.T_base_tip(0.1 * i * np.ones(7)).homogeneous for i in range(8)}
+    wrong: list[int] = []
+
+    def work(i: int) -> None:
+        poses = (left.T_base_tip(0.1 * i * np.ones(7)) for _ in range(300))
+        wrong.extend(i for T in poses if not np.array_equal(T.homogeneous, expected[i]))
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in expected]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong

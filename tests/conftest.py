@@ -1,0 +1,73 @@
+"""What every test may use; the model is loaded once a session."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import settings
+
+from baxter_kin import Arm, Baxter, IKService, pose_from_quaternion
+from planner import Body, Manipulator, Scene, load_object
+
+OVERHEAD_XYZW = (-0.0249590815779, 0.999649402929, 0.00737916180073, 0.00486450832011)
+
+settings.register_profile("default", deadline=None, max_examples=50)
+settings.register_profile("ci", deadline=None, max_examples=50, derandomize=True)
+settings.load_profile("ci" if os.environ.get("CI") else "default")
+
+
+def overhead(x: float, y: float, z: float) -> pin.SE3:
+    """The demo's tool orientation at a position in base."""
+    return pose_from_quaternion((x, y, z), OVERHEAD_XYZW)
+
+
+def at(x: float, y: float, z: float) -> pin.SE3:
+    """An unrotated pose in base."""
+    return pin.SE3(np.eye(3), np.array([x, y, z]))
+
+
+@pytest.fixture(scope="session")
+def robot() -> Baxter:
+    return Baxter.load()
+
+
+@pytest.fixture(scope="session", params=["left", "right"])
+def arm(request: pytest.FixtureRequest, robot: Baxter) -> Arm:
+    """Either arm in turn."""
+    return robot.arm(request.param)
+
+
+@pytest.fixture(scope="session")
+def left(robot: Baxter) -> Arm:
+    return robot.arm("left")
+
+
+@pytest.fixture(scope="session")
+def ik(left: Arm) -> IKService:
+    """The left arm's IK service."""
+    return IKService(left)
+
+
+@pytest.fixture(scope="session")
+def manipulator(robot: Baxter) -> Manipulator:
+    """The left arm, as the demo plans for it."""
+    return Manipulator.of(robot, "left")
+
+
+@pytest.fixture(scope="session")
+def table() -> Body:
+    return load_object("table", at(1.0, 0.0, -0.93))
+
+
+@pytest.fixture(scope="session")
+def block() -> Body:
+    """The demo's block at rest on the table."""
+    return load_object("block", at(0.6725, 0.1265, -0.155), is_movable=True)
+
+
+@pytest.fixture(scope="session")
+def scene(table: Body, block: Body) -> Scene:
+    return Scene.of([table, block])
