@@ -1,0 +1,73 @@
+"""What a simulation tells its observers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+import pinocchio as pin
+
+from baxter_kin.arrays import Vector
+from planner.plan import Step
+from sim.gripper import GripperState
+
+
+class EventKind(str, Enum):
+    """What can happen."""
+
+    SPAWNED = "spawned"
+    DELETED = "deleted"
+    ENABLED = "enabled"
+    MOVE_STARTED = "move started"
+    OPENED = "gripper opened"
+    GRASPED = "grasped"
+    MISSED = "missed"
+    RELEASED = "released"
+    SETTLED = "settled"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened.
+
+    Attributes:
+        time_s: simulated time.
+        kind: what.
+        text: one readable phrase.
+        step: the step of a plan that began, if that is what happened.
+    """
+
+    time_s: float
+    kind: EventKind
+    text: str
+    step: Step | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """The world at one tick.
+
+    Attributes:
+        time_s: simulated time.
+        q: full configuration, shape (19,), rad and m.
+        T_base_bodies: pose of every body present.
+        grippers: what each gripper reports, by side.
+        caption: what is going on, in words.
+    """
+
+    time_s: float
+    q: Vector
+    T_base_bodies: Mapping[str, pin.SE3]
+    grippers: Mapping[str, GripperState]
+    caption: str
+
+
+class Observer:
+    """Sees what a simulation does; the methods do nothing until overridden."""
+
+    def on_snapshot(self, snapshot: Snapshot) -> None:
+        """A tick has passed."""
+
+    def on_event(self, event: Event) -> None:
+        """Something happened."""

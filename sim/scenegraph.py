@@ -1,0 +1,219 @@
+"""The scene as a tree of Meshcat nodes, shared by the live view and the replay.
+
+The robot has two nodes for each joint: `<joint>` is placed once, `<joint>/moves` only turns or
+slides. So a frame of motion is one quaternion or one position for each joint that moved, and the
+browser does the forward kinematics by drawing. Bodies stand beside the robot, under `/bodies`.
+Every path starts in base.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from urllib.parse import quote
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from baxter_kin.arrays import Vector
+from baxter_kin.frames import BASE_HEIGHT_M
+from planner.scene import Body, Box, Cylinder, Part
+from sim.appearance import Appearance, RobotPart
+from sim.errors import SimulationError
+from sim.meshcat_commands import (
+    Command,
+    Rgb,
+    glowing,
+    material,
+    set_object,
+    set_property,
+    set_transform,
+    triangles,
+)
+
+FLOOR_RADIUS_M = 2.6
+FLOOR_RGB: Rgb = (0.74, 0.76, 0.78)
+
+_LIGHTS: tuple[tuple[str, str, object], ...] = (
+    ("AmbientLight", "intensity", 0.56),
+    ("FillLight", "intensity", 0.18),
+    ("PointLightNegativeX", "intensity", 0.12),
+    ("PointLightPositiveX", "intensity", 0.12),
+    ("SpotLight", "intensity", 0.50),
+    ("SpotLight", "position", [3.4, 2.6, 5.2]),
+    ("SpotLight", "angle", 0.5),
+    ("SpotLight", "penumbra", 1.0),
+    ("SpotLight", "castShadow", True),
+)
+"""Meshcat's own lights, set so that only one of them throws a shadow: light, property, value."""
+
+
+class RobotTree:
+    """The robot as nodes.
+
+    Attributes:
+        paths: the moving node of each joint, in the order of a full configuration.
+    """
+
+    def __init__(self, model: pin.Model, appearance: Appearance) -> None:
+        """Lay the tree out.
+
+        Args:
+            model: the whole robot; every joint turns or slides about one axis.
+            appearance: what hangs on its joints.
+
+        Raises:
+            SimulationError: when the appearance names a joint that the model lacks.
+        """
+        self._model = model
+        self._parts = appearance.parts
+        self._moving = _moving_nodes(model)
+        unknown = {part.joint for part in self._parts} - self._moving.keys()
+        if unknown:
+            raise SimulationError(f"the robot's appearance names unknown joints: {sorted(unknown)}")
+        self._axes = _axes(model)
+        self.paths = tuple(self._moving[name] for name in model.names)[1:]
+
+    def commands(self) -> Iterator[Command]:
+        """Place the joints and hang the parts on them."""
+        for path, T_parent_joint in zip(self.paths, self._model.jointPlacements[1:], strict=True):
+            yield set_transform(path.removesuffix("/moves"), T_parent_joint)
+        for index, part in enumerate(self._parts):
+            yield from _part_commands(f"{self._moving[part.joint]}/{part.mesh.name}-{index}", part)
+
+    def motion(self, joint: int, value: float) -> tuple[str, list[float]]:
+        """Which property of its node a joint sets, and to what.
+
+        Args:
+            joint: its place in a full configuration.
+            value: rad or m.
+        """
+        turns, axis = self._axes[joint]
+        if not turns:
+            return "position", (axis * value).tolist()
+        return "quaternion", [*(axis * math.sin(value / 2)).tolist(), math.cos(value / 2)]
+
+    def motions(self, joint: int, values: Vector) -> tuple[str, Vector]:
+        """The same for many values, shape (n,): the property, and an array (n, 3) or (n, 4)."""
+        turns, axis = self._axes[joint]
+        if not turns:
+            return "position", np.outer(values, axis)
+        return "quaternion", np.column_stack(
+            [np.outer(np.sin(values / 2), axis), np.cos(values / 2)]
+        )
+
+
+def stage_commands() -> Iterator[Command]:
+    """Floor, light and background. The camera belongs to the page."""
+    yield set_property("/Grid", "visible", False)
+    yield set_property("/Axes", "visible", False)
+    yield set_property("/Background", "top_color", [0.93, 0.95, 0.97])
+    yield set_property("/Background", "bottom_color", [0.76, 0.80, 0.84])
+    for light, key, value in _LIGHTS:
+        yield set_property(f"/Lights/{light}/<object>", key, value)
+    yield set_property("/Lights/SpotLight", "visible", True)
+    disc = {"type": "CircleGeometry", "radius": FLOOR_RADIUS_M, "segments": 96}
+    yield set_object("/floor", disc, material(FLOOR_RGB, gloss=0.0))
+    yield set_transform("/floor", pin.SE3(np.eye(3), np.array([0.0, 0.0, -BASE_HEIGHT_M])))
+
+
+def body_path(name: str) -> str:
+    """The node of a body. A slash in its name does not make two nodes of it."""
+    return f"/bodies/{quote(name, safe=' ')}"
+
+
+def body_commands(body: Body) -> Iterator[Command]:
+    """The shapes of a body; where it stands comes by `pose_commands`."""
+    for index, part in enumerate(body.parts):
+        path = f"{body_path(body.name)}/{index}"
+        red, green, blue, opacity = part.rgba
+        yield set_object(path, _geometry(part), material((red, green, blue), opacity=opacity))
+        yield set_transform(path, part.T_body_part * _T_part_geometry(part))
+
+
+def pose_commands(path: str, T_base_node: pin.SE3) -> Iterator[Command]:
+    """Move a node: one position and one quaternion."""
+    xyz_xyzw = pin.SE3ToXYZQUAT(T_base_node).tolist()
+    yield set_property(path, "position", xyz_xyzw[:3])
+    yield set_property(path, "quaternion", xyz_xyzw[3:])
+
+
+def line_command(path: str, points_base: Vector, radius_m: float, rgb: Rgb) -> Command:
+    """A line through points, shape (n, 3), metres, drawn as a thin tube.
+
+    Lines proper are one pixel wide, and are lost where there is no graphics card.
+    """
+    vertices, faces = _tube(points_base, radius_m)
+    return set_object(path, triangles(vertices, faces), glowing(rgb))
+
+
+def _moving_nodes(model: pin.Model) -> dict[str, str]:
+    """The path of the moving node by joint name; `universe` is the robot's root."""
+    paths = ["/robot"]
+    for index in range(1, model.njoints):
+        paths.append(f"{paths[model.parents[index]]}/{model.names[index]}/moves")
+    return dict(zip(model.names, paths, strict=True))
+
+
+def _axes(model: pin.Model) -> list[tuple[bool, Vector]]:
+    """For each joint whether it turns (else it slides), and its axis, shape (3,), unit."""
+    data = model.createData()
+    axes = []
+    for joint in data.joints[1:]:
+        linear, angular = np.split(np.asarray(joint.S).reshape(-1), 2)
+        turns = bool(angular.any())
+        axes.append((turns, angular if turns else linear))
+    return axes
+
+
+def _part_commands(path: str, part: RobotPart) -> Iterator[Command]:
+    mesh = part.mesh
+    geometry = triangles(mesh.vertices, mesh.faces, mesh.normals, uuid=f"mesh {mesh.name}")
+    scaling = np.diag([mesh.scale_m, mesh.scale_m, mesh.scale_m, 1.0])
+    scaling[:3, 3] = mesh.centre_m
+    yield set_object(path, geometry, material(part.rgb), scaling.T.reshape(-1).tolist())
+    yield set_transform(path, part.T_joint_mesh)
+
+
+def _geometry(part: Part) -> Command:
+    """The shape of a part as three.js has it."""
+    shape = part.shape
+    if isinstance(shape, Box):
+        return {"type": "BoxGeometry"} | dict(
+            zip(("width", "height", "depth"), shape.size_m, strict=True)
+        )
+    if isinstance(shape, Cylinder):
+        size = {
+            "radiusTop": shape.radius_m,
+            "radiusBottom": shape.radius_m,
+            "height": shape.length_m,
+        }
+        return {"type": "CylinderGeometry", "radialSegments": 48} | size
+    segments = {"widthSegments": 32, "heightSegments": 24}
+    return {"type": "SphereGeometry", "radius": shape.radius_m} | segments
+
+
+def _T_part_geometry(part: Part) -> pin.SE3:
+    """Cylinders of three.js stand along y, ours along z."""
+    if isinstance(part.shape, Cylinder):
+        return pin.SE3(pin.utils.rotate("x", math.pi / 2), np.zeros(3))
+    return pin.SE3.Identity()
+
+
+def _tube(points: Vector, radius_m: float) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """A square prism along each stretch of the line: vertices (8 n, 3) and faces (8 n, 3)."""
+    along = np.diff(points, axis=0)
+    upright = np.abs(along[:, 2]) > 0.9 * np.linalg.norm(along, axis=1)
+    helper = np.where(upright[:, None], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    u = np.cross(along, helper)
+    u /= np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-12)
+    w = np.cross(along, u)
+    w /= np.maximum(np.linalg.norm(w, axis=1, keepdims=True), 1e-12)
+    ring = radius_m * np.stack([u, w, -u, -w], axis=1)
+    vertices = np.concatenate([points[:-1, None] + ring, points[1:, None] + ring], axis=1)
+    side = np.array([[i, (i + 1) % 4, i + 4] for i in range(4)])
+    other = np.array([[(i + 1) % 4, (i + 1) % 4 + 4, i + 4] for i in range(4)])
+    first = 8 * np.arange(len(along))[:, None, None]
+    faces = (first + np.concatenate([side, other])).reshape(-1, 3)
+    return vertices.reshape(-1, 3).astype(np.float32), faces.astype(np.uint32)

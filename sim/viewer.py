@@ -1,0 +1,157 @@
+"""The live view: robot, bodies and a caption in the browser, while the program runs.
+
+Meshcat's viewer draws, fed by a small server of our own in this process (`sim.live_server`).
+Showing a frame only notes what changed; sending is the server's business, so a slow browser, or
+none, never holds the program up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import TracebackType
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from baxter_kin import Baxter
+from baxter_kin.arrays import Vector, finite_array
+from planner import Body
+from sim.appearance import Appearance
+from sim.audience import Audience
+from sim.errors import ViewerError
+from sim.live_server import ADDRESS, LiveServer
+from sim.mailbox import Letter
+from sim.meshcat_commands import Command, delete, set_property
+from sim.scenegraph import RobotTree, body_commands, body_path, pose_commands, stage_commands
+from sim.webpage import page, viewer_bundle
+
+JOINT_STEP = 1e-5
+"""Joints that moved less, rad or m, are not sent again: a hundredth of a millimetre at the tip."""
+
+POSE_STEP = 1e-6
+"""The same for bodies: metres, and parts of a unit quaternion."""
+
+
+class Viewer:
+    """A live view, served from its creation until `close`; use it as a context manager.
+
+    Attributes:
+        url: where to look.
+    """
+
+    def __init__(self, robot: Baxter, *, port: int | None = None) -> None:
+        """Start serving; nothing waits for a browser.
+
+        Args:
+            robot: shown in its neutral configuration at first.
+            port: where to listen on this machine; None takes 7000 or the next one free.
+
+        Raises:
+            ViewerError: when that port is taken or not allowed, or Meshcat is missing.
+        """
+        self._tree = RobotTree(robot.model, Appearance.load())
+        self._audience = Audience()
+        self._q = np.full(len(self._tree.paths), np.nan)
+        self._poses: dict[str, Vector] = {}
+        self._caption = ""
+        script = ("text/javascript; charset=utf-8", viewer_bundle())
+        files = {"/": ("text/html; charset=utf-8", page("live.html")), "/main.min.js": script}
+        self._server = LiveServer(self._audience, files, port)
+        self.url = f"http://{ADDRESS}:{self._server.port}/"
+        self._publish([*stage_commands(), *self._tree.commands()])
+        self.show(robot.configuration(), {}, "")
+
+    def __enter__(self) -> Viewer:
+        """The view, already served."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Stop serving."""
+        self.close()
+
+    @property
+    def has_client(self) -> bool:
+        """Whether a browser is watching."""
+        return len(self._audience) > 0
+
+    def wait_for_client(self, timeout_s: float) -> bool:
+        """Wait until a browser watches, at most so long. Returns whether one does."""
+        return self._audience.wait(timeout_s)
+
+    def add_body(self, body: Body) -> None:
+        """Show a body at its pose. One of the same name is replaced.
+
+        Raises:
+            ViewerError: when the view is closed.
+        """
+        path = body_path(body.name)
+        placed = pose_commands(path, body.T_base_body)
+        self._publish([delete(path), *body_commands(body), *placed])
+        self._poses[body.name] = pin.SE3ToXYZQUAT(body.T_base_body)
+
+    def remove_body(self, name: str) -> None:
+        """Show a body no more.
+
+        Raises:
+            ViewerError: when there is none of that name, or the view is closed.
+        """
+        self._known(name)
+        self._publish([delete(body_path(name))])
+        del self._poses[name]
+
+    def show(self, q: ArrayLike, T_base_bodies: Mapping[str, pin.SE3], caption: str = "") -> None:
+        """Show one frame: only what changed is sent, and nothing is waited for.
+
+        Args:
+            q: full configuration, shape (19,), rad and m.
+            T_base_bodies: by name, the poses of bodies seen from base; others stay where they are.
+            caption: what is going on.
+
+        Raises:
+            ViewerError: when `q` has another shape or is not finite, a body is not in the view, or
+                the view is closed.
+        """
+        configuration = finite_array(q, self._q.shape, "q", ViewerError)
+        commands = [*self._joint_commands(configuration), *self._moved(T_base_bodies)]
+        self._publish(commands, caption)
+
+    def close(self) -> None:
+        """Stop serving and free the port. A second call does nothing."""
+        self._server.close()
+
+    def _joint_commands(self, q: Vector) -> Iterator[Command]:
+        moved = ~(np.abs(q - self._q) < JOINT_STEP)
+        for joint in np.flatnonzero(moved).tolist():
+            key, value = self._tree.motion(joint, float(q[joint]))
+            yield set_property(self._tree.paths[joint], key, value)
+        self._q[moved] = q[moved]
+
+    def _moved(self, T_base_bodies: Mapping[str, pin.SE3]) -> Iterator[Command]:
+        for name, T_base_body in T_base_bodies.items():
+            pose = pin.SE3ToXYZQUAT(T_base_body)
+            if np.abs(pose - self._known(name)).max() > POSE_STEP:
+                yield from pose_commands(body_path(name), T_base_body)
+                self._poses[name] = pose
+
+    def _known(self, name: str) -> Vector:
+        if name not in self._poses:
+            shown = ", ".join(self._poses) or "none"
+            raise ViewerError(f"the view has no body {name!r}; it shows: {shown}")
+        return self._poses[name]
+
+    def _publish(self, commands: list[Command], caption: str | None = None) -> None:
+        if self._server.is_closed:
+            raise ViewerError("the viewer is closed")
+        letters = [Letter.with_command(command) for command in commands]
+        if caption is not None and caption != self._caption:
+            letters.append(Letter.with_caption(caption))
+            self._caption = caption
+        if letters:
+            self._audience.publish(letters)
+            self._server.notify()

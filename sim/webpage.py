@@ -1,0 +1,49 @@
+"""The pages that show the robot, put together from `sim/pages` and Meshcat's viewer."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+
+from sim.errors import ViewerError
+
+_BUNDLE = Path("viewer", "dist", "main.min.js")
+_SLOT = re.compile(r"\{\{(\w+)\}\}")
+
+
+def viewer_bundle() -> str:
+    """Meshcat's viewer: one JavaScript file that draws commands. Meshcat itself is not imported.
+
+    Raises:
+        ViewerError: when meshcat is not installed, or has no viewer.
+    """
+    spec = find_spec("meshcat")
+    folders = spec.submodule_search_locations if spec is not None else None
+    for folder in folders or ():
+        path = Path(folder) / _BUNDLE
+        if path.is_file():
+            return path.read_text(encoding="utf-8")
+    raise ViewerError("meshcat's viewer is not installed; run: pip install meshcat")
+
+
+def page(template: str, **texts: str) -> str:
+    """A page of `sim/pages` with its slots, such as `{{title}}`, filled.
+
+    Slots named after a script or style sheet of that folder take the file; the others take the
+    keyword of their name, as it is.
+    """
+    shared = {"style": "style.css", "stage": "stage.js", "player": "player.js"}
+    source = _file(template)
+    inserts = {slot: _file(name) for slot, name in shared.items()} | texts
+    return _SLOT.sub(lambda match: inserts[match[1]], source)
+
+
+def inside_script(code: str) -> str:
+    """The same code, with nothing in its texts that would end a `<script>` element."""
+    return re.sub(r"</(script)", r"<\\/\1", code, flags=re.IGNORECASE)
+
+
+def _file(name: str) -> str:
+    return (files("sim") / "pages" / name).read_text(encoding="utf-8")

@@ -1,0 +1,299 @@
+"""World: the one place where things move. Robot, fingers, bodies, what supports and holds what.
+
+Kinematic: bodies have no mass and do not tip. A body let go turns its most level face down and
+falls straight until it touches something. The model's limits: it may come to rest on an edge where
+a real block would topple, and nothing is ever pushed but by closing fingers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from baxter_kin import Baxter
+from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.frames import BASE_HEIGHT_M, PoseLike, checked_pose
+from planner import Body, Hand, Part, RobotShapes, Scene
+from planner.collision import PRESSING_TOLERANCE_M, travel_to_contact
+from planner.errors import SceneError, expect
+from sim.errors import SimulationError
+
+FLOOR_Z_M = -BASE_HEIGHT_M
+FLOOR = "floor"
+UP = np.array([0.0, 0.0, 1.0])
+
+ROUNDING_RAD = 1e-9
+"""How far a trajectory may leave the joint limits by rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Holding:
+    """A body in a hand.
+
+    Attributes:
+        body: its name.
+        T_tip_body: its pose seen from the tip.
+    """
+
+    body: str
+    T_tip_body: pin.SE3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rest:
+    """Where a body comes to rest.
+
+    Attributes:
+        T_base_body: its pose there.
+        support: the body below, or the floor.
+        fall_m: how far it falls, not negative.
+    """
+
+    T_base_body: pin.SE3
+    support: str
+    fall_m: float
+
+
+class World:
+    """Robot and bodies at one moment.
+
+    Attributes:
+        robot: the robot.
+        shapes: its collision shapes.
+        hands: left and right hand by side.
+        supports: name of each body at rest -> what it stands on.
+    """
+
+    def __init__(self, robot: Baxter) -> None:
+        """An empty world with the robot in neutral, its hands open."""
+        self.robot = expect(robot, Baxter, "robot", SimulationError)
+        self.shapes = RobotShapes(robot)
+        self.hands = {side: Hand.of(robot, arm, self.shapes) for side, arm in robot.arms.items()}
+        self.supports: dict[str, str] = {}
+        self._bodies: dict[str, Body] = {}  # as they were spawned
+        self._poses: dict[str, pin.SE3] = {}  # where they are now
+        self._held: dict[str, Holding] = {}
+        self._arm_indices = {s: list(robot.indices(a.joint_names)) for s, a in robot.arms.items()}
+        self._finger_indices = {
+            s: list(robot.indices(h.joint_names)) for s, h in self.hands.items()
+        }
+        self._q = np.array(robot.configuration())
+        for side, hand in self.hands.items():
+            self.set_fingers(side, hand.stroke_m)
+
+    @property
+    def q(self) -> Vector:
+        """The full configuration, shape (19,), rad and m; a copy."""
+        return self._q.copy()
+
+    @property
+    def scene(self) -> Scene:
+        """All bodies where they are now."""
+        return Scene.of(body.at(self._poses[name]) for name, body in self._bodies.items())
+
+    def body(self, name: str) -> Body:
+        """One body where it is now.
+
+        Raises:
+            SceneError: when it is not there.
+        """
+        known = self._known(name)
+        return self._bodies[known].at(self._poses[known])
+
+    def arm_q(self, side: str) -> Vector:
+        """Where an arm stands, shape (7,), rad."""
+        q: Vector = self._q[self._arm_indices[self.robot.arm(side).side]]
+        return q
+
+    def T_base_tip(self, side: str) -> pin.SE3:
+        """Where the tip of an arm is."""
+        return self.robot.arm(side).T_base_tip(self.arm_q(side))
+
+    def finger_m(self, side: str) -> float:
+        """Finger position of a hand, 0 closed .. stroke."""
+        return float(self._q[self._finger_indices[self.robot.arm(side).side][0]])
+
+    def holding(self, side: str) -> Holding | None:
+        """What a hand holds, or None."""
+        return self._held.get(self.robot.arm(side).side)
+
+    def move_arm(self, side: str, q: ArrayLike) -> None:
+        """Put an arm somewhere; what its hand holds comes along.
+
+        Args:
+            side: "left" or "right".
+            q: shape (7,), rad, inside the limits.
+
+        Raises:
+            ConfigurationError: when `q` is malformed or outside the limits.
+        """
+        limits = self.robot.arm(side).limits
+        self._q[self._arm_indices[side]] = limits.check(q, "q", tolerance=ROUNDING_RAD)
+        self._carry(side)
+
+    def set_fingers(self, side: str, finger_m: float) -> None:
+        """Put the fingers of a hand somewhere; they do not push.
+
+        Raises:
+            SimulationError: when the position is outside 0 .. stroke.
+        """
+        hand = self.hands[self.robot.arm(side).side]
+        x = finite_scalar(finger_m, "finger position", SimulationError)
+        if not -1e-12 <= x <= hand.stroke_m + 1e-12:
+            raise SimulationError(
+                f"finger position {1e3 * x:.3f} mm is outside 0 .. {1e3 * hand.stroke_m:.3f} mm"
+            )
+        self._q[self._finger_indices[side]] = list(hand.finger_joints(x).values())
+
+    def spawn(self, body: Body) -> str:
+        """Add a body; a movable one falls on what is below it.
+
+        Returns:
+            The name of its support; of a body that is not movable, its own name.
+
+        Raises:
+            SceneError: when the name is taken.
+        """
+        _ = self.scene.with_body(expect(body, Body, "body", SceneError))
+        self._bodies[body.name] = body
+        self._poses[body.name] = body.T_base_body
+        if not body.is_movable:
+            return body.name
+        return self.settle(body.name).support
+
+    def delete(self, name: str) -> None:
+        """Remove a body, out of a hand if need be; what stands on it falls.
+
+        Raises:
+            SceneError: when it is not there.
+        """
+        del self._bodies[self._known(name)], self._poses[name]
+        self.supports.pop(name, None)
+        self._held = {side: held for side, held in self._held.items() if held.body != name}
+        self._drop_from(name)
+
+    def place_body(self, name: str, T_base_body: PoseLike) -> None:
+        """Put a body somewhere, as it is.
+
+        Raises:
+            SceneError: when it is not there.
+            PoseError: when the pose is none.
+            SimulationError: when a hand holds it.
+        """
+        self._refuse_held(self._known(name))
+        self._poses[name] = checked_pose(T_base_body)
+
+    def rest(self, name: str) -> Rest:
+        """Where a body would come to rest if let go where it is.
+
+        Raises:
+            SceneError: when it is not there.
+        """
+        body = _levelled(self.body(name))
+        lifted = body.at(_raised(body.T_base_body, PRESSING_TOLERANCE_M))
+        drop, support = lifted.extent_m(UP)[0] - FLOOR_Z_M, FLOOR
+        for other in self.scene:
+            if other.name != name:
+                travel = _fall(lifted, other, drop)
+                if travel is not None and travel < drop:
+                    drop, support = travel, other.name
+        T_rest = _raised(lifted.T_base_body, -drop)
+        return Rest(T_rest, support, max(0.0, drop - PRESSING_TOLERANCE_M))
+
+    def settle(self, name: str) -> Rest:
+        """Let a body come to rest, at once.
+
+        Raises:
+            SceneError: when it is not there.
+            SimulationError: when a hand holds it.
+        """
+        rest = self.rest(name)
+        self.place_body(name, rest.T_base_body)
+        self.supports[name] = rest.support
+        return rest
+
+    def attach(self, side: str, name: str, T_tip_body: PoseLike) -> None:
+        """From now on a body moves with a hand.
+
+        Raises:
+            SceneError: when the body is not there.
+            PoseError: when the pose is none.
+            SimulationError: when it is not movable, is in a hand already, or the hand is full.
+        """
+        if not self.body(name).is_movable:
+            raise SimulationError(f"{name!r} is not movable")
+        if self.holding(side) is not None:
+            raise SimulationError(f"the {side} hand already holds {self._held[side].body!r}")
+        self._refuse_held(name)
+        self._held[side] = Holding(name, checked_pose(T_tip_body))
+        self.supports.pop(name, None)
+        self._carry(side)
+
+    def detach(self, side: str) -> str | None:
+        """Let go of what a hand holds: its name, or None. It hangs in the air until settled."""
+        held = self._held.pop(self.robot.arm(side).side, None)
+        return None if held is None else held.body
+
+    def body_poses(self) -> Mapping[str, pin.SE3]:
+        """Every body's pose seen from base."""
+        return {name: pin.SE3(pose) for name, pose in self._poses.items()}
+
+    def _known(self, name: str) -> str:
+        if not isinstance(name, str) or name not in self._bodies:
+            _ = self.scene[name]  # says what there is
+        return name
+
+    def _refuse_held(self, name: str) -> None:
+        for side, held in self._held.items():
+            if held.body == name:
+                raise SimulationError(f"{name!r} is in the {side} hand; open it first")
+
+    def _drop_from(self, support: str) -> None:
+        """Let fall what stood on a body, and what stood on that."""
+        for name in [name for name, below in self.supports.items() if below == support]:
+            self.settle(name)
+            self._drop_from(name)
+
+    def _carry(self, side: str) -> None:
+        held = self._held.get(side)
+        if held is not None:
+            self._poses[held.body] = self.T_base_tip(side) * held.T_tip_body
+
+
+def _raised(T_base_body: pin.SE3, height_m: float) -> pin.SE3:
+    lift = np.array([0.0, 0.0, height_m])
+    return pin.SE3(T_base_body.rotation, T_base_body.translation + lift)
+
+
+def _levelled(body: Body) -> Body:
+    """The body turned about its centre, by the least angle that makes one of its axes vertical.
+
+    A long one rises as much as its turning would otherwise push it down.
+    """
+    R = body.T_base_body.rotation
+    axis = int(np.abs(R[2]).argmax())
+    up = R[:, axis] * np.sign(R[2, axis])
+    turn = pin.Quaternion.FromTwoVectors(up, UP).toRotationMatrix()
+    centre = body.centre_base
+    shifted = centre + turn @ (body.T_base_body.translation - centre)
+    turned = body.at(pin.SE3(turn @ R, shifted))
+    sunk_m = body.extent_m(UP)[0] - turned.extent_m(UP)[0]
+    return turned.at(_raised(turned.T_base_body, max(0.0, sunk_m)))
+
+
+def _fall(body: Body, other: Body, room_m: float) -> float | None:
+    """How far a body falls until it touches another one; None if it passes."""
+    travels = (
+        travel_to_contact(_in_base(body, part), -UP, _in_base(other, below), room_m)
+        for part in body.parts
+        for below in other.parts
+    )
+    return min((travel for travel in travels if travel is not None), default=None)
+
+
+def _in_base(body: Body, part: Part) -> Part:
+    return Part(part.shape, body.T_base_body * part.T_body_part)

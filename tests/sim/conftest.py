@@ -1,0 +1,141 @@
+"""A browser, and a recording to show in it."""
+
+from __future__ import annotations
+
+import base64
+import io
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
+
+from baxter_kin import Baxter
+from planner import Body
+from planner.scene import Box, Part
+from sim.recording import Recording
+from tests.conftest import at
+
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+SWITCHES = (
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+)
+"""Drawing without a graphics card, and no talk of the browser's own."""
+
+SIZE: ViewportSize = {"width": 960, "height": 600}
+GREEN = (0.05, 0.95, 0.05, 1.0)
+BLOCK_AT_START = (0.70, 0.25, -0.13)
+BLOCK_AT_END = (0.70, -0.15, -0.13)
+DURATION_S = 3.0
+APPEARS_S = 0.5
+
+
+@dataclass
+class Watched:
+    """A page, and what it did beside drawing."""
+
+    page: Page
+    errors: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+    def picture(self) -> NDArray[np.int16]:
+        """What is drawn now, shape (height, width, 3): the canvas alone, without the controls."""
+        data = self.page.evaluate("viewer.capture_image()").split(",", 1)[1]
+        picture = Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")
+        return np.asarray(picture, dtype=np.int16)
+
+    def run(self, script: str, argument: object = None) -> Any:
+        """What a script returns."""
+        return self.page.evaluate(script, argument)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    path = next(filter(None, map(shutil.which, CHROMIUM)), None)
+    if path is None:
+        pytest.fail(f"the browser tests need Chromium; install one of: {', '.join(CHROMIUM)}")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=list(SWITCHES))
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def watched_page(browser: Browser) -> Iterator[Watched]:
+    """A new page that notes what it does."""
+    page = browser.new_page(viewport=SIZE)
+    watched = Watched(page)
+    page.on("pageerror", lambda error: watched.errors.append(str(error)))
+    page.on("request", lambda request: watched.requests.append(request.url))
+    page.on(
+        "console",
+        lambda message: (
+            watched.errors.append(message.text) if message.type in ("error", "warning") else None
+        ),
+    )
+    yield watched
+    page.close()
+
+
+@pytest.fixture
+def watched(browser: Browser) -> Iterator[Watched]:
+    with watched_page(browser) as watched:
+        yield watched
+
+
+@pytest.fixture(scope="session")
+def green_block() -> Body:
+    """A block whose colour nothing else has."""
+    cube = Part(Box((0.1, 0.1, 0.1)), at(0.0, 0.0, 0.0), GREEN)
+    return Body("block", (cube,), at(*BLOCK_AT_START), is_movable=True)
+
+
+@pytest.fixture(scope="session")
+def recording(robot: Baxter, table: Body, green_block: Body) -> Recording:
+    """Three seconds: the left arm turns, and half a second later a block crosses the table."""
+    times = np.linspace(0.0, DURATION_S, 301)
+    share = times / DURATION_S
+    q = np.tile(robot.configuration(), (len(times), 1))
+    q[:, robot.joint_names.index("left_s0")] = 0.8 * np.sin(2.0 * share)
+    q[:, robot.joint_names.index("left_e1")] += 0.5 * share**2
+    q[:, robot.joint_names.index("l_gripper_l_finger_joint")] = 0.02 * share
+    block = np.tile([*BLOCK_AT_START, 0.0, 0.0, 0.0, 1.0], (len(times), 1))
+    block[:, 1] += share * (BLOCK_AT_END[1] - BLOCK_AT_START[1])
+    block[times < APPEARS_S] = np.nan
+    still = [*table.T_base_body.translation, 0.0, 0.0, 0.0, 1.0]
+    return Recording(
+        joint_names=robot.joint_names,
+        times_s=times,
+        q=q,
+        gripper_percent=np.zeros((len(times), 2)),
+        bodies={"table": table, "block": green_block},
+        body_poses={"table": np.tile(still, (len(times), 1)), "block": block},
+        captions=((0.0, "start <here>"), (1.0, "pick 1: descend")),
+        events=(),
+    )
+
+
+def red_pixels(picture: NDArray[np.int16]) -> int:
+    """How much of the picture is of the robot's red."""
+    red, green, blue = np.moveaxis(picture, -1, 0)
+    return int(((red > 60) & (green < red / 3) & (blue < red / 3)).sum())
+
+
+def green_centre(picture: NDArray[np.int16]) -> NDArray[np.float64] | None:
+    """Where the green block is, (column, row) in pixels; None when it is not there."""
+    red, green, blue = np.moveaxis(picture, -1, 0)
+    rows, columns = np.nonzero((green > 80) & (red < green / 2) & (blue < green / 2))
+    return np.array([columns.mean(), rows.mean()]) if len(rows) > 20 else None

@@ -1,0 +1,261 @@
+from __future__ import annotations
+
+import gzip
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from playwright.sync_api import Browser
+
+from baxter_kin import Baxter
+from sim.errors import RecordingError
+from sim.recording import Recording
+from sim.replay import replay_html, write_replay
+from tests.sim.conftest import (
+    APPEARS_S,
+    DURATION_S,
+    Watched,
+    green_centre,
+    red_pixels,
+    watched_page,
+)
+
+MAX_BYTES = 4_000_000
+MAX_GZIPPED = 1_300_000
+
+JOINT_TOLERANCE_M = 1e-3
+"""Keyframes leave joints 2e-4 rad off, over arms of 1.3 m and seven joints."""
+
+
+@pytest.fixture(scope="module")
+def replay_file(
+    tmp_path_factory: pytest.TempPathFactory, robot: Baxter, recording: Recording
+) -> Path:
+    path = tmp_path_factory.mktemp("replay") / "replay.html"
+    write_replay(path, recording, robot, title="Pick </script><b>& place")
+    return path
+
+
+@pytest.fixture(scope="module")
+def loaded(browser: Browser, replay_file: Path) -> Iterator[Watched]:
+    """The page, loaded once for all tests; they need not load it again."""
+    with watched_page(browser) as watched:
+        watched.page.goto(replay_file.as_uri())
+        watched.page.wait_for_function("replay.ready")
+        yield watched
+
+
+@pytest.fixture
+def replay(loaded: Watched) -> Watched:
+    """The page, paused at the beginning."""
+    loaded.run("replay.pause(); replay.seek(0)")
+    loaded.page.check("#loop")
+    loaded.page.select_option("#speed", "1")
+    loaded.page.focus("body")
+    return loaded
+
+
+def seek(replay: Watched, time_s: float) -> None:
+    replay.run("time => replay.seek(time)", time_s)
+
+
+def test_shows_the_robot(replay: Watched) -> None:
+    assert red_pixels(replay.picture()) > 5000
+
+
+def test_shows_no_block_before_it_is_there(replay: Watched) -> None:
+    seek(replay, APPEARS_S - 0.1)
+    assert green_centre(replay.picture()) is None
+
+
+def test_block_moves_over_the_animation(replay: Watched) -> None:
+    seek(replay, APPEARS_S + 0.1)
+    before = green_centre(replay.picture())
+    seek(replay, DURATION_S)
+    after = green_centre(replay.picture())
+    assert before is not None
+    assert after is not None
+    assert np.linalg.norm(after - before) > 60
+
+
+def test_block_disappears_again_when_time_goes_back(replay: Watched) -> None:
+    seek(replay, DURATION_S)
+    seek(replay, 0.1)
+    assert green_centre(replay.picture()) is None
+
+
+@pytest.mark.parametrize("row", [0, 77, 203, 300])
+def test_browser_puts_the_hand_where_pinocchio_does(
+    replay: Watched, robot: Baxter, recording: Recording, row: int
+) -> None:
+    seek(replay, float(recording.times_s[row]))
+    shown = replay.run(
+        """() => {
+          viewer.render();
+          const node = viewer.scene.getObjectByName("l_gripper_l_finger_joint").children[0];
+          const point = new MeshCat.THREE.Vector3().setFromMatrixPosition(node.matrixWorld);
+          return [point.x, -point.z, point.y];
+        }"""
+    )
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, recording.q[row])
+    wanted = data.oMi[robot.model.getJointId("l_gripper_l_finger_joint")].translation
+    assert np.abs(np.array(shown) - wanted).max() < JOINT_TOLERANCE_M
+
+
+def test_caption_follows_time(replay: Watched) -> None:
+    seek(replay, 1.5)
+    assert replay.page.inner_text("#caption") == "pick 1: descend"
+
+
+def test_caption_is_text_and_not_markup(replay: Watched) -> None:
+    assert replay.page.inner_text("#caption") == "start <here>"
+
+
+def test_title_is_text_and_not_markup(replay: Watched) -> None:
+    assert replay.page.title() == "Pick </script><b>& place"
+
+
+def test_says_the_time(replay: Watched) -> None:
+    seek(replay, 1.5)
+    assert replay.page.inner_text("#time") == "1.5 / 3.0 s"
+
+
+def test_play_button_plays(replay: Watched) -> None:
+    replay.page.click("#play")
+    replay.page.wait_for_function("replay.time > 0.2")
+    assert replay.page.inner_text("#play") == "Pause"
+
+
+def test_pause_button_pauses(replay: Watched) -> None:
+    replay.run("replay.play()")
+    replay.page.click("#play")
+    assert replay.run("replay.playing") is False
+
+
+def test_space_bar_plays(replay: Watched) -> None:
+    replay.page.keyboard.press("Space")
+    assert replay.run("replay.playing") is True
+
+
+def test_arrow_key_steps(replay: Watched) -> None:
+    replay.page.keyboard.press("ArrowRight")
+    assert replay.run("replay.time") == pytest.approx(0.1)
+
+
+def test_slider_seeks(replay: Watched) -> None:
+    replay.page.fill("#scrub", "2")
+    assert replay.run("replay.time") == pytest.approx(2.0)
+
+
+def test_speed_can_be_chosen(replay: Watched) -> None:
+    replay.page.select_option("#speed", "4")
+    assert replay.run("replay.speed") == 4
+
+
+def test_plays_again_from_the_beginning(replay: Watched) -> None:
+    seek(replay, DURATION_S)
+    replay.run("replay.play()")
+    assert replay.run("replay.time") < 1.0
+
+
+def test_stops_at_the_end_when_not_looping(replay: Watched) -> None:
+    replay.page.uncheck("#loop")
+    seek(replay, DURATION_S - 0.2)
+    replay.run("replay.play()")
+    replay.page.wait_for_function("!replay.playing")
+    assert replay.run("replay.time") == pytest.approx(DURATION_S)
+
+
+def test_starts_by_itself(watched: Watched, replay_file: Path) -> None:
+    watched.page.goto(replay_file.as_uri())
+    watched.page.wait_for_function("replay.time > 0.1")
+
+
+def test_says_nothing_on_the_console(replay: Watched) -> None:
+    replay.picture()
+    assert replay.errors == []
+
+
+def test_asks_nobody_for_anything(replay: Watched, replay_file: Path) -> None:
+    fetched = [url for url in replay.requests if not url.startswith("data:")]
+    assert fetched == [replay_file.as_uri()]
+
+
+def test_is_small_enough_to_send(replay_file: Path) -> None:
+    assert replay_file.stat().st_size <= MAX_BYTES
+
+
+def test_is_small_enough_when_gzipped(replay_file: Path) -> None:
+    assert len(gzip.compress(replay_file.read_bytes())) <= MAX_GZIPPED
+
+
+def test_shows_a_recording_of_one_moment(
+    watched: Watched, tmp_path: Path, robot: Baxter, recording: Recording
+) -> None:
+    moment = replace(
+        recording,
+        times_s=recording.times_s[:1],
+        q=recording.q[:1],
+        gripper_percent=recording.gripper_percent[:1],
+        body_poses={name: poses[:1] for name, poses in recording.body_poses.items()},
+    )
+    write_replay(tmp_path / "moment.html", moment, robot)
+    watched.page.goto((tmp_path / "moment.html").as_uri())
+    watched.page.wait_for_function("replay.ready")
+    assert red_pixels(watched.picture()) > 5000
+    assert watched.errors == []
+
+
+def test_replaces_an_older_file(tmp_path: Path, robot: Baxter, recording: Recording) -> None:
+    path = tmp_path / "replay.html"
+    path.write_text("old")
+    write_replay(path, recording, robot)
+    assert path.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_leaves_nothing_else_behind(tmp_path: Path, robot: Baxter, recording: Recording) -> None:
+    write_replay(tmp_path / "replay.html", recording, robot)
+    assert [path.name for path in tmp_path.iterdir()] == ["replay.html"]
+
+
+def test_refuses_a_folder_that_is_not_there(
+    tmp_path: Path, robot: Baxter, recording: Recording
+) -> None:
+    with pytest.raises(RecordingError, match=r"cannot write the replay to .*missing"):
+        write_replay(tmp_path / "missing" / "replay.html", recording, robot)
+
+
+def test_refuses_a_folder_as_file(tmp_path: Path, robot: Baxter, recording: Recording) -> None:
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(RecordingError, match="cannot write the replay"):
+        write_replay(tmp_path / "folder", recording, robot)
+    assert [path.name for path in tmp_path.iterdir()] == ["folder"]
+
+
+@pytest.mark.parametrize("path", [None, 7, ""])
+def test_refuses_what_is_no_path(path: Any, robot: Baxter, recording: Recording) -> None:
+    with pytest.raises(RecordingError, match="cannot write the replay"):
+        write_replay(path, recording, robot)
+
+
+def test_refuses_what_is_no_recording(robot: Baxter) -> None:
+    wrong: Any = {"q": []}
+    with pytest.raises(RecordingError, match="needs a Recording, got dict"):
+        replay_html(wrong, robot)
+
+
+def test_refuses_what_is_no_robot(recording: Recording) -> None:
+    wrong: Any = "Baxter"
+    with pytest.raises(RecordingError, match="got str"):
+        replay_html(recording, wrong)
+
+
+def test_refuses_a_recording_of_another_robot(robot: Baxter, recording: Recording) -> None:
+    other = replace(recording, joint_names=tuple(reversed(recording.joint_names)))
+    with pytest.raises(RecordingError, match="not those of this robot"):
+        replay_html(other, robot)
