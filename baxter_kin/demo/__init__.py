@@ -1,0 +1,30 @@
+"""The pick-and-place demo: `python -m baxter_kin.demo`.
+
+The composition root: it sees every layer and nobody imports it. Exit status: 0 all picked and
+placed; 1 a pick or place failed; 2 wrong usage; 130 stopped by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from baxter_kin.demo.interrupt import interruptible
+from baxter_kin.demo.options import parse_options
+
+__all__ = ["main"]
+
+EXIT_INTERRUPTED = 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the demo with those arguments, or the command line's; returns the exit status."""
+    try:
+        with interruptible() as interrupt:
+            options = parse_options(argv)
+            from baxter_kin.demo.run import run_demo  # noqa: PLC0415 - loads every library
+
+            return run_demo(options, interrupt)
+    except KeyboardInterrupt:
+        print("stopped by Ctrl-C", file=sys.stderr)
+        return EXIT_INTERRUPTED

@@ -1,0 +1,26 @@
+"""`python -m baxter_kin.demo`, and the console script `baxter-demo`."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from typing import NoReturn
+
+from baxter_kin.demo import main
+
+
+def run_process() -> NoReturn:
+    """Run the demo as a program of its own."""
+    try:
+        status = main()
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader of a pipe has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 1
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the work is done; leave in peace
+    sys.exit(status)
+
+
+if __name__ == "__main__":
+    run_process()

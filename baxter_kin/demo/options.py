@@ -1,0 +1,177 @@
+"""The command line of the demo."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+DEFAULT_HOVER_M = 0.15
+DEFAULT_POSES_M = ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
+"""Block poses of the original demo, for its left arm; y is mirrored for the right one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user asked for.
+
+    Attributes:
+        limb: "left" or "right".
+        poses_m: block poses: tip positions in base, visited in turn.
+        hover_m: height of approach and retract above them.
+        cycles: number of picks and places; None goes on until stopped.
+        speed_ratio: scale of the velocity limits, in (0, 1].
+        is_headless: without the live view, as fast as possible.
+        html: where to write the replay, or None.
+        csv: where to write the RSDK's CSV, or None.
+        report: where to write the JSON report, or None.
+        verbosity: 0 quiet, 1 normal, 2 with every event.
+    """
+
+    limb: str
+    poses_m: tuple[tuple[float, float, float], ...]
+    hover_m: float
+    cycles: int | None
+    speed_ratio: float
+    is_headless: bool
+    html: Path | None
+    csv: Path | None
+    report: Path | None
+    verbosity: int
+
+
+def parse_options(argv: Sequence[str] | None = None) -> Options:
+    """Read the command line; exits with status 2 and one sentence when it makes no sense."""
+    parser = _parser()
+    raw = parser.parse_args(argv)
+    if raw.forever and raw.cycles is not None:
+        parser.error("--forever and --cycles exclude each other; give one of them")
+    sign = 1.0 if raw.limb == "left" else -1.0
+    poses = [(x, sign * y, z) for x, y, z in DEFAULT_POSES_M]
+    poses += [(x, y, z) for x, y, z in raw.add_pose]
+    cycles = None if raw.forever else raw.cycles or len(poses)
+    return Options(
+        limb=raw.limb,
+        poses_m=tuple(poses),
+        hover_m=raw.hover,
+        cycles=cycles,
+        speed_ratio=raw.speed,
+        is_headless=raw.headless,
+        html=raw.html,
+        csv=raw.csv,
+        report=raw.report,
+        verbosity=raw.verbosity,
+    )
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one sentence."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (--help lists the options)\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="baxter-demo",
+        description="Baxter picks a block up and puts it down: inverse kinematics, time-optimal "
+        "moves, kinematic simulation, live in the browser.",
+        epilog="Exit status: 0 all picked and placed; 1 a pick or place failed; 2 wrong usage; 130 "
+        "stopped by Ctrl-C. Positions are metres in the robot's base frame.",
+    )
+    parser.add_argument("--limb", choices=("left", "right"), default="left", help="which arm")
+    parser.add_argument(
+        "--add-pose",
+        type=_coordinate,
+        nargs=3,
+        action="append",
+        default=[],
+        metavar=("X", "Y", "Z"),
+        help="one more block pose: where the tip grasps, in m (repeatable)",
+    )
+    parser.add_argument(
+        "--hover",
+        type=_positive,
+        default=DEFAULT_HOVER_M,
+        metavar="M",
+        help="height of approach and retract above each pose (default %(default)s m)",
+    )
+    parser.add_argument(
+        "--cycles", type=_count, metavar="N", help="picks and places (default: one per block pose)"
+    )
+    parser.add_argument("--forever", action="store_true", help="go on until Ctrl-C")
+    parser.add_argument(
+        "--speed",
+        type=_ratio,
+        default=1.0,
+        metavar="RATIO",
+        help="scale of the joint velocity limits, in (0, 1] (default %(default)s)",
+    )
+    parser.add_argument("--headless", action="store_true", help="no live view, no real time")
+    parser.add_argument("--html", type=_target, metavar="FILE", help="write a replay page")
+    parser.add_argument("--csv", type=_target, metavar="FILE", help="write joints as the RSDK does")
+    parser.add_argument("--report", type=_target, metavar="FILE", help="write a JSON report")
+    amount = parser.add_mutually_exclusive_group()
+    amount.add_argument(
+        "-v",
+        "--verbose",
+        dest="verbosity",
+        action="store_const",
+        const=2,
+        default=1,
+        help="tell every event",
+    )
+    amount.add_argument(
+        "-q", "--quiet", dest="verbosity", action="store_const", const=0, help="tell only errors"
+    )
+    return parser
+
+
+def _number(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+    return number
+
+
+def _coordinate(text: str) -> float:
+    return _number(text)
+
+
+def _positive(text: str) -> float:
+    number = _number(text)
+    if number <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is not above zero")
+    return number
+
+
+def _ratio(text: str) -> float:
+    number = _number(text)
+    if not 0.0 < number <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is not in (0, 1]")
+    return number
+
+
+def _count(text: str) -> int:
+    try:
+        count = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+    if count < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not at least 1")
+    return count
+
+
+def _target(text: str) -> Path:
+    path = Path(text)
+    if path.is_dir():
+        raise argparse.ArgumentTypeError(f"{text} is a folder; give a file")
+    if not path.absolute().parent.is_dir():
+        raise argparse.ArgumentTypeError(f"the folder of {text} does not exist; make it first")
+    return path

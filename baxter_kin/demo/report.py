@@ -1,0 +1,165 @@
+"""The demo's report: everything that was planned and what came of it, as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from baxter_kin.demo.options import Options
+from planner import GripperAction, Move, Plan
+from sim import Event, Observer, Outcome
+
+KEPT = 1000
+"""How many of the last cycles and events a report keeps; only --forever ever has more."""
+
+Json: TypeAlias = dict[str, Any]
+Point: TypeAlias = tuple[float, ...]
+
+
+@dataclass(slots=True)
+class Totals:
+    """Sums over the whole run.
+
+    Attributes:
+        cycles_done: cycles that succeeded.
+        motion_time_s: durations of the arm's moves, those to the start pose left out.
+        simulated_s: simulated time of all successful cycles, gripper included.
+        planning_time_s: wall time spent planning.
+        wall_time_s: wall time of the run.
+        min_clearance_m: the least distance of all plans, None before the first.
+        block_start_m: centre of the block in base once it had settled.
+        block_final_m: the same at the end.
+    """
+
+    cycles_done: int = 0
+    motion_time_s: float = 0.0
+    simulated_s: float = 0.0
+    planning_time_s: float = 0.0
+    wall_time_s: float = 0.0
+    min_clearance_m: float | None = None
+    block_start_m: Point | None = None
+    block_final_m: Point | None = None
+
+    @property
+    def cycle_time_s(self) -> float:
+        """Mean simulated time of one pick and place, gripper included; 0 before the first."""
+        return self.simulated_s / self.cycles_done if self.cycles_done else 0.0
+
+    def add(self, plan: Plan, outcome: Outcome) -> None:
+        """Count an executed cycle."""
+        self.motion_time_s += plan.motion_time_s
+        if plan.clearance is not None:
+            least = plan.clearance.distance_m
+            known = self.min_clearance_m
+            self.min_clearance_m = least if known is None else min(known, least)
+        if outcome.is_success:
+            self.cycles_done += 1
+            self.simulated_s += outcome.duration_s
+
+
+@dataclass(slots=True)
+class Report(Observer):
+    """Grows while the demo runs.
+
+    Attributes:
+        options: what was asked for.
+        totals: sums over the run.
+        failure: None, or why it ended early.
+    """
+
+    options: Options
+    totals: Totals = field(default_factory=Totals)
+    failure: str | None = None
+    _cycles: deque[Json] = field(default_factory=lambda: deque(maxlen=KEPT))
+    _events: deque[Event] = field(default_factory=lambda: deque(maxlen=KEPT))
+
+    def on_event(self, event: Event) -> None:
+        """Keep it."""
+        self._events.append(event)
+
+    def add_cycle(self, number: int, poses_m: tuple[Point, Point], plan: Plan) -> Json:
+        """Note a planned cycle; returns its entry, to be completed."""
+        entry: Json = {
+            "cycle": number,
+            "pick_m": poses_m[0],
+            "place_m": poses_m[1],
+            "picks": _grips(plan, GripperAction.CLOSE),
+            "places": _grips(plan, GripperAction.OPEN),
+            "waypoints": [_waypoint(move) for move in plan.moves if move.ik is not None],
+            "moves": [_move(move) for move in plan.moves],
+            "planned": plan.is_valid,
+            "success": False,
+            "failure": None if plan.failure is None else str(plan.failure),
+        }
+        self._cycles.append(entry)
+        return entry
+
+    def as_json(self) -> Json:
+        """All of it, in values that JSON knows."""
+        totals = self.totals
+        return {
+            "limb": self.options.limb,
+            "hover_distance_m": self.options.hover_m,
+            "speed_ratio": self.options.speed_ratio,
+            "block_poses": [list(pose) for pose in self.options.poses_m],
+            "cycles": list(self._cycles),
+            "cycles_done": totals.cycles_done,
+            "block": {"start_m": totals.block_start_m, "final_m": totals.block_final_m},
+            "min_clearance_m": totals.min_clearance_m,
+            "motion_time_s": totals.motion_time_s,
+            "cycle_time_s": totals.cycle_time_s,
+            "planning_time_s": totals.planning_time_s,
+            "wall_time_s": totals.wall_time_s,
+            "events": [_event(event) for event in self._events],
+            "success": self.failure is None,
+            "failure": self.failure,
+        }
+
+    def write(self, path: Path) -> None:
+        """Write it as JSON.
+
+        Raises:
+            OSError: when the file cannot be written.
+        """
+        path.write_text(json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n", "utf-8")
+
+
+def _grips(plan: Plan, action: GripperAction) -> list[Json]:
+    """The picks (closes on a body) or places (opens that release one) of a plan."""
+    return [
+        {"label": step.label, "body": step.body}
+        for step in plan
+        if not isinstance(step, Move) and step.action is action and step.body is not None
+    ]
+
+
+def _waypoint(move: Move) -> Json:
+    if move.ik is None:
+        raise ValueError(f"{move.label} has no IK result")
+    return {
+        "waypoint": move.label,
+        "seed_type": move.ik.seed_type.name,
+        "seed_label": move.ik.label,
+        "position_error_m": move.ik.position_error_m,
+        "orientation_error_rad": move.ik.orientation_error_rad,
+        "joints": move.ik.joints,
+    }
+
+
+def _move(move: Move) -> Json:
+    ratios = move.trajectory.peak_ratios()
+    return {
+        "label": move.label,
+        "duration_s": move.trajectory.duration,
+        "peak_velocity_ratio": ratios.velocity,
+        "peak_acceleration_ratio": ratios.acceleration,
+        "peak_jerk_ratio": ratios.jerk,
+        "clearance_m": None if move.clearance is None else move.clearance.distance_m,
+    }
+
+
+def _event(event: Event) -> Json:
+    return {"time_s": event.time_s, "kind": event.kind.value, "text": event.text}

@@ -1,0 +1,101 @@
+"""Print the figures of the demo: `python scripts/measure_demo.py [RUNS]`.
+
+Each run is a process of its own; times are medians over the runs.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from baxter_kin import Baxter
+from planner import Manipulator, plan_start_move
+from sim import CsvRecorder, Recorder, Simulation, World
+
+DEMO = [sys.executable, "-m", "baxter_kin.demo", "--headless", "--quiet"]
+SIMULATED_S = 300.0
+
+
+def main() -> None:
+    """Run, measure, print."""
+    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 5
+    with tempfile.TemporaryDirectory() as folder:
+        report, html = Path(folder) / "report.json", Path(folder) / "replay.html"
+        measured = [_process([*DEMO, "--report", str(report)]) for _ in range(runs)]
+        _print_processes(measured)
+        _print_report(json.loads(report.read_text("utf-8")))
+        _process([*DEMO, "--html", str(html)])
+        print(f"replay page                 {html.stat().st_size / 1e6:.2f} MB")
+    _print_load()
+    _print_simulation()
+
+
+def _process(command: list[str]) -> tuple[int, float, float]:
+    """Exit status, wall time in s and memory in MB of a process."""
+    started = time.perf_counter()
+    process = subprocess.Popen(command)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return process.returncode, time.perf_counter() - started, usage.ru_maxrss / 1024
+
+
+def _print_processes(measured: list[tuple[int, float, float]]) -> None:
+    statuses, walls, memories = zip(*measured, strict=True)
+    print(f"exit statuses               {sorted(set(statuses))}")
+    print(
+        f"whole process               {statistics.median(walls):.2f} s wall (max {max(walls):.2f})"
+    )
+    print(f"memory                      {max(memories):.0f} MB")
+
+
+def _print_report(report: dict[str, Any]) -> None:
+    waypoints = [w for cycle in report["cycles"] for w in cycle["waypoints"]]
+    moves = [move for cycle in report["cycles"] for move in cycle["moves"]]
+    position = max(w["position_error_m"] for w in waypoints)
+    orientation = max(w["orientation_error_rad"] for w in waypoints)
+    print(f"greatest IK residual        {position:.1e} m, {orientation:.1e} rad")
+    for kind in ("velocity", "acceleration", "jerk"):
+        peak = max(move[f"peak_{kind}_ratio"] for move in moves)
+        print(f"greatest {kind + ' ratio':<19}1 {peak - 1.0:+.1e}")
+    offset = np.array(report["block"]["final_m"]) - [*report["cycles"][-1]["place_m"][:2], -0.130]
+    print("block off its place         {:.2f}, {:.2f}, {:.4f} mm".format(*(1e3 * offset)))
+    print(f"nearest approach            {1e3 * report['min_clearance_m']:.1f} mm")
+    print(f"steady pick and place       {report['cycles'][-1]['duration_s']:.2f} s simulated")
+    print(f"motion of all cycles        {report['motion_time_s']:.3f} s")
+    print(f"planning                    {report['planning_time_s']:.2f} s")
+
+
+def _print_load() -> None:
+    started = time.perf_counter()
+    Baxter.load()
+    print(f"Baxter.load()               {1e3 * (time.perf_counter() - started):.0f} ms")
+
+
+def _print_simulation() -> None:
+    """Simulated over real time, with a recording and a CSV being made."""
+    robot = Baxter.load()
+    manipulator, world = Manipulator.of(robot, "left"), World(robot)
+    csv = CsvRecorder(os.devnull, robot)
+    simulation = Simulation(world, [Recorder(robot), csv])
+    there = plan_start_move(manipulator, manipulator.arm.neutral, manipulator.arm.start)
+    back = plan_start_move(manipulator, manipulator.arm.start, manipulator.arm.neutral)
+    started = time.perf_counter()
+    while simulation.time_s < SIMULATED_S:
+        simulation.execute(there)
+        simulation.execute(back)
+    ratio = simulation.time_s / (time.perf_counter() - started)
+    csv.close()
+    print(f"simulation                  {ratio:.0f} x real time, recording")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from baxter_kin.demo.options import parse_options
+
+
+def test_default_is_the_original_demo() -> None:
+    options = parse_options([])
+    assert options.limb == "left"
+    assert options.hover_m == 0.15
+    assert options.poses_m == ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
+    assert options.cycles == 2
+    assert options.speed_ratio == 1.0
+    assert not options.is_headless
+
+
+def test_poses_are_mirrored_for_the_right_arm() -> None:
+    assert parse_options(["--limb", "right"]).poses_m[0] == (0.70, -0.15, -0.129)
+
+
+def test_added_poses_follow_the_default_ones_and_add_cycles() -> None:
+    options = parse_options(
+        ["--add-pose", "0.72", "0.075", "-0.129", "--add-pose", "0.7", "0", "-.13"]
+    )
+    assert options.poses_m[2:] == ((0.72, 0.075, -0.129), (0.7, 0.0, -0.13))
+    assert options.cycles == 4
+
+
+def test_forever_has_no_number_of_cycles() -> None:
+    assert parse_options(["--forever"]).cycles is None
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("--limb up", "--limb: invalid choice: 'up'"),
+        ("--hover 0", "--hover: 0 is not above zero"),
+        ("--hover nan", "--hover: 'nan' is not a finite number"),
+        ("--speed 1.5", "--speed: 1.5 is not in (0, 1]"),
+        ("--speed 0", "--speed: 0 is not in (0, 1]"),
+        ("--cycles 0", "--cycles: 0 is not at least 1"),
+        ("--cycles two", "--cycles: 'two' is not a whole number"),
+        ("--add-pose 1 2", "--add-pose: expected 3 arguments"),
+        ("--add-pose 1 2 inf", "--add-pose: 'inf' is not a finite number"),
+        ("--add-pose 1 2 here", "--add-pose: 'here' is not a number"),
+        ("--forever --cycles 3", "exclude each other"),
+        ("--csv /no/such/folder/x.csv", "the folder of /no/such/folder/x.csv does not exist"),
+        ("--html /", "/ is a folder"),
+        ("-v -q", "not allowed with"),
+        ("--gazebo", "unrecognized arguments: --gazebo"),
+    ],
+)
+def test_wrong_usage_is_one_sentence_and_status_2(
+    line: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        parse_options(line.split())
+    said = capsys.readouterr().err
+    assert stopped.value.code == 2
+    assert words in said
+    assert said.count("\n") == 1
+
+
+def test_output_may_go_to_a_new_file(tmp_path: Path) -> None:
+    assert parse_options(["--csv", str(tmp_path / "x.csv")]).csv == tmp_path / "x.csv"

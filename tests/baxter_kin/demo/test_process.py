@@ -1,0 +1,107 @@
+"""The demo as a process: signals in any phase, and nothing left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+DEMO = [sys.executable, "-m", "baxter_kin.demo"]
+DEADLINE_S = 60.0
+
+
+@pytest.fixture
+def forever(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """A headless demo that goes on until stopped."""
+    command = [*DEMO, "--headless", "--forever", "--csv", str(tmp_path / "run.csv")]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        yield process
+        process.kill()
+
+
+def read_until(process: subprocess.Popen[str], word: str) -> None:
+    """Follow the program's output up to a line with that word."""
+    assert process.stdout is not None
+    for line in process.stdout:
+        if word in line:
+            return
+    raise AssertionError(f"the program ended without saying {word!r}")
+
+
+@pytest.mark.parametrize("phase", ["move to start", "cycle 1", "descend", "grasped", "cycle 3"])
+def test_ctrl_c_while_it_works_is_status_130(forever: subprocess.Popen[str], phase: str) -> None:
+    read_until(forever, phase)
+    forever.send_signal(signal.SIGINT)
+    said, complained = forever.communicate(timeout=DEADLINE_S)
+    assert forever.returncode == 130
+    assert complained == "stopped by Ctrl-C\n"
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("delay_s", [0.15, 0.3, 0.45, 0.6])
+def test_ctrl_c_while_it_loads_is_status_130(
+    forever: subprocess.Popen[str], delay_s: float
+) -> None:
+    time.sleep(delay_s)
+    forever.send_signal(signal.SIGINT)
+    _, complained = forever.communicate(timeout=DEADLINE_S)
+    assert forever.returncode == 130
+    assert "Traceback" not in complained
+
+
+def test_ctrl_c_removes_the_scene(tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    command = [*DEMO, "--headless", "--forever", "--report", str(report)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        read_until(process, "grasped")
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=DEADLINE_S)
+    text = report.read_text()
+    assert '"text": "block deleted"' in text
+    assert '"text": "table deleted"' in text
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_being_killed_leaves_no_process(number: signal.Signals) -> None:
+    """The live view lives in the program's own process, so it cannot outlive it."""
+    with subprocess.Popen([*DEMO, "--forever"], stdout=subprocess.PIPE, text=True) as process:
+        read_until(process, "http://127.0.0.1")
+        family = psutil.Process(process.pid).children(recursive=True)
+        assert family == []
+        process.send_signal(number)
+        process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == -number
+
+
+def test_reader_of_a_pipe_may_leave_early() -> None:
+    with subprocess.Popen(
+        [*DEMO, "--headless", "--cycles", "20"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert "Traceback" not in process.stderr.read()
+        process.wait(DEADLINE_S)
+
+
+def test_default_run_is_light() -> None:
+    """One process of at most 400 MB."""
+    command = [*DEMO, "--headless", "-q"]
+    process = subprocess.Popen(command)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0
+    assert usage.ru_maxrss / 1024 <= 400

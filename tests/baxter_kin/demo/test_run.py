@@ -1,0 +1,196 @@
+"""The demo as one program, in this process; its report, its outputs, its failures."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from baxter_kin.demo import main
+
+RATIO = 1.0 + 1e-9
+RESIDUAL = 1e-6
+PLACED_WITHIN_M = 5e-3
+ON_TABLE_WITHIN_M = 1e-4
+
+
+def report_of(folder: Path, *options: str, status: int = 0) -> dict[str, Any]:
+    """Run the demo headless and quiet, and read its report."""
+    path = folder / "report.json"
+    assert main(["--headless", "-q", "--report", str(path), *options]) == status
+    report: dict[str, Any] = json.loads(path.read_text())
+    return report
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """The default run's."""
+    return report_of(tmp_path_factory.mktemp("default"))
+
+
+def test_report_has_every_promised_entry(report: dict[str, Any]) -> None:
+    promised = (
+        "limb hover_distance_m block_poses cycles block min_clearance_m motion_time_s "
+        "cycle_time_s planning_time_s wall_time_s events success"
+    )
+    assert set(promised.split()) <= set(report)
+
+
+def test_default_run_picks_and_places_once_per_block_pose(report: dict[str, Any]) -> None:
+    assert report["success"]
+    assert [cycle["success"] for cycle in report["cycles"]] == [True, True]
+    assert all(len(cycle["picks"]) == len(cycle["places"]) == 1 for cycle in report["cycles"])
+
+
+def test_every_waypoint_is_reached(report: dict[str, Any]) -> None:
+    waypoints = [waypoint for cycle in report["cycles"] for waypoint in cycle["waypoints"]]
+    assert len(waypoints) == 12
+    assert all(waypoint["position_error_m"] <= RESIDUAL for waypoint in waypoints)
+    assert all(waypoint["orientation_error_rad"] <= RESIDUAL for waypoint in waypoints)
+    assert {waypoint["seed_type"] for waypoint in waypoints} <= {"USER", "CURRENT", "NS_MAP"}
+
+
+def test_every_move_keeps_every_limit(report: dict[str, Any]) -> None:
+    moves = [move for cycle in report["cycles"] for move in cycle["moves"]]
+    for kind in ("velocity", "acceleration", "jerk"):
+        assert max(move[f"peak_{kind}_ratio"] for move in moves) <= RATIO
+    assert max(move["peak_jerk_ratio"] for move in moves) > 0.99  # time-optimal: a limit is active
+
+
+def test_block_ends_at_the_last_place_on_the_table(report: dict[str, Any]) -> None:
+    x, y, z = report["block"]["final_m"]
+    place = report["cycles"][-1]["place_m"]
+    assert abs(x - place[0]) <= PLACED_WITHIN_M
+    assert abs(y - place[1]) <= PLACED_WITHIN_M
+    assert z == pytest.approx(-0.130, abs=ON_TABLE_WITHIN_M)
+
+
+def test_block_starts_where_the_original_settles_it(report: dict[str, Any]) -> None:
+    np.testing.assert_allclose(report["block"]["start_m"], [0.6975, 0.1515, -0.130], atol=1e-6)
+
+
+def test_steady_cycle_beats_the_originals_16_7_s(report: dict[str, Any]) -> None:
+    assert report["cycles"][1]["duration_s"] <= 9.0
+    mean = sum(cycle["duration_s"] for cycle in report["cycles"]) / 2
+    assert report["cycle_time_s"] == pytest.approx(mean)
+
+
+def test_motion_time_is_the_sum_of_the_moves_from_the_start_pose_on(
+    report: dict[str, Any],
+) -> None:
+    total = sum(move["duration_s"] for cycle in report["cycles"] for move in cycle["moves"])
+    assert report["motion_time_s"] == pytest.approx(total)
+
+
+def test_fingers_pass_20_mm_above_the_table(report: dict[str, Any]) -> None:
+    assert report["min_clearance_m"] == pytest.approx(0.0202, abs=1e-4)
+
+
+def test_events_tell_the_whole_story_in_order(report: dict[str, Any]) -> None:
+    kinds = [event["kind"] for event in report["events"]]
+    assert kinds[:3] == ["spawned", "spawned", "enabled"]
+    assert kinds[-2:] == ["deleted", "deleted"]
+    assert kinds.count("grasped") == kinds.count("released") == 2
+    times = [event["time_s"] for event in report["events"]]
+    assert times == sorted(times)
+
+
+def test_three_poses_are_visited_in_turn(tmp_path: Path) -> None:
+    report = report_of(tmp_path, "--add-pose", "0.72", "0.075", "-0.129")
+    a, b, c = [0.70, 0.15, -0.129], [0.75, 0.0, -0.129], [0.72, 0.075, -0.129]
+    visited = [(cycle["pick_m"], cycle["place_m"]) for cycle in report["cycles"]]
+    assert visited == [(a, b), (b, c), (c, a)]
+    np.testing.assert_allclose(report["block"]["final_m"][:2], a[:2], atol=PLACED_WITHIN_M)
+
+
+def test_many_cycles_do_not_drift(tmp_path: Path) -> None:
+    report = report_of(tmp_path, "--cycles", "8")
+    first, last = (report["cycles"][i]["block_m"] for i in (1, 7))
+    np.testing.assert_allclose(first, last, atol=1e-5)
+
+
+def test_speed_scales_the_velocity_limits(tmp_path: Path) -> None:
+    slow = report_of(tmp_path, "--speed", "0.3", "--cycles", "1")
+    fast = report_of(tmp_path, "--cycles", "1")
+    peak = max(move["peak_velocity_ratio"] for move in slow["cycles"][0]["moves"])
+    assert peak == pytest.approx(1.0)
+    assert slow["motion_time_s"] > 1.1 * fast["motion_time_s"]  # most moves are short
+
+
+def test_hover_is_where_the_approach_goes(tmp_path: Path) -> None:
+    low = report_of(tmp_path, "--hover", "0.05", "--cycles", "1")
+    assert low["hover_distance_m"] == 0.05
+    assert low["success"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("--add-pose 2 0 0", "out of reach"),
+        ("--add-pose 0.7 0 -0.4", "inside table"),
+        ("--add-pose 0.72 0.075 -0.14", "block would be 11.0 mm inside table"),
+        ("--hover 5", "out of reach"),
+        ("--limb right", "the right hand opens only 48.2 mm"),
+        ("--limb right", "block measures 50.0 mm"),
+        ("--add-pose 0.72 0.075 0.1 --cycles 3", "close on nothing"),
+    ],
+)
+def test_task_without_a_solution_is_status_1_and_one_sentence(
+    tmp_path: Path, options: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    report = report_of(tmp_path, *options.split(), status=1)
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+    assert not report["success"]
+    assert words in report["failure"]
+
+
+def test_what_was_recorded_before_a_failure_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    report = report_of(tmp_path, "--add-pose", "2", "0", "0", "--csv", str(path), status=1)
+    assert [cycle["success"] for cycle in report["cycles"]] == [True, False]
+    recorded_s = float(path.read_text().splitlines()[-1].split(",")[0])
+    assert recorded_s > report["cycles"][0]["duration_s"]
+
+
+def test_csv_is_the_recorders_of_the_rsdk(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    report_of(tmp_path, "--csv", str(path), "--cycles", "1")
+    text = path.read_bytes()
+    assert b"\r" not in text
+    rows = list(csv.reader(text.decode("ascii").splitlines()))
+    assert rows[0][:2] == ["time", "left_s0"]
+    assert rows[0][8:10] == ["left_gripper", "right_s0"]
+    assert {len(row) for row in rows} == {17}
+    times = np.array([float(row[0]) for row in rows[1:]])
+    np.testing.assert_allclose(np.diff(times), 0.01, atol=1e-6)
+    assert all(math.isfinite(float(value)) for row in rows[1:] for value in row)
+
+
+def test_html_is_one_file_of_at_most_5_mb(tmp_path: Path) -> None:
+    path = tmp_path / "replay.html"
+    report_of(tmp_path, "--html", str(path), "--cycles", "1")
+    assert path.stat().st_size <= 5e6
+
+
+def test_summary_names_seeds_residuals_durations_and_times(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["--headless"]) == 0
+    said = capsys.readouterr().out
+    assert said.count("Current Joint Angles") == 12
+    for word in ("residual", "move", "planning", "motion", "wall", "block: from"):
+        assert word in said
+
+
+def test_verbose_tells_every_event_and_quiet_none(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["--headless", "-v", "--cycles", "1"])
+    assert "block at rest on table" in capsys.readouterr().out
+    main(["--headless", "-q", "--cycles", "1"])
+    assert capsys.readouterr().out == ""

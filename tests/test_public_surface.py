@@ -1,0 +1,83 @@
+"""The public names, and what importing them may cost."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import types
+
+import pytest
+
+import baxter_kin
+import baxter_kin.demo
+import baxter_kin.ik
+import planner
+import sim
+
+PACKAGES = [baxter_kin, baxter_kin.ik, planner, sim]
+
+QUIET_IMPORT = """
+import socket, sys, threading
+opened = []
+def audit(event, args):
+    if event == "open" and not str(args[0]).endswith((".py", ".pyc")):
+        opened.append(str(args[0]))
+    if event in ("socket.bind", "subprocess.Popen"):
+        opened.append(event)
+before = set(sys.modules)
+sys.addaudithook(audit)
+import baxter_kin
+print(opened, threading.active_count(), "pinocchio" in sys.modules)
+"""
+
+MESHES_READ = """
+import sys
+opened = []
+def audit(event, args):
+    if event == "open":
+        opened.append(str(args[0]).lower())
+from baxter_kin import Baxter
+import pinocchio
+def refuse(*args, **kwargs):
+    raise AssertionError("geometry was read")
+pinocchio.buildGeomFromUrdf = pinocchio.buildModelsFromUrdf = refuse
+sys.addaudithook(audit)
+Baxter.load()
+print([path for path in opened if path.endswith((".dae", ".stl", ".obj"))])
+"""
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.__name__)
+def test_all_lists_what_exists_in_order(package: types.ModuleType) -> None:
+    assert list(package.__all__) == sorted(package.__all__)
+    assert all(getattr(package, name) is not None for name in package.__all__)
+
+
+@pytest.mark.parametrize("package", [planner, sim], ids=lambda package: package.__name__)
+def test_all_lists_every_name_that_is_imported(package: types.ModuleType) -> None:
+    public = {
+        name
+        for name, value in vars(package).items()
+        if not name.startswith("_") and not isinstance(value, types.ModuleType)
+    }
+    assert public == set(package.__all__)
+
+
+def test_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'Sawyer'"):
+        _ = baxter_kin.Sawyer
+
+
+def test_import_reads_no_file_and_starts_nothing() -> None:
+    assert _output_of(QUIET_IMPORT) == "[] 1 False"
+
+
+def test_load_reads_no_mesh() -> None:
+    assert _output_of(MESHES_READ) == "[]"
+
+
+def _output_of(program: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    return done.stdout.strip()
