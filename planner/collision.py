@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import coal
 import numpy as np
@@ -60,15 +61,18 @@ class Held:
     Attributes:
         body: what is held.
         T_tip_body: its pose seen from the tip.
+        supports: names of the bodies it may touch, because it stood or will stand on them.
     """
 
     body: Body
     T_tip_body: pin.SE3
+    supports: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         """Check and copy."""
         expect(self.body, Body, "a held body", SceneError)
         object.__setattr__(self, "T_tip_body", checked_pose(self.T_tip_body))
+        object.__setattr__(self, "supports", frozenset(self.supports))
 
 
 class RobotShapes:
@@ -117,7 +121,7 @@ class ClearanceChecker:
     bodies of the scene, and a held body against all but the hand. Not checked are the pairs that
     the SRDF rules out and the shapes of one hand among themselves. Some contacts are allowed on
     purpose: the fingers with the body they are about to grasp or have just released, and a held
-    body with what it stands on. They count only when they press in by more than
+    body with what it stood or will stand on. They count only when they press in by more than
     `PRESSING_TOLERANCE_M`.
     """
 
@@ -149,12 +153,11 @@ class ClearanceChecker:
         self._geometry = shapes.model.copy()
         self._arm_shapes = _shapes_of(shapes, arm)
         self._hand_shapes = [i for i in self._arm_shapes if _is_of_hand(self._name(i))]
-        self._scene_shapes: list[int] = []
         self._contacts: list[int] = []  # indices of the pairs that may touch
         self._keep_pairs_of_arm()
-        self._add_scene(scene, touchable)
+        supports = self._add_scene(scene, touchable, held)
         if held is not None:
-            self._add_held(held, arm)
+            self._add_held(held, arm, supports)
         self._data = self._robot.createData()
         self._distances = self._geometry.createData()
 
@@ -183,15 +186,19 @@ class ClearanceChecker:
             if moving and not (first in hand and second in hand):
                 self._add_pair(first, second)
 
-    def _add_scene(self, scene: Scene, touchable: str | None) -> None:
+    def _add_scene(self, scene: Scene, touchable: str | None, held: Held | None) -> set[int]:
+        """Add the bodies; returns the shapes of those that the held body may touch."""
+        supports = set()
         for body in scene:
             fingers = set(self._hand_shapes) if body.name == touchable else set()
             for index in self._add_body(body, 0, body.T_base_body):
-                self._scene_shapes.append(index)
+                if held is not None and body.name in held.supports:
+                    supports.add(index)
                 for other in self._arm_shapes:
                     self._add_pair(other, index, may_touch=other in fingers)
+        return supports
 
-    def _add_held(self, held: Held, arm: Arm) -> None:
+    def _add_held(self, held: Held, arm: Arm, supports: set[int]) -> None:
         tip = self._robot.frames[self._robot.getFrameId(arm.tip_frame)]
         shapes = self._geometry.geometryObjects
         others = [
@@ -201,7 +208,7 @@ class ClearanceChecker:
         ]
         for index in self._add_body(held.body, tip.parentJoint, tip.placement * held.T_tip_body):
             for other in others:
-                self._add_pair(index, other, may_touch=other in self._scene_shapes)
+                self._add_pair(index, other, may_touch=other in supports)
 
     def _add_body(self, body: Body, joint: int, T_joint_body: pin.SE3) -> list[int]:
         indices = []
@@ -268,6 +275,15 @@ def travel_to_contact(
     return travel
 
 
+def touching(body: Body, scene: Scene) -> frozenset[str]:
+    """Names of the other bodies that a body touches within `PRESSING_TOLERANCE_M`."""
+    return frozenset(
+        other.name
+        for other in scene
+        if other.name != body.name and _gap_m(body, other) <= PRESSING_TOLERANCE_M
+    )
+
+
 def coal_shape(shape: Shape) -> coal.CollisionGeometry:
     """Our shape as coal's."""
     if isinstance(shape, Box):
@@ -304,6 +320,23 @@ def _check_situation(scene: Scene, touchable: str | None, held: Held | None) -> 
         _ = scene[touchable]  # says what there is
     if held is not None and expect(held, Held, "held", SceneError).body.name in scene.bodies:
         raise SceneError(f"{held.body.name!r} is in the hand; take it out of the scene")
+
+
+def _gap_m(body: Body, other: Body) -> float:
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    gaps = []
+    for first, second in product(_placed(body), _placed(other)):
+        result.clear()
+        gaps.append(coal.distance(*first, *second, request, result))
+    return float(min(gaps))
+
+
+def _placed(body: Body) -> list[tuple[coal.CollisionGeometry, coal.Transform3s]]:
+    poses = [body.T_base_body * part.T_body_part for part in body.parts]
+    return [
+        (coal_shape(part.shape), coal.Transform3s(T.rotation, T.translation))
+        for part, T in zip(body.parts, poses, strict=True)
+    ]
 
 
 def _unit(direction: ArrayLike) -> Vector:

@@ -16,7 +16,7 @@ from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.frames import PoseLike, checked_pose
-from planner.collision import RobotShapes, travel_to_contact
+from planner.collision import PRESSING_TOLERANCE_M, RobotShapes, travel_to_contact
 from planner.errors import SceneError, expect
 from planner.scene import Body, Part
 
@@ -111,7 +111,8 @@ class Hand:
 
         The pad that touches first pushes the body along the closing axis until the other touches;
         the body keeps its orientation. None when they close without both touching it, or when it
-        does not fit between them.
+        does not fit between them: it is too wide, or reaches into a pad by more than
+        `PRESSING_TOLERANCE_M` before they close.
 
         Raises:
             PoseError: when the pose is none.
@@ -143,10 +144,16 @@ class Hand:
 
 
 def _travel(pad: Part, direction: float, parts: list[Part], room_m: float) -> float | None:
-    """How far a pad moves along y of the gripper until it touches a part; None if it does not."""
+    """How far a pad moves along y of the gripper until it touches a part; None if it does not.
+
+    It may begin inside one, by no more than a contact may press; its travel is negative then.
+    """
     along = np.array([0.0, direction, 0.0])
-    hits = [travel_to_contact(pad, along, part, room_m) for part in parts]
-    return min((hit for hit in hits if hit is not None), default=None)
+    begin = _shifted(pad, -direction * PRESSING_TOLERANCE_M)
+    room_m += PRESSING_TOLERANCE_M
+    hits = [travel_to_contact(begin, along, part, room_m) for part in parts]
+    least = min((hit for hit in hits if hit is not None), default=0.0)
+    return least - PRESSING_TOLERANCE_M if least > 0.0 else None
 
 
 def _shifted(pad: Part, y: float) -> Part:

@@ -23,7 +23,7 @@ from baxter_kin import Arm, Baxter, IKResult, IKService, JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array, positive_scalar
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.frames import checked_pose
-from planner.collision import Clearance, ClearanceChecker, Held, RobotShapes, least
+from planner.collision import Clearance, ClearanceChecker, Held, RobotShapes, least, touching
 from planner.errors import SceneError, TaskError, expect
 from planner.hand import Grasp, Hand
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
@@ -191,7 +191,7 @@ def _pick_and_place(draft: _Draft, task: PickAndPlace, body: Body) -> None:
     draft.grip("pick: open", GripperAction.OPEN)
     draft.move("pick: approach", above_pick)
     draft.move("pick: descend", task.T_base_pick)
-    draft.grasp("pick: close", task.T_base_pick, body)
+    draft.grasp("pick: close", task, body)
     draft.move("pick: retract", above_pick)
     draft.move("place: approach", above_place)
     draft.move("place: descend", task.T_base_place)
@@ -252,13 +252,14 @@ class _Draft:
         self.steps.append(Move(label, trajectory, T_base_tip, ik, clearance))
         self._q = ik.q
 
-    def grasp(self, label: str, T_base_tip: pin.SE3, body: Body) -> None:
+    def grasp(self, label: str, task: PickAndPlace, body: Body) -> None:
         """Add the closing of the fingers around the body."""
+        T_base_tip, T_base_place = task.T_base_pick, task.T_base_place
         grasp = self._manipulator.hand.grasp(T_base_tip, body, self._finger_m)
         if grasp is None:
             raise _NoSolutionError(label, _miss(T_base_tip, body))
         self.grip(label, GripperAction.CLOSE, body.name)
-        self._hold(body, grasp)
+        self._hold(body, grasp, T_base_place)
 
     def release(self, label: str, T_base_tip: pin.SE3) -> None:
         """Add the opening of the fingers, which leaves the body where it is."""
@@ -270,9 +271,11 @@ class _Draft:
         self._held, self._checker = None, None
         self._finger_m = self._manipulator.hand.stroke_m
 
-    def _hold(self, body: Body, grasp: Grasp) -> None:
+    def _hold(self, body: Body, grasp: Grasp, T_base_place: pin.SE3) -> None:
         self._scene, self._touchable = self._scene.without(body.name), None
-        self._held, self._checker = Held(body, grasp.T_tip_body), None
+        placed = body.at(T_base_place * grasp.T_tip_body)
+        supports = touching(body, self._scene) | touching(placed, self._scene)
+        self._held, self._checker = Held(body, grasp.T_tip_body, supports), None
         self._finger_m = grasp.finger_m
 
     def _checked(self, label: str, trajectory: Trajectory) -> Clearance | None:

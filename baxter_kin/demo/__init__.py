@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from baxter_kin.demo.interrupt import interruptible
 from baxter_kin.demo.options import parse_options
 
-__all__ = ["main"]
+__all__ = ["EXIT_INTERRUPTED", "main"]
 
 EXIT_INTERRUPTED = 130
 

@@ -7,7 +7,7 @@ import signal
 import sys
 from typing import NoReturn
 
-from baxter_kin.demo import main
+from baxter_kin.demo import EXIT_INTERRUPTED, main
 
 
 def run_process() -> NoReturn:
@@ -19,6 +19,10 @@ def run_process() -> NoReturn:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = 1
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the work is done; leave in peace
+    if status == EXIT_INTERRUPTED:
+        # CPython remembers a KeyboardInterrupt inside exec(), which every dataclass uses, and would
+        # end by the signal instead of with the status, although it was handled.
+        os._exit(status)
     sys.exit(status)
 
 

@@ -1,7 +1,7 @@
 """Ctrl-C that cannot get lost.
 
-Compiled libraries may swallow the exception that Ctrl-C raises. So it is also remembered, and the
-demo asks at every tick.
+Compiled libraries may swallow the exception that Ctrl-C raises, and CasADi complains about it. So
+it is put off while they work, and remembered: the demo asks after every plan and at every tick.
 """
 
 from __future__ import annotations
@@ -19,15 +19,27 @@ class Interrupt:
     def __init__(self) -> None:
         """Not pressed yet."""
         self.is_requested = False
+        self._is_deferred = False
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if Ctrl-C was pressed and is not being handled yet."""
+        """Raise KeyboardInterrupt if Ctrl-C was pressed."""
         if self.is_requested:
             raise KeyboardInterrupt
 
+    @contextmanager
+    def deferred(self) -> Iterator[None]:
+        """Within, Ctrl-C is only remembered; it is raised at the end."""
+        self._is_deferred = True
+        try:
+            yield
+        finally:
+            self._is_deferred = False
+        self.check()
+
     def _handle(self, _signal: int, _frame: FrameType | None) -> None:
         self.is_requested = True
-        raise KeyboardInterrupt
+        if not self._is_deferred:
+            raise KeyboardInterrupt
 
 
 @contextmanager

@@ -117,9 +117,9 @@ class _Demo:
 
     def _planned(self, make_plan: Callable[[], Plan]) -> Plan:
         started_s = time.perf_counter()
-        plan = make_plan()
+        with self._interrupt.deferred():
+            plan = make_plan()
         self._report.totals.planning_time_s += time.perf_counter() - started_s
-        self._interrupt.check()
         return plan
 
     @contextmanager
