@@ -33,6 +33,9 @@ PRESSING_TOLERANCE_M = 5e-4
 DISTANCE_TOLERANCE_M = 1e-8
 """Accuracy of distances where a contact is sought; coal's default, 1e-6, overshoots."""
 
+SLIDING = 1e-3
+"""Shapes in contact that close in by less than this share of the way slide along each other."""
+
 UNIT_TOLERANCE = 1e-9
 """How far the length of a unit vector may be from 1 by rounding."""
 
@@ -240,7 +243,8 @@ def travel_to_contact(
 
     Conservative advancement (Mirtich 1996): two planes across the shortest connection keep convex
     shapes apart, so a shape may move until it has used up the gap between them, and never touches
-    when it does not move towards them.
+    when it does not move towards them. Shapes in contact touch at once, unless one slides along
+    the other or leaves it.
 
     Args:
         moving: the shape that moves, placed in some frame.
@@ -266,9 +270,9 @@ def travel_to_contact(
     for _ in range(_MAX_ADVANCES):
         result.clear()
         gap = pair(coal.Transform3s(R, p + travel * along), T_still, request, result)
-        if gap <= CONTACT_TOLERANCE_M:
-            return travel
         closing = float(along @ result.normal)  # gap lost per distance moved
+        if gap <= CONTACT_TOLERANCE_M:
+            return travel if travel > 0.0 or closing > SLIDING else None
         if closing <= 0.0 or gap > closing * (room_m - travel):
             return None
         travel += gap / closing

@@ -254,9 +254,11 @@ class World:
 
     def _drop_from(self, support: str) -> None:
         """Let fall what stood on a body, and what stood on that."""
-        for name in [name for name, below in self.supports.items() if below == support]:
+        loose = [support]
+        for below in loose:  # grows: what stands on a loose body is loose too
+            loose += [n for n, s in self.supports.items() if s == below and n not in loose]
+        for name in loose[1:]:
             self.settle(name)
-            self._drop_from(name)
 
     def _carry(self, side: str) -> None:
         held = self._held.get(side)

@@ -1,0 +1,565 @@
+"""Clearances against pair-by-pair distances, and contacts against geometry by hand."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from baxter_kin import Arm, Baxter, BaxterError, ConfigurationError, PoseError, UnknownNameError
+from planner import (
+    Body,
+    Box,
+    Clearance,
+    ClearanceChecker,
+    Cylinder,
+    Manipulator,
+    Part,
+    RobotShapes,
+    Scene,
+    SceneError,
+    Sphere,
+)
+from planner.collision import (
+    PRESSING_TOLERANCE_M,
+    Held,
+    coal_shape,
+    least,
+    shape_of,
+    touching,
+    travel_to_contact,
+)
+from planner.scene import Shape
+from tests.conftest import at, overhead
+
+DISTANCE_TOLERANCE_M = 2e-6
+"""Two runs of GJK on the same pair; its default tolerance is 1e-6."""
+
+CONTACT_TOLERANCE_M = 1e-6
+"""Where a rounded shape touches, distances are found to 1e-8, at grazing angles magnified."""
+
+X, Y, Z = np.eye(3)
+ORIGIN = at(0.0, 0.0, 0.0)
+CUBE = Box((0.05, 0.05, 0.05))
+Vector = NDArray[np.float64]
+
+seeds = st.integers(0, 2**32 - 1)
+metres = st.floats(0.01, 0.1)
+
+
+@pytest.fixture(scope="module")
+def shapes(robot: Baxter) -> RobotShapes:
+    return RobotShapes(robot)
+
+
+def ball(name: str, x: float, y: float, z: float, radius_m: float = 0.02) -> Body:
+    return Body(name, (Part(Sphere(radius_m), ORIGIN),), at(x, y, z))
+
+
+def full(robot: Baxter, arm: Arm, q: Any) -> Vector:
+    """A configuration of the whole robot, the fingers of the arm open."""
+    joints = arm.joints(q)
+    letter = arm.side[0]
+    joints |= {f"{letter}_gripper_l_finger_joint": 0.02, f"{letter}_gripper_r_finger_joint": -0.02}
+    return robot.configuration(joints)
+
+
+class Independent:
+    """Distances of one arm's shapes, one pair after the other, with pairs from the SRDF's text."""
+
+    def __init__(self, robot: Baxter, arm: Arm, q: Vector) -> None:
+        files = robot.description
+        self._robot = robot
+        self._shapes = pin.buildGeomFromUrdf(
+            robot.model,
+            str(files.urdf),
+            pin.GeometryType.COLLISION,
+            package_dirs=[str(files.package_dir)],
+        ).geometryObjects
+        data = robot.model.createData()
+        pin.forwardKinematics(robot.model, data, q)
+        self._poses = [data.oMi[shape.parentJoint] * shape.placement for shape in self._shapes]
+        self._links = [str(shape.name).rsplit("_", 1)[0] for shape in self._shapes]
+        self._never = {
+            frozenset((entry.get("link1"), entry.get("link2")))
+            for entry in ET.parse(files.srdf).getroot().iter("disable_collisions")
+        }
+        moving = _links_below(files.urdf, f"{arm.side}_s0")
+        self._arm = {i for i, link in enumerate(self._links) if link in moving}
+        self._hand = {
+            i for i in self._arm if "gripper" in self._links[i] or "hand" in self._links[i]
+        }
+
+    def least(self, scene: Scene) -> float:
+        return min(*self.to_itself(), *(self._to(body) for body in scene))
+
+    def to_itself(self) -> Iterator[float]:
+        for i in self._arm:
+            for j in range(len(self._shapes)):
+                rigid = self._shapes[i].parentJoint == self._shapes[j].parentJoint
+                never = frozenset((self._links[i], self._links[j])) in self._never
+                if not (rigid or never or {i, j} <= self._hand):
+                    yield distance(
+                        self._shapes[i].geometry,
+                        self._poses[i],
+                        self._shapes[j].geometry,
+                        self._poses[j],
+                    )
+
+    def _to(self, body: Body) -> float:
+        return min(
+            distance(
+                self._shapes[i].geometry,
+                self._poses[i],
+                coal_shape(part.shape),
+                body.T_base_body * part.T_body_part,
+            )
+            for i in self._arm
+            for part in body.parts
+        )
+
+
+def _links_below(urdf: Any, joint_name: str) -> set[str]:
+    joints = [
+        (joint.get("name"), joint.find("parent"), joint.find("child"))
+        for joint in ET.parse(urdf).getroot().findall("joint")
+    ]
+    children: dict[str | None, list[str]] = {}
+    found: list[str] = []
+    for name, parent, child in joints:
+        assert parent is not None
+        assert child is not None
+        children.setdefault(parent.get("link"), []).append(str(child.get("link")))
+        if name == joint_name:
+            found.append(str(child.get("link")))
+    for link in found:
+        found.extend(children.get(link, []))
+    return set(found)
+
+
+def distance(first: Any, T_first: pin.SE3, second: Any, T_second: pin.SE3) -> float:
+    return float(
+        coal.distance(
+            first,
+            coal.Transform3s(T_first.rotation, T_first.translation),
+            second,
+            coal.Transform3s(T_second.rotation, T_second.translation),
+            coal.DistanceRequest(),
+            coal.DistanceResult(),
+        )
+    )
+
+
+@settings(max_examples=8)
+@given(seeds)
+def test_clearance_is_the_least_of_all_pairs_computed_one_by_one(
+    robot: Baxter, arm: Arm, shapes: RobotShapes, scene: Scene, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    q = full(robot, arm, arm.random_configuration(rng))
+    found = ClearanceChecker(shapes, arm, scene).clearance(q)
+    expected = Independent(robot, arm, q).least(scene)
+    if expected > 0.0:
+        assert found.distance_m == pytest.approx(expected, abs=DISTANCE_TOLERANCE_M)
+    else:
+        assert found.distance_m <= 0.0
+
+
+def test_clearance_in_neutral_is_that_of_all_pairs(
+    robot: Baxter, arm: Arm, shapes: RobotShapes
+) -> None:
+    q = full(robot, arm, arm.neutral)
+    found = ClearanceChecker(shapes, arm, Scene.of()).clearance(q)
+    expected = min(Independent(robot, arm, q).to_itself())
+    assert found.distance_m == pytest.approx(expected, abs=DISTANCE_TOLERANCE_M)
+    assert found.distance_m > 0.0
+
+
+@pytest.mark.parametrize("gap", [0.001, 0.01, -0.003])
+def test_clearance_to_a_slab_under_the_lowest_finger_point_is_known_by_hand(
+    robot: Baxter, manipulator: Manipulator, shapes: RobotShapes, gap: float
+) -> None:
+    arm = manipulator.arm
+    q = manipulator.ik.solve(overhead(0.70, 0.15, 0.1)).q
+    T = arm.T_base_tip(q)
+    lowest = min(
+        Body(name, (shapes.part_at_tip(name, arm),), T * at(0.0, y, 0.0)).extent_m(Z)[0]
+        for finger, y in (("l", 0.02), ("r", -0.02))
+        for name in (f"l_gripper_{finger}_finger_{part}" for part in ("0", "1", "tip_0"))
+    )
+    slab = Body("slab", (Part(Box((1.0, 1.0, 0.02)), ORIGIN),), at(0.9, 0.0, lowest - gap - 0.01))
+    found = ClearanceChecker(shapes, arm, Scene.of([slab])).clearance(full(robot, arm, q))
+    assert found.distance_m == pytest.approx(gap, abs=DISTANCE_TOLERANCE_M)
+    assert "slab" in (found.first, found.second)
+    assert "finger" in found.first + found.second
+
+
+def test_a_body_far_away_changes_nothing(robot: Baxter, left: Arm, shapes: RobotShapes) -> None:
+    q = full(robot, left, left.neutral)
+    alone = ClearanceChecker(shapes, left, Scene.of()).clearance(q)
+    with_ball = ClearanceChecker(shapes, left, Scene.of([ball("far", 9, 9, 9)])).clearance(q)
+    assert with_ball.distance_m == pytest.approx(alone.distance_m, abs=DISTANCE_TOLERANCE_M)
+
+
+def test_a_body_inside_a_link_gives_a_negative_clearance_that_names_both(
+    robot: Baxter, left: Arm, shapes: RobotShapes
+) -> None:
+    tip = left.T_base_tip(left.neutral).act(np.array([0.0, 0.0, -0.13]))
+    scene = Scene.of([ball("intruder", *tip)])
+    found = ClearanceChecker(shapes, left, scene).clearance(full(robot, left, left.neutral))
+    assert found.distance_m < 0.0
+    assert found.second == "intruder"
+    assert found.first.startswith(("left_", "l_"))
+
+
+class TestAllowedContacts:
+    """Fingers and the body they grasp; a held body and what it stands on."""
+
+    @pytest.fixture
+    def q(self, robot: Baxter, left: Arm) -> Vector:
+        return full(robot, left, left.neutral)
+
+    def at_left_pad(self, manipulator: Manipulator, left: Arm, depth_m: float) -> Body:
+        """A ball between the fingers, pressed into the +y pad by some depth."""
+        radius = 0.01
+        inner_face = manipulator.hand.closed_gap_m / 2 + 0.02
+        point_tip = np.array([0.0, inner_face - radius + depth_m, -0.015])
+        x, y, z = left.T_base_tip(left.neutral).act(point_tip)
+        return ball("ball", x, y, z, radius)
+
+    def test_the_fingers_may_touch_the_touchable_body(
+        self, manipulator: Manipulator, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        touching = Scene.of([self.at_left_pad(manipulator, left, 0.0)])
+        counted = ClearanceChecker(shapes, left, touching).clearance(q)
+        allowed = ClearanceChecker(shapes, left, touching, touchable="ball").clearance(q)
+        assert counted.distance_m == pytest.approx(0.0, abs=DISTANCE_TOLERANCE_M)
+        assert allowed.distance_m > 0.01
+
+    def test_the_fingers_must_not_press_into_it(
+        self, manipulator: Manipulator, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        for depth, is_allowed in (
+            (0.8 * PRESSING_TOLERANCE_M, True),
+            (1.2 * PRESSING_TOLERANCE_M, False),
+        ):
+            pressed = Scene.of([self.at_left_pad(manipulator, left, depth)])
+            found = ClearanceChecker(shapes, left, pressed, touchable="ball").clearance(q)
+            assert (found.distance_m > 0.0) is is_allowed
+
+    def test_other_bodies_stay_forbidden_to_the_fingers(
+        self, manipulator: Manipulator, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        ball_body = self.at_left_pad(manipulator, left, 1e-4)
+        scene = Scene.of([ball_body, ball("target", 5, 5, 5)])
+        found = ClearanceChecker(shapes, left, scene, touchable="target").clearance(q)
+        assert found.distance_m < 0.0
+
+    def test_the_rest_of_the_arm_must_not_touch_the_touchable_body(
+        self, robot: Baxter, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        data = robot.model.createData()
+        pin.framesForwardKinematics(robot.model, data, q)
+        elbow = data.oMf[robot.model.getFrameId("left_lower_elbow")].translation
+        scene = Scene.of([ball("ball", *elbow)])
+        found = ClearanceChecker(shapes, left, scene, touchable="ball").clearance(q)
+        assert found.distance_m < 0.0
+
+    def test_a_held_body_is_not_checked_against_the_hand(
+        self, block: Body, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        held = Held(block, at(-0.025, -0.025, -0.025))
+        found = ClearanceChecker(shapes, left, Scene.of(), held=held).clearance(q)
+        assert found.distance_m > 0.01
+
+    @pytest.mark.parametrize(("gap", "is_allowed"), [(0.0, True), (-1e-4, True), (-1e-3, False)])
+    def test_a_held_body_may_stand_on_something_but_not_in_it(
+        self, manipulator: Manipulator, block: Body, gap: float, is_allowed: bool
+    ) -> None:
+        left, robot = manipulator.arm, manipulator.robot
+        held = Held(block, at(-0.025, -0.025, -0.025), frozenset({"slab"}))
+        T_base_tip = left.T_base_tip(left.neutral)
+        low = block.at(T_base_tip * held.T_tip_body).extent_m(Z)[0]
+        x, y, _ = T_base_tip.translation
+        slab = Body("slab", (Part(Box((0.1, 0.1, 0.02)), ORIGIN),), at(x, y, low - gap - 0.01))
+        checker = ClearanceChecker(manipulator.shapes, left, Scene.of([slab]), held=held)
+        found = checker.clearance(full(robot, left, left.neutral))
+        assert (found.distance_m > 0.0) is is_allowed
+
+    def test_a_held_body_must_not_touch_what_it_does_not_stand_on(
+        self, manipulator: Manipulator, block: Body
+    ) -> None:
+        left, robot = manipulator.arm, manipulator.robot
+        held = Held(block, at(-0.025, -0.025, -0.025), frozenset({"table"}))
+        T_base_tip = left.T_base_tip(left.neutral)
+        low = block.at(T_base_tip * held.T_tip_body).extent_m(Z)[0]
+        x, y, _ = T_base_tip.translation
+        shelf = Body("shelf", (Part(Box((0.1, 0.1, 0.02)), ORIGIN),), at(x, y, low - 0.001 - 0.01))
+        checker = ClearanceChecker(manipulator.shapes, left, Scene.of([shelf]), held=held)
+        found = checker.clearance(full(robot, left, left.neutral))
+        assert (found.first, found.second) == ("block", "shelf")
+        assert found.distance_m == pytest.approx(0.001, abs=DISTANCE_TOLERANCE_M)
+
+    def test_a_held_body_counts_against_the_robot(
+        self, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        tip = left.T_base_tip(left.neutral)
+        huge = Body("huge", (Part(Sphere(float(np.linalg.norm(tip.translation))), ORIGIN),), ORIGIN)
+        found = ClearanceChecker(shapes, left, Scene.of(), held=Held(huge, ORIGIN)).clearance(q)
+        assert found.distance_m < 0.0
+        assert "huge" in (found.first, found.second)
+
+    def test_a_body_named_like_a_link_excuses_no_contact_with_the_link(
+        self, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        names = {str(shape.name).rsplit("_", 1)[0] for shape in shapes.model.geometryObjects}
+        tip = left.T_base_tip(left.neutral)
+        reach = float(np.linalg.norm(tip.translation)) - 0.3
+        huge = Body("huge", (Part(Sphere(reach), ORIGIN),), ORIGIN)
+        held = Held(huge, ORIGIN)
+        without = ClearanceChecker(shapes, left, Scene.of(), held=held).clearance(q)
+        like_links = Scene.of(ball(name, 9, 9, 9) for name in sorted(names))
+        with_names = ClearanceChecker(shapes, left, like_links, held=held).clearance(q)
+        assert with_names.distance_m == pytest.approx(without.distance_m, abs=DISTANCE_TOLERANCE_M)
+
+    def test_an_unknown_touchable_body_is_refused(
+        self, left: Arm, shapes: RobotShapes, scene: Scene
+    ) -> None:
+        with pytest.raises(SceneError, match="no body 'brick' in the scene"):
+            ClearanceChecker(shapes, left, scene, touchable="brick")
+
+    def test_a_held_body_that_also_stands_in_the_scene_is_refused(
+        self, left: Arm, shapes: RobotShapes, scene: Scene
+    ) -> None:
+        with pytest.raises(SceneError, match="'block' is in the hand"):
+            ClearanceChecker(shapes, left, scene, held=Held(scene["block"], ORIGIN))
+
+
+def test_two_checkers_do_not_disturb_each_other(
+    robot: Baxter, left: Arm, shapes: RobotShapes, scene: Scene
+) -> None:
+    q = full(robot, left, left.neutral)
+    first = ClearanceChecker(shapes, left, scene)
+    before = first.clearance(q)
+    ClearanceChecker(shapes, left, Scene.of([ball("b", 0.7, 0.2, 0.1)])).clearance(q)
+    after = first.clearance(q)
+    assert (after.first, after.second) == (before.first, before.second)
+    assert after.distance_m == pytest.approx(before.distance_m, abs=DISTANCE_TOLERANCE_M)
+
+
+@pytest.mark.parametrize(
+    "q", [None, "q", [], [0.0] * 7, [0.0] * 18, [np.nan] * 19, [np.inf] * 19, ["0"] * 19, 1.0]
+)
+def test_a_malformed_configuration_is_refused(
+    left: Arm, shapes: RobotShapes, scene: Scene, q: Any
+) -> None:
+    with pytest.raises(ConfigurationError, match="q"):
+        ClearanceChecker(shapes, left, scene).clearance(q)
+
+
+@pytest.mark.parametrize(
+    ("gap", "names"), [(0.0, {"slab"}), (4e-4, {"slab"}), (-0.01, {"slab"}), (6e-4, set())]
+)
+def test_bodies_touch_within_what_a_contact_may_press(gap: float, names: set[str]) -> None:
+    cube = Body("cube", (Part(CUBE, ORIGIN),), at(0.0, 0.0, 0.025 + gap))
+    slab = Body("slab", (Part(Box((0.2, 0.2, 0.04)), ORIGIN),), at(0.0, 0.0, -0.02))
+    scene = Scene.of([cube, slab, ball("far", 1.0, 1.0, 1.0)])
+    assert touching(cube, scene) == names
+
+
+@pytest.mark.parametrize("position", [0, 1, 2])
+@pytest.mark.parametrize("bad", [None, "left", 5])
+def test_a_checker_of_something_else_is_refused(
+    left: Arm, shapes: RobotShapes, scene: Scene, position: int, bad: Any
+) -> None:
+    parts: list[Any] = [shapes, left, scene]
+    parts[position] = bad
+    with pytest.raises(SceneError, match="must be of class"):
+        ClearanceChecker(*parts)
+
+
+@pytest.mark.parametrize("pose", [None, np.eye(3), np.full((4, 4), np.nan)])
+def test_a_body_cannot_be_held_at_no_pose(block: Body, pose: Any) -> None:
+    with pytest.raises(PoseError):
+        Held(block, pose)
+
+
+@pytest.mark.parametrize("body", [None, "block", 5])
+def test_nothing_cannot_be_held(body: Any) -> None:
+    with pytest.raises(SceneError):
+        Held(body, ORIGIN)
+
+
+@pytest.mark.parametrize("name", ["left_hand_link", "", None, 5, [], np.zeros(3)])
+def test_an_unknown_shape_of_the_hand_is_refused(left: Arm, shapes: RobotShapes, name: Any) -> None:
+    with pytest.raises(UnknownNameError, match="collision shape"):
+        shapes.part_at_tip(name, left)
+
+
+def test_the_least_of_clearances_is_the_smallest_and_of_none_is_none() -> None:
+    far, near = Clearance(0.2, "a", "b"), Clearance(-0.1, "c", "d")
+    assert least([far, near, far]) is near
+    assert least([]) is None
+
+
+@pytest.mark.parametrize("shape", [CUBE, Cylinder(0.02, 0.1), Sphere(0.03)])
+def test_a_shape_survives_the_way_to_coal_and_back(shape: Any) -> None:
+    assert shape_of(coal_shape(shape)) == shape
+
+
+def test_a_shape_that_is_not_known_is_refused_by_name() -> None:
+    with pytest.raises(SceneError, match="not Cone"):
+        shape_of(coal.Cone(0.1, 0.1))
+
+
+def placed(shape: Any, x: float, y: float = 0.0, z: float = 0.0) -> Part:
+    return Part(shape, at(x, y, z))
+
+
+@given(metres, metres, st.floats(0.001, 1.0), st.floats(-0.95, 0.95))
+def test_a_box_travels_to_a_box_by_the_gap_between_them(
+    first: float, second: float, gap: float, offset: float
+) -> None:
+    reach = (first + second) / 2
+    still = placed(Box((second, second, second)), reach + gap, offset * reach)
+    travel = travel_to_contact(placed(Box((first, first, first)), 0.0), X, still, 2.0)
+    assert travel == pytest.approx(gap, abs=CONTACT_TOLERANCE_M)
+
+
+@given(metres, metres, st.floats(0.3, 1.0), st.floats(-0.98, 0.98))
+def test_a_ball_travels_to_a_ball_as_circles_do(
+    first: float, second: float, ahead: float, offset: float
+) -> None:
+    reach = first + second
+    still = placed(Sphere(second), ahead, offset * reach)
+    travel = travel_to_contact(placed(Sphere(first), 0.0), X, still, 2.0)
+    expected = ahead - reach * math.sqrt(1.0 - offset**2)
+    assert travel == pytest.approx(expected, abs=CONTACT_TOLERANCE_M)
+
+
+@given(metres, metres, st.floats(0.3, 1.0))
+def test_a_ball_travels_to_a_face_until_its_radius_is_left(
+    radius: float, edge: float, ahead: float
+) -> None:
+    still = placed(Box((edge, edge, edge)), ahead)
+    travel = travel_to_contact(placed(Sphere(radius), 0.0), X, still, 2.0)
+    assert travel == pytest.approx(ahead - radius - edge / 2, abs=CONTACT_TOLERANCE_M)
+
+
+@given(metres, metres, st.floats(0.3, 1.0))
+def test_a_cylinder_travels_sideways_by_its_radius_and_lengthwise_by_half_its_length(
+    radius: float, length: float, ahead: float
+) -> None:
+    cylinder = placed(Cylinder(radius, length), 0.0)
+    beside, below = placed(CUBE, ahead), placed(CUBE, 0.0, 0.0, -ahead)
+    sideways = travel_to_contact(cylinder, X, beside, 2.0)
+    down = travel_to_contact(cylinder, -Z, below, 2.0)
+    assert sideways == pytest.approx(ahead - radius - 0.025, abs=CONTACT_TOLERANCE_M)
+    assert down == pytest.approx(ahead - length / 2 - 0.025, abs=CONTACT_TOLERANCE_M)
+
+
+@given(metres, st.floats(0.3, 1.0), st.floats(-0.95, 0.95))
+def test_a_cylinder_travels_to_a_cylinder_as_circles_do(
+    radius: float, ahead: float, offset: float
+) -> None:
+    still = placed(Cylinder(radius, 0.1), ahead, offset * 2 * radius, 0.03)
+    travel = travel_to_contact(placed(Cylinder(radius, 0.1), 0.0), X, still, 2.0)
+    expected = ahead - 2 * radius * math.sqrt(1.0 - offset**2)
+    assert travel == pytest.approx(expected, abs=CONTACT_TOLERANCE_M)
+
+
+@given(seeds)
+def test_shapes_touch_where_they_are_said_to_and_not_before(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    moving, still = random_part(rng, 0.0), random_part(rng, 0.3)
+    way = still.T_body_part.translation - moving.T_body_part.translation
+    direction = way / np.linalg.norm(way)
+    travel = travel_to_contact(moving, direction, still, 1.0)
+    assert travel is not None  # it aims at the centre
+    gaps = [gap_after(moving, direction, still, share * travel) for share in (0.0, 0.5, 0.9, 0.99)]
+    assert min(gaps) >= -CONTACT_TOLERANCE_M
+    assert gap_after(moving, direction, still, travel) == pytest.approx(0.0, abs=5e-6)
+
+
+def random_part(rng: np.random.Generator, x: float) -> Part:
+    a, b, c = rng.uniform(0.01, 0.05, 3)
+    shapes: list[Shape] = [Box((a, b, c)), Cylinder(a, b), Sphere(a)]
+    shape = shapes[rng.integers(3)]
+    quat = rng.normal(size=4)
+    R = pin.Quaternion(*(quat / np.linalg.norm(quat))).toRotationMatrix()
+    return Part(shape, pin.SE3(R, np.array([x, 0.0, 0.0]) + rng.uniform(-0.02, 0.02, 3)))
+
+
+def gap_after(moving: Part, direction: Vector, still: Part, travel_m: float) -> float:
+    T = moving.T_body_part
+    moved = pin.SE3(T.rotation, T.translation + travel_m * direction)
+    return distance(coal_shape(moving.shape), moved, coal_shape(still.shape), still.T_body_part)
+
+
+@pytest.mark.parametrize("gap", [1e-5, 1e-4, 1e-3, 0.01])
+def test_a_shape_that_slides_past_another_never_touches_it(gap: float) -> None:
+    beside = placed(CUBE, 0.0, 0.05 + gap)
+    assert travel_to_contact(placed(CUBE, 0.0), X, beside, 3.0) is None
+    ahead = placed(CUBE, 0.2, 0.05 + gap)
+    assert travel_to_contact(placed(CUBE, 0.0), X, ahead, 3.0) is None
+
+
+@pytest.mark.parametrize("gap", [1e-5, 1e-3, 0.01])
+def test_a_ball_that_passes_a_ball_never_touches_it(gap: float) -> None:
+    ahead = placed(Sphere(0.03), 0.2, 0.06 + gap)
+    assert travel_to_contact(placed(Sphere(0.03), 0.0), X, ahead, 3.0) is None
+
+
+def test_a_shape_that_moves_away_never_touches() -> None:
+    assert travel_to_contact(placed(CUBE, 0.0), -X, placed(CUBE, 0.2), 3.0) is None
+
+
+@pytest.mark.parametrize("x", [0.03, 0.0499, 0.05])
+def test_shapes_in_contact_that_close_in_need_no_travel(x: float) -> None:
+    assert travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, x), 1.0) == 0.0
+
+
+@pytest.mark.parametrize("x", [0.03, 0.0499, 0.05])
+def test_shapes_in_contact_that_part_or_slide_do_not_touch_again(x: float) -> None:
+    for direction in (-X, Y, -Y, Z):
+        assert travel_to_contact(placed(CUBE, 0.0), direction, placed(CUBE, x), 1.0) is None
+
+
+def test_a_contact_farther_than_the_room_is_none() -> None:
+    assert travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), 0.1) is None
+
+
+def test_a_contact_at_the_end_of_the_room_counts() -> None:
+    travel = travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), 0.15)
+    assert travel == pytest.approx(0.15, abs=CONTACT_TOLERANCE_M)
+
+
+@pytest.mark.parametrize(
+    "direction",
+    [None, "x", [1.0, 0.0], [0.0] * 3, [2.0, 0.0, 0.0], [np.nan] * 3, [np.inf, 0.0, 0.0], 1.0],
+)
+def test_a_direction_that_is_none_is_refused(direction: Any) -> None:
+    with pytest.raises(SceneError, match="direction"):
+        travel_to_contact(placed(CUBE, 0.0), direction, placed(CUBE, 0.2), 1.0)
+
+
+@pytest.mark.parametrize("room", [None, "far", np.nan, np.inf, []])
+def test_room_that_is_no_length_is_refused(room: Any) -> None:
+    with pytest.raises(SceneError, match="room_m"):
+        travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), room)
+
+
+@pytest.mark.parametrize("bad", [None, CUBE, "part"])
+def test_what_is_no_part_cannot_touch(bad: Any) -> None:
+    for first, second in ((bad, placed(CUBE, 0.2)), (placed(CUBE, 0.2), bad)):
+        with pytest.raises(BaxterError):
+            travel_to_contact(first, X, second, 1.0)

@@ -1,0 +1,297 @@
+"""The hands, measured on the collision shapes, and what they can grasp."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from baxter_kin import Baxter, ConfigurationError, PoseError
+from planner import Body, Box, Cylinder, Grasp, Hand, Manipulator, Part, RobotShapes, SceneError
+from planner.scene import Shape, Sphere
+from tests.conftest import at, overhead
+
+GAP_TOLERANCE_M = 5e-6
+"""The gaps are given in mm with two decimals."""
+
+SEED_TOLERANCE_M = 2e-5
+"""What is known of the demo's pick is given in mm with two decimals, doubled for its rounding."""
+
+CONTACT_TOLERANCE_M = 1e-7
+"""Contacts of boxes, cylinders and balls are found to 1e-8, and two of them add up."""
+
+ORIGIN = at(0.0, 0.0, 0.0)
+PAD_Z_M = -0.015
+"""Middle of the pads, seen from the tip."""
+
+PICK = overhead(0.70, 0.15, -0.129)
+
+
+@pytest.fixture(scope="module")
+def hands(robot: Baxter) -> dict[str, Hand]:
+    shapes = RobotShapes(robot)
+    return {side: Hand.of(robot, arm, shapes) for side, arm in robot.arms.items()}
+
+
+@pytest.fixture(scope="module")
+def hand(hands: dict[str, Hand]) -> Hand:
+    """The left one."""
+    return hands["left"]
+
+
+def thing(shape: Shape, x: float = 0.0, y: float = 0.0, z: float = PAD_Z_M) -> Body:
+    """A body somewhere between the pads of a hand whose tip is at the origin of base."""
+    return Body("thing", (Part(shape, ORIGIN),), at(x, y, z), is_movable=True)
+
+
+def cube(edge: float) -> Box:
+    return Box((edge, edge, edge))
+
+
+def grasped(hand: Hand, body: Body, finger_m: float | None = None) -> Grasp:
+    grasp = hand.grasp(ORIGIN, body, hand.stroke_m if finger_m is None else finger_m)
+    assert grasp is not None
+    return grasp
+
+
+@pytest.mark.parametrize(
+    ("side", "closed_mm", "open_mm"), [("left", 16.0, 57.67), ("right", 6.5, 48.17)]
+)
+def test_the_gap_between_the_pads_is_that_of_the_collision_shapes(
+    hands: dict[str, Hand], side: str, closed_mm: float, open_mm: float
+) -> None:
+    assert hands[side].closed_gap_m == pytest.approx(1e-3 * closed_mm, abs=GAP_TOLERANCE_M)
+    assert hands[side].open_gap_m == pytest.approx(1e-3 * open_mm, abs=GAP_TOLERANCE_M)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("finger_m", [0.0, 0.01, 0.020833])
+def test_the_gap_is_what_pinocchio_says_for_the_finger_joints(
+    robot: Baxter, hands: dict[str, Hand], side: str, finger_m: float
+) -> None:
+    hand = hands[side]
+    shapes = RobotShapes(robot).model
+    tips = [f"{side[0]}_gripper_{finger}_finger_tip_0" for finger in "lr"]
+    first, second = (shapes.getGeometryId(name) for name in tips)
+    shapes.removeAllCollisionPairs()
+    shapes.addCollisionPair(pin.CollisionPair(first, second))
+    data, geometry = robot.model.createData(), shapes.createData()
+    q = robot.configuration(hand.finger_joints(finger_m))
+    pin.computeDistances(robot.model, data, shapes, geometry, q)
+    gap = geometry.distanceResults[0].min_distance
+    assert gap == pytest.approx(hand.closed_gap_m + 2 * finger_m, abs=1e-6)  # GJK's tolerance
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_stroke_is_that_of_the_urdf(hands: dict[str, Hand], side: str) -> None:
+    assert hands[side].stroke_m == pytest.approx(0.020833, abs=1e-9)
+
+
+def test_the_second_finger_mirrors_the_first(hand: Hand) -> None:
+    assert hand.finger_joints(0.01) == {
+        "l_gripper_l_finger_joint": 0.01,
+        "l_gripper_r_finger_joint": -0.01,
+    }
+
+
+def test_per_cent_run_from_closed_to_open(hand: Hand) -> None:
+    percents = [hand.percent(share * hand.stroke_m) for share in (0.0, 0.5, 1.0)]
+    assert percents == pytest.approx([0.0, 50.0, 100.0], abs=1e-9)
+
+
+@given(st.floats(0.018, 0.057))
+def test_a_cube_between_the_pads_is_held_by_its_edge(hand: Hand, edge: float) -> None:
+    grasp = grasped(hand, thing(cube(edge)))
+    assert grasp.width_m == pytest.approx(edge, abs=CONTACT_TOLERANCE_M)
+    assert grasp.finger_m == pytest.approx((edge - hand.closed_gap_m) / 2, abs=CONTACT_TOLERANCE_M)
+
+
+@given(st.floats(0.01, 0.028))
+def test_a_ball_and_a_rod_are_held_by_their_diameter(hand: Hand, radius: float) -> None:
+    for shape in (Sphere(radius), Cylinder(radius, 0.1)):
+        grasp = grasped(hand, thing(shape))
+        assert grasp.width_m == pytest.approx(2 * radius, abs=CONTACT_TOLERANCE_M)
+
+
+@given(st.floats(-0.0035, 0.0035))
+def test_closing_pushes_a_body_into_the_middle(hand: Hand, offset: float) -> None:
+    grasp = grasped(hand, thing(cube(0.05), 0.0, offset))
+    assert grasp.push_m == pytest.approx(-offset, abs=CONTACT_TOLERANCE_M)
+    assert grasp.T_tip_body.translation == pytest.approx([0.0, 0.0, PAD_Z_M], abs=1e-7)
+
+
+@given(st.floats(-0.003, 0.003), st.floats(-0.01, 0.01), st.floats(-0.2, 0.2), st.floats(-0.1, 0.1))
+def test_a_body_once_grasped_is_centred_and_grasping_again_changes_nothing(
+    hand: Hand, y: float, x: float, yaw: float, roll: float
+) -> None:
+    R = pin.rpy.rpyToMatrix(roll, 0.0, yaw)
+    body = thing(cube(0.045)).at(pin.SE3(R, np.array([x, y, PAD_Z_M])))
+    first = hand.grasp(ORIGIN, body, hand.stroke_m)
+    assume(first is not None)
+    assert first is not None
+    again = grasped(hand, body.at(first.T_tip_body))
+    assert again.push_m == pytest.approx(0.0, abs=CONTACT_TOLERANCE_M)
+    assert again.width_m == pytest.approx(first.width_m, abs=CONTACT_TOLERANCE_M)
+
+
+@given(st.floats(-0.003, 0.003), st.floats(-0.2, 0.2))
+def test_a_grasp_turns_and_lifts_nothing(hand: Hand, y: float, yaw: float) -> None:
+    T = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([0.004, y, PAD_Z_M]))
+    body = thing(cube(0.04)).at(T)
+    held = grasped(hand, body).T_tip_body
+    assert held.rotation == pytest.approx(T.rotation, abs=1e-12)
+    assert held.translation[[0, 2]] == pytest.approx(T.translation[[0, 2]], abs=1e-12)
+
+
+@given(st.floats(0.0145, 0.020833))
+def test_a_grasp_does_not_depend_on_where_the_fingers_start(hand: Hand, finger_m: float) -> None:
+    body = thing(cube(0.04), 0.001, 0.002)
+    wide, here = grasped(hand, body), grasped(hand, body, finger_m)
+    assert here.width_m == pytest.approx(wide.width_m, abs=CONTACT_TOLERANCE_M)
+    assert here.finger_m == pytest.approx(wide.finger_m, abs=CONTACT_TOLERANCE_M)
+    assert here.push_m == pytest.approx(wide.push_m, abs=CONTACT_TOLERANCE_M)
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+def test_a_grasp_does_not_depend_on_where_the_hand_is(
+    hand: Hand, x: float, y: float, yaw: float, pitch: float
+) -> None:
+    T = pin.SE3(pin.rpy.rpyToMatrix(0.0, pitch, yaw), np.array([x, y, 0.3]))
+    body = thing(cube(0.04), 0.001, 0.002)
+    there = hand.grasp(T, body.at(T * body.T_base_body), hand.stroke_m)
+    assert there is not None
+    assert there.width_m == pytest.approx(grasped(hand, body).width_m, abs=CONTACT_TOLERANCE_M)
+
+
+def test_the_demos_pick_leaves_089_and_420_mm_beside_the_block(hand: Hand, block: Body) -> None:
+    grasp = hand.grasp(PICK, block, hand.stroke_m)
+    assert grasp is not None
+    both = hand.open_gap_m - grasp.width_m
+    gaps = sorted((both / 2 + grasp.push_m, both / 2 - grasp.push_m))
+    assert gaps == pytest.approx([0.89e-3, 4.20e-3], abs=SEED_TOLERANCE_M)
+
+
+def test_a_block_that_lies_straight_in_the_hand_closes_the_fingers_to_17_mm(hand: Hand) -> None:
+    assert grasped(hand, thing(cube(0.05))).finger_m == pytest.approx(0.0170, abs=GAP_TOLERANCE_M)
+
+
+def test_the_demos_block_lies_askew_and_keeps_the_fingers_a_little_wider(
+    hand: Hand, block: Body
+) -> None:
+    grasp = hand.grasp(PICK, block, hand.stroke_m)
+    assert grasp is not None
+    assert 0.0170 < grasp.finger_m < (hand.width_across_m(PICK, block) - hand.closed_gap_m) / 2
+
+
+def test_the_lowest_finger_point_of_the_demos_pick_is_202_mm_above_the_table(
+    manipulator: Manipulator, table: Body
+) -> None:
+    shapes, arm, hand = manipulator.shapes, manipulator.arm, manipulator.hand
+    lows = [
+        Body(
+            name, (shapes.part_at_tip(name, arm),), PICK * at(0.0, sign * hand.stroke_m, 0.0)
+        ).extent_m((0, 0, 1))[0]
+        for finger, sign in (("l", 1.0), ("r", -1.0))
+        for name in (f"l_gripper_{finger}_finger_{part}" for part in ("0", "1", "tip_0"))
+    ]
+    above = min(lows) - table.extent_m((0, 0, 1))[1]
+    assert above == pytest.approx(20.2e-3, abs=0.05e-3)
+
+
+def test_a_body_as_wide_as_the_open_hand_fits(hand: Hand) -> None:
+    assert hand.grasp(ORIGIN, thing(cube(0.0576)), hand.stroke_m) is not None
+
+
+def test_a_body_wider_than_the_open_hand_does_not_fit(hand: Hand) -> None:
+    assert hand.grasp(ORIGIN, thing(cube(0.0577)), hand.stroke_m) is None
+
+
+def test_the_right_hand_cannot_hold_the_block(hands: dict[str, Hand]) -> None:
+    assert hands["right"].grasp(ORIGIN, thing(cube(0.05)), hands["right"].stroke_m) is None
+    assert hands["right"].grasp(ORIGIN, thing(cube(0.048)), hands["right"].stroke_m) is not None
+
+
+def test_a_body_wider_than_the_fingers_stand_does_not_fit(hand: Hand) -> None:
+    assert hand.grasp(ORIGIN, thing(cube(0.05)), 0.01) is None
+
+
+@pytest.mark.parametrize(("side", "edge"), [("left", 0.0155), ("right", 0.006)])
+def test_the_closed_hand_does_not_reach_a_thin_body(
+    hands: dict[str, Hand], side: str, edge: float
+) -> None:
+    assert hands[side].grasp(ORIGIN, thing(cube(edge)), hands[side].stroke_m) is None
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "z"), [(0.06, 0.0, 0.0), (-0.06, 0.0, 0.0), (0, 0, 0.06), (0, 0, -0.09), (0, 0.2, 0)]
+)
+def test_a_body_beside_the_pads_is_missed(hand: Hand, x: float, y: float, z: float) -> None:
+    assert hand.grasp(ORIGIN, thing(cube(0.04), x, y, z), hand.stroke_m) is None
+
+
+def test_a_body_that_reaches_into_a_pad_before_the_fingers_close_is_not_between_them(
+    hand: Hand,
+) -> None:
+    assert hand.grasp(ORIGIN, thing(cube(0.05), 0.0, 0.010), hand.stroke_m) is None
+
+
+def test_a_body_pressed_lightly_by_one_pad_is_still_centred(hand: Hand) -> None:
+    offset = 0.0288335 - 0.025 + 0.0003  # where the open pad is, and as deep as a contact may be
+    grasp = grasped(hand, thing(cube(0.05), 0.0, offset))
+    assert grasp.width_m == pytest.approx(0.05, abs=CONTACT_TOLERANCE_M)
+    assert grasp.push_m == pytest.approx(-offset, abs=CONTACT_TOLERANCE_M)
+
+
+def test_a_body_that_only_one_pad_can_touch_is_missed(hand: Hand) -> None:
+    assert hand.grasp(ORIGIN, thing(cube(0.02), 0.0, 0.045), hand.stroke_m) is None
+
+
+def test_of_several_parts_the_outermost_touch_the_pads(hand: Hand) -> None:
+    parts = (Part(cube(0.01), at(0.0, 0.02, 0.0)), Part(cube(0.01), at(0.0, -0.01, 0.0)))
+    body = Body("pair", parts, at(0.0, 0.0, PAD_Z_M), is_movable=True)
+    grasp = grasped(hand, body)
+    assert grasp.width_m == pytest.approx(0.04, abs=CONTACT_TOLERANCE_M)
+    assert grasp.push_m == pytest.approx(-0.005, abs=CONTACT_TOLERANCE_M)
+
+
+@given(st.floats(-3.1, 3.1))
+def test_width_across_is_the_extent_along_the_closing_axis(hand: Hand, yaw: float) -> None:
+    T = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.zeros(3))
+    expected = 0.05 * (abs(np.sin(yaw)) + abs(np.cos(yaw)))
+    assert hand.width_across_m(T, thing(cube(0.05))) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("finger_m", [-1e-6, 0.0209, np.nan, np.inf, None, "open", [0.01], True])
+def test_a_finger_position_that_is_none_is_refused(hand: Hand, finger_m: Any) -> None:
+    for use in (
+        hand.finger_joints,
+        hand.percent,
+        lambda x: hand.grasp(ORIGIN, thing(cube(0.04)), x),
+    ):
+        with pytest.raises(ConfigurationError, match="finger position"):
+            use(finger_m)
+
+
+def test_a_finger_position_out_of_range_is_refused_with_both_numbers(hand: Hand) -> None:
+    with pytest.raises(
+        ConfigurationError, match=r"25\.000 mm of the left hand .* 0 \.\. 20\.833 mm"
+    ):
+        hand.finger_joints(0.025)
+
+
+@pytest.mark.parametrize("pose", [None, "here", np.eye(3), np.full((4, 4), np.nan)])
+def test_a_pose_that_is_none_is_refused(hand: Hand, pose: Any) -> None:
+    with pytest.raises(PoseError):
+        hand.grasp(pose, thing(cube(0.04)), 0.02)
+    with pytest.raises(PoseError):
+        hand.width_across_m(pose, thing(cube(0.04)))
+
+
+@pytest.mark.parametrize("body", [None, "block", cube(0.04)])
+def test_a_body_that_is_none_is_refused(hand: Hand, body: Any) -> None:
+    with pytest.raises(SceneError):
+        hand.grasp(ORIGIN, body, 0.02)

@@ -1,0 +1,527 @@
+"""Pick and place: the demo's cycle, and every way in which one can be impossible."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from baxter_kin import (
+    Baxter,
+    ConfigurationError,
+    LimitsError,
+    PoseError,
+    SeedType,
+    UnknownNameError,
+)
+from planner import (
+    Body,
+    Box,
+    ClearanceChecker,
+    Grip,
+    GripperAction,
+    Manipulator,
+    Move,
+    Part,
+    PickAndPlace,
+    Plan,
+    Scene,
+    SceneError,
+    TaskError,
+    load_object,
+    plan_pick_and_place,
+    plan_start_move,
+)
+from planner.collision import Held, touching
+from tests.conftest import at, overhead
+
+PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.00, -0.129)
+TASK = PickAndPlace("block", PICK, PLACE)
+ORIGIN = at(0.0, 0.0, 0.0)
+
+REACHED_M = 1e-6
+"""What a valid IK result promises, in m and rad."""
+
+RATIO_TOLERANCE = 1e-9
+
+NO_MOVE_S = 1e-3
+"""Time for a move over what two IK results for one pose may differ by, some 1e-12 rad."""
+
+SAMPLING_M = 1e-3
+"""What checks 25 ms apart may miss: at 1 m/s the tip covers 25 mm between them, but the least
+clearance of these moves is at their ends, where the arm stands still."""
+
+STAGES = [
+    "pick: open",
+    "pick: approach",
+    "pick: descend",
+    "pick: close",
+    "pick: retract",
+    "place: approach",
+    "place: descend",
+    "place: open",
+    "place: retract",
+]
+
+
+@pytest.fixture(scope="module")
+def plan(manipulator: Manipulator, scene: Scene) -> Plan:
+    return planned(TASK, manipulator, scene)
+
+
+def planned(task: PickAndPlace, manipulator: Manipulator, scene: Scene) -> Plan:
+    return plan_pick_and_place(task, manipulator, scene, manipulator.arm.start)
+
+
+def box(name: str, size: tuple[float, float, float], x: float, y: float, z: float) -> Body:
+    return Body(name, (Part(Box(size), ORIGIN),), at(x, y, z))
+
+
+def post_below_the_carried_block(
+    plan: Plan, manipulator: Manipulator, scene: Scene, gap_m: float
+) -> Body:
+    """A post in the middle of the way to the place, a gap below where the block passes."""
+    grasp = manipulator.hand.grasp(PICK, scene["block"], manipulator.hand.stroke_m)
+    assert grasp is not None
+    way = next(move for move in plan.moves if move.label == "place: approach").trajectory
+    T_base_tip = manipulator.arm.T_base_tip(way.sample(way.duration / 2).q)
+    carried = scene["block"].at(T_base_tip * grasp.T_tip_body)
+    x, y, _ = carried.centre_base
+    top = carried.extent_m((0, 0, 1))[0] - gap_m
+    return box("post", (0.01, 0.01, 0.02), x, y, top - 0.01)
+
+
+def labels(plan: Plan) -> list[str]:
+    return [step.label for step in plan]
+
+
+def test_the_demos_cycle_has_a_plan(plan: Plan) -> None:
+    assert plan.is_valid, str(plan.failure)
+
+
+def test_the_stages_are_those_of_the_original_in_order(plan: Plan) -> None:
+    assert labels(plan) == STAGES
+
+
+def test_the_gripper_opens_closes_on_the_block_and_opens_again(plan: Plan) -> None:
+    grips = [(step.action, step.body) for step in plan if isinstance(step, Grip)]
+    assert grips == [
+        (GripperAction.OPEN, None),
+        (GripperAction.CLOSE, "block"),
+        (GripperAction.OPEN, "block"),
+    ]
+
+
+def test_waypoints_are_the_poses_and_15_cm_above_them(plan: Plan) -> None:
+    lift = np.array([0.0, 0.0, 0.15])
+    for move in plan.moves:
+        pose = PICK if move.label.startswith("pick") else PLACE
+        height = 0.0 if move.label.endswith("descend") else lift
+        assert move.T_base_tip is not None
+        assert move.T_base_tip.translation == pytest.approx(pose.translation + height, abs=1e-15)
+        assert move.T_base_tip.rotation.tolist() == pose.rotation.tolist()
+
+
+def test_every_waypoint_is_reached_by_the_tip_of_the_whole_robots_urdf(
+    robot: Baxter, plan: Plan
+) -> None:
+    model = pin.buildModelFromUrdf(str(robot.description.urdf))
+    data = model.createData()
+    tip = model.getFrameId("left_gripper")
+    for move in plan.moves:
+        assert move.T_base_tip is not None
+        q = pin.neutral(model)
+        for name, value in robot.arm("left").joints(move.trajectory.q_goal).items():
+            q[model.joints[model.getJointId(name)].idx_q] = value
+        pin.framesForwardKinematics(model, data, q)
+        error = pin.log6(move.T_base_tip.inverse() * data.oMf[tip]).vector
+        assert np.linalg.norm(error[:3]) <= REACHED_M
+        assert np.linalg.norm(error[3:]) <= REACHED_M
+
+
+def test_every_move_ends_at_its_ik_result(plan: Plan) -> None:
+    for move in plan.moves:
+        assert move.ik is not None
+        assert move.ik.is_valid
+        assert move.trajectory.q_goal.tolist() == move.ik.q.tolist()
+
+
+def test_the_arms_own_configuration_seeds_every_waypoint(plan: Plan) -> None:
+    seed_types = {move.ik.seed_type for move in plan.moves if move.ik is not None}
+    assert seed_types == {SeedType.CURRENT}
+
+
+def test_every_move_starts_where_the_one_before_ended(plan: Plan, manipulator: Manipulator) -> None:
+    q = manipulator.arm.start
+    for move in plan.moves:
+        assert move.trajectory.q_start.tolist() == q.tolist()
+        q = move.trajectory.q_goal
+
+
+def test_every_move_keeps_every_limit(plan: Plan) -> None:
+    for move in plan.moves:
+        assert max(move.trajectory.peak_ratios()) <= 1.0 + RATIO_TOLERANCE
+
+
+def test_every_move_is_clear_of_everything(plan: Plan) -> None:
+    for move in plan.moves:
+        assert move.clearance is not None
+        assert move.clearance.distance_m > 0.0
+
+
+def test_the_least_clearance_is_that_of_the_fingers_above_the_table(plan: Plan) -> None:
+    assert plan.clearance is not None
+    assert plan.clearance.distance_m == pytest.approx(20.2e-3, abs=0.05e-3)
+    assert plan.clearance.second == "table"
+    assert "finger" in plan.clearance.first
+
+
+def test_clearances_agree_with_a_check_ten_times_as_dense(
+    plan: Plan, manipulator: Manipulator, scene: Scene
+) -> None:
+    hand, block = manipulator.hand, scene["block"]
+    grasp = hand.grasp(PICK, block, hand.stroke_m)
+    assert grasp is not None
+    placed = scene.moved("block", PLACE * grasp.T_tip_body)
+    held = Held(block, grasp.T_tip_body, touching(block, scene))
+    empty, full = scene.without("block"), hand.stroke_m
+    for move in plan.moves:
+        carries = move.label in ("pick: retract", "place: approach", "place: descend")
+        checker = (
+            ClearanceChecker(manipulator.shapes, manipulator.arm, empty, held=held)
+            if carries
+            else ClearanceChecker(
+                manipulator.shapes,
+                manipulator.arm,
+                placed if move.label == "place: retract" else scene,
+                touchable="block",
+            )
+        )
+        times = np.linspace(0.0, move.trajectory.duration, int(400 * move.trajectory.duration))
+        qs = manipulator.configurations(
+            move.trajectory.sample(times).q, grasp.finger_m if carries else full
+        )
+        dense = min(checker.clearance(q).distance_m for q in qs)
+        assert move.clearance is not None
+        assert dense > 0.0
+        assert move.clearance.distance_m == pytest.approx(dense, abs=SAMPLING_M)
+
+
+def test_the_same_task_gives_the_same_plan(
+    plan: Plan, manipulator: Manipulator, scene: Scene
+) -> None:
+    again = planned(TASK, manipulator, scene)
+    for first, second in zip(plan.moves, again.moves, strict=True):
+        assert first.trajectory.q.tolist() == second.trajectory.q.tolist()
+        assert first.trajectory.knots_s.tolist() == second.trajectory.knots_s.tolist()
+
+
+def test_planning_leaves_the_scene_as_it_was(manipulator: Manipulator, scene: Scene) -> None:
+    before = {body.name: body.T_base_body.homogeneous.tolist() for body in scene}
+    planned(TASK, manipulator, scene)
+    assert {body.name: body.T_base_body.homogeneous.tolist() for body in scene} == before
+
+
+@settings(max_examples=8)
+@given(st.floats(0.62, 0.80), st.floats(-0.05, 0.25), st.floats(0.05, 0.20))
+def test_neighbouring_tasks_have_plans_too(
+    manipulator: Manipulator, scene: Scene, x: float, y: float, hover: float
+) -> None:
+    shifted = scene.moved("block", at(x - 0.0275, y - 0.0235, -0.155))
+    task = PickAndPlace("block", overhead(x, y, -0.129), PLACE, hover)
+    plan = planned(task, manipulator, shifted)
+    assert plan.is_valid, str(plan.failure)
+    assert labels(plan) == STAGES
+
+
+def test_picking_and_placing_at_one_pose_is_allowed(manipulator: Manipulator, scene: Scene) -> None:
+    plan = planned(PickAndPlace("block", PICK, PICK), manipulator, scene)
+    assert plan.is_valid, str(plan.failure)
+    assert plan.moves[3].label == "place: approach"
+    assert plan.moves[3].trajectory.duration <= NO_MOVE_S
+
+
+def test_another_hover_distance_is_used_for_approach_and_retract(
+    manipulator: Manipulator, scene: Scene
+) -> None:
+    plan = planned(PickAndPlace("block", PICK, PLACE, 0.08), manipulator, scene)
+    assert plan.moves[0].T_base_tip is not None
+    assert plan.moves[0].T_base_tip.translation[2] == pytest.approx(-0.129 + 0.08)
+
+
+def test_half_the_speed_keeps_half_the_velocity_limits(robot: Baxter, scene: Scene) -> None:
+    slow = planned(TASK, Manipulator.of(robot, "left", speed_ratio=0.5), scene)
+    for move in slow.moves:
+        assert move.trajectory.peak_ratios(robot.arm("left").limits).velocity <= 0.5 + 1e-9
+
+
+class TestImpossible:
+    """What cannot be done is said, with stage, names and numbers, and nothing is raised."""
+
+    def test_a_pose_out_of_reach_fails_with_how_far(
+        self, manipulator: Manipulator, scene: Scene
+    ) -> None:
+        task = PickAndPlace("block", PICK, overhead(1.5, 0.0, 0.5))
+        plan = planned(task, manipulator, scene)
+        assert plan.failure is not None
+        assert plan.failure.stage == "place: approach"
+        assert plan.failure.ik is not None
+        assert not plan.failure.ik.is_valid
+        assert "(1.500, 0.000, 0.650) m in base is out of reach" in plan.failure.reason
+
+    def test_the_steps_before_the_failed_one_are_kept(
+        self, manipulator: Manipulator, scene: Scene
+    ) -> None:
+        task = PickAndPlace("block", PICK, overhead(1.5, 0.0, 0.5))
+        plan = planned(task, manipulator, scene)
+        assert labels(plan) == STAGES[: STAGES.index("place: approach")]
+
+    def test_a_place_inside_the_table_fails_with_how_deep(
+        self, manipulator: Manipulator, scene: Scene
+    ) -> None:
+        plan = planned(PickAndPlace("block", PICK, overhead(0.75, 0.0, -0.149)), manipulator, scene)
+        assert plan.failure is not None
+        assert plan.failure.stage == "place: descend"
+        assert plan.failure.reason == "block would be 20.0 mm inside table"
+
+    def test_a_pick_that_drives_the_fingers_into_the_table_fails(
+        self, manipulator: Manipulator, table: Body
+    ) -> None:
+        flat = box("tile", (0.05, 0.05, 0.01), 0.70, 0.15, -0.150)
+        tile = Body(flat.name, flat.parts, flat.T_base_body, is_movable=True)
+        task = PickAndPlace("tile", overhead(0.70, 0.15, -0.155), PLACE)
+        plan = planned(task, manipulator, Scene.of([table, tile]))
+        assert plan.failure is not None
+        assert plan.failure.stage == "pick: descend"
+        assert "inside table" in plan.failure.reason
+
+    @pytest.mark.parametrize(("dx", "dy"), [(0.055, 0.0), (0.0, 0.12), (-0.055, 0.0)])
+    def test_a_block_beside_the_pads_is_not_grasped(
+        self, manipulator: Manipulator, table: Body, block: Body, dx: float, dy: float
+    ) -> None:
+        beside = block.at(at(0.6725 + dx, 0.1265 + dy, -0.155))
+        plan = planned(TASK, manipulator, Scene.of([table, beside]))
+        assert plan.failure is not None
+        assert plan.failure.stage == "pick: close"
+        number = re.search(r"block is (\d+) mm beside the tip", plan.failure.reason)
+        assert number is not None
+        across = 1e3 * np.hypot(dx - 0.0025, dy + 0.0015)
+        assert float(number[1]) == pytest.approx(across, abs=1.0)  # the hand is tilted by 1 degree
+        assert labels(plan) == STAGES[:3]
+
+    def test_a_block_that_the_fingers_would_land_on_is_a_collision(
+        self, manipulator: Manipulator, table: Body, block: Body
+    ) -> None:
+        shifted = block.at(at(0.6725, 0.1265 + 0.03, -0.155))
+        plan = planned(TASK, manipulator, Scene.of([table, shifted]))
+        assert plan.failure is not None
+        assert plan.failure.stage == "pick: descend"
+        assert "inside block" in plan.failure.reason
+
+    def test_an_obstacle_under_the_hand_is_a_collision_that_names_it(
+        self, manipulator: Manipulator, scene: Scene
+    ) -> None:
+        post = box("post", (0.03, 0.03, 0.3), 0.75, 0.05, 0.0)
+        plan = planned(TASK, manipulator, scene.with_body(post))
+        assert plan.failure is not None
+        assert plan.failure.stage.startswith("place:")
+        assert "mm inside post" in plan.failure.reason
+
+    def test_a_held_block_that_would_graze_an_obstacle_is_a_collision(
+        self, plan: Plan, manipulator: Manipulator, scene: Scene
+    ) -> None:
+        post = post_below_the_carried_block(plan, manipulator, scene, gap_m=-0.0003)
+        failure = planned(TASK, manipulator, scene.with_body(post)).failure
+        assert failure is not None
+        assert failure.stage == "place: approach"
+        assert re.fullmatch(r"block would be 0\.\d mm inside post", failure.reason)
+
+    def test_the_clearance_of_a_held_block_counts(
+        self, plan: Plan, manipulator: Manipulator, scene: Scene
+    ) -> None:
+        post = post_below_the_carried_block(plan, manipulator, scene, gap_m=0.003)
+        close = planned(TASK, manipulator, scene.with_body(post))
+        assert close.is_valid, str(close.failure)
+        assert close.clearance is not None
+        assert (close.clearance.first, close.clearance.second) == ("block", "post")
+        assert 0.0025 <= close.clearance.distance_m <= 0.003
+
+    def test_a_second_block_at_the_place_is_a_collision(
+        self, manipulator: Manipulator, scene: Scene
+    ) -> None:
+        other = load_object("block", at(0.7225, -0.0235, -0.155), name="other", is_movable=True)
+        plan = planned(TASK, manipulator, scene.with_body(other))
+        assert plan.failure is not None
+        assert plan.failure.stage == "place: descend"
+        assert "inside other" in plan.failure.reason
+
+    def test_a_block_may_be_put_on_another(self, manipulator: Manipulator, scene: Scene) -> None:
+        other = load_object("block", at(0.7225, -0.0235, -0.155), name="other", is_movable=True)
+        task = PickAndPlace("block", PICK, overhead(0.75, 0.0, -0.079))
+        plan = planned(task, manipulator, scene.with_body(other))
+        assert plan.is_valid, str(plan.failure)
+
+    def test_a_body_wider_than_the_hand_fails_with_both_widths(
+        self, manipulator: Manipulator, table: Body
+    ) -> None:
+        wide = Body(
+            "crate", (Part(Box((0.06, 0.06, 0.05)), ORIGIN),), at(0.7, 0.15, -0.13), is_movable=True
+        )
+        plan = planned(PickAndPlace("crate", PICK, PLACE), manipulator, Scene.of([table, wide]))
+        assert plan.failure is not None
+        assert plan.failure.stage == "pick: open"
+        assert "crate measures 50.0 mm" in plan.failure.reason or "60.0" in plan.failure.reason
+        assert "the left hand opens only 57.7 mm" in plan.failure.reason
+        assert labels(plan) == []
+
+    def test_the_right_hand_refuses_the_block_with_both_widths(
+        self, robot: Baxter, scene: Scene
+    ) -> None:
+        right = Manipulator.of(robot, "right")
+        task = PickAndPlace("block", overhead(0.7, -0.15, -0.129), overhead(0.75, 0.0, -0.129))
+        plan = planned(task, right, scene)
+        assert plan.failure is not None
+        assert "block measures 50.0 mm" in plan.failure.reason
+        assert "the right hand opens only 48.2 mm" in plan.failure.reason
+
+    def test_a_start_inside_something_fails_at_the_first_move(
+        self, manipulator: Manipulator, scene: Scene
+    ) -> None:
+        tip = manipulator.arm.T_base_tip(manipulator.arm.start).translation
+        crate = box("crate", (0.2, 0.2, 0.2), *tip)
+        plan = planned(TASK, manipulator, scene.with_body(crate))
+        assert plan.failure is not None
+        assert plan.failure.stage == "pick: approach"
+        assert "inside crate" in plan.failure.reason
+
+
+class TestContradictions:
+    """What makes no sense raises."""
+
+    def test_a_missing_block_raises_naming_what_is_there(
+        self, manipulator: Manipulator, table: Body
+    ) -> None:
+        with pytest.raises(SceneError, match="no body 'block' in the scene; it has: table"):
+            planned(TASK, manipulator, Scene.of([table]))
+
+    def test_an_immovable_body_raises(self, manipulator: Manipulator, scene: Scene) -> None:
+        with pytest.raises(TaskError, match="'table' is not movable"):
+            planned(PickAndPlace("table", PICK, PLACE), manipulator, scene)
+
+    @pytest.mark.parametrize("q", [None, "q", [], [0.0] * 6, [np.nan] * 7, [9.0] * 7])
+    def test_a_start_that_is_none_raises(
+        self, manipulator: Manipulator, scene: Scene, q: Any
+    ) -> None:
+        with pytest.raises(ConfigurationError, match="q_start"):
+            plan_pick_and_place(TASK, manipulator, scene, q)
+
+    @pytest.mark.parametrize(
+        "hover", [0.0, -0.1, np.nan, np.inf, None, "high", [0.1], True, 10**400]
+    )
+    def test_a_hover_distance_that_is_none_raises(self, hover: Any) -> None:
+        with pytest.raises(TaskError, match="hover distance"):
+            PickAndPlace("block", PICK, PLACE, hover)
+
+    @pytest.mark.parametrize("pose", [None, "here", np.eye(3), np.full((4, 4), np.nan)])
+    def test_a_pose_that_is_none_raises(self, pose: Any) -> None:
+        for poses in ((pose, PLACE), (PICK, pose)):
+            with pytest.raises(PoseError):
+                PickAndPlace("block", *poses)
+
+    @pytest.mark.parametrize("body", [None, 5, ["block"]])
+    def test_a_body_without_name_raises(self, body: Any) -> None:
+        with pytest.raises(TaskError, match="name of the body"):
+            PickAndPlace(body, PICK, PLACE)
+
+    @pytest.mark.parametrize("position", [0, 1, 2])
+    @pytest.mark.parametrize("bad", [None, "x", 5, {}])
+    def test_planning_with_something_else_raises(
+        self, manipulator: Manipulator, scene: Scene, position: int, bad: Any
+    ) -> None:
+        parts: list[Any] = [TASK, manipulator, scene]
+        parts[position] = bad
+        task, manipulator_or_bad, scene_or_bad = parts
+        with pytest.raises((TaskError, SceneError), match="must be of class"):
+            plan_pick_and_place(task, manipulator_or_bad, scene_or_bad, manipulator.arm.start)
+
+    @pytest.mark.parametrize("limb", ["middle", "", None, 5])
+    def test_an_unknown_limb_raises(self, robot: Baxter, limb: Any) -> None:
+        with pytest.raises(UnknownNameError, match="use one of: left, right"):
+            Manipulator.of(robot, limb)
+
+    @pytest.mark.parametrize("ratio", [0.0, -0.5, 1.5, np.nan, np.inf, None, "fast"])
+    def test_a_speed_ratio_out_of_range_raises(self, robot: Baxter, ratio: Any) -> None:
+        with pytest.raises(LimitsError, match="speed ratio"):
+            Manipulator.of(robot, "left", speed_ratio=ratio)
+
+    @pytest.mark.parametrize("q", ["q", [], [0.0] * 7, [np.nan] * 19])
+    def test_other_joints_that_are_none_raise(self, robot: Baxter, q: Any) -> None:
+        with pytest.raises(ConfigurationError, match="q_others"):
+            Manipulator.of(robot, "left", q_others=q)
+
+    @pytest.mark.parametrize("robot", [None, "baxter", 5])
+    def test_a_manipulator_of_no_robot_raises(self, robot: Any) -> None:
+        with pytest.raises(TaskError, match="robot"):
+            Manipulator.of(robot, "left")
+
+
+class TestConfigurations:
+    """Full configurations of the robot for those of one arm."""
+
+    def test_arm_and_fingers_are_set_and_all_others_stay(self, manipulator: Manipulator) -> None:
+        names = manipulator.robot.joint_names
+        (q,) = manipulator.configurations(manipulator.arm.start[None], 0.01)
+        joints = dict(zip(names, q.tolist(), strict=True))
+        before = dict(zip(names, manipulator.q_others.tolist(), strict=True))
+        changed = manipulator.arm.joints(manipulator.arm.start) | {
+            "l_gripper_l_finger_joint": 0.01,
+            "l_gripper_r_finger_joint": -0.01,
+        }
+        assert joints == before | changed
+
+    def test_each_is_an_array_of_its_own(self, manipulator: Manipulator) -> None:
+        qs = np.stack([manipulator.arm.neutral, manipulator.arm.start])
+        first, second = manipulator.configurations(qs, 0.0)
+        assert first.tolist() != second.tolist()
+
+    @pytest.mark.parametrize("qs", [None, "q", [0.0] * 7, [[0.0] * 6], [[np.nan] * 7], 5])
+    def test_malformed_ones_are_refused(self, manipulator: Manipulator, qs: Any) -> None:
+        with pytest.raises(ConfigurationError, match="qs"):
+            list(manipulator.configurations(qs, 0.0))
+
+
+class TestStartMove:
+    """The way to where a task starts."""
+
+    def test_it_ends_where_asked_with_the_gripper_open(self, manipulator: Manipulator) -> None:
+        arm = manipulator.arm
+        plan = plan_start_move(manipulator, arm.neutral, arm.start)
+        assert labels(plan) == ["move to start", "open"]
+        assert plan.moves[0].trajectory.q_goal.tolist() == arm.start.tolist()
+        assert isinstance(plan.steps[0], Move)
+
+    def test_without_angles_every_joint_goes_to_zero(self, manipulator: Manipulator) -> None:
+        plan = plan_start_move(manipulator, manipulator.arm.neutral)
+        assert plan.moves[0].trajectory.q_goal.tolist() == [0.0] * 7
+
+    def test_from_where_the_arm_is_it_takes_no_time(self, manipulator: Manipulator) -> None:
+        start: NDArray[np.float64] = manipulator.arm.start
+        assert plan_start_move(manipulator, start, start).motion_time_s == 0.0
+
+    @pytest.mark.parametrize("q", ["q", [], [0.0] * 6, [np.nan] * 7, [9.0] * 7])
+    def test_malformed_ends_raise(self, manipulator: Manipulator, q: Any) -> None:
+        neutral = manipulator.arm.neutral
+        for ends in ((q, neutral), (neutral, q)):
+            with pytest.raises(ConfigurationError):
+                plan_start_move(manipulator, *ends)
+
+    @pytest.mark.parametrize("bad", [None, "left"])
+    def test_a_manipulator_that_is_none_raises(self, bad: Any) -> None:
+        with pytest.raises(TaskError, match="manipulator"):
+            plan_start_move(bad, np.zeros(7))

@@ -1,0 +1,127 @@
+"""Plan: steps that fit together, or none at all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from baxter_kin import Arm, ConfigurationError, UnknownNameError
+from planner import (
+    Clearance,
+    Grip,
+    GripperAction,
+    Move,
+    Plan,
+    PlanFailure,
+    TaskError,
+    Trajectory,
+    plan_joint_move,
+)
+from planner.plan import Step
+
+
+@pytest.fixture(scope="module")
+def there(left: Arm) -> Trajectory:
+    return plan_joint_move(left.neutral, left.start, left.limits)
+
+
+@pytest.fixture(scope="module")
+def back(left: Arm) -> Trajectory:
+    return plan_joint_move(left.start, left.neutral, left.limits)
+
+
+@pytest.fixture(scope="module")
+def steps(there: Trajectory, back: Trajectory) -> tuple[Step, ...]:
+    return (
+        Grip("open", GripperAction.OPEN),
+        Move("there", there, clearance=Clearance(0.02, "a", "b")),
+        Grip("close", GripperAction.CLOSE, "block"),
+        Move("back", back, clearance=Clearance(0.01, "c", "d")),
+    )
+
+
+@pytest.fixture(scope="module")
+def plan(left: Arm, steps: tuple[Step, ...]) -> Plan:
+    return Plan("left", left.neutral, steps)
+
+
+def test_iterates_its_steps_in_order(plan: Plan, steps: tuple[Step, ...]) -> None:
+    assert tuple(plan) == steps
+
+
+def test_its_moves_are_the_steps_of_the_arm(plan: Plan) -> None:
+    assert [move.label for move in plan.moves] == ["there", "back"]
+
+
+def test_motion_time_is_the_sum_of_its_moves(
+    plan: Plan, there: Trajectory, back: Trajectory
+) -> None:
+    assert plan.motion_time_s == there.duration + back.duration
+
+
+def test_clearance_is_the_least_of_its_moves(plan: Plan) -> None:
+    assert plan.clearance == Clearance(0.01, "c", "d")
+
+
+def test_clearance_of_unchecked_moves_is_none(left: Arm, there: Trajectory) -> None:
+    assert Plan("left", left.neutral, (Move("there", there),)).clearance is None
+
+
+def test_a_plan_with_a_failure_is_invalid_and_says_stage_and_reason(left: Arm) -> None:
+    failure = PlanFailure("pick: descend", "the table is in the way by 3 mm")
+    plan = Plan("left", left.neutral, (), failure)
+    assert not plan.is_valid
+    assert str(plan.failure) == "pick: descend: the table is in the way by 3 mm"
+
+
+def test_a_plan_without_failure_is_valid(plan: Plan) -> None:
+    assert plan.is_valid
+
+
+def test_a_plan_of_no_steps_takes_no_time(left: Arm) -> None:
+    plan = Plan("left", left.neutral, ())
+    assert plan.is_valid
+    assert plan.motion_time_s == 0.0
+
+
+def test_a_move_that_starts_elsewhere_than_the_one_before_ended_is_refused(
+    left: Arm, there: Trajectory
+) -> None:
+    with pytest.raises(TaskError, match=r"again starts \S+ rad from"):
+        Plan("left", left.neutral, (Move("there", there), Move("again", there)))
+
+
+def test_a_first_move_that_starts_elsewhere_than_the_plan_is_refused(
+    left: Arm, there: Trajectory
+) -> None:
+    with pytest.raises(TaskError, match=r"there starts \S+ rad from"):
+        Plan("left", left.start, (Move("there", there),))
+
+
+@pytest.mark.parametrize("limb", ["middle", "", None, 5, ["left"], np.zeros(2)])
+def test_an_unknown_limb_is_refused(left: Arm, limb: Any) -> None:
+    with pytest.raises(UnknownNameError, match="use one of: left, right"):
+        Plan(limb, left.neutral, ())
+
+
+@pytest.mark.parametrize("q", [None, "q", [], [0.0] * 6, [np.nan] * 7])
+def test_a_start_that_is_none_is_refused(q: Any) -> None:
+    with pytest.raises(ConfigurationError, match="q_start"):
+        Plan("left", q, ())
+
+
+@pytest.mark.parametrize("steps", [None, 5, "open", [None], ["open"]])
+def test_steps_that_are_none_are_refused(left: Arm, steps: Any) -> None:
+    with pytest.raises(TaskError, match="step"):
+        Plan("left", left.neutral, steps)
+
+
+def test_the_start_of_a_plan_cannot_be_changed(left: Arm) -> None:
+    q = np.array(left.neutral)
+    plan = Plan("left", q, ())
+    q[:] = 0.0
+    assert plan.q_start.tolist() == left.neutral.tolist()
+    with pytest.raises(ValueError, match="read-only"):
+        plan.q_start[0] = 1.0

@@ -1,0 +1,611 @@
+"""Simulation: exact time, events in order, and no blind waits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Baxter
+from planner import (
+    Body,
+    Box,
+    Grip,
+    GripperAction,
+    Manipulator,
+    Part,
+    PickAndPlace,
+    Plan,
+    PlanFailure,
+    Scene,
+    SceneError,
+    load_object,
+    plan_pick_and_place,
+    plan_start_move,
+)
+from sim import (
+    Dwell,
+    Event,
+    EventKind,
+    Observer,
+    Outcome,
+    Simulation,
+    SimulationError,
+    Snapshot,
+    World,
+)
+from sim.gripper import FINGER_SPEED_M_S
+from sim.simulation import DEFAULT_TICK_S, GRAVITY_M_S2
+from tests.conftest import at, overhead
+
+TIME_S = 1e-9
+"""Sums of some dozen durations below 10 s."""
+
+RIGID = 1e-12
+"""Products of rotations of order 1."""
+
+REST_M = 1e-7
+PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.00, -0.129)
+ORIGIN = at(0.0, 0.0, 0.0)
+
+
+class Witness(Observer):
+    """Remembers all that it was told, in order."""
+
+    def __init__(self) -> None:
+        self.told: list[Event | Snapshot] = []
+
+    def on_snapshot(self, snapshot: Snapshot) -> None:
+        self.told.append(snapshot)
+
+    def on_event(self, event: Event) -> None:
+        self.told.append(event)
+
+    @property
+    def snapshots(self) -> list[Snapshot]:
+        return [item for item in self.told if isinstance(item, Snapshot)]
+
+    @property
+    def events(self) -> list[Event]:
+        return [item for item in self.told if isinstance(item, Event)]
+
+    @property
+    def kinds(self) -> list[EventKind]:
+        return [event.kind for event in self.events]
+
+
+class Run:
+    """A simulation of the demo's scene, the left arm at its start, with a witness."""
+
+    def __init__(
+        self, robot: Baxter, bodies: Iterable[Body], manipulator: Manipulator, **options: Any
+    ) -> None:
+        self.manipulator = manipulator
+        self.witness = Witness()
+        self.world = World(robot)
+        self.world.move_arm("left", manipulator.arm.start)
+        self.simulation = Simulation(self.world, [self.witness], **options)
+        for body in bodies:
+            self.simulation.spawn(body)
+
+    def plan(self, place: pin.SE3 = PLACE) -> Plan:
+        task = PickAndPlace("block", PICK, place)
+        start = self.world.arm_q("left")
+        plan = plan_pick_and_place(task, self.manipulator, self.world.scene, start)
+        assert plan.is_valid, str(plan.failure)
+        return plan
+
+
+@pytest.fixture
+def run(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> Run:
+    return Run(robot, (table, block), manipulator)
+
+
+@pytest.fixture(scope="module")
+def plan(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> Plan:
+    return Run(robot, (table, block), manipulator).plan()
+
+
+@pytest.fixture(scope="module")
+def cycle(
+    robot: Baxter, manipulator: Manipulator, table: Body, block: Body, plan: Plan
+) -> tuple[Run, Outcome]:
+    """One pick and place, done; nobody changes it any more."""
+    run = Run(robot, (table, block), manipulator)
+    return run, run.simulation.execute(plan)
+
+
+class TestCycle:
+    """The demo's pick and place."""
+
+    def test_it_succeeds(self, cycle: tuple[Run, Outcome]) -> None:
+        _, outcome = cycle
+        assert outcome.is_success, outcome.failure
+
+    def test_the_block_ends_at_the_place_level_on_the_table(
+        self, cycle: tuple[Run, Outcome]
+    ) -> None:
+        x, y, z = cycle[0].world.body("block").centre_base
+        assert (x, y) == pytest.approx((0.75, 0.0), abs=5e-3)
+        assert z == pytest.approx(-0.130, abs=REST_M)
+        assert cycle[0].world.supports["block"] == "table"
+
+    def test_what_happens_is_told_in_order(self, cycle: tuple[Run, Outcome]) -> None:
+        assert cycle[0].witness.kinds == [
+            EventKind.SPAWNED,
+            EventKind.SPAWNED,
+            EventKind.OPENED,
+            EventKind.MOVE_STARTED,
+            EventKind.MOVE_STARTED,
+            EventKind.GRASPED,
+            EventKind.MOVE_STARTED,
+            EventKind.MOVE_STARTED,
+            EventKind.MOVE_STARTED,
+            EventKind.RELEASED,
+            EventKind.SETTLED,
+            EventKind.MOVE_STARTED,
+        ]
+
+    def test_time_is_the_sum_of_moves_and_finger_travels(
+        self, cycle: tuple[Run, Outcome], plan: Plan
+    ) -> None:
+        run, outcome = cycle
+        hand = run.world.hands["left"]
+        grasped = next(s for s in run.witness.snapshots if s.grippers["left"].is_gripping)
+        finger_m = grasped.grippers["left"].percent / 100 * hand.stroke_m
+        fingers_s = 2 * (hand.stroke_m - finger_m) / FINGER_SPEED_M_S
+        assert outcome.duration_s == pytest.approx(plan.motion_time_s + fingers_s, abs=TIME_S)
+        assert run.simulation.time_s == pytest.approx(outcome.duration_s, abs=TIME_S)
+
+    def test_one_pick_and_place_takes_less_than_9_s(self, cycle: tuple[Run, Outcome]) -> None:
+        assert cycle[1].duration_s < 9.0
+
+    def test_snapshots_come_at_every_tick_exactly(self, cycle: tuple[Run, Outcome]) -> None:
+        times = [snapshot.time_s for snapshot in cycle[0].witness.snapshots]
+        assert times == [tick * DEFAULT_TICK_S for tick in range(len(times))]
+        assert 0.0 <= cycle[1].duration_s - times[-1] < DEFAULT_TICK_S
+
+    def test_nothing_told_is_older_than_what_was_told_before(
+        self, cycle: tuple[Run, Outcome]
+    ) -> None:
+        times = [item.time_s for item in cycle[0].witness.told]
+        assert times == sorted(times)
+
+    def test_moves_begin_the_moment_the_step_before_ended(
+        self, cycle: tuple[Run, Outcome], plan: Plan
+    ) -> None:
+        events = {event.text: event.time_s for event in cycle[0].witness.events}
+        approach, descend = (
+            next(time for text, time in events.items() if text.startswith(f"pick: {name}"))
+            for name in ("approach", "descend")
+        )
+        assert approach == 0.0
+        assert descend == pytest.approx(plan.moves[0].trajectory.duration, abs=TIME_S)
+
+    def test_each_snapshot_shows_the_trajectory_at_its_time(
+        self, cycle: tuple[Run, Outcome], plan: Plan
+    ) -> None:
+        run, _ = cycle
+        where = list(run.world.robot.indices(run.world.robot.arm("left").joint_names))
+        trajectory = plan.moves[0].trajectory
+        for snapshot in run.witness.snapshots:
+            if snapshot.time_s <= trajectory.duration:
+                expected = trajectory.sample(snapshot.time_s).q
+                assert snapshot.q[where] == pytest.approx(expected, abs=RIGID)
+
+    def test_the_arm_never_moves_faster_than_its_limits_between_ticks(
+        self, cycle: tuple[Run, Outcome]
+    ) -> None:
+        run, _ = cycle
+        arm = run.world.robot.arm("left")
+        where = list(run.world.robot.indices(arm.joint_names))
+        q = np.array([snapshot.q[where] for snapshot in run.witness.snapshots])
+        speeds = np.abs(np.diff(q, axis=0)) / DEFAULT_TICK_S
+        assert (speeds <= arm.limits.v_max * (1 + 1e-9)).all()
+
+    def test_the_held_block_moves_rigidly_with_the_hand(self, cycle: tuple[Run, Outcome]) -> None:
+        run, _ = cycle
+        arm = run.world.robot.arm("left")
+        where = list(run.world.robot.indices(arm.joint_names))
+        offsets = [
+            (
+                arm.T_base_tip(snapshot.q[where]).inverse() * snapshot.T_base_bodies["block"]
+            ).homogeneous
+            for snapshot in run.witness.snapshots
+            if snapshot.grippers["left"].is_gripping
+        ]
+        assert len(offsets) > 100
+        for offset in offsets:
+            assert offset == pytest.approx(offsets[0], abs=RIGID)
+
+    def test_the_block_rests_until_it_is_grasped(self, cycle: tuple[Run, Outcome]) -> None:
+        run, _ = cycle
+        grasped_s = next(e.time_s for e in run.witness.events if e.kind is EventKind.GRASPED)
+        poses = [
+            snapshot.T_base_bodies["block"].homogeneous.tolist()
+            for snapshot in run.witness.snapshots
+            if snapshot.time_s <= grasped_s
+        ]
+        assert all(pose == poses[0] for pose in poses)
+
+    def test_the_table_never_moves(self, cycle: tuple[Run, Outcome], table: Body) -> None:
+        for snapshot in cycle[0].witness.snapshots:
+            assert snapshot.T_base_bodies["table"] == table.T_base_body
+
+    def test_gripper_reports_open_then_gripping_then_open(self, cycle: tuple[Run, Outcome]) -> None:
+        states = [snapshot.grippers["left"] for snapshot in cycle[0].witness.snapshots]
+        gripping = [state.is_gripping for state in states]
+        first, last = gripping.index(True), len(gripping) - gripping[::-1].index(True)
+        assert all(gripping[first:last])
+        assert states[0].percent == pytest.approx(100.0)
+        assert states[-1].percent == pytest.approx(100.0)
+        assert not any(state.has_missed for state in states)
+
+    def test_the_right_gripper_and_arm_stay_as_they_were(self, cycle: tuple[Run, Outcome]) -> None:
+        run, _ = cycle
+        where = list(run.world.robot.indices(run.world.robot.arm("right").joint_names))
+        rows = {tuple(snapshot.q[where]) for snapshot in run.witness.snapshots}
+        assert len(rows) == 1
+
+    def test_captions_say_stage_and_seed_type(self, cycle: tuple[Run, Outcome]) -> None:
+        captions = {snapshot.caption for snapshot in cycle[0].witness.snapshots}
+        assert "pick: descend (IK: Current Joint Angles)" in captions
+        assert "pick: close" in captions
+
+    def test_a_started_move_comes_with_its_step(
+        self, cycle: tuple[Run, Outcome], plan: Plan
+    ) -> None:
+        started = [e.step for e in cycle[0].witness.events if e.kind is EventKind.MOVE_STARTED]
+        assert started == list(plan.moves)
+
+    def test_snapshots_share_nothing_with_the_world(self, cycle: tuple[Run, Outcome]) -> None:
+        first, last = cycle[0].witness.snapshots[0], cycle[0].witness.snapshots[-1]
+        assert first.q.tolist() != last.q.tolist()
+        assert first.T_base_bodies["block"] != last.T_base_bodies["block"]
+
+
+def pictures(run: Run) -> list[Any]:
+    return [
+        (
+            shot.time_s,
+            shot.q.tobytes(),
+            {name: T.homogeneous.tobytes() for name, T in shot.T_base_bodies.items()},
+            shot.grippers,
+            shot.caption,
+        )
+        for shot in run.witness.snapshots
+    ]
+
+
+def test_two_runs_give_the_same_snapshots_to_the_bit(
+    robot: Baxter, manipulator: Manipulator, table: Body, block: Body
+) -> None:
+    runs = [Run(robot, (table, block), manipulator) for _ in range(2)]
+    for run in runs:
+        run.simulation.execute(run.plan())
+    assert pictures(runs[0]) == pictures(runs[1])
+
+
+@pytest.mark.parametrize("tick_s", [0.003, 0.037, 1.0])
+def test_the_tick_changes_neither_the_end_nor_how_long_it_takes(
+    scene: Scene, cycle: tuple[Run, Outcome], plan: Plan, tick_s: float
+) -> None:
+    manipulator = cycle[0].manipulator
+    run = Run(manipulator.robot, scene, manipulator, tick_s=tick_s)
+    outcome = run.simulation.execute(plan)
+    assert outcome.duration_s == pytest.approx(cycle[1].duration_s, abs=TIME_S)
+    assert run.world.q == pytest.approx(cycle[0].world.q, abs=RIGID)
+    for name, T in cycle[0].world.body_poses().items():
+        assert run.world.body(name).T_base_body.homogeneous == pytest.approx(
+            T.homogeneous, abs=REST_M
+        )
+    times = [shot.time_s for shot in run.witness.snapshots]
+    assert times == [tick * tick_s for tick in range(len(times))]
+    assert len(times) == math.floor(outcome.duration_s / tick_s) + 1
+
+
+def test_dwells_are_added_once_each(run: Run, cycle: tuple[Run, Outcome]) -> None:
+    dwelling = Simulation(run.world, dwell=Dwell(after_grasp_s=0.4, after_release_s=0.3))
+    outcome = dwelling.execute(run.plan())
+    # the cycle begins with an opening, which dwells as well
+    assert outcome.duration_s == pytest.approx(cycle[1].duration_s + 0.4 + 2 * 0.3, abs=TIME_S)
+
+
+def test_the_arm_stands_still_while_it_dwells(run: Run) -> None:
+    witness = Witness()
+    simulation = Simulation(run.world, [witness], dwell=Dwell(after_grasp_s=0.5))
+    simulation.execute(run.plan())
+    begin = next(e.time_s for e in witness.events if e.kind is EventKind.GRASPED)
+    during = {s.q.tobytes() for s in witness.snapshots if begin < s.time_s <= begin + 0.5}
+    assert len(during) == 1
+
+
+def test_the_way_back_puts_the_block_back(run: Run, plan: Plan) -> None:
+    before = run.world.body("block").centre_base
+    run.simulation.execute(plan)
+    task = PickAndPlace("block", PLACE, PICK)
+    back = plan_pick_and_place(task, run.manipulator, run.world.scene, run.world.arm_q("left"))
+    assert run.simulation.execute(back).is_success
+    # the first grasp moves the block by up to 4.2 mm, into the middle of the hand
+    assert run.world.body("block").centre_base == pytest.approx(before, abs=5e-3)
+
+
+class TestMiss:
+    """A close on nothing is noticed and ends the plan there."""
+
+    @pytest.fixture
+    def missed(self, run: Run) -> tuple[Run, Outcome]:
+        plan = run.plan()
+        run.world.place_body("block", at(0.9, -0.2, -0.155))
+        return run, run.simulation.execute(plan)
+
+    def test_it_is_an_outcome_that_names_stage_body_and_gap(
+        self, missed: tuple[Run, Outcome]
+    ) -> None:
+        _, outcome = missed
+        assert not outcome.is_success
+        assert outcome.failure == (
+            "pick: close: missed: the fingers closed fully on block, 16.0 mm apart, and hold "
+            "nothing"
+        )
+
+    def test_the_gripper_reports_it(self, missed: tuple[Run, Outcome]) -> None:
+        state = missed[0].simulation.grippers["left"].state
+        assert (state.percent, state.is_gripping, state.has_missed) == (0.0, False, True)
+
+    def test_the_last_event_is_the_miss(self, missed: tuple[Run, Outcome]) -> None:
+        assert missed[0].witness.kinds[-1] is EventKind.MISSED
+
+    def test_the_arm_stays_at_the_pick(self, missed: tuple[Run, Outcome]) -> None:
+        tip = missed[0].world.T_base_tip("left")
+        assert tip.translation == pytest.approx(PICK.translation, abs=1e-6)
+
+    def test_time_is_that_until_the_fingers_have_closed(
+        self, missed: tuple[Run, Outcome], plan: Plan
+    ) -> None:
+        run, outcome = missed
+        moves_s = sum(move.trajectory.duration for move in plan.moves[:2])
+        stroke_s = run.world.hands["left"].stroke_m / FINGER_SPEED_M_S
+        assert outcome.duration_s == pytest.approx(moves_s + stroke_s, abs=TIME_S)
+
+    def test_another_body_between_the_fingers_is_not_the_right_one(self, run: Run) -> None:
+        plan = run.plan()
+        run.simulation.delete("block")
+        run.simulation.spawn(
+            load_object("block", at(0.6725, 0.1265, -0.155), name="brick", is_movable=True)
+        )
+        outcome = run.simulation.execute(plan)
+        assert outcome.failure == "pick: close: grasped brick instead of block"
+
+    def test_a_block_wider_than_the_hand_is_missed(self, run: Run) -> None:
+        plan = run.plan()
+        run.simulation.delete("block")
+        part = Part(Box((0.06, 0.06, 0.05)), ORIGIN)
+        run.simulation.spawn(Body("block", (part,), at(0.70, 0.15, -0.13), is_movable=True))
+        assert "missed" in str(run.simulation.execute(plan).failure)
+
+    def test_a_hand_that_is_full_is_told_so(self, run: Run) -> None:
+        plan = run.plan()
+        run.simulation.execute(Plan("left", plan.q_start, plan.steps[:4]))
+        close = Plan("left", run.world.arm_q("left"), (Grip("close", GripperAction.CLOSE),))
+        with pytest.raises(SimulationError, match="closed on 'block'; open it first"):
+            run.simulation.execute(close)
+
+
+class TestRelease:
+    """What is let go falls as things fall."""
+
+    @pytest.fixture
+    def dropped(self, run: Run) -> Run:
+        """The block let go 15 cm above the table, at rest now."""
+        plan = run.plan()
+        carried = Plan("left", plan.q_start, plan.steps[:5])
+        run.simulation.execute(carried)
+        run.witness.told.clear()
+        opening = Plan("left", run.world.arm_q("left"), (Grip("drop", GripperAction.OPEN),))
+        run.simulation.execute(opening)
+        return run
+
+    def test_it_ends_at_rest_on_the_table(self, dropped: Run) -> None:
+        assert dropped.world.supports["block"] == "table"
+        assert dropped.world.body("block").centre_base[2] == pytest.approx(-0.130, abs=REST_M)
+
+    def test_it_falls_with_gravity(self, dropped: Run) -> None:
+        released = next(e.time_s for e in dropped.witness.events if e.kind is EventKind.RELEASED)
+        settled = next(e.time_s for e in dropped.witness.events if e.kind is EventKind.SETTLED)
+        snapshots = [s for s in dropped.witness.snapshots if released <= s.time_s < settled]
+        heights = [s.T_base_bodies["block"].translation[2] for s in snapshots]
+        drops = [GRAVITY_M_S2 * (s.time_s - released) ** 2 / 2 for s in snapshots]
+        top = heights[0] + drops[0]
+        moving = [(h, d) for h, d in zip(heights, drops, strict=True) if d < 0.14]
+        assert len(moving) > 10
+        for height, drop in moving:
+            assert top - height == pytest.approx(drop, abs=1e-9)
+
+    def test_a_fall_takes_its_time_even_when_the_fingers_are_open_sooner(
+        self, dropped: Run
+    ) -> None:
+        released, settled = (
+            next(e.time_s for e in dropped.witness.events if e.kind is kind)
+            for kind in (EventKind.RELEASED, EventKind.SETTLED)
+        )
+        assert settled - released == pytest.approx(math.sqrt(2 * 0.15 / GRAVITY_M_S2), abs=2e-3)
+
+
+class TestRefusals:
+    """Orders that the world cannot follow; nothing has moved then."""
+
+    def test_an_invalid_plan(self, run: Run) -> None:
+        before = run.world.q.tolist()
+        failed = Plan(
+            "left", run.world.arm_q("left"), run.plan().steps, PlanFailure("here", "too far")
+        )
+        with pytest.raises(SimulationError, match="invalid plan cannot be executed: here: too far"):
+            run.simulation.execute(failed)
+        assert run.world.q.tolist() == before
+        assert run.simulation.time_s == 0.0
+
+    def test_a_plan_that_starts_elsewhere(self, run: Run) -> None:
+        plan = run.plan()
+        run.world.move_arm("left", run.manipulator.arm.neutral)
+        with pytest.raises(SimulationError, match=r"starts \S+ rad from where the left arm stands"):
+            run.simulation.execute(plan)
+        assert run.witness.snapshots == []
+
+    @pytest.mark.parametrize("plan", [None, "plan", [], 5])
+    def test_a_plan_that_is_none(self, run: Run, plan: Any) -> None:
+        with pytest.raises(SimulationError, match="plan"):
+            run.simulation.execute(plan)
+
+    @pytest.mark.parametrize(
+        "tick_s", [0.0, -0.01, np.nan, np.inf, None, "fast", True, 1e-300, 10**400]
+    )
+    def test_a_tick_that_is_none(self, run: Run, tick_s: Any) -> None:
+        with pytest.raises(SimulationError, match="tick_s"):
+            Simulation(run.world, tick_s=tick_s)
+
+    @pytest.mark.parametrize("duration_s", [-1e-9, np.nan, np.inf, None, "long", [1.0]])
+    def test_a_wait_that_is_none(self, run: Run, duration_s: Any) -> None:
+        with pytest.raises(SimulationError, match=r"duration_s|wait"):
+            run.simulation.wait(duration_s)
+
+    @pytest.mark.parametrize("dwell_s", [-1e-9, np.nan, np.inf, None, "long"])
+    @pytest.mark.parametrize("name", ["after_grasp_s", "after_release_s"])
+    def test_a_dwell_that_is_none(self, name: str, dwell_s: Any) -> None:
+        with pytest.raises(SimulationError, match=name):
+            Dwell(**{name: dwell_s})
+
+    @pytest.mark.parametrize("options", [{"dwell": 1.0}, {"dwell": "long"}, {"dwell": {}}])
+    def test_dwells_of_another_class(self, run: Run, options: dict[str, Any]) -> None:
+        with pytest.raises(SimulationError, match="dwell"):
+            Simulation(run.world, **options)
+
+    @pytest.mark.parametrize("observers", [None, 5, "all", [None], [print]])
+    def test_observers_that_are_none(self, run: Run, observers: Any) -> None:
+        with pytest.raises(SimulationError, match="observers"):
+            Simulation(run.world, observers)
+
+    @pytest.mark.parametrize("world", [None, "world"])
+    def test_a_world_that_is_none(self, world: Any) -> None:
+        with pytest.raises(SimulationError, match="world"):
+            Simulation(world)
+
+    def test_bodies_that_are_there_already_or_not(self, run: Run, block: Body) -> None:
+        told = len(run.witness.told)
+        with pytest.raises(SceneError, match="already has"):
+            run.simulation.spawn(block)
+        with pytest.raises(SceneError, match="no body 'brick'"):
+            run.simulation.delete("brick")
+        assert len(run.witness.told) == told
+
+
+class TestTelling:
+    """Observers."""
+
+    def test_all_observers_are_told_the_same_in_their_order(self, run: Run) -> None:
+        order: list[str] = []
+
+        class Named(Witness):
+            def __init__(self, name: str) -> None:
+                super().__init__()
+                self.name = name
+
+            def on_event(self, event: Event) -> None:
+                super().on_event(event)
+                order.append(self.name)
+
+        first, second = Named("first"), Named("second")
+        simulation = Simulation(run.world, [first, second])
+        simulation.execute(plan_start_move(run.manipulator, run.world.arm_q("left")))
+        assert first.told == second.told
+        assert order == ["first", "second"] * len(first.events)
+
+    def test_enabling_spawning_and_deleting_are_told(self, run: Run) -> None:
+        run.simulation.enable()
+        run.simulation.delete("block")
+        run.simulation.delete("table")
+        assert [event.text for event in run.witness.events] == [
+            "table spawned",
+            "block spawned, at rest on table",
+            "robot enabled",
+            "block deleted",
+            "table deleted",
+        ]
+
+    def test_grasp_and_release_are_told_with_names_and_numbers(
+        self, cycle: tuple[Run, Outcome]
+    ) -> None:
+        texts = {event.kind: event.text for event in cycle[0].witness.events}
+        assert texts[EventKind.GRASPED] == "block grasped, 52.6 mm between the pads (88 % open)"
+        assert texts[EventKind.RELEASED] == "block released"
+        assert texts[EventKind.SETTLED] == "block at rest on table"
+
+    def test_an_observer_reads_the_same_clock(self, run: Run) -> None:
+        clocks: list[tuple[float, float]] = []
+
+        class Watch(Observer):
+            def on_snapshot(self, snapshot: Snapshot) -> None:
+                clocks.append((snapshot.time_s, simulation.time_s))
+
+        simulation = Simulation(run.world, [Watch()])
+        simulation.wait(0.1)
+        assert len(clocks) == 11
+        assert all(told == read for told, read in clocks)
+
+    def test_a_title_comes_before_each_caption(self, run: Run) -> None:
+        plan = plan_start_move(run.manipulator, run.world.arm_q("left"))
+        run.simulation.execute(plan, "cycle 3, ")
+        captions = {snapshot.caption for snapshot in run.witness.snapshots}
+        assert captions
+        assert all(caption.startswith("cycle 3, ") for caption in captions)
+
+    def test_time_stays_in_order_when_an_observer_stops_the_run(self, run: Run) -> None:
+        class Stop(Observer):
+            def on_snapshot(self, snapshot: Snapshot) -> None:
+                if snapshot.time_s >= 0.5:
+                    raise KeyboardInterrupt
+
+        witness = Witness()
+        simulation = Simulation(run.world, [witness, Stop()])
+        with pytest.raises(KeyboardInterrupt):
+            simulation.execute(run.plan())
+        simulation.delete("block")
+        times = [item.time_s for item in witness.told]
+        assert times == sorted(times)
+        assert times[-1] == pytest.approx(0.5, abs=TIME_S)
+
+    def test_an_observer_that_overrides_nothing_is_no_trouble(self, run: Run) -> None:
+        simulation = Simulation(run.world, [Observer()])
+        simulation.enable()
+        simulation.wait(0.05)
+
+
+class TestWaiting:
+    """Time passes, and nothing else."""
+
+    def test_it_takes_as_long_as_asked(self, run: Run) -> None:
+        run.simulation.wait(0.123)
+        assert run.simulation.time_s == 0.123
+
+    def test_nothing_moves(self, run: Run) -> None:
+        run.simulation.wait(0.2)
+        assert len({snapshot.q.tobytes() for snapshot in run.witness.snapshots}) == 1
+
+    def test_waits_in_pieces_give_the_ticks_of_one(
+        self, robot: Baxter, manipulator: Manipulator
+    ) -> None:
+        whole, pieces = (Run(robot, (), manipulator) for _ in range(2))
+        whole.simulation.wait(0.5)
+        for _ in range(50):
+            pieces.simulation.wait(0.01)
+        times = [[s.time_s for s in run.witness.snapshots] for run in (whole, pieces)]
+        assert times[0][:50] == times[1][:50]
+
+    def test_waiting_for_no_time_shows_at_most_the_present(self, run: Run) -> None:
+        for _ in range(3):
+            run.simulation.wait(0.0)
+        assert [snapshot.time_s for snapshot in run.witness.snapshots] == [0.0]
