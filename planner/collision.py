@@ -1,4 +1,4 @@
-"""Distances between the robot and its scene (coal enters here).
+"""Distances between the robot and its scene.
 
 Pinocchio and coal work on one geometry model: the robot's collision shapes, the bodies of the
 scene, and the body in the hand. A model is built for each situation and never changed afterwards,
@@ -10,36 +10,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 
-import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.arrays import Vector, finite_array, finite_scalar
+from baxter_kin.arrays import finite_array
 from baxter_kin.errors import ConfigurationError, UnknownNameError
 from baxter_kin.frames import checked_pose
+from planner.contact import PRESSING_TOLERANCE_M, coal_shape, shape_of
 from planner.errors import SceneError, expect
-from planner.scene import Body, Box, Cylinder, Part, Scene, Shape, Sphere
-
-CONTACT_TOLERANCE_M = 1e-9
-"""Shapes closer than this touch."""
-
-PRESSING_TOLERANCE_M = 5e-4
-"""How deep an allowed contact may press before it counts as a collision."""
-
-DISTANCE_TOLERANCE_M = 1e-8
-"""Accuracy of distances where a contact is sought; coal's default, 1e-6, overshoots."""
-
-SLIDING = 1e-3
-"""Shapes in contact that close in by less than this share of the way slide along each other."""
-
-UNIT_TOLERANCE = 1e-9
-"""How far the length of a unit vector may be from 1 by rounding."""
-
-_MAX_ADVANCES = 1000
+from planner.scene import Body, Part, Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,83 +218,6 @@ class ClearanceChecker:
         return name.rsplit("/", 1)[0] if "/" in name else name.rsplit("_", 1)[0]
 
 
-def travel_to_contact(
-    moving: Part, direction: ArrayLike, still: Part, room_m: float
-) -> float | None:
-    """How far a convex shape moves along a line until it touches another; None if it does not.
-
-    Conservative advancement (Mirtich 1996): two planes across the shortest connection keep convex
-    shapes apart, so a shape may move until it has used up the gap between them, and never touches
-    when it does not move towards them. Shapes in contact touch at once, unless one slides along
-    the other or leaves it.
-
-    Args:
-        moving: the shape that moves, placed in some frame.
-        direction: unit vector in that frame, shape (3,).
-        still: the other shape, placed in the same frame.
-        room_m: how far it may move at most.
-
-    Raises:
-        SceneError: when an argument is malformed, or the direction is not of unit length.
-    """
-    along = _unit(direction)
-    finite_scalar(room_m, "room_m", SceneError)
-    first, second = (
-        coal_shape(expect(part, Part, "a shape to move", SceneError).shape)
-        for part in (moving, still)
-    )
-    pair = coal.ComputeDistance(first, second)  # keeps bare pointers: both must stay alive here
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    request.gjk_tolerance = DISTANCE_TOLERANCE_M
-    R, p = moving.T_body_part.rotation, moving.T_body_part.translation
-    T_still = coal.Transform3s(still.T_body_part.rotation, still.T_body_part.translation)
-    travel = 0.0
-    for _ in range(_MAX_ADVANCES):
-        result.clear()
-        gap = pair(coal.Transform3s(R, p + travel * along), T_still, request, result)
-        closing = float(along @ result.normal)  # gap lost per distance moved
-        if gap <= CONTACT_TOLERANCE_M:
-            return travel if travel > 0.0 or closing > SLIDING else None
-        if closing <= 0.0 or gap > closing * (room_m - travel):
-            return None
-        travel += gap / closing
-    return travel
-
-
-def touching(body: Body, scene: Scene) -> frozenset[str]:
-    """Names of the other bodies that a body touches within `PRESSING_TOLERANCE_M`."""
-    return frozenset(
-        other.name
-        for other in scene
-        if other.name != body.name and _gap_m(body, other) <= PRESSING_TOLERANCE_M
-    )
-
-
-def coal_shape(shape: Shape) -> coal.CollisionGeometry:
-    """Our shape as coal's."""
-    if isinstance(shape, Box):
-        return coal.Box(*shape.size_m)
-    if isinstance(shape, Cylinder):
-        return coal.Cylinder(shape.radius_m, shape.length_m)
-    return coal.Sphere(shape.radius_m)
-
-
-def shape_of(geometry: coal.CollisionGeometry) -> Shape:
-    """Coal's shape as ours.
-
-    Raises:
-        SceneError: when it is neither box, cylinder nor sphere.
-    """
-    if isinstance(geometry, coal.Box):
-        x, y, z = (2 * geometry.halfSide).tolist()
-        return Box((x, y, z))
-    if isinstance(geometry, coal.Cylinder):
-        return Cylinder(geometry.radius, 2 * geometry.halfLength)
-    if isinstance(geometry, coal.Sphere):
-        return Sphere(geometry.radius)
-    raise SceneError(f"only boxes, cylinders and spheres are known, not {type(geometry).__name__}")
-
-
 def least(clearances: Iterable[Clearance]) -> Clearance | None:
     """The smallest of several, or None of none."""
     return min(clearances, key=lambda clearance: clearance.distance_m, default=None)
@@ -324,31 +229,6 @@ def _check_situation(scene: Scene, touchable: str | None, held: Held | None) -> 
         _ = scene[touchable]  # says what there is
     if held is not None and expect(held, Held, "held", SceneError).body.name in scene.bodies:
         raise SceneError(f"{held.body.name!r} is in the hand; take it out of the scene")
-
-
-def _gap_m(body: Body, other: Body) -> float:
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    gaps = []
-    for first, second in product(_placed(body), _placed(other)):
-        result.clear()
-        gaps.append(coal.distance(*first, *second, request, result))
-    return float(min(gaps))
-
-
-def _placed(body: Body) -> list[tuple[coal.CollisionGeometry, coal.Transform3s]]:
-    poses = [body.T_base_body * part.T_body_part for part in body.parts]
-    return [
-        (coal_shape(part.shape), coal.Transform3s(T.rotation, T.translation))
-        for part, T in zip(body.parts, poses, strict=True)
-    ]
-
-
-def _unit(direction: ArrayLike) -> Vector:
-    along = finite_array(direction, (3,), "direction", SceneError)
-    length = float(np.linalg.norm(along))
-    if abs(length - 1.0) > UNIT_TOLERANCE:
-        raise SceneError(f"direction {along.tolist()} has length {length:.6g}; it must have 1")
-    return along
 
 
 def _is_of_hand(name: str) -> bool:

@@ -16,7 +16,8 @@ from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.frames import PoseLike, checked_pose
-from planner.collision import PRESSING_TOLERANCE_M, RobotShapes, travel_to_contact
+from planner.collision import RobotShapes
+from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
 from planner.errors import SceneError, expect
 from planner.scene import Body, Part
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pinocchio as pin
 
 from baxter_kin.frames import PoseLike, checked_pose
-from planner.collision import shape_of
+from planner.contact import shape_of
 from planner.errors import SceneError
 from planner.scene import Body, Part
 

@@ -23,7 +23,8 @@ from baxter_kin import Arm, Baxter, IKResult, IKService, JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array, positive_scalar
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.frames import checked_pose
-from planner.collision import Clearance, ClearanceChecker, Held, RobotShapes, least, touching
+from planner.collision import Clearance, ClearanceChecker, Held, RobotShapes, least
+from planner.contact import touching
 from planner.errors import SceneError, TaskError, expect
 from planner.hand import Grasp, Hand
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step

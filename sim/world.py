@@ -18,7 +18,7 @@ from baxter_kin import Baxter
 from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.frames import BASE_HEIGHT_M, PoseLike, checked_pose
 from planner import Body, Hand, Part, RobotShapes, Scene
-from planner.collision import PRESSING_TOLERANCE_M, travel_to_contact
+from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
 from planner.errors import SceneError, expect
 from sim.errors import SimulationError
 

@@ -1,13 +1,11 @@
-"""Clearances against pair-by-pair distances, and contacts against geometry by hand."""
+"""Clearances against distances computed pair by pair."""
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from typing import Any
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -15,13 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from baxter_kin import Arm, Baxter, BaxterError, ConfigurationError, PoseError, UnknownNameError
+from baxter_kin import Arm, Baxter, ConfigurationError, PoseError, UnknownNameError
 from planner import (
     Body,
     Box,
     Clearance,
     ClearanceChecker,
-    Cylinder,
     Manipulator,
     Part,
     RobotShapes,
@@ -29,23 +26,13 @@ from planner import (
     SceneError,
     Sphere,
 )
-from planner.collision import (
-    PRESSING_TOLERANCE_M,
-    Held,
-    coal_shape,
-    least,
-    shape_of,
-    touching,
-    travel_to_contact,
-)
-from planner.scene import Shape
+from planner.collision import Held, least
+from planner.contact import PRESSING_TOLERANCE_M, coal_shape
 from tests.conftest import at, overhead
+from tests.planner.conftest import distance
 
 DISTANCE_TOLERANCE_M = 2e-6
 """Two runs of GJK on the same pair; its default tolerance is 1e-6."""
-
-CONTACT_TOLERANCE_M = 1e-6
-"""Where a rounded shape touches, distances are found to 1e-8, at grazing angles magnified."""
 
 X, Y, Z = np.eye(3)
 ORIGIN = at(0.0, 0.0, 0.0)
@@ -144,19 +131,6 @@ def _links_below(urdf: Any, joint_name: str) -> set[str]:
     for link in found:
         found.extend(children.get(link, []))
     return set(found)
-
-
-def distance(first: Any, T_first: pin.SE3, second: Any, T_second: pin.SE3) -> float:
-    return float(
-        coal.distance(
-            first,
-            coal.Transform3s(T_first.rotation, T_first.translation),
-            second,
-            coal.Transform3s(T_second.rotation, T_second.translation),
-            coal.DistanceRequest(),
-            coal.DistanceResult(),
-        )
-    )
 
 
 @settings(max_examples=8)
@@ -366,16 +340,6 @@ def test_a_malformed_configuration_is_refused(
         ClearanceChecker(shapes, left, scene).clearance(q)
 
 
-@pytest.mark.parametrize(
-    ("gap", "names"), [(0.0, {"slab"}), (4e-4, {"slab"}), (-0.01, {"slab"}), (6e-4, set())]
-)
-def test_bodies_touch_within_what_a_contact_may_press(gap: float, names: set[str]) -> None:
-    cube = Body("cube", (Part(CUBE, ORIGIN),), at(0.0, 0.0, 0.025 + gap))
-    slab = Body("slab", (Part(Box((0.2, 0.2, 0.04)), ORIGIN),), at(0.0, 0.0, -0.02))
-    scene = Scene.of([cube, slab, ball("far", 1.0, 1.0, 1.0)])
-    assert touching(cube, scene) == names
-
-
 @pytest.mark.parametrize("position", [0, 1, 2])
 @pytest.mark.parametrize("bad", [None, "left", 5])
 def test_a_checker_of_something_else_is_refused(
@@ -409,157 +373,3 @@ def test_the_least_of_clearances_is_the_smallest_and_of_none_is_none() -> None:
     far, near = Clearance(0.2, "a", "b"), Clearance(-0.1, "c", "d")
     assert least([far, near, far]) is near
     assert least([]) is None
-
-
-@pytest.mark.parametrize("shape", [CUBE, Cylinder(0.02, 0.1), Sphere(0.03)])
-def test_a_shape_survives_the_way_to_coal_and_back(shape: Any) -> None:
-    assert shape_of(coal_shape(shape)) == shape
-
-
-def test_a_shape_that_is_not_known_is_refused_by_name() -> None:
-    with pytest.raises(SceneError, match="not Cone"):
-        shape_of(coal.Cone(0.1, 0.1))
-
-
-def placed(shape: Any, x: float, y: float = 0.0, z: float = 0.0) -> Part:
-    return Part(shape, at(x, y, z))
-
-
-@given(metres, metres, st.floats(0.001, 1.0), st.floats(-0.95, 0.95))
-def test_a_box_travels_to_a_box_by_the_gap_between_them(
-    first: float, second: float, gap: float, offset: float
-) -> None:
-    reach = (first + second) / 2
-    still = placed(Box((second, second, second)), reach + gap, offset * reach)
-    travel = travel_to_contact(placed(Box((first, first, first)), 0.0), X, still, 2.0)
-    assert travel == pytest.approx(gap, abs=CONTACT_TOLERANCE_M)
-
-
-@given(metres, metres, st.floats(0.3, 1.0), st.floats(-0.98, 0.98))
-def test_a_ball_travels_to_a_ball_as_circles_do(
-    first: float, second: float, ahead: float, offset: float
-) -> None:
-    reach = first + second
-    still = placed(Sphere(second), ahead, offset * reach)
-    travel = travel_to_contact(placed(Sphere(first), 0.0), X, still, 2.0)
-    expected = ahead - reach * math.sqrt(1.0 - offset**2)
-    assert travel == pytest.approx(expected, abs=CONTACT_TOLERANCE_M)
-
-
-@given(metres, metres, st.floats(0.3, 1.0))
-def test_a_ball_travels_to_a_face_until_its_radius_is_left(
-    radius: float, edge: float, ahead: float
-) -> None:
-    still = placed(Box((edge, edge, edge)), ahead)
-    travel = travel_to_contact(placed(Sphere(radius), 0.0), X, still, 2.0)
-    assert travel == pytest.approx(ahead - radius - edge / 2, abs=CONTACT_TOLERANCE_M)
-
-
-@given(metres, metres, st.floats(0.3, 1.0))
-def test_a_cylinder_travels_sideways_by_its_radius_and_lengthwise_by_half_its_length(
-    radius: float, length: float, ahead: float
-) -> None:
-    cylinder = placed(Cylinder(radius, length), 0.0)
-    beside, below = placed(CUBE, ahead), placed(CUBE, 0.0, 0.0, -ahead)
-    sideways = travel_to_contact(cylinder, X, beside, 2.0)
-    down = travel_to_contact(cylinder, -Z, below, 2.0)
-    assert sideways == pytest.approx(ahead - radius - 0.025, abs=CONTACT_TOLERANCE_M)
-    assert down == pytest.approx(ahead - length / 2 - 0.025, abs=CONTACT_TOLERANCE_M)
-
-
-@given(metres, st.floats(0.3, 1.0), st.floats(-0.95, 0.95))
-def test_a_cylinder_travels_to_a_cylinder_as_circles_do(
-    radius: float, ahead: float, offset: float
-) -> None:
-    still = placed(Cylinder(radius, 0.1), ahead, offset * 2 * radius, 0.03)
-    travel = travel_to_contact(placed(Cylinder(radius, 0.1), 0.0), X, still, 2.0)
-    expected = ahead - 2 * radius * math.sqrt(1.0 - offset**2)
-    assert travel == pytest.approx(expected, abs=CONTACT_TOLERANCE_M)
-
-
-@given(seeds)
-def test_shapes_touch_where_they_are_said_to_and_not_before(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    moving, still = random_part(rng, 0.0), random_part(rng, 0.3)
-    way = still.T_body_part.translation - moving.T_body_part.translation
-    direction = way / np.linalg.norm(way)
-    travel = travel_to_contact(moving, direction, still, 1.0)
-    assert travel is not None  # it aims at the centre
-    gaps = [gap_after(moving, direction, still, share * travel) for share in (0.0, 0.5, 0.9, 0.99)]
-    assert min(gaps) >= -CONTACT_TOLERANCE_M
-    assert gap_after(moving, direction, still, travel) == pytest.approx(0.0, abs=5e-6)
-
-
-def random_part(rng: np.random.Generator, x: float) -> Part:
-    a, b, c = rng.uniform(0.01, 0.05, 3)
-    shapes: list[Shape] = [Box((a, b, c)), Cylinder(a, b), Sphere(a)]
-    shape = shapes[rng.integers(3)]
-    quat = rng.normal(size=4)
-    R = pin.Quaternion(*(quat / np.linalg.norm(quat))).toRotationMatrix()
-    return Part(shape, pin.SE3(R, np.array([x, 0.0, 0.0]) + rng.uniform(-0.02, 0.02, 3)))
-
-
-def gap_after(moving: Part, direction: Vector, still: Part, travel_m: float) -> float:
-    T = moving.T_body_part
-    moved = pin.SE3(T.rotation, T.translation + travel_m * direction)
-    return distance(coal_shape(moving.shape), moved, coal_shape(still.shape), still.T_body_part)
-
-
-@pytest.mark.parametrize("gap", [1e-5, 1e-4, 1e-3, 0.01])
-def test_a_shape_that_slides_past_another_never_touches_it(gap: float) -> None:
-    beside = placed(CUBE, 0.0, 0.05 + gap)
-    assert travel_to_contact(placed(CUBE, 0.0), X, beside, 3.0) is None
-    ahead = placed(CUBE, 0.2, 0.05 + gap)
-    assert travel_to_contact(placed(CUBE, 0.0), X, ahead, 3.0) is None
-
-
-@pytest.mark.parametrize("gap", [1e-5, 1e-3, 0.01])
-def test_a_ball_that_passes_a_ball_never_touches_it(gap: float) -> None:
-    ahead = placed(Sphere(0.03), 0.2, 0.06 + gap)
-    assert travel_to_contact(placed(Sphere(0.03), 0.0), X, ahead, 3.0) is None
-
-
-def test_a_shape_that_moves_away_never_touches() -> None:
-    assert travel_to_contact(placed(CUBE, 0.0), -X, placed(CUBE, 0.2), 3.0) is None
-
-
-@pytest.mark.parametrize("x", [0.03, 0.0499, 0.05])
-def test_shapes_in_contact_that_close_in_need_no_travel(x: float) -> None:
-    assert travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, x), 1.0) == 0.0
-
-
-@pytest.mark.parametrize("x", [0.03, 0.0499, 0.05])
-def test_shapes_in_contact_that_part_or_slide_do_not_touch_again(x: float) -> None:
-    for direction in (-X, Y, -Y, Z):
-        assert travel_to_contact(placed(CUBE, 0.0), direction, placed(CUBE, x), 1.0) is None
-
-
-def test_a_contact_farther_than_the_room_is_none() -> None:
-    assert travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), 0.1) is None
-
-
-def test_a_contact_at_the_end_of_the_room_counts() -> None:
-    travel = travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), 0.15)
-    assert travel == pytest.approx(0.15, abs=CONTACT_TOLERANCE_M)
-
-
-@pytest.mark.parametrize(
-    "direction",
-    [None, "x", [1.0, 0.0], [0.0] * 3, [2.0, 0.0, 0.0], [np.nan] * 3, [np.inf, 0.0, 0.0], 1.0],
-)
-def test_a_direction_that_is_none_is_refused(direction: Any) -> None:
-    with pytest.raises(SceneError, match="direction"):
-        travel_to_contact(placed(CUBE, 0.0), direction, placed(CUBE, 0.2), 1.0)
-
-
-@pytest.mark.parametrize("room", [None, "far", np.nan, np.inf, []])
-def test_room_that_is_no_length_is_refused(room: Any) -> None:
-    with pytest.raises(SceneError, match="room_m"):
-        travel_to_contact(placed(CUBE, 0.0), X, placed(CUBE, 0.2), room)
-
-
-@pytest.mark.parametrize("bad", [None, CUBE, "part"])
-def test_what_is_no_part_cannot_touch(bad: Any) -> None:
-    for first, second in ((bad, placed(CUBE, 0.2)), (placed(CUBE, 0.2), bad)):
-        with pytest.raises(BaxterError):
-            travel_to_contact(first, X, second, 1.0)

@@ -38,7 +38,8 @@ from planner import (
     plan_pick_and_place,
     plan_start_move,
 )
-from planner.collision import Held, touching
+from planner.collision import Held
+from planner.contact import touching
 from tests.conftest import at, overhead
 
 PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.00, -0.129)
