@@ -7,33 +7,33 @@ place   approach - descend - open - retract
 
 Approach and retract are `hover_m` above the pose, in the same orientation. Every waypoint gets one
 IK result and one time-optimal move that stops there. Each move is checked for collision at samples
-no farther apart than `SAMPLE_S`; what happens between samples is not proven.
+between which no joint moves by more than `SAMPLE_RAD`; what happens in between is not proven.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin import Arm, Baxter, IKResult, IKService, JointLimits
-from baxter_kin.arrays import Vector, finite_array, float_array, positive_scalar
-from baxter_kin.errors import ConfigurationError
+from baxter_kin import IKResult
+from baxter_kin.arrays import Vector, positive_scalar
 from baxter_kin.frames import checked_pose
-from planner.collision import Clearance, ClearanceChecker, Held, RobotShapes, least
+from planner.collision import Clearance, ClearanceChecker, Held, least
 from planner.contact import touching
 from planner.errors import SceneError, TaskError, expect
-from planner.hand import Grasp, Hand
+from planner.hand import Grasp
+from planner.manipulator import Manipulator
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
 from planner.scene import Body, Scene
 from planner.timing import plan_joint_move
 from planner.trajectory import Trajectory
 
-SAMPLE_S = 0.025
-"""Longest time between two collision checks of a move."""
+SAMPLE_RAD = 0.02
+"""Farthest that a joint moves between two collision checks."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,74 +64,6 @@ class PickAndPlace:
             object.__setattr__(self, name, checked_pose(getattr(self, name)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Manipulator:
-    """What planning for one arm needs to know.
-
-    Attributes:
-        robot: the whole robot.
-        arm: the arm that moves.
-        ik: its inverse kinematics.
-        hand: its fingers.
-        shapes: the robot's collision shapes.
-        limits: what its moves may use; the arm's own when made by `of`.
-        q_others: a full configuration, shape (19,), that says where all other joints stand.
-    """
-
-    robot: Baxter
-    arm: Arm
-    ik: IKService
-    hand: Hand
-    shapes: RobotShapes
-    limits: JointLimits
-    q_others: Vector = field(repr=False)
-
-    def __post_init__(self) -> None:
-        """Check and copy."""
-        joints = (len(self.robot.joint_names),)
-        q_others = finite_array(self.q_others, joints, "q_others", ConfigurationError)
-        object.__setattr__(self, "q_others", q_others)
-
-    @classmethod
-    def of(
-        cls, robot: Baxter, limb: str, *, speed_ratio: float = 1.0, q_others: Vector | None = None
-    ) -> Manipulator:
-        """Everything for one limb, its velocity limits scaled by `speed_ratio` in (0, 1].
-
-        Raises:
-            UnknownNameError: when `limb` is neither "left" nor "right".
-            LimitsError: when the ratio is outside (0, 1].
-            ConfigurationError: when `q_others` has another shape or is not finite.
-        """
-        expect(robot, Baxter, "robot", TaskError)
-        arm, shapes = robot.arm(limb), RobotShapes(robot)
-        return cls(
-            robot=robot,
-            arm=arm,
-            ik=IKService(arm),
-            hand=Hand.of(robot, arm, shapes),
-            shapes=shapes,
-            limits=arm.limits.scaled(speed_ratio),
-            q_others=robot.configuration() if q_others is None else q_others,
-        )
-
-    def configurations(self, qs: ArrayLike, finger_m: float) -> Iterator[Vector]:
-        """Full configurations, shape (19,), for arm configurations, shape (m, 7).
-
-        Raises:
-            ConfigurationError: when `qs` has another shape, something is not finite, or the fingers
-                are outside their stroke.
-        """
-        count = float_array(qs, "qs", ConfigurationError).size // 7
-        fingers = self.hand.finger_joints(finger_m)
-        full = np.array(self.q_others)
-        full[list(self.robot.indices(tuple(fingers)))] = list(fingers.values())
-        where = list(self.robot.indices(self.arm.joint_names))
-        for q in finite_array(qs, (count, 7), "qs", ConfigurationError):
-            full[where] = q
-            yield full.copy()
-
-
 def plan_pick_and_place(
     task: PickAndPlace, manipulator: Manipulator, scene: Scene, q_start: ArrayLike
 ) -> Plan:
@@ -157,33 +89,53 @@ def plan_pick_and_place(
     body = scene[task.body]
     if not body.is_movable:
         raise TaskError(f"{body.name!r} is not movable, so it cannot be picked")
-    q_start = manipulator.arm.limits.check(q_start, "q_start")
-    draft = _Draft(manipulator, scene, q_start)
-    try:
-        _pick_and_place(draft, task, body)
-    except _NoSolutionError as stop:
-        return Plan(manipulator.arm.side, q_start, tuple(draft.steps), stop.failure)
-    return Plan(manipulator.arm.side, q_start, tuple(draft.steps))
+    now = manipulator.arm.limits.check(q_start, "q_start")
+    return _drafted(manipulator, scene, now, lambda draft: _pick_and_place(draft, task, body))
 
 
 def plan_start_move(
-    manipulator: Manipulator, q_now: ArrayLike, q_start: ArrayLike | None = None
+    manipulator: Manipulator,
+    scene: Scene,
+    q_now: ArrayLike,
+    q_start: ArrayLike | None = None,
 ) -> Plan:
     """The way to where a task starts, then an open gripper.
 
     Args:
-        manipulator: the arm and its hand.
+        manipulator: the arm and its hand, which is empty.
+        scene: all bodies.
         q_now: where the arm stands, shape (7,), rad.
         q_start: where it shall stand; every joint at zero when not given.
+
+    Returns:
+        A plan; when the way collides, an invalid one that says with what.
 
     Raises:
         ConfigurationError: when a configuration is malformed or outside the limits.
     """
     expect(manipulator, Manipulator, "manipulator", TaskError)
+    expect(scene, Scene, "scene", SceneError)
     goal = np.zeros(7) if q_start is None else q_start
-    trajectory = plan_joint_move(q_now, goal, manipulator.limits)
-    steps = (Move("move to start", trajectory), Grip("open", GripperAction.OPEN))
-    return Plan(manipulator.arm.side, trajectory.q_start, steps)
+    now = manipulator.arm.limits.check(q_now, "q_now")
+    checked_goal = manipulator.arm.limits.check(goal, "q_start")
+
+    def steps(draft: _Draft) -> None:
+        draft.move_joints("move to start", checked_goal)
+        draft.grip("open", GripperAction.OPEN)
+
+    return _drafted(manipulator, scene, now, steps)
+
+
+def _drafted(
+    manipulator: Manipulator, scene: Scene, q_start: Vector, steps: Callable[[_Draft], None]
+) -> Plan:
+    """The plan of some steps, or of those before the first that has no solution."""
+    draft, failure = _Draft(manipulator, scene, q_start), None
+    try:
+        steps(draft)
+    except _NoSolutionError as stop:
+        failure = stop.failure
+    return Plan(manipulator.arm.side, q_start, tuple(draft.steps), failure)
 
 
 def _pick_and_place(draft: _Draft, task: PickAndPlace, body: Body) -> None:
@@ -248,10 +200,20 @@ class _Draft:
         ik = self._manipulator.ik.solve(T_base_tip, current=self._q)
         if not ik.is_valid:
             raise _NoSolutionError(label, str(ik.failure), ik)
-        trajectory = plan_joint_move(self._q, ik.q, self._manipulator.limits)
+        self.move_joints(label, ik.q, T_base_tip, ik)
+
+    def move_joints(
+        self,
+        label: str,
+        q_goal: Vector,
+        T_base_tip: pin.SE3 | None = None,
+        ik: IKResult | None = None,
+    ) -> None:
+        """Add the move to a configuration, and what asked for it."""
+        trajectory = plan_joint_move(self._q, q_goal, self._manipulator.limits)
         clearance = self._checked(label, trajectory)
         self.steps.append(Move(label, trajectory, T_base_tip, ik, clearance))
-        self._q = ik.q
+        self._q = q_goal
 
     def grasp(self, label: str, task: PickAndPlace, body: Body) -> None:
         """Add the closing of the fingers around the body."""
@@ -287,7 +249,7 @@ class _Draft:
             touchable=self._touchable,
             held=self._held,
         )
-        times = np.linspace(0.0, trajectory.duration, 1 + int(trajectory.duration / SAMPLE_S) + 1)
+        times = _sample_times(trajectory)
         configurations = self._manipulator.configurations(
             trajectory.sample(times).q, self._finger_m
         )
@@ -298,6 +260,16 @@ class _Draft:
                 label, f"{found.first} would be {depth:.1f} mm inside {found.second}"
             )
         return found
+
+
+def _sample_times(trajectory: Trajectory) -> Vector:
+    """Times between which no joint moves by more than `SAMPLE_RAD`, both ends included."""
+    limits = trajectory.limits
+    in_rad_s = replace(limits, v_max=np.ones(len(limits.names)))
+    fastest = trajectory.peak_ratios(in_rad_s).velocity
+    return np.linspace(
+        0.0, trajectory.duration, 2 + int(trajectory.duration * fastest / SAMPLE_RAD)
+    )
 
 
 def _miss(T_base_tip: pin.SE3, body: Body) -> str:

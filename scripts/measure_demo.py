@@ -86,8 +86,10 @@ def _print_simulation() -> None:
     manipulator, world = Manipulator.of(robot, "left"), World(robot)
     csv = CsvRecorder(os.devnull, robot)
     simulation = Simulation(world, [Recorder(robot), csv])
-    there = plan_start_move(manipulator, manipulator.arm.neutral, manipulator.arm.start)
-    back = plan_start_move(manipulator, manipulator.arm.start, manipulator.arm.neutral)
+    there = plan_start_move(
+        manipulator, world.scene, manipulator.arm.neutral, manipulator.arm.start
+    )
+    back = plan_start_move(manipulator, world.scene, manipulator.arm.start, manipulator.arm.neutral)
     started = time.perf_counter()
     while simulation.time_s < SIMULATED_S:
         simulation.execute(there)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from planner import Body
 from planner.plan import Step
 from sim.gripper import GripperState
 
@@ -36,12 +37,14 @@ class Event:
         kind: what.
         text: one readable phrase.
         step: the step of a plan that began, if that is what happened.
+        body: the body that appeared or disappeared, if that is what happened.
     """
 
     time_s: float
     kind: EventKind
     text: str
     step: Step | None = None
+    body: Body | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

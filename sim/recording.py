@@ -6,6 +6,7 @@ reads: header and 17 columns, time in seconds with six decimals, angles in rad, 
 
 from __future__ import annotations
 
+import sys
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -120,8 +121,8 @@ class Recorder(Observer):
         Raises:
             RecordingError: when `keep` is not a whole number above zero.
         """
-        if keep is not None and (expect(keep, int, "keep", RecordingError) < 1):
-            raise RecordingError(f"keep must be a whole number above zero, got {keep}")
+        if keep is not None and not 1 <= expect(keep, int, "keep", RecordingError) <= sys.maxsize:
+            raise RecordingError(f"keep must be from 1 to {sys.maxsize}, got {keep}")
         self._joint_names = expect(robot, Baxter, "robot", RecordingError).joint_names
         self._snapshots: deque[Snapshot] = deque(maxlen=keep)
         self._events: deque[Event] = deque(maxlen=keep)
@@ -133,7 +134,13 @@ class Recorder(Observer):
         return bool(self._snapshots)
 
     def remember(self, scene: Scene) -> None:
-        """Note the shapes of the bodies in a scene; snapshots carry only their poses."""
+        """Note the shapes of bodies that were in the world before the simulation began.
+
+        Those that it spawns are noted as they appear; snapshots carry only their poses.
+
+        Raises:
+            RecordingError: when it is no scene.
+        """
         self._bodies.update(expect(scene, Scene, "scene", RecordingError).bodies)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
@@ -141,8 +148,10 @@ class Recorder(Observer):
         self._snapshots.append(snapshot)
 
     def on_event(self, event: Event) -> None:
-        """Keep it."""
+        """Keep it, and the shapes of a body that appeared."""
         self._events.append(event)
+        if event.body is not None:
+            self._bodies[event.body.name] = event.body
 
     def recording(self) -> Recording:
         """All so far.

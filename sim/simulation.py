@@ -122,7 +122,8 @@ class Simulation:
         """
         support = self.world.spawn(body)
         on = f", at rest on {support}" if body.is_movable else ""
-        self._tell(EventKind.SPAWNED, f"{body.name} spawned{on}")
+        settled = self.world.body(body.name)
+        self._tell(EventKind.SPAWNED, f"{body.name} spawned{on}", body=settled)
 
     def delete(self, name: str) -> None:
         """Remove a body.
@@ -130,8 +131,9 @@ class Simulation:
         Raises:
             SceneError: when it is not there.
         """
+        body = self.world.body(name)
         self.world.delete(name)
-        self._tell(EventKind.DELETED, f"{name} deleted")
+        self._tell(EventKind.DELETED, f"{name} deleted", body=body)
 
     def wait(self, duration_s: float) -> None:
         """Let time pass.
@@ -294,8 +296,10 @@ class Simulation:
         for observer in self._observers:
             observer.on_snapshot(snapshot)
 
-    def _tell(self, kind: EventKind, text: str, step: Step | None = None) -> None:
-        event = Event(self.time_s, kind, text, step)
+    def _tell(
+        self, kind: EventKind, text: str, step: Step | None = None, body: Body | None = None
+    ) -> None:
+        event = Event(self.time_s, kind, text, step, body)
         for observer in self._observers:
             observer.on_event(event)
 

@@ -54,7 +54,7 @@ def run_cycle(
     diary = Diary()
     simulation = Simulation(world, [diary])
     start = manipulator.arm.start
-    simulation.execute(plan_start_move(manipulator, world.arm_q("left"), start))
+    simulation.execute(plan_start_move(manipulator, world.scene, world.arm_q("left"), start))
     plan = plan_pick_and_place(
         PickAndPlace("block", PICK, PLACE), manipulator, world.scene, world.arm_q("left")
     )
@@ -125,8 +125,11 @@ def test_fault_failed_ik_goes_on_and_grasps_air(manipulator: Manipulator, scene:
     assert "out of reach" in plan.failure.reason
 
 
-def test_fault_start_without_angles_crashes(manipulator: Manipulator, left: Arm) -> None:
-    plan = plan_start_move(manipulator, left.neutral)
+def test_fault_start_without_angles_crashes(
+    manipulator: Manipulator, scene: Scene, left: Arm
+) -> None:
+    plan = plan_start_move(manipulator, scene, left.neutral)
+    assert plan.is_valid
     np.testing.assert_array_equal(plan.moves[0].trajectory.q_goal, np.zeros(7))
 
 
@@ -134,7 +137,7 @@ def test_fault_timeout_of_15_s_is_silent(world: World, manipulator: Manipulator)
     """A move ends at its goal at a time known beforehand; there is nothing to time out."""
     outcome, _ = run_cycle(world, manipulator)
     assert outcome.is_success
-    plan = plan_start_move(manipulator, world.arm_q("left"), manipulator.arm.neutral)
+    plan = plan_start_move(manipulator, world.scene, world.arm_q("left"), manipulator.arm.neutral)
     simulation = Simulation(world)
     expected_s = plan.motion_time_s
     assert simulation.execute(plan).duration_s == pytest.approx(expected_s, abs=1e-9)
@@ -162,7 +165,7 @@ def test_fault_gripper_never_reports_that_it_grips(world: World, manipulator: Ma
 
     simulation = Simulation(world, [Watch()])
     start = manipulator.arm.start
-    simulation.execute(plan_start_move(manipulator, world.arm_q("left"), start))
+    simulation.execute(plan_start_move(manipulator, world.scene, world.arm_q("left"), start))
     task = PickAndPlace("block", PICK, PLACE)
     plan = plan_pick_and_place(task, manipulator, world.scene, start)
     simulation.execute(plan)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from planner import Body
-from sim import Observer, Snapshot
+from sim import Event, EventKind, Observer, Snapshot
 
 if TYPE_CHECKING:  # a headless run needs no web server
     from sim.viewer import Viewer
@@ -24,13 +23,12 @@ class LiveView(Observer):
         self._zero_s: float | None = None
         self._next_frame_s = 0.0
 
-    def add(self, body: Body) -> None:
-        """A body appears."""
-        self._viewer.add_body(body)
-
-    def remove(self, name: str) -> None:
-        """A body disappears."""
-        self._viewer.remove_body(name)
+    def on_event(self, event: Event) -> None:
+        """A body appears or disappears."""
+        if event.body is not None and event.kind is EventKind.SPAWNED:
+            self._viewer.add_body(event.body)
+        elif event.body is not None:
+            self._viewer.remove_body(event.body.name)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
         """Wait until it is due, then show it; planning pauses count as time, so nothing rushes."""

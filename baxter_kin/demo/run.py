@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import count
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -75,10 +76,8 @@ class _Demo:
         """Everything; returns None, or why it failed. Outputs are written however it ends."""
         with ExitStack() as cleanup:
             cleanup.callback(self._write_report)
-            recorder = self._recorder(cleanup)
-            live = self._live(cleanup)
-            simulation = Simulation(self._world, self._observers(cleanup, recorder, live))
-            with self._scene(simulation, recorder, live):
+            simulation = Simulation(self._world, self._observers(cleanup))
+            with self._scene(simulation):
                 self._go(simulation)
             self._report.totals.wall_time_s = time.perf_counter() - self._started_s
             self._narrator.finish(self._report.totals)
@@ -88,8 +87,13 @@ class _Demo:
         """Enable, move to start, then pick and place until done, failed or stopped."""
         simulation.enable()
         start = self._planned(
-            lambda: plan_start_move(self._manipulator, self._arm_q(), self._arm.start)
+            lambda: plan_start_move(
+                self._manipulator, self._world.scene, self._arm_q(), self._arm.start
+            )
         )
+        if start.failure is not None:
+            self._report.failure = str(start.failure)
+            return
         simulation.execute(start)
         cycles = self._options.cycles
         for number in count(1) if cycles is None else range(1, cycles + 1):
@@ -123,18 +127,11 @@ class _Demo:
         return plan
 
     @contextmanager
-    def _scene(
-        self, simulation: Simulation, recorder: Recorder | None, live: LiveView | None
-    ) -> Iterator[None]:
+    def _scene(self, simulation: Simulation) -> Iterator[None]:
         """Table and block are there while the demo runs, and gone when it ends, however it ends."""
-        bodies = _bodies(self._options.limb)
         try:
-            for body in bodies:
+            for body in _bodies(self._options.limb):
                 simulation.spawn(body)
-                if live is not None:
-                    live.add(self._world.body(body.name))
-            if recorder is not None:
-                recorder.remember(self._world.scene)
             self._report.totals.block_start_m = self._block_m()
             yield
         except KeyboardInterrupt:
@@ -144,27 +141,23 @@ class _Demo:
             self._report.totals.block_final_m = self._block_m()
             for name in reversed(tuple(self._world.scene.bodies)):
                 simulation.delete(name)
-                if live is not None:
-                    live.remove(name)
 
-    def _observers(
-        self, cleanup: ExitStack, recorder: Recorder | None, live: LiveView | None
-    ) -> list[Observer]:
+    def _observers(self, cleanup: ExitStack) -> list[Observer]:
         """Who watches: the watch for Ctrl-C first, the live view, which waits, last."""
         observers: list[Observer] = [_StopWatch(self._interrupt), self._narrator, self._report]
         if self._options.csv is not None:
             csv = CsvRecorder(self._options.csv, self._robot)
             cleanup.callback(csv.close)
             observers.append(csv)
-        if recorder is not None:
+        if self._options.html is not None:
+            recorder = Recorder(self._robot, keep=REPLAY_SNAPSHOTS)
+            cleanup.callback(self._write_replay, self._options.html, recorder)
             observers.append(recorder)
-        if live is not None:
-            observers.append(live)
+        if not self._options.is_headless:
+            observers.append(self._live(cleanup))
         return observers
 
-    def _live(self, cleanup: ExitStack) -> LiveView | None:
-        if self._options.is_headless:
-            return None
+    def _live(self, cleanup: ExitStack) -> LiveView:
         from sim.viewer import Viewer  # noqa: PLC0415 - a headless run needs no web server
 
         viewer = cleanup.enter_context(Viewer(self._robot))
@@ -174,20 +167,12 @@ class _Demo:
         viewer.wait_for_client(WAIT_FOR_BROWSER_S)
         return LiveView(viewer)
 
-    def _recorder(self, cleanup: ExitStack) -> Recorder | None:
-        path = self._options.html
-        if path is None:
-            return None
-        recorder = Recorder(self._robot, keep=REPLAY_SNAPSHOTS)
-        cleanup.callback(self._write_replay, recorder)
-        return recorder
-
-    def _write_replay(self, recorder: Recorder) -> None:
+    def _write_replay(self, path: Path, recorder: Recorder) -> None:
         from sim.replay import write_replay  # noqa: PLC0415 - only when asked for
 
-        if self._options.html is not None and recorder.has_snapshots:
-            write_replay(self._options.html, recorder.recording(), self._robot)
-            self._narrator.say(f"replay: {self._options.html}")
+        if recorder.has_snapshots:
+            write_replay(path, recorder.recording(), self._robot)
+            self._narrator.say(f"replay: {path}")
 
     def _write_report(self) -> None:
         totals = self._report.totals

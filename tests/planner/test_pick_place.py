@@ -500,29 +500,45 @@ class TestConfigurations:
 class TestStartMove:
     """The way to where a task starts."""
 
-    def test_it_ends_where_asked_with_the_gripper_open(self, manipulator: Manipulator) -> None:
+    def test_it_ends_where_asked_with_the_gripper_open(
+        self, manipulator: Manipulator, scene: Scene
+    ) -> None:
         arm = manipulator.arm
-        plan = plan_start_move(manipulator, arm.neutral, arm.start)
+        plan = plan_start_move(manipulator, scene, arm.neutral, arm.start)
         assert labels(plan) == ["move to start", "open"]
         assert plan.moves[0].trajectory.q_goal.tolist() == arm.start.tolist()
         assert isinstance(plan.steps[0], Move)
 
-    def test_without_angles_every_joint_goes_to_zero(self, manipulator: Manipulator) -> None:
-        plan = plan_start_move(manipulator, manipulator.arm.neutral)
+    def test_a_way_through_the_table_is_refused(
+        self, manipulator: Manipulator, scene: Scene
+    ) -> None:
+        arm = manipulator.arm
+        below = manipulator.ik.solve(overhead(0.65, 0.2, -0.25), current=arm.start)
+        plan = plan_start_move(manipulator, scene, arm.start, below.q)
+        assert plan.failure is not None
+        assert plan.failure.stage == "move to start"
+        assert "inside table" in plan.failure.reason
+
+    def test_without_angles_every_joint_goes_to_zero(
+        self, manipulator: Manipulator, scene: Scene
+    ) -> None:
+        plan = plan_start_move(manipulator, scene, manipulator.arm.neutral)
         assert plan.moves[0].trajectory.q_goal.tolist() == [0.0] * 7
 
-    def test_from_where_the_arm_is_it_takes_no_time(self, manipulator: Manipulator) -> None:
+    def test_from_where_the_arm_is_it_takes_no_time(
+        self, manipulator: Manipulator, scene: Scene
+    ) -> None:
         start: NDArray[np.float64] = manipulator.arm.start
-        assert plan_start_move(manipulator, start, start).motion_time_s == 0.0
+        assert plan_start_move(manipulator, scene, start, start).motion_time_s == 0.0
 
     @pytest.mark.parametrize("q", ["q", [], [0.0] * 6, [np.nan] * 7, [9.0] * 7])
-    def test_malformed_ends_raise(self, manipulator: Manipulator, q: Any) -> None:
+    def test_malformed_ends_raise(self, manipulator: Manipulator, scene: Scene, q: Any) -> None:
         neutral = manipulator.arm.neutral
         for ends in ((q, neutral), (neutral, q)):
             with pytest.raises(ConfigurationError):
-                plan_start_move(manipulator, *ends)
+                plan_start_move(manipulator, scene, *ends)
 
     @pytest.mark.parametrize("bad", [None, "left"])
     def test_a_manipulator_that_is_none_raises(self, bad: Any) -> None:
         with pytest.raises(TaskError, match="manipulator"):
-            plan_start_move(bad, np.zeros(7))
+            plan_start_move(bad, Scene.of(), np.zeros(7))

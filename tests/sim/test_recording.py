@@ -53,12 +53,12 @@ def recording(robot: Baxter, manipulator: Manipulator, table: Body, block: Body)
     simulation = Simulation(world, [recorder])
     simulation.spawn(table)
     simulation.spawn(block)
-    recorder.remember(world.scene)
     simulation.wait(0.1)
     simulation.delete("block")
     simulation.wait(0.1)
     simulation.execute(
-        plan_start_move(manipulator, world.arm_q("left"), manipulator.arm.start), "demo, "
+        plan_start_move(manipulator, world.scene, world.arm_q("left"), manipulator.arm.start),
+        "demo, ",
     )
     return recorder.recording()
 

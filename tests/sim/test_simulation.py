@@ -520,7 +520,9 @@ class TestTelling:
 
         first, second = Named("first"), Named("second")
         simulation = Simulation(run.world, [first, second])
-        simulation.execute(plan_start_move(run.manipulator, run.world.arm_q("left")))
+        simulation.execute(
+            plan_start_move(run.manipulator, run.world.scene, run.world.arm_q("left"))
+        )
         assert first.told == second.told
         assert order == ["first", "second"] * len(first.events)
 
@@ -557,7 +559,7 @@ class TestTelling:
         assert all(told == read for told, read in clocks)
 
     def test_a_title_comes_before_each_caption(self, run: Run) -> None:
-        plan = plan_start_move(run.manipulator, run.world.arm_q("left"))
+        plan = plan_start_move(run.manipulator, run.world.scene, run.world.arm_q("left"))
         run.simulation.execute(plan, "cycle 3, ")
         captions = {snapshot.caption for snapshot in run.witness.snapshots}
         assert captions

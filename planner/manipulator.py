@@ -1,0 +1,83 @@
+"""Manipulator: what planning for one arm needs to know."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits
+from baxter_kin.arrays import Vector, finite_array, float_array
+from planner.collision import RobotShapes
+from planner.errors import TaskError, expect
+from planner.hand import Hand
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Manipulator:
+    """What planning for one arm needs to know.
+
+    Attributes:
+        robot: the whole robot.
+        arm: the arm that moves.
+        ik: its inverse kinematics.
+        hand: its fingers.
+        shapes: the robot's collision shapes.
+        limits: what its moves may use; the arm's own when made by `of`.
+        q_others: a full configuration, shape (19,), that says where all other joints stand.
+    """
+
+    robot: Baxter
+    arm: Arm
+    ik: IKService
+    hand: Hand
+    shapes: RobotShapes
+    limits: JointLimits
+    q_others: Vector = field(repr=False)
+
+    def __post_init__(self) -> None:
+        """Check and copy."""
+        joints = (len(self.robot.joint_names),)
+        q_others = finite_array(self.q_others, joints, "q_others", ConfigurationError)
+        object.__setattr__(self, "q_others", q_others)
+
+    @classmethod
+    def of(
+        cls, robot: Baxter, limb: str, *, speed_ratio: float = 1.0, q_others: Vector | None = None
+    ) -> Manipulator:
+        """Everything for one limb, its velocity limits scaled by `speed_ratio` in (0, 1].
+
+        Raises:
+            UnknownNameError: when `limb` is neither "left" nor "right".
+            LimitsError: when the ratio is outside (0, 1].
+            ConfigurationError: when `q_others` has another shape or is not finite.
+        """
+        expect(robot, Baxter, "robot", TaskError)
+        arm, shapes = robot.arm(limb), RobotShapes(robot)
+        return cls(
+            robot=robot,
+            arm=arm,
+            ik=IKService(arm),
+            hand=Hand.of(robot, arm, shapes),
+            shapes=shapes,
+            limits=arm.limits.scaled(speed_ratio),
+            q_others=robot.configuration() if q_others is None else q_others,
+        )
+
+    def configurations(self, qs: ArrayLike, finger_m: float) -> Iterator[Vector]:
+        """Full configurations, shape (19,), for arm configurations, shape (m, 7).
+
+        Raises:
+            ConfigurationError: when `qs` has another shape, something is not finite, or the fingers
+                are outside their stroke.
+        """
+        count = float_array(qs, "qs", ConfigurationError).size // 7
+        fingers = self.hand.finger_joints(finger_m)
+        full = np.array(self.q_others)
+        full[list(self.robot.indices(tuple(fingers)))] = list(fingers.values())
+        where = list(self.robot.indices(self.arm.joint_names))
+        for q in finite_array(qs, (count, 7), "qs", ConfigurationError):
+            full[where] = q
+            yield full.copy()
