@@ -18,6 +18,7 @@ of unit length within 1e-4, which is what four written decimals give; then they 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import TypeAlias
@@ -135,6 +136,34 @@ def checked_pose(pose: PoseLike) -> pin.SE3:
     T = finite_array(matrix, (4, 4), "pose", PoseError)
     _check_homogeneous(T)
     return pin.SE3(T[:3, :3], T[:3, 3])
+
+
+def pose_matrices(poses: Sequence[PoseLike]) -> Vector:
+    """Valid poses seen from base, as matrices, shape (n, 4, 4).
+
+    Raises:
+        PoseError: when one of them is none, by the tests of `checked_pose`; with its index.
+    """
+    Ts = np.empty((len(poses), 4, 4))
+    for i, pose in enumerate(poses):
+        if isinstance(pose, pin.SE3):
+            Ts[i] = pose.homogeneous
+        else:
+            Ts[i] = _checked_at(i, pose).homogeneous
+    R = Ts[:, :3, :3]
+    deviation = np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)).max(axis=(1, 2))
+    is_pose = (deviation <= ROTATION_TOLERANCE) & (np.linalg.det(R) > 0.0)
+    is_pose &= np.isfinite(Ts).all(axis=(1, 2))
+    for index in np.flatnonzero(~is_pose).tolist():
+        _checked_at(index, poses[index])
+    return Ts
+
+
+def _checked_at(index: int, pose: PoseLike) -> pin.SE3:
+    try:
+        return checked_pose(pose)
+    except PoseError as cause:
+        raise PoseError(f"poses[{index}]: {cause}") from None
 
 
 def angle_between(R_base_a: Vector, R_base_b: Vector) -> float:

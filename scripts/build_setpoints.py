@@ -1,10 +1,12 @@
 """Compute the null-space map: `python scripts/build_setpoints.py`, writes setpoints.json.
 
-The tip positions of 20,000 random configurations of the left arm are split into 27 regions, as many
-as a real Baxter has setpoints, by Lloyd's k-means. Each region is represented by the configuration
-that, among those ending near its centre, is the best to start a search from: the product of its
-manipulability (Yoshikawa 1985) and its distance from the joint limits is greatest. The right arm
-gets the mirror images.
+The tip poses of 40,000 random configurations of the left arm are split into 64 regions by Lloyd's
+k-means, on position and rotation together. For each region, the setpoint is that one of its own
+configurations from which a search reaches the region's other poses at the least cost: mean
+iterations over the share of searches that succeed. The right arm gets the mirror images.
+
+Each row of the table holds the region's middle (position in m and rotation matrix by rows, seen
+from base), the setpoint in rad, and the share of the region's poses that one search from it solves.
 """
 
 from __future__ import annotations
@@ -13,14 +15,17 @@ import json
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baxter_kin.model import MIRROR, Arm, Baxter
+from baxter_kin.arrays import Indices, Vector
+from baxter_kin.ik.search import Searcher
+from baxter_kin.ik.seeds import pose_features
+from baxter_kin.model import MIRROR, Baxter
 
-SAMPLES = 20_000
-SETPOINTS = 27
-NEAR_CENTRE = 100
-LLOYD_STEPS = 50
+SAMPLES = 40_000
+REGIONS = 64
+CANDIDATES = 150
+PROBES = 150
+LLOYD_STEPS = 25
 TARGET = Path(__file__).parents[1] / "baxter_kin" / "ik" / "setpoints.json"
 
 
@@ -28,36 +33,69 @@ def main() -> None:
     """Compute and write the table."""
     arm = Baxter.load().arm("left")
     rng = np.random.default_rng(27)
-    configurations = np.array([arm.random_configuration(rng) for _ in range(SAMPLES)])
-    positions = np.array([arm.T_base_tip(q).translation for q in configurations])
-    setpoints = []
-    for centre in _centres(positions, rng):
-        near = np.argsort(np.linalg.norm(positions - centre, axis=1))[:NEAR_CENTRE]
-        setpoints.append(max(configurations[near], key=lambda q: _quality(arm, q)))
-    left = np.round(np.array(setpoints), 6)
-    table = {"left": left.tolist(), "right": (left * MIRROR).tolist()}
-    rows = ",\n".join(
-        f' "{side}": [\n' + ",\n".join(f"  {json.dumps(q)}" for q in qs) + "\n ]"
-        for side, qs in table.items()
+    qs = np.array([arm.random_configuration(rng) for _ in range(SAMPLES)])
+    Ts = np.array([arm.T_base_tip(q).homogeneous for q in qs])
+    features = pose_features(Ts)
+    middles, region_of = _regions(features, rng)
+    searcher = Searcher.of(arm)
+    left = [
+        _row(searcher, qs, Ts, np.flatnonzero(region_of == region), rng)
+        for region in range(len(middles))
+    ]
+    right = [_mirrored(row) for row in left]
+    table = ",\n".join(
+        f' "{side}": [\n' + ",\n".join(f"  {json.dumps(row)}" for row in rows) + "\n ]"
+        for side, rows in (("left", left), ("right", right))
     )
-    TARGET.write_text("{\n" + rows + "\n}\n", encoding="utf-8")
-    print(f"{len(left)} setpoints per arm in {TARGET}")
+    TARGET.write_text("{\n" + table + "\n}\n", encoding="utf-8")
+    shares = [row["solved_share"] for row in left]
+    print(f"{len(left)} setpoints per arm in {TARGET}; one search solves {np.mean(shares):.3f}")
 
 
-def _centres(points: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-    centres = points[rng.choice(len(points), SETPOINTS, replace=False)]
+def _regions(features: Vector, rng: np.random.Generator) -> tuple[Vector, Indices]:
+    middles = features[rng.choice(len(features), REGIONS, replace=False)]
     for _ in range(LLOYD_STEPS):
-        nearest = np.linalg.norm(points[:, None] - centres[None], axis=2).argmin(axis=1)
-        centres = np.array([points[nearest == i].mean(axis=0) for i in range(SETPOINTS)])
-    return centres
+        nearest = _nearest(features, middles)
+        middles = np.array([features[nearest == i].mean(axis=0) for i in range(REGIONS)])
+    return middles, _nearest(features, middles)
 
 
-def _quality(arm: Arm, q: NDArray[np.float64]) -> float:
-    J = arm.jacobian(q)
-    manipulability = np.sqrt(max(np.linalg.det(J @ J.T), 0.0))
-    limits = arm.limits
-    room = np.minimum(q - limits.q_min, limits.q_max - q) / (limits.q_max - limits.q_min)
-    return float(manipulability * room.min())
+def _nearest(features: Vector, middles: Vector) -> Indices:
+    distances = (middles**2).sum(axis=1) - 2 * features @ middles.T
+    nearest: Indices = distances.argmin(axis=1)
+    return nearest
+
+
+def _row(
+    searcher: Searcher, qs: Vector, Ts: Vector, region: Indices, rng: np.random.Generator
+) -> dict[str, object]:
+    candidates = rng.choice(region, min(CANDIDATES, len(region)), replace=False)
+    probes = rng.choice(region, min(PROBES, len(region)), replace=False)
+    starts = np.repeat(qs[candidates], len(probes), axis=0)
+    found = searcher.search(starts, np.tile(Ts[probes], (len(candidates), 1, 1)))
+    shape = (len(candidates), len(probes))
+    solved = found.is_valid.reshape(shape).mean(axis=1)
+    cost = found.iterations.reshape(shape).mean(axis=1) / np.maximum(solved, 1e-6)
+    best = int(cost.argmin())
+    middle = Ts[region].mean(axis=0)
+    return {
+        "p_base_tip_m": middle[:3, 3].round(4).tolist(),
+        "R_base_tip": middle[:3, :3].ravel().round(4).tolist(),
+        "q_rad": qs[candidates[best]].round(6).tolist(),
+        "solved_share": round(float(solved[best]), 3),
+    }
+
+
+def _mirrored(row: dict[str, object]) -> dict[str, object]:
+    """The row for the right arm: base and tip frame reflected at their x-z planes."""
+    reflect = np.diag([1.0, -1.0, 1.0])
+    p, R = np.array(row["p_base_tip_m"]), np.array(row["R_base_tip"]).reshape(3, 3)
+    return {
+        **row,
+        "p_base_tip_m": (reflect @ p + 0.0).tolist(),
+        "R_base_tip": (reflect @ R @ reflect + 0.0).ravel().tolist(),
+        "q_rad": (MIRROR * np.array(row["q_rad"]) + 0.0).tolist(),
+    }
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Inverse kinematics as a nonlinear program, solved by IPOPT through CasADi.
+"""Inverse kinematics as a nonlinear program, and its reference solver: IPOPT through CasADi.
 
 ```
 minimise    1/2 |q - q_seed|^2
@@ -16,15 +16,16 @@ Twice it is the rotation vector, to first order.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from baxter_kin.frames import quaternion_xyzw
-from baxter_kin.ik.seeds import Start
+from baxter_kin.frames import angle_between, quaternion_xyzw
+from baxter_kin.ik.kernel import CONVERGED_M, CONVERGED_RAD
+from baxter_kin.ik.search import Backend, Found
 from baxter_kin.model import Arm
 from baxter_kin.symbolic import SymbolicArm, quaternion_product
 
@@ -77,18 +78,21 @@ class Program:
         )
 
 
-class Solver(Protocol):
-    """Searches from one start; the service checks what it finds."""
+class IpoptSearcher:
+    """The interior-point method of Waechter and Biegler (2006) on `Program`.
 
-    def attempt(self, T_base_tip: pin.SE3, start: Start) -> Vector:
-        """The best configuration found, shape (7,), rad, inside the limits."""
+    Slow and sure: it minimises the distance to the start, where the fast search only begins there.
 
+    Attributes:
+        backend: `IPOPT`.
+        random_starts: how many random configurations are worth its time.
+    """
 
-class IpoptSolver:
-    """The interior-point method of Waechter and Biegler (2006) on `Program`."""
+    backend = Backend.IPOPT
+    random_starts = 10
 
     def __init__(self, arm: Arm) -> None:
-        """Compile the program's derivatives."""
+        """Prepare the program's derivatives."""
         program = Program.of(arm)
         nlp = {
             "x": program.q,
@@ -96,19 +100,29 @@ class IpoptSolver:
             "f": program.objective,
             "g": program.pose_error,
         }
-        self._limits = arm.limits
+        self._arm = arm
         self._solve = ca.nlpsol("ik", "ipopt", nlp, _OPTIONS)
 
-    def attempt(self, T_base_tip: pin.SE3, start: Start) -> Vector:
-        """The best configuration found, shape (7,), rad, inside the limits."""
-        target = [T_base_tip.translation, quaternion_xyzw(T_base_tip), start.q_seed]
-        solution = self._solve(
-            x0=start.q_start,
-            p=np.concatenate(target),
-            lbx=self._limits.q_min,
-            ubx=self._limits.q_max,
-            lbg=0.0,
-            ubg=0.0,
-        )
-        q: Vector = np.array(solution["x"]).ravel()
-        return np.clip(q, self._limits.q_min, self._limits.q_max)
+    def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
+        """Searches, one after the other; arguments and result as of `Searcher.search`."""
+        limits = self._arm.limits
+        low, high = (limits.q_min, limits.q_max) if bounds is None else np.split(bounds, 2)
+        rows = [
+            self._search(q_start, pin.SE3(T[:3, :3], T[:3, 3]), low, high)
+            for q_start, T in zip(q_starts, Ts, strict=True)
+        ]
+        q, offset, angle, iterations = (np.array(column) for column in zip(*rows, strict=True))
+        is_valid = (offset <= CONVERGED_M) & (angle <= CONVERGED_RAD)
+        return Found(q, is_valid, offset, angle, iterations)
+
+    def _search(
+        self, q_start: Vector, T: pin.SE3, low: Vector, high: Vector
+    ) -> tuple[Vector, float, float, int]:
+        target = [T.translation, quaternion_xyzw(T), q_start]
+        parameters = np.concatenate(target)
+        solution = self._solve(x0=q_start, p=parameters, lbx=low, ubx=high, lbg=0.0, ubg=0.0)
+        q = np.clip(np.array(solution["x"]).ravel(), low, high)
+        reached = self._arm.T_base_tip(q)
+        offset = float(np.linalg.norm(reached.translation - T.translation))
+        angle = angle_between(T.rotation, reached.rotation)
+        return q, offset, angle, int(self._solve.stats()["iter_count"])

@@ -9,28 +9,34 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 from importlib.resources import files
 
 import numpy as np
-import pinocchio as pin
 
-from baxter_kin.arrays import Vector
+from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import UnknownNameError
-from baxter_kin.frames import angle_between
 from baxter_kin.model import Arm
 
-ROTATION_WEIGHT_M_PER_RAD = 0.3
-"""What one radian counts against metres when poses are compared: about a forearm's length."""
+ROTATION_WEIGHT_M = 0.3
+"""What rotation counts when poses are compared: metres per unit of the matrices' difference."""
 
 PERTURBATION_RAD = 0.5
 """Spread (sigma) of the further starts around a seed: wide enough to leave its basin."""
 
-STARTS_PER_TYPE = 8
-"""Starts of each seed type. From the null-space map alone, 8 starts solved 1,000 of 1,000 poses
-within 5 cm of the demo's block poses and 599 of 600 anywhere; one start solved 492 of those 600."""
+SEED_STARTS = 32
+"""Starts around a seed when it is the only seed allowed. Beside others it gets one: the null-space
+map, which is chosen by the pose, makes better restarts."""
+
+MAP_STARTS = 6
+"""Setpoints tried before the search goes on from random configurations."""
+
+RANDOM_STARTS = 1000
+"""Random configurations tried last."""
+
+FIRST_RANDOM_STARTS = 14
+"""How many of them are tried before a pose is suspected to be out of reach."""
 
 
 class SeedMode(IntEnum):
@@ -53,6 +59,13 @@ class SeedMode(IntEnum):
             return cls(mode)  # type: ignore[arg-type]  # any object may come from outside
         except ValueError:
             raise UnknownNameError("seed mode", mode, [f"SeedMode.{m.name}" for m in cls]) from None
+
+    @property
+    def seed_types(self) -> tuple[SeedType, ...]:
+        """The types it tries, in order."""
+        if self is SeedMode.AUTO:
+            return (SeedType.USER, SeedType.CURRENT, SeedType.NS_MAP)
+        return (SeedType(self.value),)
 
 
 class SeedType(IntEnum):
@@ -77,29 +90,22 @@ _LABELS = {
 }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Start:
-    """Where one search begins.
+def starts_around(arm: Arm, q_seeds: Vector, count: int) -> Iterator[Vector]:
+    """The seeds themselves, then points scattered around them, the same ones every time.
 
-    Attributes:
-        seed_type: the type it counts for.
-        q_seed: the configuration to stay close to, shape (7,), rad.
-        q_start: the first iterate, shape (7,), rad; the seed itself or a point around it.
+    Args:
+        arm: whose limits the points stay inside.
+        q_seeds: shape (m, 7), rad.
+        count: how many starts each seed gets.
+
+    Yields:
+        Arrays of shape (m, 7), rad.
     """
-
-    seed_type: SeedType
-    q_seed: Vector
-    q_start: Vector
-
-
-def starts_around(arm: Arm, seed_type: SeedType, q_seed: Vector) -> Iterator[Start]:
-    """The seed itself, then points scattered around it, the same ones every time."""
-    yield Start(seed_type, q_seed, q_seed)
-    rng = np.random.default_rng(seed_type)
-    for _ in range(STARTS_PER_TYPE - 1):
-        scattered = q_seed + PERTURBATION_RAD * rng.standard_normal(q_seed.size)
-        q_start = np.clip(scattered, arm.limits.q_min, arm.limits.q_max)
-        yield Start(seed_type, q_seed, q_start)
+    yield q_seeds
+    rng = np.random.default_rng(1)
+    for _ in range(count - 1):
+        scattered = q_seeds + PERTURBATION_RAD * rng.standard_normal(7)
+        yield np.clip(scattered, arm.limits.q_min, arm.limits.q_max)
 
 
 class NullSpaceMap:
@@ -109,25 +115,66 @@ class NullSpaceMap:
         """Read nothing yet: the table is loaded when first asked."""
         self._arm = arm
 
-    @cached_property
+    @property
     def setpoints(self) -> Vector:
         """The stored configurations, shape (n, 7), rad."""
-        table = json.loads((files("baxter_kin.ik") / "setpoints.json").read_text("utf-8"))
-        return np.array(table[self._arm.side])
+        return self._table[1]
+
+    def nearest(self, Ts: Vector) -> Indices:
+        """The setpoints whose regions are nearest to poses, nearest first.
+
+        Args:
+            Ts: poses as matrices, shape (m, 4, 4).
+
+        Returns:
+            Indices, shape (m, `MAP_STARTS`).
+        """
+        middles, _ = self._table
+        distances = self._squares - 2 * (pose_features(Ts) @ middles.T)
+        order: Indices = distances.argsort(axis=1)[:, :MAP_STARTS]
+        return order
+
+    def first_starts(self, T: Vector) -> Iterator[Vector]:
+        """The nearest setpoints of one pose, shape (4, 4), then a few random configurations."""
+        yield from self.setpoints[self.nearest(T[None])[0]]
+        yield from self.random_starts[:FIRST_RANDOM_STARTS]
 
     @cached_property
-    def _poses(self) -> tuple[pin.SE3, ...]:
-        return tuple(self._arm.T_base_tip(q) for q in self.setpoints)
+    def random_starts(self) -> Vector:
+        """Configurations to go on from, shape (`RANDOM_STARTS`, 7), rad; the same every time.
 
-    def starts(self, T_base_tip: pin.SE3) -> Iterator[Start]:
-        """The setpoints whose tip poses are nearest to the requested one, nearest first."""
-        distances = [_pose_distance_m(pose, T_base_tip) for pose in self._poses]
-        for index in np.argsort(distances, kind="stable")[:STARTS_PER_TYPE]:
-            q = self.setpoints[index]
-            yield Start(SeedType.NS_MAP, q, q)
+        Every second one has one to three joints at a limit: poses that are reached only there have
+        narrow basins.
+        """
+        limits, rng = self._arm.limits, np.random.default_rng(2)
+        starts = rng.uniform(limits.q_min, limits.q_max, (RANDOM_STARTS, 7))
+        for q in starts[1::2]:
+            joints = rng.choice(7, rng.integers(1, 4), replace=False)
+            at_low = rng.random(len(joints)) < 0.5
+            q[joints] = np.where(at_low, limits.q_min[joints], limits.q_max[joints])
+        return starts
+
+    @cached_property
+    def _squares(self) -> Vector:
+        squares: Vector = (self._table[0] ** 2).sum(axis=1)
+        return squares
+
+    @cached_property
+    def _table(self) -> tuple[Vector, Vector]:
+        """Middles of the regions as features, shape (n, 12), and setpoints, shape (n, 7)."""
+        text = (files("baxter_kin.ik") / "setpoints.json").read_text("utf-8")
+        rows = json.loads(text)[self._arm.side]
+        middles = np.zeros((len(rows), 4, 4))
+        middles[:, :3, 3] = [row["p_base_tip_m"] for row in rows]
+        middles[:, :3, :3] = np.reshape([row["R_base_tip"] for row in rows], (-1, 3, 3))
+        return pose_features(middles), np.array([row["q_rad"] for row in rows])
 
 
-def _pose_distance_m(T_base_a: pin.SE3, T_base_b: pin.SE3) -> float:
-    offset = float(np.linalg.norm(T_base_a.translation - T_base_b.translation))
-    angle = angle_between(T_base_a.rotation, T_base_b.rotation)
-    return offset + ROTATION_WEIGHT_M_PER_RAD * angle
+def pose_features(Ts: Vector) -> Vector:
+    """Poses as points whose distances compare them, shape (m, 12), in metres.
+
+    Args:
+        Ts: matrices, shape (m, 4, 4).
+    """
+    rotations = ROTATION_WEIGHT_M * Ts[:, :3, :3].reshape(-1, 9)
+    return np.concatenate([Ts[:, :3, 3], rotations], axis=1)

@@ -1,16 +1,15 @@
 """The IK service: requests in, results out, with the semantics of the service it replaces.
 
 One request is a pose, an optional seed of the user's, the arm's current joint angles if known, and
-a seed mode. Every solution is checked by Pinocchio, which is not what found it.
+a seed mode. A request that one search from its only seed answers takes a short cut; all others go
+through `baxter_kin.ik.batch`, alone or many together.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import chain
-from typing import Any
+from itertools import islice
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -18,59 +17,46 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import RequestError
-from baxter_kin.frames import PoseLike, angle_between, checked_pose
-from baxter_kin.ik.program import IpoptSolver, Solver
-from baxter_kin.ik.reach import ReachBound
-from baxter_kin.ik.result import IKFailure, IKResult, reaches_pose
-from baxter_kin.ik.seeds import NullSpaceMap, SeedMode, SeedType, Start, starts_around
+from baxter_kin.frames import PoseLike, pose_matrices
+from baxter_kin.ik.batch import Batch
+from baxter_kin.ik.explanation import Explainer, Search
+from baxter_kin.ik.kernel import SEED_TOLERANCE_RAD
+from baxter_kin.ik.program import IpoptSearcher
+from baxter_kin.ik.result import IKResult
+from baxter_kin.ik.search import Backend, Searcher
+from baxter_kin.ik.seeds import NullSpaceMap, SeedMode, SeedType
 from baxter_kin.model import Arm
 
-SEED_TOLERANCE_RAD = 0.02
-"""Seeds this far outside the limits are clamped: arms at rest report a little more than their
-limits. Farther out they are refused."""
-
-AT_LIMIT_RAD = 1e-6
-
-SeedLike = Mapping[str, float] | ArrayLike
+SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
 """A configuration by joint name or in joint order, rad."""
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Request:
-    T_base_tip: pin.SE3
-    seeds: Mapping[SeedType, Vector]
-    mode: SeedMode
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Attempt:
-    seed_type: SeedType
-    q: Vector
-    position_error_m: float
-    orientation_error_rad: float
-
-    @property
-    def residual(self) -> float:
-        return self.position_error_m + self.orientation_error_rad
+BLOCK = 8192
+"""How many poses of a large batch are worked on together."""
 
 
 class IKService:
     """Inverse kinematics for one arm.
 
-    The same request always gets the same answer.
+    The same request always gets the same answer from the same backend.
+
+    Attributes:
+        arm: whose tip is placed.
+        backend: where its searches run.
     """
 
-    def __init__(self, arm: Arm, solver: Solver | None = None) -> None:
-        """Prepare the solver.
+    def __init__(self, arm: Arm, backend: str | Backend = Backend.AUTO) -> None:
+        """Prepare the searches; with `AUTO` and a C compiler, the first time takes half a second.
 
-        Args:
-            arm: whose tip to place.
-            solver: another one than IPOPT on the nonlinear program.
+        Raises:
+            UnknownNameError: when there is no such backend.
         """
+        wanted = Backend.of(backend)
         self.arm = arm
-        self._solver = solver or IpoptSolver(arm)
+        self._quick = None if wanted is Backend.IPOPT else Searcher.of(arm, wanted)
+        self._search: Search = self._quick or IpoptSearcher(arm)
+        self.backend = self._search.backend
         self._null_space_map = NullSpaceMap(arm)
-        self._reach = ReachBound(arm)
+        self._explainer = Explainer(arm, self._search, self._null_space_map)
 
     def solve(
         self,
@@ -97,7 +83,15 @@ class IKService:
                 limits by more than `SEED_TOLERANCE_RAD`.
             UnknownNameError: when a seed names a joint of another arm, or the mode is none.
         """
-        return self._answer(self._request(T_base_tip, seed, current, mode, "seed"))
+        if mode is SeedMode.AUTO and self._quick is not None and isinstance(T_base_tip, pin.SE3):
+            result = None
+            if current is None and isinstance(seed, np.ndarray):
+                result = self._short_cut(self._quick, T_base_tip, seed, SeedType.USER)
+            elif seed is None and isinstance(current, np.ndarray):
+                result = self._short_cut(self._quick, T_base_tip, current, SeedType.CURRENT)
+            if result is not None:
+                return result
+        return self._answers([T_base_tip], None if seed is None else [seed], current, mode)[0]
 
     def solve_batch(
         self,
@@ -105,135 +99,127 @@ class IKService:
         seeds: Sequence[SeedLike | None] | None = None,
         current: SeedLike | None = None,
         mode: SeedMode = SeedMode.AUTO,
+        *,
+        chain: bool = False,
     ) -> list[IKResult]:
-        """One result per pose, each answered on its own; no poses, no results.
+        """One result per pose, in order; no poses, no results.
 
         Args:
             T_base_tips: poses, as for `solve`.
             seeds: one per pose, each a seed or None; or None for no seeds at all.
             current: the arm's present joint angles, for all poses.
             mode: which seeds to try.
+            chain: whether each solution is the current joint angles of the next pose. Otherwise
+                every pose is answered on its own, and large batches use all cores.
 
         Raises:
             RequestError: when poses or seeds are not sequences, or differ in number.
-            BaxterError: as `solve`, with the index of the pose or seed. Nothing is solved then.
+            BaxterError: as `solve`, with the index of the pose or seed.
         """
         poses = _as_list(T_base_tips, "poses")
-        given: list[Any] = [None] * len(poses) if seeds is None else _as_list(seeds, "seeds")
-        if len(given) != len(poses):
+        given = None if seeds is None else _as_list(seeds, "seeds")
+        if given is not None and len(given) != len(poses):
             raise RequestError(
                 f"{len(poses)} poses came with {len(given)} seeds; give one seed per pose (None "
                 "where a pose has none), or no seeds at all"
             )
-        requests = [
-            self._request(pose, seed, current, mode, f"seeds[{i}]")
-            for i, (pose, seed) in enumerate(zip(poses, given, strict=True))
-        ]
-        return [self._answer(request) for request in requests]
+        if chain:
+            return list(self._chained(poses, given, current, mode))
+        results: list[IKResult] = []
+        for at in range(0, len(poses), BLOCK):
+            part = None if given is None else given[at : at + BLOCK]
+            results += self._answers(poses[at : at + BLOCK], part, current, mode, at)
+        return results
 
-    def _request(
+    def solve_stream(
         self,
-        pose: PoseLike,
-        seed: SeedLike | None,
+        T_base_tips: Iterable[PoseLike],
+        current: SeedLike | None = None,
+        mode: SeedMode = SeedMode.AUTO,
+    ) -> Iterator[IKResult]:
+        """Results for poses that come one by one, in bounded memory however many there are.
+
+        Wrap the result in tqdm to see its progress.
+
+        Args:
+            T_base_tips: poses, as for `solve`; they are read in blocks of `BLOCK`.
+            current: the arm's present joint angles, for all poses.
+            mode: which seeds to try.
+
+        Raises:
+            BaxterError: as `solve`.
+        """
+        poses = iter(T_base_tips)
+        while block := list(islice(poses, BLOCK)):
+            yield from self._answers(block, None, current, mode)
+
+    def _short_cut(
+        self, searcher: Searcher, T_base_tip: pin.SE3, q_seed: Vector, seed_type: SeedType
+    ) -> IKResult | None:
+        """What a batch of this one request would answer, without its bookkeeping.
+
+        None when that, or the input, needs a closer look.
+        """
+        if q_seed.shape != (7,) or q_seed.dtype != np.float64:
+            return None
+        q, report = searcher.search_one(q_seed, T_base_tip)
+        is_solved, offset, angle, _, is_valid_input = report.tolist()
+        if is_solved == 1.0:
+            return IKResult.trusted(self.arm.joint_names, q.copy(), seed_type, (offset, angle))
+        if is_valid_input != 1.0:
+            return None
+        for q_start in self._null_space_map.first_starts(T_base_tip.homogeneous):
+            q, report = searcher.search_one(q_start, T_base_tip)
+            is_solved, offset, angle, _, _ = report.tolist()
+            if is_solved == 1.0:
+                names = self.arm.joint_names
+                return IKResult.trusted(names, q.copy(), SeedType.NS_MAP, (offset, angle))
+        return None
+
+    def _chained(
+        self,
+        poses: list[Any],
+        seeds: list[Any] | None,
         current: SeedLike | None,
         mode: SeedMode,
-        seed_name: str,
-    ) -> _Request:
-        seeds = {}
-        if seed is not None:
-            seeds[SeedType.USER] = self._checked_seed(seed, seed_name)
+    ) -> Iterator[IKResult]:
+        for i, pose in enumerate(poses):
+            result = self.solve(pose, None if seeds is None else seeds[i], current, mode)
+            current = result.q if result.is_valid else current
+            yield result
+
+    def _answers(
+        self,
+        poses: list[Any],
+        seeds: list[Any] | None,
+        current: SeedLike | None,
+        mode: SeedMode,
+        first: int = 0,
+    ) -> list[IKResult]:
+        Ts, table = pose_matrices(poses), self._seed_table(len(poses), seeds, current, first)
+        batch = Batch(Ts, table, SeedMode.of(mode))
+        batch.solve(self.arm, self._search, self._null_space_map, self._explainer)
+        return list(batch.results(self.arm, self._explainer))
+
+    def _seed_table(
+        self, count: int, seeds: list[Any] | None, current: SeedLike | None, first: int
+    ) -> dict[SeedType, Vector]:
+        """The seeds of each type, shape (count, 7), rad; NaN where there is none."""
+        table = {}
+        if seeds is not None:
+            table[SeedType.USER] = np.full((count, 7), np.nan)
+            for i, seed in enumerate(seeds):
+                if seed is not None:
+                    name = "seed" if count == 1 else f"seeds[{first + i}]"
+                    table[SeedType.USER][i] = self._checked_seed(seed, name)
         if current is not None:
-            seeds[SeedType.CURRENT] = self._checked_seed(current, "current")
-        return _Request(checked_pose(pose), seeds, SeedMode.of(mode))
+            q = self._checked_seed(current, "current")
+            table[SeedType.CURRENT] = np.tile(q, (count, 1))
+        return table
 
     def _checked_seed(self, seed: SeedLike, what: str) -> Vector:
         q = self.arm.configuration(seed, what)
         return self.arm.limits.check(q, what, SEED_TOLERANCE_RAD)
-
-    def _answer(self, request: _Request) -> IKResult:
-        T = request.T_base_tip
-        attempts = []
-        if self._reach.excess_m(T) == 0.0:
-            for start in self._starts(request):
-                attempt = self._attempt(T, start)
-                if reaches_pose(attempt.position_error_m, attempt.orientation_error_rad):
-                    return self._result(attempt, None)
-                attempts.append(attempt)
-        return self._failed(request, attempts)
-
-    def _starts(self, request: _Request) -> Iterator[Start]:
-        seed_types = [SeedType.USER, SeedType.CURRENT, SeedType.NS_MAP]
-        if request.mode is not SeedMode.AUTO:
-            seed_types = [SeedType(request.mode)]
-        return chain.from_iterable(self._starts_of(request, seed_type) for seed_type in seed_types)
-
-    def _starts_of(self, request: _Request, seed_type: SeedType) -> Iterator[Start]:
-        if seed_type is SeedType.NS_MAP:
-            return self._null_space_map.starts(request.T_base_tip)
-        if seed_type not in request.seeds:
-            return iter(())
-        return starts_around(self.arm, seed_type, request.seeds[seed_type])
-
-    def _attempt(self, T_base_tip: pin.SE3, start: Start) -> _Attempt:
-        return self._measured(T_base_tip, start.seed_type, self._solver.attempt(T_base_tip, start))
-
-    def _measured(self, T_base_tip: pin.SE3, seed_type: SeedType, q: Vector) -> _Attempt:
-        reached = self.arm.T_base_tip(q)
-        offset = reached.translation - T_base_tip.translation
-        angle = angle_between(T_base_tip.rotation, reached.rotation)
-        return _Attempt(seed_type, q, float(np.linalg.norm(offset)), angle)
-
-    def _failed(self, request: _Request, attempts: list[_Attempt]) -> IKResult:
-        if attempts:
-            best = min(attempts, key=lambda attempt: attempt.residual)
-        else:
-            q = next(iter(request.seeds.values()), self.arm.neutral)
-            best = self._measured(request.T_base_tip, SeedType.INVALID, q)
-        return self._result(best, self._why(request, attempts, best))
-
-    def _why(self, request: _Request, attempts: list[_Attempt], best: _Attempt) -> IKFailure:
-        excess_m = self._reach.excess_m(request.T_base_tip)
-        x, y, z = request.T_base_tip.translation
-        pose = f"the pose at ({x:.3f}, {y:.3f}, {z:.3f}) m in base"
-        if excess_m > 0.0:
-            return IKFailure(
-                f"{pose} is out of reach: {1e3 * excess_m:.0f} mm beyond the "
-                f"{self._reach.radius_m:.3f} m that the {self.arm.side} arm spans from "
-                f"{self._reach.joint_name}",
-                beyond_reach_m=excess_m,
-            )
-        if not attempts:
-            name = request.mode.name
-            return IKFailure(f"seed mode {name} was asked for, but no {name} seed was given")
-        return self._not_found(pose, attempts, best)
-
-    def _not_found(self, pose: str, attempts: list[_Attempt], best: _Attempt) -> IKFailure:
-        starts = Counter(attempt.seed_type for attempt in attempts)
-        counts = ", ".join(f"{count} {seed_type.name}" for seed_type, count in starts.items())
-        at_limit = self._joints_at_limit(best.q)
-        limited = f", with {', '.join(at_limit)} at a limit" if at_limit else ""
-        return IKFailure(
-            f"no solution found for {pose} in {len(attempts)} starts ({counts}); the best attempt "
-            f"ends {1e3 * best.position_error_m:.3g} mm and {best.orientation_error_rad:.3g} rad "
-            f"away{limited}",
-            starts=starts,
-            joints_at_limit=at_limit,
-        )
-
-    def _joints_at_limit(self, q: Vector) -> tuple[str, ...]:
-        limits = self.arm.limits
-        near = np.minimum(q - limits.q_min, limits.q_max - q) <= AT_LIMIT_RAD
-        return tuple(limits.names[i] for i in np.flatnonzero(near))
-
-    def _result(self, attempt: _Attempt, failure: IKFailure | None) -> IKResult:
-        return IKResult(
-            joint_names=self.arm.joint_names,
-            q=attempt.q,
-            seed_type=SeedType.INVALID if failure else attempt.seed_type,
-            position_error_m=attempt.position_error_m,
-            orientation_error_rad=attempt.orientation_error_rad,
-            failure=failure,
-        )
 
 
 def _as_list(values: Iterable[Any], what: str) -> list[Any]:

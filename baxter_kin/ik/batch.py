@@ -1,0 +1,166 @@
+"""Batch: poses that are searched for together, round by round, until all are solved or given up.
+
+A round is one start for every pose that is still open. The rounds of a seed type follow each other;
+the types follow in the order of the seed mode. So a pose among many is treated exactly as alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+from baxter_kin.arrays import Indices, Vector
+from baxter_kin.ik.explanation import Attempt, Explainer, Search
+from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M, IKResult
+from baxter_kin.ik.search import Found
+from baxter_kin.ik.seeds import (
+    MAP_STARTS,
+    SEED_STARTS,
+    NullSpaceMap,
+    SeedMode,
+    SeedType,
+    starts_around,
+)
+from baxter_kin.model import Arm
+
+POLISH_ROUNDS = 20
+"""Further searches from the best attempt, of up to 15 iterations each, where all starts failed."""
+
+NEAR_M, NEAR_RAD = 0.02, 0.05
+"""Attempts that end farther away than this are stuck, not slow."""
+
+_SEED_TYPES = tuple(SeedType)
+
+
+class Batch:
+    """Poses, their seeds, and the best that was found for each so far."""
+
+    def __init__(self, Ts: Vector, seeds: dict[SeedType, Vector], mode: SeedMode) -> None:
+        """Nothing tried yet.
+
+        Args:
+            Ts: poses as matrices seen from base, shape (n, 4, 4).
+            seeds: USER and CURRENT seeds where given, each of shape (n, 7), rad; NaN for none.
+            mode: which of them to try.
+        """
+        count = len(Ts)
+        self._Ts = Ts
+        self._seeds = seeds
+        self._mode = mode
+        self._q = np.zeros((count, 7))
+        self._seed_type = np.full(count, int(SeedType.INVALID))
+        self._best_type = np.full(count, int(SeedType.INVALID))
+        self._offset = np.full(count, np.inf)
+        self._angle = np.full(count, np.inf)
+        self._starts = np.zeros((count, len(SeedType)), dtype=np.intp)
+        self._is_hopeless = np.zeros(count, dtype=np.bool_)
+
+    def solve(self, arm: Arm, search: Search, map_: NullSpaceMap, explainer: Explainer) -> None:
+        """Search until every pose is solved, proven out of reach, or out of starts."""
+        first = True
+        for seed_type in self._mode.seed_types:
+            for starts in self._rounds(arm, search, map_, seed_type):
+                active = self._open(seed_type)
+                if not active.size:
+                    break
+                self._starts[active, seed_type] += 1
+                self._take(active, seed_type, search.search(starts(active), self._Ts[active]))
+                if first:  # most are solved by now; of the others, some cannot be
+                    self._give_up(explainer)
+                    first = False
+        self._polish(search)
+
+    def results(self, arm: Arm, explainer: Explainer) -> Iterator[IKResult]:
+        """What came of each pose, in order."""
+        self._q.setflags(write=False)
+        columns = (self._seed_type.tolist(), self._offset.tolist(), self._angle.tolist())
+        rows = zip(self._q, *columns, strict=True)
+        for i, (q, seed_type, offset, angle) in enumerate(rows):
+            if seed_type:
+                yield IKResult.trusted(arm.joint_names, q, _SEED_TYPES[seed_type], (offset, angle))
+            else:
+                yield self._failed(i, arm, explainer)
+
+    def _rounds(
+        self, arm: Arm, search: Search, map_: NullSpaceMap, seed_type: SeedType
+    ) -> Iterator[Callable[[Indices], Vector]]:
+        """For each round of a seed type, what gives the starts of the poses asked for."""
+        if seed_type is SeedType.NS_MAP:
+            for rank in range(MAP_STARTS):
+                yield partial(_nearest, map_, self._Ts, rank)
+            for q in map_.random_starts[: search.random_starts]:
+                yield partial(_same, q)
+        elif seed_type in self._seeds:
+            count = 1 if self._mode is SeedMode.AUTO else SEED_STARTS
+            for starts in starts_around(arm, self._seeds[seed_type], count):
+                yield partial(_own, starts)
+
+    def _open(self, seed_type: SeedType) -> Indices:
+        """Unsolved poses that have a seed of that type."""
+        is_open = (self._seed_type == SeedType.INVALID) & ~self._is_hopeless
+        if seed_type in self._seeds:
+            is_open &= ~np.isnan(self._seeds[seed_type][:, 0])
+        return np.flatnonzero(is_open)
+
+    def _polish(self, search: Search) -> None:
+        """Go on from the best attempts that came near: at singularities they converge slowly."""
+        for _ in range(POLISH_ROUNDS):
+            is_near = (self._offset <= NEAR_M) & (self._angle <= NEAR_RAD)
+            poses = np.flatnonzero(is_near & (self._seed_type == SeedType.INVALID))
+            if not poses.size:
+                return
+            found = search.search(self._q[poses], self._Ts[poses])
+            self._take(poses, self._best_type[poses], found)
+
+    def _take(self, poses: Indices, seed_type: SeedType | Indices, found: Found) -> None:
+        """Keep what is better than before, and what is good enough."""
+        residual = found.position_error_m + found.orientation_error_rad
+        is_better = found.is_valid | (residual < self._offset[poses] + self._angle[poses])
+        better = poses[is_better]
+        self._q[better] = found.q[is_better]
+        self._offset[better] = found.position_error_m[is_better]
+        self._angle[better] = found.orientation_error_rad[is_better]
+        self._best_type[better] = np.broadcast_to(seed_type, poses.shape)[is_better]
+        is_close = (self._offset <= POSITION_TOLERANCE_M) & (
+            self._angle <= ORIENTATION_TOLERANCE_RAD
+        )
+        solved = poses[is_close[poses]]
+        self._seed_type[solved] = self._best_type[solved]
+
+    def _give_up(self, explainer: Explainer) -> None:
+        for i in np.flatnonzero(self._seed_type == SeedType.INVALID):
+            self._is_hopeless[i] = explainer.is_out_of_reach(self._Ts[i])
+
+    def _failed(self, i: int, arm: Arm, explainer: Explainer) -> IKResult:
+        attempt = self._attempt(i, arm, explainer)
+        return IKResult.trusted(
+            arm.joint_names,
+            attempt.q,
+            SeedType.INVALID,
+            (attempt.position_error_m, attempt.orientation_error_rad),
+            explainer.why(attempt, self._mode.name),
+        )
+
+    def _attempt(self, i: int, arm: Arm, explainer: Explainer) -> Attempt:
+        starts = {kind: int(self._starts[i, kind]) for kind in SeedType if self._starts[i, kind]}
+        if starts:
+            offset, angle = float(self._offset[i]), float(self._angle[i])
+            return Attempt(self._Ts[i], self._q[i], offset, angle, starts)
+        given = (table[i] for table in self._seeds.values() if not np.isnan(table[i, 0]))
+        return explainer.measured(self._Ts[i], next(given, arm.neutral).copy())
+
+
+def _nearest(map_: NullSpaceMap, Ts: Vector, rank: int, poses: Indices) -> Vector:
+    starts: Vector = map_.setpoints[map_.nearest(Ts[poses])[:, rank]]
+    return starts
+
+
+def _same(q: Vector, poses: Indices) -> Vector:
+    return np.tile(q, (len(poses), 1))
+
+
+def _own(starts: Vector, poses: Indices) -> Vector:
+    own: Vector = starts[poses]
+    return own

@@ -1,0 +1,126 @@
+"""CasADi functions as machine code, where a C compiler is found; never required.
+
+The C that CasADi generates is compiled once and kept in the user's cache directory
+(`$XDG_CACHE_HOME` or `~/.cache`, folder `baxter-kin`), under a name that is a hash of the function
+itself, so another model, version or compiler gets another file. Files are written under a
+temporary name and moved into place, and loaded only when their checksum is right: loading a
+truncated library would kill the interpreter. Whatever goes wrong, the answer is None and the
+virtual machine does the work.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import platform
+import shutil
+import subprocess
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+COMPILERS = ("cc", "gcc", "clang")
+
+FLAGS = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
+"""Nothing tied to one processor, for home folders are shared between machines; strict IEEE."""
+
+TIMEOUT_S = 60.0
+
+AGREEMENT = 1e-9
+"""How far machine code may be from the virtual machine on `_PROBES` random inputs; it is 1e-13."""
+
+_PROBES = 5
+
+log = logging.getLogger(__name__)
+
+
+def compiled(function: ca.Function) -> ca.Function | None:
+    """The same function as machine code; None without a compiler or when anything fails."""
+    compiler = next(filter(None, map(shutil.which, COMPILERS)), None)
+    if compiler is None:
+        log.info("no C compiler found; using CasADi's virtual machine")
+        return None
+    try:
+        library = _cached_library(function, compiler)
+        external = ca.external(function.name(), str(library))
+    except (OSError, RuntimeError, subprocess.SubprocessError) as cause:
+        log.warning("cannot compile the IK kernel (%s); using CasADi's virtual machine", cause)
+        return None
+    if not _agrees(function, external):
+        log.warning("the compiled IK kernel computes something else; using the virtual machine")
+        return None
+    return external
+
+
+def cache_folder() -> Path:
+    """Where compiled kernels are kept."""
+    root = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(root) / "baxter-kin"
+
+
+def _cached_library(function: ca.Function, compiler: str) -> Path:
+    library = cache_folder() / f"{_key(function, compiler)}.so"
+    if not _is_intact(library):
+        library.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _compile_into(library, function, compiler)
+    return library
+
+
+def _key(function: ca.Function, compiler: str) -> str:
+    """A hash of all that the machine code depends on."""
+    machine = (platform.system(), platform.machine())
+    parts = (function.serialize(), version("casadi"), compiler, *FLAGS, *machine)
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+
+
+def _is_intact(library: Path) -> bool:
+    try:
+        return _checksum(library) == _checksum_file(library).read_text("ascii")
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _compile_into(library: Path, function: ca.Function, compiler: str) -> None:
+    """Compile beside the target, then move into place: checksum first, library second."""
+    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        source, output = Path(folder) / "kernel.c", Path(folder) / "kernel.so"
+        source.write_text(_source(function), "ascii")
+        command = [compiler, *FLAGS, str(source), "-o", str(output), "-lm"]
+        subprocess.run(command, check=True, capture_output=True, timeout=TIMEOUT_S)
+        checksum = Path(folder) / "checksum"
+        checksum.write_text(_checksum(output), "ascii")
+        os.replace(checksum, _checksum_file(library))
+        os.replace(output, library)
+
+
+def _source(function: ca.Function) -> str:
+    generator = ca.CodeGenerator(function.name())
+    generator.add(function)
+    return str(generator.dump())
+
+
+def _checksum(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _checksum_file(library: Path) -> Path:
+    return library.with_suffix(".sha256")
+
+
+def _agrees(function: ca.Function, external: ca.Function) -> bool:
+    """Whether both give the same on random inputs, shapes included."""
+    shapes = [function.size_in(i) for i in range(function.n_in())]
+    if shapes != [external.size_in(i) for i in range(external.n_in())]:
+        return False
+    rng = np.random.default_rng(0)
+    for _ in range(_PROBES):
+        inputs = [rng.uniform(-1.0, 1.0, shape) for shape in shapes]
+        for expected, found in zip(function(*inputs), external(*inputs), strict=True):
+            difference = np.abs(np.array(expected) - np.array(found))
+            if not (difference <= AGREEMENT).all():
+                return False
+    return True

@@ -1,0 +1,133 @@
+"""Why a pose has no solution: proven out of reach, out of the joint limits, or not found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin.arrays import Vector
+from baxter_kin.frames import angle_between
+from baxter_kin.ik.reach import ReachBound
+from baxter_kin.ik.result import IKFailure
+from baxter_kin.ik.search import Backend, Found
+from baxter_kin.ik.seeds import NullSpaceMap, SeedType
+from baxter_kin.model import Arm
+
+AT_LIMIT_RAD = 1e-6
+
+
+class Search(Protocol):
+    """What runs searches.
+
+    Attributes:
+        backend: where.
+        random_starts: how many random configurations are worth its time.
+    """
+
+    backend: Backend
+    random_starts: int
+
+    def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
+        """Searches from starts, shape (m, 7), for poses, shape (m, 4, 4), within bounds, (14,)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attempt:
+    """The best that was found for a pose without a solution.
+
+    Attributes:
+        T: the pose as a matrix seen from base, shape (4, 4).
+        q: the configuration, shape (7,), rad.
+        position_error_m: how far its tip is off.
+        orientation_error_rad: how much it is turned.
+        starts: searches by seed type; empty when the mode's seed was not given.
+    """
+
+    T: Vector
+    q: Vector
+    position_error_m: float
+    orientation_error_rad: float
+    starts: Mapping[SeedType, int]
+
+
+class Explainer:
+    """Finds the reason, for one arm."""
+
+    def __init__(self, arm: Arm, search: Search, map_: NullSpaceMap) -> None:
+        """Prepare the proofs."""
+        self._arm = arm
+        self._search = search
+        self._map = map_
+        self._reach = ReachBound(arm)
+        self._unlimited = np.repeat([-np.pi, np.pi], 7)
+
+    def is_out_of_reach(self, T: Vector) -> bool:
+        """Whether a pose, shape (4, 4), is proven to be out of reach."""
+        return self._reach.excess_m(_se3(T)) > 0.0
+
+    def measured(self, T: Vector, q: Vector) -> Attempt:
+        """A configuration that was not searched for, with its errors."""
+        pose, reached = _se3(T), self._arm.T_base_tip(q)
+        offset = float(np.linalg.norm(reached.translation - pose.translation))
+        return Attempt(T, q, offset, angle_between(pose.rotation, reached.rotation), {})
+
+    def why(self, attempt: Attempt, mode_name: str) -> IKFailure:
+        """The reason why a pose has no solution."""
+        x, y, z = attempt.T[:3, 3]
+        pose = f"the pose at ({x:.3f}, {y:.3f}, {z:.3f}) m in base"
+        excess_m = self._reach.excess_m(_se3(attempt.T))
+        if excess_m > 0.0:
+            return IKFailure(
+                f"{pose} is out of reach: {1e3 * excess_m:.0f} mm beyond the "
+                f"{self._reach.radius_m:.3f} m that the {self._arm.side} arm spans from "
+                f"{self._reach.joint_name}",
+                beyond_reach_m=excess_m,
+            )
+        if not attempt.starts:
+            return IKFailure(
+                f"seed mode {mode_name} was asked for, but no {mode_name} seed was given"
+            )
+        return self._not_found(pose, attempt)
+
+    def _not_found(self, pose: str, attempt: Attempt) -> IKFailure:
+        counts = ", ".join(f"{count} {type_.name}" for type_, count in attempt.starts.items())
+        at_limit = self._joints_at_limit(attempt.q)
+        limited = f", with {', '.join(at_limit)} at a limit" if at_limit else ""
+        beyond = self._beyond_limits(attempt.T)
+        only = f"; without joint limits, {'; '.join(beyond)} would reach it" if beyond else ""
+        return IKFailure(
+            f"no solution found for {pose} in {sum(attempt.starts.values())} starts ({counts}); "
+            f"the best attempt ends {1e3 * attempt.position_error_m:.3g} mm and "
+            f"{attempt.orientation_error_rad:.3g} rad away{limited}{only}",
+            starts=attempt.starts,
+            joints_at_limit=at_limit,
+            limits_violated=beyond,
+        )
+
+    def _joints_at_limit(self, q: Vector) -> tuple[str, ...]:
+        limits = self._arm.limits
+        near = np.minimum(q - limits.q_min, limits.q_max - q) <= AT_LIMIT_RAD
+        return tuple(limits.names[i] for i in np.flatnonzero(near))
+
+    def _beyond_limits(self, T: Vector) -> tuple[str, ...]:
+        """A phrase for each joint limit that stands in the way.
+
+        Of a few solutions without limits, the least excessive counts. Empty when there is none.
+        """
+        Ts = T[None]
+        starts = self._map.setpoints[self._map.nearest(Ts)[0]]
+        found = self._search.search(starts, np.tile(Ts, (len(starts), 1, 1)), self._unlimited)
+        limits = self._arm.limits
+        solutions = found.q[found.is_valid]
+        excess = np.maximum(limits.q_min - solutions, solutions - limits.q_max).clip(min=0.0)
+        if not len(solutions):
+            return ()
+        return limits.violations(solutions[excess.sum(axis=1).argmin()])
+
+
+def _se3(T: Vector) -> pin.SE3:
+    return pin.SE3(T[:3, :3], T[:3, 3])

@@ -1,0 +1,184 @@
+"""The fast search: Levenberg-Marquardt on the nonlinear program, as one CasADi function.
+
+One iteration computes kinematics, geometric Jacobian `J`, error `e`, and the damped step of least
+norm over the joints that are free,
+
+```
+dq = D J^T (J D J^T + (c |e|^2 + eps) 1)^-1 e,     q <- clip(q + dq)
+```
+
+with `D` the diagonal that freezes a joint at a limit which the gradient `J^T e` pushes outward
+(active set), and damping proportional to the squared error (Sugihara, "Solvability-unconcerned
+inverse kinematics by the Levenberg-Marquardt method", IEEE Trans. Robotics 27(5), 2011). It turns
+into Gauss-Newton near a solution, so the last digits cost one iteration.
+
+The whole search, with its early end, is one function of start and pose: CasADi's virtual machine
+evaluates it, or C generated from it (`baxter_kin.ik.compiler`); there is no second version.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from baxter_kin.frames import ROTATION_TOLERANCE
+from baxter_kin.model import Arm
+from baxter_kin.symbolic import SymbolicArm
+
+ITERATIONS = 15
+"""Per start. Measured on 4,000 uniform poses: from the middle of the joint ranges 81 % converge in
+at most 15 iterations and 83 % in 20; giving up earlier and starting elsewhere costs less."""
+
+ROTATION_WEIGHT_M = 0.6
+"""What a radian of error counts in metres. Between 0.4 and 1.0 the cost changes by 4 %."""
+
+DAMPING = 0.07
+"""Damping over squared error. Between 0.05 and 0.1 the cost changes by 2 %."""
+
+LEAST_DAMPING = 1e-12
+
+CONVERGED_M = CONVERGED_RAD = 1e-9
+"""Where a search ends: a thousandth of what counts as a solution, one Gauss-Newton step away."""
+
+SEED_TOLERANCE_RAD = 0.02
+"""Seeds this far outside the limits are clamped: arms at rest report a little more than their
+limits. Farther out they are refused."""
+
+_LEAST_COSINE = 1e-6
+
+
+def search_function(arm: Arm) -> ca.Function:
+    """The search as `(q_start, T_base_tip, bounds) -> (q, report)`.
+
+    Inputs: first iterate, 7 x 1, rad, clamped to the bounds; pose, 4 x 4; lowest and highest joint
+    positions, 14 x 1, rad.
+    Outputs: last iterate, 7 x 1; report, 5 x 1: 1 if it converged and the inputs were valid, else
+    0; position error in m; orientation error in rad; iterations; 1 if the inputs were valid. They
+    are when the pose is one and no joint of the first iterate was outside by more than
+    `SEED_TOLERANCE_RAD`.
+    """
+    q_start, T, bounds = ca.MX.sym("q_start", 7), ca.MX.sym("T", 4, 4), ca.MX.sym("bounds", 14)
+    step = _step_function(arm)
+    iterate = _lazy_iteration("iterate", step)
+    measure = _lazy_iteration("measure", step, moves=False)
+    q, is_valid = _input_check()(q_start, T, bounds)
+    is_done, count, offset, angle = ca.MX(0), ca.MX(0), ca.MX(ca.inf), ca.MX(ca.inf)
+    for function in [iterate] * ITERATIONS + [measure]:
+        state = (q, is_done, count, offset, angle)
+        q, is_done, count, offset, angle = function(is_done, *state, T, bounds)
+    report = ca.vertcat(ca.logic_and(is_done, is_valid), offset, angle, count, is_valid)
+    return ca.Function("search", [q_start, T, bounds], [q, report])
+
+
+def _lazy_iteration(name: str, step: ca.Function, *, moves: bool = True) -> ca.Function:
+    """One iteration that costs nothing once the search is done.
+
+    It tells the errors where it began, and moves on if they are too large; the last one stays, so
+    that errors and iterate belong together.
+    """
+    q, T, bounds = ca.MX.sym("q", 7), ca.MX.sym("T", 4, 4), ca.MX.sym("bounds", 14)
+    is_done, count, offset, angle = (ca.MX.sym(s) for s in ("is_done", "count", "offset", "angle"))
+    inputs = [q, is_done, count, offset, angle, T, bounds]
+    q_next, offset_now, angle_now = step(q, T, bounds)
+    arrived = ca.logic_and(offset_now <= CONVERGED_M, angle_now <= CONVERGED_RAD)
+    q_new = ca.if_else(arrived, q, q_next, False) if moves else q
+    outputs = [q_new, arrived, count + 1, offset_now, angle_now]
+    work = ca.Function(f"{name}_work", inputs, outputs)
+    hold = ca.Function(f"{name}_hold", inputs, inputs[:5])
+    return ca.Function.if_else(name, hold, work)
+
+
+def _step_function(arm: Arm) -> ca.Function:
+    """`(q, T, bounds) -> (q_next, position error at q, orientation error at q)`."""
+    kinematics = SymbolicArm.of(arm)
+    q, T, bounds = kinematics.q, ca.SX.sym("T", 4, 4), ca.SX.sym("bounds", 14)
+    p_error = T[:3, 3] - kinematics.p_base_tip
+    r_error, angle = _rotation_error(T[:3, :3], kinematics.R_base_tip)
+    e = ca.vertcat(p_error, ROTATION_WEIGHT_M * r_error)
+    J = ca.vertcat(kinematics.J[:3, :], ROTATION_WEIGHT_M * kinematics.J[3:, :])
+    low, high = bounds[:7], bounds[7:]
+    J_free = _without_frozen_joints(J, J.T @ e, q, low, high)
+    damping = DAMPING * ca.sumsqr(e) + LEAST_DAMPING
+    y = solve_symmetric(J_free @ J_free.T + damping * ca.SX.eye(6), e)
+    q_next = ca.fmin(ca.fmax(q + J_free.T @ y, low), high)
+    outputs = [q_next, ca.norm_2(p_error), angle]
+    return ca.Function("step", [q, T, bounds], outputs, {"cse": True})
+
+
+def _rotation_error(R_target: ca.SX, R: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """`2 sin(angle / 2) axis` of the rotation still missing, axes of base, and its length.
+
+    The skew part of a rotation matrix is `sin(angle) axis`; over `2 cos(angle / 2)`, a root of the
+    trace, it becomes a quaternion's vector part, which grows with the angle up to half a turn.
+    """
+    E = R_target @ R.T
+    trace = E[0, 0] + E[1, 1] + E[2, 2]
+    two_cosine = ca.sqrt(ca.fmax(1 + trace, _LEAST_COSINE))
+    skew = ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1])
+    error = skew / two_cosine
+    length = ca.if_else(trace > 0, ca.norm_2(error), 2.0)  # near half a turn skew vanishes as well
+    return error, length
+
+
+def _without_frozen_joints(J: ca.SX, gradient: ca.SX, q: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
+    """`J` with a zero column for each joint at a limit that the step would push it through."""
+    columns = []
+    for i in range(J.shape[1]):
+        at_low = ca.logic_and(q[i] <= low[i], gradient[i] < 0)
+        at_high = ca.logic_and(q[i] >= high[i], gradient[i] > 0)
+        is_free = ca.if_else(ca.logic_or(at_low, at_high), 0.0, 1.0)
+        columns.append(is_free * J[:, i])
+    return ca.horzcat(*columns)
+
+
+def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:
+    """`A^-1 b` for a positive definite `A`, n x n, by its LDL^T factors written out.
+
+    Golub and Van Loan, Matrix Computations, 4th ed., section 4.1.2.
+    """
+    n = b.shape[0]
+    L = [[ca.SX(0)] * n for _ in range(n)]
+    scaled = [[ca.SX(0)] * n for _ in range(n)]  # L times the diagonal
+    inverse_pivots = []
+    for j in range(n):
+        pivot = A[j, j] - sum(L[j][k] * scaled[j][k] for k in range(j))
+        inverse_pivots.append(1 / pivot)
+        for i in range(j + 1, n):
+            scaled[i][j] = A[i, j] - sum(L[i][k] * scaled[j][k] for k in range(j))
+            L[i][j] = scaled[i][j] * inverse_pivots[j]
+    x: list[ca.SX] = []
+    for i in range(n):
+        x.append(b[i] - sum(L[i][k] * x[k] for k in range(i)))
+    x = [value * inverse for value, inverse in zip(x, inverse_pivots, strict=True)]
+    for i in reversed(range(n)):
+        x[i] = x[i] - sum(L[k][i] * x[k] for k in range(i + 1, n))
+    return ca.vertcat(*x)
+
+
+def _input_check() -> ca.Function:
+    """`(q, T, bounds) -> (clamped q, 1 if q and T are acceptable, else 0)`.
+
+    A pose is one by the tests of `baxter_kin.frames.checked_pose`.
+    """
+    q, T, bounds = ca.SX.sym("q", 7), ca.SX.sym("T", 4, 4), ca.SX.sym("bounds", 14)
+    clamped = ca.fmin(ca.fmax(q, bounds[:7]), bounds[7:])
+    is_near = _all_within(q - clamped, SEED_TOLERANCE_RAD)
+    R = T[:3, :3]
+    is_orthonormal = _all_within(ca.vec(R.T @ R - ca.SX.eye(3)), ROTATION_TOLERANCE)
+    is_affine = _all_within(T[3, :].T - ca.DM([0.0, 0.0, 0.0, 1.0]), ROTATION_TOLERANCE)
+    is_rigid = ca.logic_and(is_orthonormal, is_affine)
+    is_pose = ca.logic_and(is_rigid, ca.det(R) > 0)
+    return ca.Function("check", [q, T, bounds], [clamped, ca.logic_and(is_near, is_pose)])
+
+
+def _all_within(values: ca.SX, tolerance: float) -> ca.SX:
+    """1 if every value is that close to zero, else 0; NaN is not, while norms would drop it."""
+    within = ca.SX(1)
+    for i in range(values.numel()):
+        within = ca.logic_and(within, ca.fabs(values[i]) <= tolerance)
+    return within
+
+
+def bounds_of(arm: Arm) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """The joint limits as the search takes them, shape (14,), rad."""
+    return np.concatenate([arm.limits.q_min, arm.limits.q_max])
