@@ -1,0 +1,139 @@
+"""Who may take part: our solvers and the peers. Nothing of theirs is imported before it is needed.
+
+Another row is another line in `OURS` or `PEERS`.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from baxter_kin.benchmark.contestant import Contestant
+from baxter_kin.errors import BaxterError
+from baxter_kin.model import Arm
+
+SAME_CHAIN = 1e-12
+"""Entries of two tip poses (m, and of the rotation matrix) may differ by this much; rounding alone
+makes 1e-15."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entrant:
+    """A solver that can be asked to take part.
+
+    Attributes:
+        key: its name on the command line.
+        module: where it is set up, inside this package; it has a function `contestant(arm, ...)`.
+        options: further arguments of that function.
+        needs: modules that must be installed.
+        install: the command that installs them.
+    """
+
+    key: str
+    module: str
+    options: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    needs: tuple[str, ...] = ()
+    install: str = ""
+
+    def missing(self) -> tuple[str, ...]:
+        """Modules it needs that are not installed; looks without importing them."""
+        return tuple(name for name in self.needs if importlib.util.find_spec(name) is None)
+
+
+@dataclass(frozen=True, slots=True)
+class Absence:
+    """Why a solver does not take part, as a sentence."""
+
+    key: str
+    reason: str
+
+
+class OtherChainError(BaxterError):
+    """A solver's forward kinematics differs from the arm's."""
+
+
+def _toolbox(key: str, tolerance: float) -> Entrant:
+    return Entrant(
+        key,
+        "peers.toolbox",
+        {"tolerance": tolerance},
+        needs=("roboticstoolbox",),
+        install="pip install roboticstoolbox-python",
+    )
+
+
+def _trac_ik(key: str, epsilon: float) -> Entrant:
+    return Entrant(
+        key,
+        "peers.tracik",
+        {"epsilon": epsilon},
+        needs=("trac_ik",),
+        install="pip install pytracik",
+    )
+
+
+OURS = (
+    Entrant("baxter-kin", "ours"),
+    Entrant("baxter-kin-casadi", "ours", {"backend": "casadi"}),
+)
+"""With machine code where a compiler is found, and in CasADi's virtual machine."""
+
+PEERS = (
+    _toolbox("rtb", 1e-12),
+    _toolbox("rtb-tight", 4e-13),
+    _trac_ik("trac-ik", 1e-5),
+    _trac_ik("trac-ik-tight", 5e-7),
+    Entrant(
+        "pink",
+        "peers.pink_loop",
+        needs=("pink", "qpsolvers", "daqp"),
+        install="pip install pin-pink daqp",
+    ),
+    Entrant("kdl", "peers.kdl", needs=("PyKDL",), install="apt install python3-pykdl"),
+)
+"""Roboticstoolbox and TRAC-IK take part twice: with the tolerance they are usually measured with,
+and with one that implies the 1e-6 asked for here."""
+
+ENTRANTS = OURS + PEERS
+
+
+def enter(entrant: Entrant, arm: Arm) -> Contestant | Absence:
+    """Set the solver up for the arm and check that it solves the same chain."""
+    missing = entrant.missing()
+    if missing:
+        verb = "is" if len(missing) == 1 else "are"
+        reason = f"{', '.join(missing)} {verb} not installed; run: {entrant.install}"
+        return Absence(entrant.key, reason)
+    try:
+        build = import_module(f"baxter_kin.benchmark.{entrant.module}").contestant
+        contestant: Contestant = build(arm, **entrant.options)
+        _check_chain(contestant, arm)
+    except Exception as cause:  # a guest may raise anything; the others shall still be measured
+        return Absence(entrant.key, f"{entrant.key} could not start: {describe(cause)}")
+    return contestant
+
+
+def describe(error: Exception) -> str:
+    """Type and first line of an exception."""
+    lines = str(error).splitlines()
+    return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
+
+
+def _check_chain(contestant: Contestant, arm: Arm) -> None:
+    if contestant.forward is None:
+        return
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        q = arm.random_configuration(rng)
+        gap = float(np.abs(contestant.forward(q) - arm.T_base_tip(q).homogeneous).max())
+        if not gap <= SAME_CHAIN:
+            raise OtherChainError(
+                f"its forward kinematics differs from Pinocchio's by {gap:.2g} at q = {q.tolist()};"
+                f" at most {SAME_CHAIN:g} is rounding"
+            )

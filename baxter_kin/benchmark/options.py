@@ -1,0 +1,173 @@
+"""The command line of the benchmark."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+from baxter_kin.benchmark.entrants import ENTRANTS
+from baxter_kin.benchmark.poses import Scenario
+from baxter_kin.model import LIMBS
+
+DEFAULT_COUNT = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user asked for.
+
+    Attributes:
+        limbs: the arms to measure, in order.
+        scenarios: the pose sets, in order.
+        solvers: keys of the solvers to run, in order.
+        count: poses in each set.
+        seed: of the random poses; the same seed gives the same poses.
+        with_batch: measure `solve_batch` as well.
+        json: where to write every number, or None.
+        plot: where to draw the distribution of times, or None.
+        is_quiet: show no progress.
+    """
+
+    limbs: tuple[str, ...]
+    scenarios: tuple[Scenario, ...]
+    solvers: tuple[str, ...]
+    count: int
+    seed: int
+    with_batch: bool = False
+    json: Path | None = None
+    plot: Path | None = None
+    is_quiet: bool = False
+
+
+def parse_options(argv: Sequence[str] | None = None) -> Options:
+    """Read the command line; exits with status 2 and one sentence when it makes no sense."""
+    parser = _parser()
+    raw = parser.parse_args(argv)
+    if raw.plot is not None:
+        _check_plot(parser, raw.plot)
+        if raw.json is not None and raw.json.absolute() == raw.plot.absolute():
+            parser.error("--json and --plot name the same file; give two")
+    return Options(
+        limbs=LIMBS if raw.limb == "both" else (raw.limb,),
+        scenarios=tuple(dict.fromkeys(Scenario(name) for name in raw.scenario)),
+        solvers=tuple(entrant.key for entrant in ENTRANTS if entrant.key in raw.solvers),
+        count=raw.count,
+        seed=raw.seed,
+        with_batch=raw.batch,
+        json=raw.json,
+        plot=raw.plot,
+        is_quiet=raw.quiet,
+    )
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one sentence."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (--help lists the options)\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="python -m baxter_kin.benchmark",
+        description="Measures IK solvers on Baxter's arms: how often they find joint angles, and "
+        "how fast. Every answer is verified by Pinocchio. Prints markdown.",
+        epilog="Exit status: 0 measured; 2 wrong usage; 130 stopped by Ctrl-C. Solvers that are "
+        "not installed are listed with the command that installs them.",
+    )
+    _add_what_to_measure(parser)
+    _add_outputs(parser)
+    return parser
+
+
+def _add_what_to_measure(parser: argparse.ArgumentParser) -> None:
+    scenarios = [scenario.value for scenario in Scenario]
+    solvers = [entrant.key for entrant in ENTRANTS]
+    parser.add_argument(
+        "--limb", choices=(*LIMBS, "both"), default="left", help="which arm (default %(default)s)"
+    )
+    parser.add_argument(
+        "--count",
+        type=_positive_int,
+        default=DEFAULT_COUNT,
+        metavar="N",
+        help="poses in each set (default %(default)s)",
+    )
+    parser.add_argument(
+        "--seed",
+        type=_natural_int,
+        default=0,
+        metavar="N",
+        help="of the random poses (default %(default)s)",
+    )
+    parser.add_argument(
+        "--scenario",
+        nargs="+",
+        choices=scenarios,
+        default=scenarios,
+        metavar="NAME",
+        help=f"pose sets: {', '.join(scenarios)} (default: all)",
+    )
+    parser.add_argument(
+        "--solvers",
+        nargs="+",
+        choices=solvers,
+        default=solvers,
+        metavar="NAME",
+        help=f"solvers: {', '.join(solvers)} (default: all that are installed)",
+    )
+    parser.add_argument("--batch", action="store_true", help="measure solve_batch as well")
+
+
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", type=_target, metavar="FILE", help="write every number")
+    parser.add_argument(
+        "--plot", type=_target, metavar="FILE", help="draw time against solve rate (png, svg, pdf)"
+    )
+    parser.add_argument("-q", "--quiet", action="store_true", help="show no progress bar")
+
+
+def _natural_int(text: str) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"{text} is below zero")
+    return number
+
+
+def _positive_int(text: str) -> int:
+    number = _natural_int(text)
+    if number == 0:
+        raise argparse.ArgumentTypeError("0 is not at least 1")
+    return number
+
+
+def _target(text: str) -> Path:
+    """A file that can be written; whether it can is tried now, before hours of work."""
+    path = Path(text)
+    is_new = not path.exists()
+    try:
+        path.open("ab").close()
+    except OSError as cause:
+        raise argparse.ArgumentTypeError(f"cannot write {text}: {cause.strerror}") from None
+    if is_new:
+        path.unlink()
+    return path
+
+
+def _check_plot(parser: argparse.ArgumentParser, path: Path) -> None:
+    if importlib.util.find_spec("matplotlib") is None:
+        parser.error("--plot needs matplotlib; run: pip install matplotlib")
+    from baxter_kin.benchmark.plot import supported_formats  # noqa: PLC0415 - loads matplotlib
+
+    formats = supported_formats()
+    if path.suffix.lstrip(".").lower() not in formats:
+        parser.error(
+            f"--plot cannot draw {path.name!r}; end its name in one of: {', '.join(formats)}"
+        )

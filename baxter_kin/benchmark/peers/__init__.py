@@ -1,0 +1,1 @@
+"""Other IK solvers, one module each, which is the only place that imports them."""

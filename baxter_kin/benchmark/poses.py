@@ -1,0 +1,199 @@
+"""The poses to solve: reachable by construction, drawn from a seeded generator.
+
+Every pose is the tip pose of a configuration inside the limits, so that a solver that does not find
+joint angles for it has failed. A scenario is a way to draw configurations, and a way to draw seeds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin.arrays import Vector
+from baxter_kin.model import LIMBS, Arm
+
+NEAR_RAD = 0.1
+"""A near seed differs from the solution by at most this much in every joint."""
+
+SINGULAR = 1e-9
+"""The Jacobian's smallest singular value below which a configuration counts as singular. Of uniform
+configurations the median is 0.1, the least of 2,000 is 2e-4."""
+
+STRETCHED_E1_RAD = math.atan(0.069 / 0.36442) - math.atan(0.010 / 0.37429)
+"""Elbow angle at which shoulder, elbow and wrist lie on a line. It is not zero, for the elbow is
+offset from the upper arm by 69 mm and the wrist from the forearm by 10 mm (URDF)."""
+
+WINDOW_RAD = 0.1
+"""How far a singular elbow may be from `STRETCHED_E1_RAD`, and a singular wrist from straight. The
+offsets of the links make it 0.055 and 0.027 at most; another singularity would be farther off."""
+
+E0, E1, W0, W1 = 2, 3, 4, 5
+
+
+class Scenario(Enum):
+    """Which configurations, and which seeds."""
+
+    MID_RANGE = "mid-range"
+    NEAR = "near"
+    AT_LIMITS = "at-limits"
+    ELBOW_STRAIGHT = "elbow-straight"
+    WRIST_SINGULAR = "wrist-singular"
+
+    @property
+    def caption(self) -> str:
+        """What it is, in words."""
+        return _CAPTIONS[self]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseSet:
+    """Poses of one scenario for one arm; n of them.
+
+    Attributes:
+        arm: whose tip is to be placed.
+        scenario: how they were drawn.
+        q_goals: configurations that reach the poses, shape (n, 7), rad.
+        q_seeds: where solvers start, shape (n, 7), rad, inside the limits.
+        T_base_tips: the poses, seen from base.
+    """
+
+    arm: Arm
+    scenario: Scenario
+    q_goals: Vector
+    q_seeds: Vector
+    T_base_tips: tuple[pin.SE3, ...]
+
+    def __len__(self) -> int:
+        """The number of poses."""
+        return len(self.T_base_tips)
+
+
+def draw_poses(arm: Arm, scenario: Scenario, *, count: int, seed: int) -> PoseSet:
+    """Draw the poses of a scenario.
+
+    The same seed gives the same poses, whichever other scenarios are drawn. `MID_RANGE` and `NEAR`
+    share their poses and differ in the seeds only.
+    """
+    drawn_as = Scenario.MID_RANGE if scenario is Scenario.NEAR else scenario
+    key = [seed, LIMBS.index(arm.side), list(Scenario).index(drawn_as)]
+    goals_rng, seeds_rng = np.random.default_rng(key).spawn(2)
+    q_goals = np.array([_DRAW[drawn_as](arm, goals_rng) for _ in range(count)])
+    q_seeds = _near(arm, q_goals, seeds_rng) if scenario is Scenario.NEAR else _mid(arm, count)
+    poses = tuple(arm.T_base_tip(q) for q in q_goals)
+    return PoseSet(arm, scenario, q_goals, q_seeds, poses)
+
+
+def smallest_singular_value(arm: Arm, q: Vector) -> float:
+    """Of the tip's Jacobian, in its mixed units of m and rad; zero at a singularity."""
+    return float(np.linalg.svd(arm.jacobian(q), compute_uv=False)[-1])
+
+
+def _mid(arm: Arm, count: int) -> Vector:
+    return np.tile((arm.limits.q_min + arm.limits.q_max) / 2.0, (count, 1))
+
+
+def _near(arm: Arm, q_goals: Vector, rng: np.random.Generator) -> Vector:
+    offsets = rng.uniform(-NEAR_RAD, NEAR_RAD, q_goals.shape)
+    return np.clip(q_goals + offsets, arm.limits.q_min, arm.limits.q_max)
+
+
+def _uniform(arm: Arm, rng: np.random.Generator) -> Vector:
+    return arm.random_configuration(rng)
+
+
+def _at_limits(arm: Arm, rng: np.random.Generator) -> Vector:
+    """One to three joints exactly on a limit, the others uniform."""
+    q = arm.random_configuration(rng)
+    for joint in rng.choice(len(q), size=rng.integers(1, 4), replace=False):
+        q[joint] = rng.choice([arm.limits.q_min[joint], arm.limits.q_max[joint]])
+    return q
+
+
+def _elbow_straight(arm: Arm, rng: np.random.Generator) -> Vector:
+    """Arm stretched so that the tip cannot move away from the shoulder; the rest uniform."""
+
+    def start() -> Vector:
+        q = arm.random_configuration(rng)
+        q[E1] = STRETCHED_E1_RAD
+        return q
+
+    def is_stretched(q: Vector) -> bool:
+        return bool(abs(q[E1] - STRETCHED_E1_RAD) <= WINDOW_RAD)
+
+    return _singular(arm, start, (E0, E1), is_stretched)
+
+
+def _wrist_singular(arm: Arm, rng: np.random.Generator) -> Vector:
+    """Wrist straight and turned so that one rotation is lost (w1 near 0); the rest uniform.
+
+    A straight wrist alone is no singularity of a 7-joint arm. It is one for some angle of w0, about
+    a quarter turn, where no other joint makes up for the lost rotation.
+    """
+
+    def start() -> Vector:
+        q = arm.random_configuration(rng)
+        q[W0], q[W1] = rng.choice([-1.0, 1.0]) * np.pi / 2.0, 0.0
+        return q
+
+    def is_straight(q: Vector) -> bool:
+        return bool(abs(q[W1]) <= WINDOW_RAD)
+
+    return _singular(arm, start, (W0, W1), is_straight)
+
+
+def _singular(
+    arm: Arm,
+    start: Callable[[], Vector],
+    joints: tuple[int, int],
+    is_wanted: Callable[[Vector], bool],
+) -> Vector:
+    """The first start that moving two joints makes singular inside the limits."""
+    while True:
+        q = _made_singular(arm, start(), joints)
+        is_inside = bool(np.all(arm.limits.q_min <= q) and np.all(q <= arm.limits.q_max))
+        if is_inside and is_wanted(q) and smallest_singular_value(arm, q) <= SINGULAR:
+            return q
+
+
+def _made_singular(arm: Arm, q: Vector, joints: tuple[int, int]) -> Vector:
+    """Gauss-Newton on J(q)^T u = 0 over two joint angles and the unit wrench u.
+
+    A 6 x 7 matrix loses rank on a set of codimension 2, so two joints suffice. It may not converge;
+    the caller looks.
+    """
+    q = q.copy()
+    for _ in range(8):
+        U, _, _ = np.linalg.svd(arm.jacobian(q))
+        J_T, u, turns = arm.jacobian(q).T, U[:, -1], U[:, :-1]
+        slopes = [_slope(arm, q, joint).T @ u for joint in joints]
+        step = np.linalg.lstsq(np.column_stack([J_T @ turns, *slopes]), -J_T @ u, rcond=None)[0]
+        q[list(joints)] += step[-2:]
+    return q
+
+
+def _slope(arm: Arm, q: Vector, joint: int) -> Vector:
+    """Derivative of the Jacobian by one joint, by central differences, shape (6, 7)."""
+    step = np.zeros(len(q))
+    step[joint] = 1e-6
+    return (arm.jacobian(q + step) - arm.jacobian(q - step)) / 2e-6
+
+
+_DRAW: dict[Scenario, Callable[[Arm, np.random.Generator], Vector]] = {
+    Scenario.MID_RANGE: _uniform,
+    Scenario.AT_LIMITS: _at_limits,
+    Scenario.ELBOW_STRAIGHT: _elbow_straight,
+    Scenario.WRIST_SINGULAR: _wrist_singular,
+}
+
+_CAPTIONS = {
+    Scenario.MID_RANGE: "uniform poses, mid-range seed",
+    Scenario.NEAR: f"the same poses, seed within {NEAR_RAD:g} rad of the solution",
+    Scenario.AT_LIMITS: "1-3 joints exactly on a limit, mid-range seed",
+    Scenario.ELBOW_STRAIGHT: "elbow straight (singular), mid-range seed",
+    Scenario.WRIST_SINGULAR: "wrist singular, mid-range seed",
+}

@@ -1,0 +1,89 @@
+"""One run of the benchmark, from options to table, JSON and plot."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from baxter_kin.benchmark.batch import BatchMeasurement, measure_batch
+from baxter_kin.benchmark.contestant import Contestant
+from baxter_kin.benchmark.entrants import ENTRANTS, Absence, enter
+from baxter_kin.benchmark.machine import Machine
+from baxter_kin.benchmark.measurement import Measurement, measure
+from baxter_kin.benchmark.options import Options
+from baxter_kin.benchmark.outcome import Outcome
+from baxter_kin.benchmark.poses import draw_poses
+from baxter_kin.benchmark.table import markdown
+from baxter_kin.benchmark.verification import Verifier
+from baxter_kin.model import Arm, Baxter
+
+
+def run_benchmark(options: Options) -> Outcome:
+    """Measure, print the table, write what was asked for."""
+    outcome = _measure(options)
+    print(markdown(outcome), end="")
+    if options.json is not None:
+        outcome.write(options.json)
+    if options.plot is not None:
+        from baxter_kin.benchmark.plot import draw  # noqa: PLC0415 - loads matplotlib
+
+        draw(outcome.rows, options.plot)
+    return outcome
+
+
+def _measure(options: Options) -> Outcome:
+    robot = Baxter.load()
+    contestants: dict[str, Contestant] = {}
+    absences: dict[Absence, None] = {}
+    rows: list[Measurement] = []
+    batches: list[BatchMeasurement] = []
+    for limb in options.limbs:
+        arm = robot.arm(limb)
+        present, absent = _enter(options, arm)
+        contestants = present | contestants
+        absences.update(dict.fromkeys(absent))
+        rows += _rows(options, arm, Verifier(robot, arm), present)
+        if options.with_batch:
+            batches += _batches(options, arm, Verifier(robot, arm), present)
+    return Outcome(options, Machine.this(), contestants, tuple(absences), rows, batches)
+
+
+def _enter(options: Options, arm: Arm) -> tuple[dict[str, Contestant], list[Absence]]:
+    entered = {e.key: enter(e, arm) for e in ENTRANTS if e.key in options.solvers}
+    present = {key: who for key, who in entered.items() if isinstance(who, Contestant)}
+    return present, [who for who in entered.values() if isinstance(who, Absence)]
+
+
+def _rows(
+    options: Options, arm: Arm, verifier: Verifier, contestants: dict[str, Contestant]
+) -> list[Measurement]:
+    rows = []
+    for scenario in options.scenarios:
+        poses = draw_poses(arm, scenario, count=options.count, seed=options.seed)
+        title = f"{arm.side}, {scenario.value}"
+        with _progress(title, len(poses) * len(contestants), options) as tick:
+            rows += measure(contestants, poses, verifier, tick)
+    return rows
+
+
+def _batches(
+    options: Options, arm: Arm, verifier: Verifier, contestants: dict[str, Contestant]
+) -> list[BatchMeasurement]:
+    poses = draw_poses(arm, options.scenarios[0], count=options.count, seed=options.seed)
+    found = [measure_batch(key, who, poses, verifier) for key, who in contestants.items()]
+    return [batch for batch in found if batch is not None]
+
+
+@contextmanager
+def _progress(title: str, total: int, options: Options) -> Iterator[Callable[[int], object]]:
+    """A bar on stderr, for those who watch."""
+    is_watched = sys.stderr.isatty() and importlib.util.find_spec("tqdm") is not None
+    if options.is_quiet or not is_watched:
+        yield lambda _: None
+        return
+    from tqdm import tqdm  # noqa: PLC0415 - only when shown
+
+    with tqdm(total=total, desc=title, unit="pose", leave=False, file=sys.stderr) as bar:
+        yield bar.update

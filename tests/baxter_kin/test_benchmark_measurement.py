@@ -1,0 +1,261 @@
+"""Measuring and verifying: what counts as solved, and what a solver may do wrong."""
+
+from __future__ import annotations
+
+import gc
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from baxter_kin import Arm, Baxter
+from baxter_kin.arrays import Vector
+from baxter_kin.benchmark.batch import measure_batch, usable_cores
+from baxter_kin.benchmark.contestant import Contestant
+from baxter_kin.benchmark.entrants import PEERS, Absence, Entrant, enter
+from baxter_kin.benchmark.machine import Machine
+from baxter_kin.benchmark.measurement import BLOCK, Measurement, measure
+from baxter_kin.benchmark.options import Options
+from baxter_kin.benchmark.outcome import Outcome
+from baxter_kin.benchmark.poses import PoseSet, Scenario, draw_poses
+from baxter_kin.benchmark.table import markdown
+from baxter_kin.benchmark.verification import (
+    LIMIT_ROUNDING_RAD,
+    LOOSE_LIMIT_RAD,
+    TOLERANCE,
+    Verifier,
+)
+
+
+@pytest.fixture(scope="module")
+def verifier(robot: Baxter, left: Arm) -> Verifier:
+    return Verifier(robot, left)
+
+
+@pytest.fixture(scope="module")
+def poses(left: Arm) -> PoseSet:
+    return draw_poses(left, Scenario.MID_RANGE, count=12, seed=5)
+
+
+def fake(poses: PoseSet, answer: Callable[[Vector], Any]) -> Contestant:
+    """A solver that knows the solution and makes something of it."""
+    known = {
+        target.homogeneous.tobytes(): q
+        for target, q in zip(poses.T_base_tips, poses.q_goals, strict=True)
+    }
+    return Contestant(
+        name="fake",
+        version="1",
+        settings="none",
+        prepare=lambda target, _: (known[target.homogeneous.tobytes()],),
+        call=answer,
+        read=lambda q: q,
+    )
+
+
+def measured(poses: PoseSet, verifier: Verifier, answer: Callable[[Vector], Any]) -> Measurement:
+    return measure({"fake": fake(poses, answer)}, poses, verifier)[0]
+
+
+def raising(_: Vector) -> Vector:
+    raise ZeroDivisionError("no luck\nat all")
+
+
+def test_right_answer_is_solved(poses: PoseSet, verifier: Verifier) -> None:
+    row = measured(poses, verifier, lambda q: q)
+    assert (row.solve_rate, row.loose_solve_rate, row.wrong_claims) == (1.0, 1.0, 0)
+
+
+def test_wrong_answer_is_unsolved_whatever_the_solver_claims(
+    poses: PoseSet, verifier: Verifier
+) -> None:
+    row = measured(poses, verifier, lambda q: q + 1e-3)
+    assert (row.solve_rate, row.loose_solve_rate) == (0.0, 0.0)
+    assert row.wrong_claims == len(poses)
+
+
+def test_answer_that_is_off_by_more_than_a_micrometre_is_solved_loosely_only(
+    poses: PoseSet, verifier: Verifier
+) -> None:
+    row = measured(poses, verifier, lambda q: q + np.array([3e-6, 0, 0, 0, 0, 0, 0]))
+    assert (row.solve_rate, row.loose_solve_rate, row.wrong_claims) == (0.0, 1.0, 0)
+
+
+def test_no_answer_is_unsolved_and_no_wrong_claim(poses: PoseSet, verifier: Verifier) -> None:
+    row = measured(poses, verifier, lambda _: None)
+    assert (row.solve_rate, row.loose_solve_rate, row.wrong_claims) == (0.0, 0.0, 0)
+
+
+@pytest.mark.parametrize("answer", [np.full(7, np.nan), np.zeros(6), "seven", [[1.0]], [1j] * 7])
+def test_answer_that_is_no_configuration_is_a_wrong_claim(
+    poses: PoseSet, verifier: Verifier, answer: Any
+) -> None:
+    row = measured(poses, verifier, lambda _: answer)
+    assert (row.solve_rate, row.wrong_claims) == (0.0, len(poses))
+
+
+@pytest.mark.parametrize(
+    ("excess_rad", "is_solved", "is_solved_loosely"),
+    [
+        (0.5 * LIMIT_ROUNDING_RAD, True, True),
+        (0.5 * LOOSE_LIMIT_RAD, False, True),
+        (2.0 * LOOSE_LIMIT_RAD, False, False),
+    ],
+)
+def test_answer_outside_the_limits_is_unsolved(
+    left: Arm, verifier: Verifier, excess_rad: float, is_solved: bool, is_solved_loosely: bool
+) -> None:
+    q = left.neutral.copy()
+    q[3] = left.limits.q_max[3] + excess_rad
+    verdict = verifier.verdict(left.T_base_tip(q), q)
+    assert verdict.position_error_m <= TOLERANCE
+    assert (verdict.is_solved, verdict.is_solved_loosely) == (is_solved, is_solved_loosely)
+
+
+def test_verifier_measures_a_known_displacement(left: Arm, verifier: Verifier) -> None:
+    target = left.T_base_tip(left.neutral)
+    moved = left.neutral.copy()
+    moved[6] += 0.25  # the tip lies on the axis of the last joint
+    verdict = verifier.verdict(target, moved)
+    assert verdict.orientation_error_rad == pytest.approx(0.25, abs=1e-12)
+    assert verdict.position_error_m == pytest.approx(0.0, abs=1e-12)
+    assert verdict.axis_error == pytest.approx(0.25, abs=1e-12)
+
+
+def test_solver_that_raises_is_counted_and_the_others_are_measured(
+    poses: PoseSet, verifier: Verifier
+) -> None:
+    contestants = {"bad": fake(poses, raising), "good": fake(poses, lambda q: q)}
+    bad, good = measure(contestants, poses, verifier)
+    assert bad.errors == {"ZeroDivisionError: no luck": len(poses)}
+    assert bad.solve_rate == 0.0
+    assert len(bad.times_ns) == len(poses)
+    assert (good.solve_rate, good.errors) == (1.0, {})
+
+
+def test_statistics_are_those_of_numpy(poses: PoseSet) -> None:
+    row = Measurement("fake", fake(poses, raising), "left", Scenario.NEAR)
+    row.times_ns = np.random.default_rng(0).integers(1_000, 10_000_000, 257).tolist()
+    times_ms = np.array(row.times_ns) / 1e6
+    mean, median, p99 = np.mean(times_ms), np.percentile(times_ms, 50), np.percentile(times_ms, 99)
+    assert (row.mean_ms, row.median_ms, row.p99_ms) == pytest.approx((mean, median, p99))
+    assert row.max_ms == times_ms.max()
+
+
+def test_solvers_take_turns_in_fixed_order_on_the_same_poses(left: Arm, verifier: Verifier) -> None:
+    poses = draw_poses(left, Scenario.MID_RANGE, count=BLOCK + 1, seed=0)
+    calls: list[str] = []
+
+    def noting(key: str) -> Callable[[Vector], None]:
+        return lambda _: calls.append(key)
+
+    rows = measure({key: fake(poses, noting(key)) for key in "ab"}, poses, verifier)
+    turns = [key for key, before in zip(calls, [None, *calls], strict=False) if key != before]
+    assert turns == ["a", "b", "a", "b"]
+    assert [len(row.times_ns) for row in rows] == [BLOCK + 1, BLOCK + 1]
+
+
+def test_progress_counts_every_call(poses: PoseSet, verifier: Verifier) -> None:
+    ticks: list[int] = []
+    contestants = {key: fake(poses, lambda q: q) for key in "ab"}
+    measure(contestants, poses, verifier, ticks.append)
+    assert sum(ticks) == 2 * len(poses)
+
+
+def test_garbage_is_not_collected_while_the_clock_runs(poses: PoseSet, verifier: Verifier) -> None:
+    states: list[bool] = []
+
+    def noting(q: Vector) -> Vector:
+        states.append(gc.isenabled())
+        return q
+
+    measured(poses, verifier, noting)
+    assert not any(states[-len(poses) :])
+    assert gc.isenabled()
+
+
+def test_batch_is_measured_and_verified(poses: PoseSet, verifier: Verifier) -> None:
+    answers = [*poses.q_goals[:-1], np.zeros(7)]
+    contestant = replace(fake(poses, lambda q: q), call_batch=lambda *_: answers)
+    batch = measure_batch("fake", contestant, poses, verifier)
+    assert batch is not None
+    assert batch.solve_rate == pytest.approx(1.0 - 1.0 / len(poses))
+    assert batch.poses_per_s > 0.0
+
+
+def test_measuring_a_batch_gives_the_cores_back(poses: PoseSet, verifier: Verifier) -> None:
+    cores = usable_cores()
+    seen: list[int] = []
+
+    def solve(targets: Any, _: Any) -> Any:
+        seen.append(usable_cores())
+        return [None] * len(targets)
+
+    contestant = replace(fake(poses, raising), call_batch=solve)
+    measure_batch("fake", contestant, poses, verifier)
+    assert usable_cores() == cores
+    assert seen[-1] == cores
+    if hasattr(os, "sched_setaffinity"):
+        assert 1 in seen
+
+
+def test_solver_without_batches_is_left_out(poses: PoseSet, verifier: Verifier) -> None:
+    assert measure_batch("fake", fake(poses, raising), poses, verifier) is None
+
+
+def test_absent_solver_says_how_to_install_it(left: Arm) -> None:
+    entrant = Entrant("ghost", "peers.ghost", needs=("no_such_solver",), install="pip install it")
+    absence = enter(entrant, left)
+    assert absence == Absence("ghost", "no_such_solver is not installed; run: pip install it")
+
+
+def test_solver_that_cannot_start_is_absent_with_the_reason(left: Arm) -> None:
+    absence = enter(Entrant("odd", "ours", {"no_such_option": 1}), left)
+    assert isinstance(absence, Absence)
+    assert absence.reason.startswith("odd could not start: TypeError")
+
+
+def test_every_peer_says_what_it_needs_and_how_to_install_it() -> None:
+    assert all(peer.needs and peer.install for peer in PEERS)
+
+
+def test_table_lists_an_absent_package_once_and_every_complaint(
+    poses: PoseSet, verifier: Verifier
+) -> None:
+    bad = fake(poses, raising)
+    absences = [Absence("a", "x is not installed"), Absence("b", "x is not installed")]
+    options = Options(("left",), (Scenario.MID_RANGE,), ("bad",), len(poses), 0)
+    rows = measure({"bad": bad}, poses, verifier)
+    text = markdown(Outcome(options, Machine.this(), {"bad": bad}, absences, rows, []))
+    assert text.count("Not measured: x is not installed.") == 1
+    assert f"{len(poses)} calls raised ZeroDivisionError: no luck." in text
+
+
+INSTALLED = [peer for peer in PEERS if not peer.missing()]
+
+if INSTALLED:  # they are an extra of their own, and not to be had on every Python
+
+    @pytest.mark.filterwarnings("default")  # a peer may warn when it is imported
+    @pytest.mark.parametrize("peer", INSTALLED, ids=lambda peer: peer.key)
+    def test_installed_peer_solves_the_same_chain(
+        left: Arm, verifier: Verifier, peer: Entrant
+    ) -> None:
+        contestant = enter(peer, left)
+        assert isinstance(contestant, Contestant), contestant
+        near = draw_poses(left, Scenario.NEAR, count=12, seed=5)
+        row = measure({peer.key: contestant}, near, verifier)[0]
+        assert row.errors == {}
+        assert row.loose_solve_rate > 0.5
+
+
+def test_threads_cannot_be_limited_after_numpy_was_loaded() -> None:
+    program = "import numpy; from baxter_kin.benchmark.threads import limit_threads as l; l()"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert "threads must be limited before NumPy is imported" in done.stderr
