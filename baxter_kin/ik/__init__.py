@@ -1,17 +1,37 @@
-"""Inverse kinematics: the nonlinear program, its seeds, and the service on top."""
+"""Inverse kinematics: the program, its fast search and its reference, the service, redundancy."""
 
+from baxter_kin.ik.components import distinct_solutions, solutions
+from baxter_kin.ik.objectives import (
+    FarthestFromLimits,
+    MostManipulable,
+    NearestTo,
+    Objective,
+    TowardsGoal,
+    best_on,
+)
 from baxter_kin.ik.program import Program
 from baxter_kin.ik.result import IKFailure, IKResult
 from baxter_kin.ik.search import Backend
 from baxter_kin.ik.seeds import SeedMode, SeedType
+from baxter_kin.ik.self_motion import SelfMotion, trace_self_motion
 from baxter_kin.ik.service import IKService
 
 __all__ = [
     "Backend",
+    "FarthestFromLimits",
     "IKFailure",
     "IKResult",
     "IKService",
+    "MostManipulable",
+    "NearestTo",
+    "Objective",
     "Program",
     "SeedMode",
     "SeedType",
+    "SelfMotion",
+    "TowardsGoal",
+    "best_on",
+    "distinct_solutions",
+    "solutions",
+    "trace_self_motion",
 ]

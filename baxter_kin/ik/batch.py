@@ -25,6 +25,13 @@ from baxter_kin.ik.seeds import (
 )
 from baxter_kin.model import Arm
 
+ROUNDS = (*[1] * 8, *[8] * 4, *[32] * 30)
+"""How many random configurations are tried at once; the first that leads to a solution counts."""
+
+ROUNDS_BEFORE_PROOF = 12
+"""After so many rounds nearly all that can be solved is, and thorough proofs begin to pay; a glance
+pays after the first."""
+
 POLISH_ROUNDS = 20
 """Further searches from the best attempt, of up to 15 iterations each, where all starts failed."""
 
@@ -59,17 +66,21 @@ class Batch:
 
     def solve(self, arm: Arm, search: Search, map_: NullSpaceMap, explainer: Explainer) -> None:
         """Search until every pose is solved, proven out of reach, or out of starts."""
-        first = True
+        rounds = 0
         for seed_type in self._mode.seed_types:
             for starts in self._rounds(arm, search, map_, seed_type):
                 active = self._open(seed_type)
                 if not active.size:
                     break
-                self._starts[active, seed_type] += 1
-                self._take(active, seed_type, search.search(starts(active), self._Ts[active]))
-                if first:  # most are solved by now; of the others, some cannot be
-                    self._give_up(explainer)
-                    first = False
+                q_starts = starts(active)
+                count = len(q_starts) // len(active)
+                Ts = np.repeat(self._Ts[active], count, axis=0)
+                found = _best_of_each(search.search(q_starts, Ts), count)
+                self._starts[active, seed_type] += count
+                self._take(active, seed_type, found)
+                rounds += 1
+                if rounds in (1, ROUNDS_BEFORE_PROOF):
+                    self._give_up(explainer, at_a_glance=rounds == 1)
         self._polish(search)
 
     def results(self, arm: Arm, explainer: Explainer) -> Iterator[IKResult]:
@@ -86,12 +97,18 @@ class Batch:
     def _rounds(
         self, arm: Arm, search: Search, map_: NullSpaceMap, seed_type: SeedType
     ) -> Iterator[Callable[[Indices], Vector]]:
-        """For each round of a seed type, what gives the starts of the poses asked for."""
+        """For each round of a seed type, what gives the starts of the poses asked for.
+
+        A round gives every pose as many starts, in a row; more of them as fewer poses are left.
+        """
         if seed_type is SeedType.NS_MAP:
             for rank in range(MAP_STARTS):
                 yield partial(_nearest, map_, self._Ts, rank)
-            for q in map_.random_starts[: search.random_starts]:
-                yield partial(_same, q)
+            random_starts = map_.random_starts[: search.random_starts]
+            edges = np.minimum(np.cumsum((0, *ROUNDS)), len(random_starts))
+            for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+                if first < end:
+                    yield partial(_same, random_starts[first:end])
         elif seed_type in self._seeds:
             count = 1 if self._mode is SeedMode.AUTO else SEED_STARTS
             for starts in starts_around(arm, self._seeds[seed_type], count):
@@ -129,9 +146,10 @@ class Batch:
         solved = poses[is_close[poses]]
         self._seed_type[solved] = self._best_type[solved]
 
-    def _give_up(self, explainer: Explainer) -> None:
-        for i in np.flatnonzero(self._seed_type == SeedType.INVALID):
-            self._is_hopeless[i] = explainer.is_out_of_reach(self._Ts[i])
+    def _give_up(self, explainer: Explainer, *, at_a_glance: bool) -> None:
+        for i in np.flatnonzero((self._seed_type == SeedType.INVALID) & ~self._is_hopeless):
+            T = self._Ts[i]
+            self._is_hopeless[i] = explainer.is_out_of_reach(T, at_a_glance=at_a_glance)
 
     def _failed(self, i: int, arm: Arm, explainer: Explainer) -> IKResult:
         attempt = self._attempt(i, arm, explainer)
@@ -152,13 +170,29 @@ class Batch:
         return explainer.measured(self._Ts[i], next(given, arm.neutral).copy())
 
 
+def _best_of_each(found: Found, count: int) -> Found:
+    """Of every `count` searches in a row the first valid one, else the one that came nearest."""
+    if count == 1:
+        return found
+    residual = found.position_error_m + found.orientation_error_rad
+    rank = np.where(found.is_valid, -np.inf, residual).reshape(-1, count)
+    best = rank.argmin(axis=1) + count * np.arange(len(rank))
+    return Found(
+        found.q[best],
+        found.is_valid[best],
+        found.position_error_m[best],
+        found.orientation_error_rad[best],
+        found.iterations[best],
+    )
+
+
 def _nearest(map_: NullSpaceMap, Ts: Vector, rank: int, poses: Indices) -> Vector:
     starts: Vector = map_.setpoints[map_.nearest(Ts[poses])[:, rank]]
     return starts
 
 
-def _same(q: Vector, poses: Indices) -> Vector:
-    return np.tile(q, (len(poses), 1))
+def _same(starts: Vector, poses: Indices) -> Vector:
+    return np.tile(starts, (len(poses), 1))
 
 
 def _own(starts: Vector, poses: Indices) -> Vector:

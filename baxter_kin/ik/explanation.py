@@ -65,9 +65,10 @@ class Explainer:
         self._reach = ReachBound(arm)
         self._unlimited = np.repeat([-np.pi, np.pi], 7)
 
-    def is_out_of_reach(self, T: Vector) -> bool:
-        """Whether a pose, shape (4, 4), is proven to be out of reach."""
-        return self._reach.excess_m(_se3(T)) > 0.0
+    def is_out_of_reach(self, T: Vector, *, at_a_glance: bool = False) -> bool:
+        """Whether a pose, shape (4, 4), is proven to be out of reach; at a glance or thoroughly."""
+        prove = self._reach.shell_proof if at_a_glance else self._reach.proof
+        return prove(_se3(T)) is not None
 
     def measured(self, T: Vector, q: Vector) -> Attempt:
         """A configuration that was not searched for, with its errors."""
@@ -79,14 +80,10 @@ class Explainer:
         """The reason why a pose has no solution."""
         x, y, z = attempt.T[:3, 3]
         pose = f"the pose at ({x:.3f}, {y:.3f}, {z:.3f}) m in base"
-        excess_m = self._reach.excess_m(_se3(attempt.T))
-        if excess_m > 0.0:
-            return IKFailure(
-                f"{pose} is out of reach: {1e3 * excess_m:.0f} mm beyond the "
-                f"{self._reach.radius_m:.3f} m that the {self._arm.side} arm spans from "
-                f"{self._reach.joint_name}",
-                beyond_reach_m=excess_m,
-            )
+        proof = self._reach.proof(_se3(attempt.T))
+        if proof is not None:
+            reason = f"{pose} is proven out of reach: {proof.text}"
+            return IKFailure(reason, attempt.starts, beyond_reach_m=proof.excess_m)
         if not attempt.starts:
             return IKFailure(
                 f"seed mode {mode_name} was asked for, but no {mode_name} seed was given"

@@ -1,34 +1,234 @@
-"""How far the arm can reach, by the triangle inequality: a bound that is never wrong."""
+"""Proofs that a pose is out of an arm's reach: sound geometry, by how far, and from which bound.
+
+A proof never errs: a pose that the arm reaches inside its limits has none. The converse does not
+hold; `None` says nothing. Bounds, cheapest first (letters as in `baxter_kin.ik.linkage`):
+
+- *span, fold*: the pose fixes the wrist W, and |W - S| lies between the lengths that upper arm and
+  forearm span straight and fully bent, for S anywhere on its arc about the s0 axis.
+- *shoulder, wrist*: no angle of s0 leaves s1, e1 and w1 inside their limits (`ShoulderSweep`).
+
+For a position in any orientation, the tip takes the wrist's place and only the outer bounds remain.
+Collisions play no part.
+"""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from baxter_kin.model import Arm
+from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.errors import PoseError
+from baxter_kin.ik.linkage import Linkage
+from baxter_kin.ik.position_sweep import PositionSweep
+from baxter_kin.ik.shoulder_sweep import (
+    MARGIN_M,
+    Obstacle,
+    Point,
+    ShoulderSweep,
+    WristTarget,
+)
+from baxter_kin.model import JOINTS, Arm
+
+RADII_M = np.array([1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1])
+"""Distances that the sweep can certify; the largest that holds is reported."""
+
+DECISION_LEVELS, MEASURE_LEVELS = 5, 1
+"""How often the sweep splits its cells: to decide, down to 0.1 mrad; to measure, sparingly."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReachProof:
+    """That a pose is out of reach, and why; `str()` of it is the clause in words.
+
+    Attributes:
+        excess_m: a lower bound, above zero, on how far the pose must be moved, keeping its
+            orientation, before the arm reaches it. For a position: in any orientation.
+        bound: what it follows from: "span", "fold", "shoulder" or "wrist".
+        text: a clause with numbers, such as "12 mm beyond the 0.745 m that upper arm and forearm
+            span from left_s1, with the wrist at (1.021, 0.305, 0.214) m".
+    """
+
+    excess_m: float
+    bound: str
+    text: str
+
+    def __str__(self) -> str:
+        """The clause."""
+        return self.text
 
 
 class ReachBound:
-    """A ball around the first joint that the tip cannot leave.
-
-    The distance from the first joint's origin to the tip is at most the sum of the distances
-    between successive joint origins, whatever the angles.
+    """How far one arm reaches.
 
     Attributes:
-        radius_m: that sum.
-        joint_name: the joint at the centre.
+        radius_m: the greatest distance of the tip from the joint below, in any orientation.
+        joint_name: the second joint, such as "left_s1".
     """
 
     def __init__(self, arm: Arm) -> None:
-        """Add up the links of that arm."""
-        placements = arm.model.jointPlacements
-        tip = arm.model.frames[arm.model.getFrameId(arm.tip_frame)].placement
-        links = [placements[joint].translation for joint in range(2, arm.model.njoints)]
-        self.radius_m = float(sum(np.linalg.norm(link) for link in [*links, tip.translation]))
-        self.joint_name = arm.joint_names[0]
-        self._centre_base = np.array(placements[1].translation)
+        """Read the arm's dimensions.
+
+        Raises:
+            DescriptionError: when the model is not built like Baxter's.
+        """
+        self._arm = Linkage.of(arm)
+        self._sweep = ShoulderSweep(self._arm)
+        self._name = dict(zip(JOINTS, arm.joint_names, strict=True))
+        self.joint_name = self._name["s1"]
+        self._span_m = self._arm.wrist_distance_m(0.0)
+        self._fold_m = self._arm.wrist_distance_m(self._arm.max_bend)
+        self._position_sweep = PositionSweep(self._arm)
+        self.radius_m = self._arm.upper_span_m + self._arm.tip_distance_m(0.0)
+        low, high = (self._arm.azimuth_zero + q[0] for q in (self._arm.q_min, self._arm.q_max))
+        self._s0_middle, self._s0_half = 0.5 * (low + high), 0.5 * (high - low)
 
     def excess_m(self, T_base_tip: pin.SE3) -> float:
-        """How far the pose lies outside the ball, in metres; zero when inside."""
-        distance = float(np.linalg.norm(T_base_tip.translation - self._centre_base))
-        return max(0.0, distance - self.radius_m)
+        """How far the pose is proved to lie out of reach, m; zero without a proof."""
+        proof = self.proof(T_base_tip)
+        return proof.excess_m if proof else 0.0
+
+    def proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
+        """Why the arm cannot reach a pose, or None when that is not proved.
+
+        Only the tool's z axis of the orientation is used, so a proof covers every rotation of the
+        tool about it.
+
+        Args:
+            T_base_tip: the tip seen from base, as `checked_pose` returns it.
+
+        Raises:
+            PoseError: when the pose is not finite.
+        """
+        target, where = self._wrist(T_base_tip)
+        return self._shell_proof(target.wrist, where) or self._sweep_proof(target, where)
+
+    def shell_proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
+        """The same from the bounds "span" and "fold" alone, in a fiftieth of the time.
+
+        Args:
+            T_base_tip: the tip seen from base, as `checked_pose` returns it.
+
+        Raises:
+            PoseError: when the pose is not finite.
+        """
+        target, where = self._wrist(T_base_tip)
+        return self._shell_proof(target.wrist, where)
+
+    def proof_of_position(self, p_base_tip: ArrayLike) -> ReachProof | None:
+        """Why the tip cannot get to a position in any orientation, or None when that is not proved.
+
+        Args:
+            p_base_tip: shape (3,), m, in base.
+
+        Raises:
+            PoseError: when the position has another shape or is not finite.
+        """
+        p = finite_array(p_base_tip, (3,), "p_base_tip", PoseError)
+        point = self._from_shoulder(p)
+        where = f"with the tip at {_words(p)}"
+        excess_m = self._shoulder_distances(point)[0] - self.radius_m - MARGIN_M
+        if excess_m > 0.0:
+            return self._span_proof(excess_m, self.radius_m, "the straight arm spans", where)
+        excess_m = self._position_sweep.excess_m(point) - MARGIN_M
+        if excess_m <= 0.0:
+            return None
+        text = (
+            f"{_length(excess_m)} beyond the {self._position_sweep.tip_reach_m:.3f} m that "
+            f"forearm and hand span from where {self._name['s0']} and {self._name['s1']} let the "
+            f"elbow go, {where}"
+        )
+        return ReachProof(excess_m, "shoulder", text)
+
+    def _wrist(self, T_base_tip: pin.SE3) -> tuple[WristTarget, str]:
+        """Where a pose puts the wrist, for the sweep and in words."""
+        p, axis = T_base_tip.translation, T_base_tip.rotation[:, 2]
+        if not (np.isfinite(p).all() and np.isfinite(axis).all()):
+            raise PoseError("a pose must be finite to be judged in or out of reach")
+        wrist_base = p - self._arm.hand_m * axis
+        target = WristTarget(self._from_shoulder(wrist_base), _point(axis))
+        return target, f"with the wrist at {_words(wrist_base)}"
+
+    def _from_shoulder(self, p_base: Vector) -> Point:
+        """A point of base, seen from the s0 axis at the height of S."""
+        x, y, z = p_base.tolist()
+        cx, cy, cz = self._arm.centre_base
+        return x - cx, y - cy, z - cz
+
+    def _shoulder_distances(self, point: Point) -> tuple[float, float]:
+        """The least and the greatest distance to S over all angles of s0.
+
+        The distance grows with the angle between `radial` and the point's azimuth, up to half a
+        turn, so that each extreme lies at an end of the range or where that angle is 0 or pi.
+        """
+        x, y, z = point
+        radius, offset = math.hypot(x, y), self._arm.shoulder_offset_m
+        middle, half = self._s0_middle, self._s0_half
+        off = abs(math.remainder(math.atan2(y, x) - middle, 2.0 * math.pi))
+        least, most = max(0.0, off - half), min(math.pi, off + half)
+
+        def distance(angle: float) -> float:
+            radially = radius * math.cos(angle) - offset
+            return math.hypot(radially, radius * math.sin(angle), z)
+
+        return distance(least), distance(most)
+
+    def _shell_proof(self, wrist: Point, where: str) -> ReachProof | None:
+        near, far = self._shoulder_distances(wrist)
+        beyond_m, within_m = near - self._span_m - MARGIN_M, self._fold_m - far - MARGIN_M
+        if beyond_m > 0.0:
+            return self._span_proof(beyond_m, self._span_m, "upper arm and forearm span", where)
+        if within_m <= 0.0:
+            return None
+        text = (
+            f"{_length(within_m)} inside the {self._fold_m:.3f} m that the wrist keeps from "
+            f"{self.joint_name} with {self._name['e1']} fully bent, {where}"
+        )
+        return ReachProof(within_m, "fold", text)
+
+    def _span_proof(self, excess_m: float, span_m: float, spanned: str, where: str) -> ReachProof:
+        text = (
+            f"{_length(excess_m)} beyond the {span_m:.3f} m that {spanned} from "
+            f"{self.joint_name}, {where}"
+        )
+        return ReachProof(excess_m, "span", text)
+
+    def _sweep_proof(self, target: WristTarget, where: str) -> ReachProof | None:
+        verdict = self._sweep.exclusion(target, RADII_M[:1], DECISION_LEVELS)
+        if verdict is None:
+            return None
+        verdict = self._sweep.exclusion(target, RADII_M[1:], MEASURE_LEVELS) or verdict
+        distance = _length(verdict.radius_m)
+        text = f"at least {distance} from {self._phrase(verdict.obstacle)}, {where}"
+        return ReachProof(verdict.radius_m, verdict.obstacle.value, text)
+
+    def _phrase(self, obstacle: Obstacle) -> str:
+        """Where the wrist would have to be."""
+        s0, s1, e1, w1 = (self._name[joint] for joint in ("s0", "s1", "e1", "w1"))
+        if obstacle is Obstacle.SHOULDER:
+            return f"where the limits of {s0}, {s1} and {e1} let the wrist go"
+        return (
+            f"where {w1} can hold the tool in this orientation with {s0}, {s1} and {e1} inside "
+            "their limits"
+        )
+
+
+def _point(vector: Vector) -> Point:
+    x, y, z = vector.tolist()
+    return x, y, z
+
+
+def _words(p_base: Vector) -> str:
+    return "({:.6g}, {:.6g}, {:.6g}) m".format(*(round(x, 3) + 0.0 for x in p_base.tolist()))
+
+
+def _length(length_m: float) -> str:
+    """The length, rounded down so that the words claim no more than the proof."""
+    if length_m >= 10.0:
+        return f"{length_m:.6g} m"
+    digits = 0 if length_m >= 0.01 else 1 if length_m >= 1e-3 else 3
+    scale = 10.0**digits
+    return f"{math.floor(1e3 * length_m * scale) / scale:.{digits}f} mm"

@@ -15,20 +15,25 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector
-from baxter_kin.errors import RequestError
-from baxter_kin.frames import PoseLike, pose_matrices
+from baxter_kin.arrays import Vector, float_array
+from baxter_kin.errors import ConfigurationError, RequestError
+from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
 from baxter_kin.ik.batch import Batch
 from baxter_kin.ik.explanation import Explainer, Search
 from baxter_kin.ik.kernel import SEED_TOLERANCE_RAD
+from baxter_kin.ik.objectives import Objective, best_on
 from baxter_kin.ik.program import IpoptSearcher
 from baxter_kin.ik.result import IKResult
 from baxter_kin.ik.search import Backend, Searcher
 from baxter_kin.ik.seeds import NullSpaceMap, SeedMode, SeedType
+from baxter_kin.ik.self_motion import trace_self_motion
 from baxter_kin.model import Arm
 
 SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
 """A configuration by joint name or in joint order, rad."""
+
+OBJECTIVE_STEP_RAD = 0.1
+"""Steps along a self-motion curve when only its best point is wanted, which is found exactly."""
 
 BLOCK = 8192
 """How many poses of a large batch are worked on together."""
@@ -64,6 +69,8 @@ class IKService:
         seed: SeedLike | None = None,
         current: SeedLike | None = None,
         mode: SeedMode = SeedMode.AUTO,
+        *,
+        objective: Objective | None = None,
     ) -> IKResult:
         """Joint angles that place the tip at a pose.
 
@@ -72,6 +79,9 @@ class IKService:
             seed: the user's seed, by joint name or shape (7,), rad.
             current: the arm's present joint angles, in the same forms.
             mode: which seeds to try.
+            objective: what to make of the freedom that a seventh joint leaves: the solution is then
+                the best on the whole self-motion curve through the one that was found. Takes some
+                milliseconds. Without one, it is the first that was found, near its start.
 
         Returns:
             A result; when no solution was found, one that says why. A mode whose seed was not given
@@ -83,6 +93,19 @@ class IKService:
                 limits by more than `SEED_TOLERANCE_RAD`.
             UnknownNameError: when a seed names a joint of another arm, or the mode is none.
         """
+        result = self._first(T_base_tip, seed, current, mode)
+        if objective is None or not result.is_valid:
+            return result
+        return self._best(result, checked_pose(T_base_tip), objective)
+
+    def _first(
+        self,
+        T_base_tip: PoseLike,
+        seed: SeedLike | None,
+        current: SeedLike | None,
+        mode: SeedMode,
+    ) -> IKResult:
+        """The first solution that is found, or why there is none."""
         if mode is SeedMode.AUTO and self._quick is not None and isinstance(T_base_tip, pin.SE3):
             result = None
             if current is None and isinstance(seed, np.ndarray):
@@ -168,13 +191,24 @@ class IKService:
             return IKResult.trusted(self.arm.joint_names, q.copy(), seed_type, (offset, angle))
         if is_valid_input != 1.0:
             return None
-        for q_start in self._null_space_map.first_starts(T_base_tip.homogeneous):
+        T = T_base_tip.homogeneous
+        if self._explainer.is_out_of_reach(T, at_a_glance=True):
+            return None
+        for q_start in self._null_space_map.first_starts(T):
             q, report = searcher.search_one(q_start, T_base_tip)
             is_solved, offset, angle, _, _ = report.tolist()
             if is_solved == 1.0:
                 names = self.arm.joint_names
                 return IKResult.trusted(names, q.copy(), SeedType.NS_MAP, (offset, angle))
         return None
+
+    def _best(self, result: IKResult, T_base_tip: pin.SE3, objective: Objective) -> IKResult:
+        curve = trace_self_motion(
+            self.arm, result.q, T_base_tip=T_base_tip, step_rad=OBJECTIVE_STEP_RAD
+        )
+        best = self._explainer.measured(T_base_tip.homogeneous, best_on(curve, objective).copy())
+        errors = best.position_error_m, best.orientation_error_rad
+        return IKResult.trusted(self.arm.joint_names, best.q, result.seed_type, errors)
 
     def _chained(
         self,
@@ -207,14 +241,24 @@ class IKService:
         """The seeds of each type, shape (count, 7), rad; NaN where there is none."""
         table = {}
         if seeds is not None:
-            table[SeedType.USER] = np.full((count, 7), np.nan)
-            for i, seed in enumerate(seeds):
-                if seed is not None:
-                    name = "seed" if count == 1 else f"seeds[{first + i}]"
-                    table[SeedType.USER][i] = self._checked_seed(seed, name)
+            table[SeedType.USER] = self._user_seeds(seeds, first)
         if current is not None:
             q = self._checked_seed(current, "current")
             table[SeedType.CURRENT] = np.tile(q, (count, 1))
+        return table
+
+    def _user_seeds(self, seeds: list[Any], first: int) -> Vector:
+        if all(isinstance(seed, np.ndarray) and seed.shape == (7,) for seed in seeds):
+            together = float_array(seeds, "seeds", ConfigurationError)
+            limits, slack = self.arm.limits, SEED_TOLERANCE_RAD
+            inside = (together >= limits.q_min - slack) & (together <= limits.q_max + slack)
+            if inside.all():  # which NaN is not
+                return together
+        table = np.full((len(seeds), 7), np.nan)
+        for i, seed in enumerate(seeds):
+            if seed is not None:
+                name = "seed" if len(seeds) == 1 else f"seeds[{first + i}]"
+                table[i] = self._checked_seed(seed, name)
         return table
 
     def _checked_seed(self, seed: SeedLike, what: str) -> Vector:

@@ -1,23 +1,225 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm
+from baxter_kin import Arm, Baxter, BaxterError
+from baxter_kin.arrays import Vector
+from baxter_kin.ik.linkage import Linkage
 from baxter_kin.ik.reach import ReachBound
+from baxter_kin.ik.shoulder_sweep import MARGIN_M
+
+MIRROR_Y = np.diag([1.0, -1.0, 1.0])
 
 
-def test_no_reachable_pose_is_declared_out_of_reach(arm: Arm) -> None:
-    bound, rng = ReachBound(arm), np.random.default_rng(6)
-    for _ in range(5000):
-        q = rng.uniform(-np.pi, np.pi, 7)  # even beyond the joint limits
-        assert bound.excess_m(arm.T_base_tip(q)) == 0.0
+@pytest.fixture(scope="module")
+def bounds(robot: Baxter) -> dict[str, ReachBound]:
+    return {side: ReachBound(arm) for side, arm in robot.arms.items()}
 
 
-def test_excess_is_the_distance_beyond_the_ball(left: Arm) -> None:
-    bound = ReachBound(left)
-    shoulder = left.model.jointPlacements[1].translation
-    away = np.array([0.6, 0.0, 0.8])
-    beyond = pin.SE3(np.eye(3), shoulder + (bound.radius_m + 0.25) * away)
-    assert bound.excess_m(beyond) == pytest.approx(0.25, abs=1e-12)
+@pytest.fixture
+def bound(arm: Arm, bounds: dict[str, ReachBound]) -> ReachBound:
+    """The bound of either arm in turn."""
+    return bounds[arm.side]
+
+
+def test_no_reachable_pose_is_proved_out_of_reach(arm: Arm, bound: ReachBound) -> None:
+    rng = np.random.default_rng(6)
+    for _ in range(1000):
+        q = arm.random_configuration(rng)
+        assert bound.proof(arm.T_base_tip(q)) is None, q
+
+
+def test_no_pose_on_limits_or_singularities_is_proved_out_of_reach(
+    arm: Arm, bound: ReachBound
+) -> None:
+    for q in _extreme_configurations(arm, 1000):
+        assert bound.proof(arm.T_base_tip(q)) is None, q
+
+
+def test_no_pose_within_the_solution_tolerance_is_proved_out_of_reach(
+    arm: Arm, bound: ReachBound
+) -> None:
+    rng = np.random.default_rng(7)
+    for q in _extreme_configurations(arm, 300):
+        T = arm.T_base_tip(q)
+        R = pin.exp3(1e-6 * _direction(rng)) @ T.rotation
+        assert bound.proof(pin.SE3(R, T.translation + 1e-6 * _direction(rng))) is None, q
+
+
+def test_no_reachable_position_is_proved_out_of_reach(arm: Arm, bound: ReachBound) -> None:
+    for q in _extreme_configurations(arm, 500):
+        assert bound.proof_of_position(arm.T_base_tip(q).translation) is None, q
+
+
+def test_excess_never_exceeds_the_distance_to_a_reachable_pose(arm: Arm, bound: ReachBound) -> None:
+    rng = np.random.default_rng(8)
+    found = set()
+    for q in _extreme_configurations(arm, 800):
+        T, distance_m = arm.T_base_tip(q), 10.0 ** rng.uniform(-3.0, -0.3)
+        pushed = T.translation + distance_m * _direction(rng)
+        proof = bound.proof(pin.SE3(T.rotation, pushed))
+        if proof is not None:
+            found.add(proof.bound)
+            assert 0.0 < proof.excess_m <= distance_m, (q, pushed)
+    assert found == {"span", "fold", "shoulder", "wrist"}
+
+
+def test_excess_of_a_position_never_exceeds_the_distance_to_sampled_tips(
+    left: Arm, bounds: dict[str, ReachBound]
+) -> None:
+    tips = np.array([left.T_base_tip(q).translation for q in _extreme_configurations(left, 5000)])
+    rng, proved = np.random.default_rng(9), set()
+    for p in rng.uniform([-1.5, -1.3, -1.2], [1.5, 1.7, 1.7], (200, 3)):
+        proof = bounds["left"].proof_of_position(p)
+        if proof is not None:
+            proved.add(proof.bound)
+            assert 0.0 < proof.excess_m <= np.linalg.norm(tips - p, axis=1).min()
+    assert proved == {"span", "shoulder"}
+
+
+def test_a_position_out_of_reach_is_out_of_reach_in_every_orientation(
+    arm: Arm, bound: ReachBound
+) -> None:
+    rng = np.random.default_rng(10)
+    for p in rng.uniform(-1.5, 1.5, (200, 3)):
+        proof = bound.proof_of_position(p)
+        if proof is not None:
+            T = pin.SE3(pin.exp3(np.pi * _direction(rng)), p)
+            assert bound.proof(T) is not None, p
+
+
+def test_pushing_farther_out_keeps_the_proof_and_grows_the_excess(
+    arm: Arm, bound: ReachBound
+) -> None:
+    rng, shoulder = np.random.default_rng(11), np.array(Linkage.of(arm).centre_base)
+    for _ in range(50):
+        R, outward = pin.exp3(np.pi * _direction(rng)), _direction(rng)
+        wrists = [shoulder + length * outward for length in (0.85, 0.86, 0.9, 1.0, 2.0)]
+        excesses = [bound.excess_m(_with_wrist(arm, wrist, R)) for wrist in wrists]
+        assert excesses[0] > 0.0
+        assert excesses == sorted(excesses)
+
+
+def test_mirrored_arms_agree(robot: Baxter, bounds: dict[str, ReachBound]) -> None:
+    rng = np.random.default_rng(12)
+    for q in _extreme_configurations(robot.arm("left"), 200):
+        T = robot.arm("left").T_base_tip(q)
+        p, R = T.translation + 0.1 * _direction(rng), T.rotation
+        left = bounds["left"].proof(pin.SE3(R, p))
+        right = bounds["right"].proof(pin.SE3(MIRROR_Y @ R @ MIRROR_Y, MIRROR_Y @ p))
+        assert (left is None) == (right is None)
+        if left is not None and right is not None:
+            assert left.bound == right.bound
+            assert left.excess_m == pytest.approx(right.excess_m, abs=1e-9)
+
+
+def test_a_rotation_about_the_tool_axis_changes_nothing(arm: Arm, bound: ReachBound) -> None:
+    rng = np.random.default_rng(13)
+    for q in _extreme_configurations(arm, 50):
+        T = arm.T_base_tip(q)
+        far = pin.SE3(T.rotation, T.translation + 0.2 * _direction(rng))
+        rolled = far * pin.SE3(pin.exp3(np.array([0.0, 0.0, 2.0])), np.zeros(3))
+        assert bound.excess_m(rolled) == pytest.approx(bound.excess_m(far), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("wrist_from_shoulder", "tool_axis", "bound_name"),
+    [
+        ((0.9, 0.0, 0.0), (0.0, 0.0, -1.0), "span"),  # too far
+        ((0.07, 0.0, 0.1), (0.0, 0.0, 1.0), "fold"),  # the elbow does not bend that much
+        ((0.0, 0.0, -0.72), (0.0, 0.0, -1.0), "shoulder"),  # s1 stops at 60 deg below horizontal
+        ((-0.5, 0.0, -0.5), (0.0, 0.0, -1.0), "shoulder"),  # behind the robot, out of s0's range
+        ((0.75, 0.0, 0.0), (-1.0, 0.0, 0.0), "wrist"),  # the hand would fold back on the forearm
+    ],
+)
+def test_each_bound_proves_what_only_it_can(
+    arm: Arm,
+    bound: ReachBound,
+    wrist_from_shoulder: tuple[float, float, float],
+    tool_axis: tuple[float, float, float],
+    bound_name: str,
+) -> None:
+    linkage = Linkage.of(arm)
+    R_base_arm = pin.exp3(np.array([0.0, 0.0, linkage.azimuth_zero]))
+    wrist = np.array(linkage.centre_base) + R_base_arm @ wrist_from_shoulder
+    R = (
+        R_base_arm
+        @ pin.Quaternion.FromTwoVectors(
+            np.array([0.0, 0.0, 1.0]), np.array(tool_axis)
+        ).toRotationMatrix()
+    )
+    proof = bound.proof(_with_wrist(arm, wrist, R))
+    assert proof is not None
+    assert proof.bound == bound_name
+
+
+def test_excess_is_the_distance_beyond_the_straight_arm(arm: Arm, bound: ReachBound) -> None:
+    linkage = Linkage.of(arm)
+    radial = np.array([np.cos(linkage.azimuth_zero), np.sin(linkage.azimuth_zero), 0.0])
+    shoulder = linkage.centre_base + linkage.shoulder_offset_m * radial
+    proof = bound.proof(_with_wrist(arm, shoulder + 1.0 * radial, np.eye(3)))
+    assert proof is not None
+    assert proof.excess_m == pytest.approx(1.0 - 0.745318 - MARGIN_M, abs=1e-6)
+
+
+def test_a_proof_reads_as_a_clause_with_numbers(bounds: dict[str, ReachBound]) -> None:
+    T = pin.SE3(pin.exp3(np.array([0.0, np.pi / 2, 0.0])), np.array([1.5, 0.3, 0.2]))
+    assert str(bounds["left"].proof(T)) == (
+        "255 mm beyond the 0.745 m that upper arm and forearm span from left_s1, "
+        "with the wrist at (1.113, 0.3, 0.2) m"
+    )
+    assert str(bounds["right"].proof_of_position((9.0, 0.0, 0.0))) == (
+        "7747 mm beyond the 1.133 m that the straight arm spans from right_s1, "
+        "with the tip at (9, 0, 0) m"
+    )
+
+
+def test_a_point_on_the_first_axis_is_judged_too(arm: Arm, bound: ReachBound) -> None:
+    x, y, z = Linkage.of(arm).centre_base
+    assert bound.proof_of_position((x, y, z + 0.5)) is None
+    assert bound.proof_of_position((x, y, z + 1.3)) is not None
+
+
+def test_refuses_what_is_not_finite_or_no_position(bound: ReachBound) -> None:
+    nowhere = pin.SE3(np.eye(3), np.array([0.0, np.nan, 0.0]))
+    with pytest.raises(BaxterError, match="finite"):
+        bound.proof(nowhere)
+    with pytest.raises(BaxterError, match="finite"):
+        bound.proof_of_position((0.0, np.inf, 0.0))
+    with pytest.raises(BaxterError, match="shape"):
+        bound.proof_of_position((0.0, 1.0))
+
+
+def test_absurdly_far_poses_are_proved_in_few_words(bound: ReachBound) -> None:
+    for length in (1e5, 1e200, 1.7e308):
+        proof = bound.proof(pin.SE3(np.eye(3), np.array([length, -length, 0.0])))
+        assert proof is not None
+        assert len(proof.text) < 200
+
+
+def _with_wrist(arm: Arm, wrist_base: Vector, R_base_tip: Vector) -> pin.SE3:
+    """The pose of that orientation whose wrist is there."""
+    return pin.SE3(R_base_tip, wrist_base + Linkage.of(arm).hand_m * R_base_tip[:, 2])
+
+
+def _direction(rng: np.random.Generator) -> Vector:
+    v = rng.standard_normal(3)
+    return v / np.linalg.norm(v)
+
+
+def _extreme_configurations(arm: Arm, count: int) -> Iterator[Vector]:
+    """Configurations with joints on limits, the elbow straight or the wrist singular."""
+    rng, (q_min, q_max) = np.random.default_rng(14), (arm.limits.q_min, arm.limits.q_max)
+    for i in range(count):
+        q = arm.random_configuration(rng)
+        at_limit = rng.random(7) < (0.15, 0.3, 0.7)[i % 3]
+        q = np.where(at_limit, np.where(rng.random(7) < 0.5, q_min, q_max), q)
+        if i % 4 == 1:
+            q[3] = rng.choice([0.0, 0.187, q_min[3]])  # the forearm in line with the upper arm
+        if i % 4 == 2:
+            q[5] = 0.0  # the axes of w0 and w2 in line
+        yield q

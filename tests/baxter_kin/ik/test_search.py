@@ -6,6 +6,13 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm, IKService, SeedMode, SeedType, UnknownNameError
+from baxter_kin.ik import (
+    FarthestFromLimits,
+    MostManipulable,
+    NearestTo,
+    Objective,
+    TowardsGoal,
+)
 from baxter_kin.ik.search import LANES, Backend, Searcher
 
 
@@ -125,12 +132,31 @@ def test_stream_answers_as_the_batch_does(left: Arm, ik: IKService) -> None:
         np.testing.assert_array_equal(a.q, b.q)
 
 
-def test_failure_names_the_limits_that_stand_in_the_way(left: Arm, ik: IKService) -> None:
-    q = np.array(left.neutral)
-    q[5] = left.limits.q_max[5] + 0.6
-    q[1] = left.limits.q_min[1] - 0.5
-    failure = ik.solve(left.T_base_tip(q)).failure
-    assert failure is not None
-    assert failure.limits_violated
-    assert "without joint limits" in str(failure)
-    assert all(name.startswith("left_") for name in failure.limits_violated)
+OBJECTIVES = [
+    NearestTo(np.zeros(7)),
+    TowardsGoal(np.full(7, 0.5), np.arange(1.0, 8.0)),
+    FarthestFromLimits(),
+    MostManipulable(),
+]
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES, ids=lambda o: type(o).__name__)
+def test_an_objective_improves_on_the_first_solution(
+    left: Arm, ik: IKService, objective: Objective
+) -> None:
+    rng = np.random.default_rng(10)
+    for _ in range(5):
+        T = left.T_base_tip(left.random_configuration(rng))
+        first, best = ik.solve(T), ik.solve(T, objective=objective)
+        costs = objective.costs(left, np.array([first.q, best.q]))
+        assert costs[1] <= costs[0] + 1e-9
+        assert best.is_valid
+        assert best.position_error_m <= 1e-6
+        assert not left.limits.violations(best.q)
+
+
+def test_nearest_to_the_seed_is_what_the_reference_minimises(left: Arm, ik: IKService) -> None:
+    T = left.T_base_tip(left.start + 0.1)
+    best = ik.solve(T, seed=left.start, objective=NearestTo(left.start))
+    reference = IKService(left, "ipopt").solve(T, seed=left.start)
+    np.testing.assert_allclose(best.q, reference.q, atol=1e-6)

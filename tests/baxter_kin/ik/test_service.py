@@ -152,16 +152,38 @@ def test_proven_out_of_reach_says_by_how_much_and_from_where(ik: IKService) -> N
     result = ik.solve(at(3.0, 0.0, 0.0))
     assert not result.is_valid
     assert result.failure is not None
-    assert result.failure.beyond_reach_m == pytest.approx(1.53, abs=0.02)
-    assert "mm beyond the 1.414 m that the left arm spans from left_s0" in str(result.failure)
+    assert 1.5 < result.failure.beyond_reach_m < 3.0
+    words = "mm beyond the 0.745 m that upper arm and forearm span from left_s1"
+    assert words in str(result.failure)
+
+
+def unproven(arm: Arm, ik: IKService) -> pin.SE3:
+    """A pose just beyond the joint limits, without a solution and without a proof of that."""
+    rng = np.random.default_rng(11)
+    for _ in range(2000):
+        q = arm.random_configuration(rng)
+        q[rng.integers(7)] = arm.limits.q_max[1] + rng.uniform(0.0, 1.0)
+        failure = ik.solve(arm.T_base_tip(q)).failure
+        if failure is not None and failure.beyond_reach_m == 0.0:
+            return arm.T_base_tip(q)
+    raise AssertionError("every pose is solved or proven")
+
+
+def test_failure_names_the_limits_that_stand_in_the_way(left: Arm, ik: IKService) -> None:
+    failure = ik.solve(unproven(left, ik)).failure
+    assert failure is not None
+    assert failure.limits_violated
+    assert "without joint limits" in str(failure)
+    assert all(name.startswith("left_") for name in failure.limits_violated)
 
 
 def test_failure_carries_the_best_attempt_and_its_residual(ik: IKService, left: Arm) -> None:
-    result = ik.solve(UNREACHABLE, current=left.start)
+    T = unproven(left, ik)
+    result = ik.solve(T, current=left.start)
     assert not result.is_valid
     assert result.seed_type is SeedType.INVALID
     reached = left.T_base_tip(result.q)
-    offset = float(np.linalg.norm(reached.translation - UNREACHABLE.translation))
+    offset = float(np.linalg.norm(reached.translation - T.translation))
     assert result.position_error_m == pytest.approx(offset, abs=1e-12)
     assert result.position_error_m > TOLERANCE
     assert f"{1e3 * offset:.3g} mm" in str(result.failure)

@@ -1,0 +1,176 @@
+"""Which configuration of a pose is best: objectives, and the best point of a self-motion curve.
+
+An objective gives every configuration a cost; less is better. `best_on` searches a whole curve, not
+the neighbourhood of a start, so its answer is the best of the curve's connected piece.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.errors import ConfigurationError, RequestError
+from baxter_kin.ik.scalar import least
+from baxter_kin.ik.self_motion import SelfMotion
+from baxter_kin.model import Arm
+
+PRECISION_RAD = 1e-9
+"""To which the best arc length is narrowed down; a smooth minimum cannot be located better than to
+the root of the machine precision."""
+
+
+class Objective(Protocol):
+    """What makes one configuration of a pose better than another."""
+
+    def costs(self, arm: Arm, q: Vector) -> Vector:
+        """The cost of each of n configurations; less is better.
+
+        Args:
+            arm: whose configurations.
+            q: shape (n, 7), rad.
+
+        Returns:
+            Shape (n,), finite, continuous in `q`.
+        """
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NearestTo:
+    """Nearest to a seed in joint space.
+
+    Cost: `1/2 |q - q_seed|^2`, in rad^2: the least joint motion from where the arm is (Whitney,
+    "Resolved motion rate control of manipulators and human prostheses", 1969, for velocities).
+
+    Attributes:
+        q_seed: shape (7,), rad; inside the limits or not.
+
+    Raises:
+        ConfigurationError: when `q_seed` has another shape or is not finite.
+    """
+
+    q_seed: Vector
+
+    def __post_init__(self) -> None:
+        """Copy and check."""
+        seed = finite_array(self.q_seed, (7,), "q_seed", ConfigurationError)
+        object.__setattr__(self, "q_seed", seed)
+
+    def costs(self, arm: Arm, q: Vector) -> Vector:  # noqa: ARG002 - the same for every arm
+        """Half the squared distance to the seed, shape (n,), rad^2."""
+        squares = np.square(q - self.q_seed)
+        return np.array(0.5 * squares.sum(axis=1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TowardsGoal:
+    """Towards a goal in the null space, each joint as strongly as its gain says.
+
+    Cost: `1/2 sum_i gain_i (q_i - goal_i)^2`: the criterion whose negative gradient, projected on
+    the null space, is the classic secondary motion `k (q_goal - q)` (Liegeois, "Automatic
+    supervisory control of the configuration and behavior of multibody mechanisms", 1977). A gain of
+    zero leaves its joint free. Along a curve only the ratios of the gains matter.
+
+    Attributes:
+        q_goal: shape (7,), rad; inside the limits or not.
+        gain: of each joint, shape (7,); none below zero, at least one above it; 1 by default.
+
+    Raises:
+        ConfigurationError: when `q_goal` has another shape or is not finite.
+        RequestError: when the gains have another shape, are not finite, below zero or all zero.
+    """
+
+    q_goal: Vector
+    gain: Vector = field(default_factory=lambda: np.ones(7))
+
+    def __post_init__(self) -> None:
+        """Copy and check."""
+        goal = finite_array(self.q_goal, (7,), "q_goal", ConfigurationError)
+        gain = finite_array(self.gain, (7,), "gain", RequestError)
+        if (gain < 0.0).any() or not gain.any():
+            raise RequestError(
+                f"gains must not be below zero, and one of them above it, got {gain.tolist()}"
+            )
+        object.__setattr__(self, "q_goal", goal)
+        object.__setattr__(self, "gain", gain)
+
+    def costs(self, arm: Arm, q: Vector) -> Vector:  # noqa: ARG002 - the same for every arm
+        """Half the squared distance to the goal, weighted by the gains, shape (n,), rad^2."""
+        return 0.5 * np.square(q - self.q_goal) @ self.gain
+
+
+@dataclass(frozen=True, slots=True)
+class FarthestFromLimits:
+    """Farthest from the joint limits: the joint closest to a limit is as far from it as possible.
+
+    Cost: `-min_i min(q_i - q_min_i, q_max_i - q_i) / (1/2 (q_max_i - q_min_i))`; -1 with all
+    joints in the middle of their ranges, 0 with one on its limit. The maximum norm of Liegeois'
+    (1977) distance from mid-range.
+    """
+
+    def costs(self, arm: Arm, q: Vector) -> Vector:
+        """Minus the least distance to a limit, as a share of the half range, shape (n,)."""
+        q_min, q_max = arm.limits.q_min, arm.limits.q_max
+        shares = np.minimum(q - q_min, q_max - q) / (0.5 * (q_max - q_min))
+        return np.array(-shares.min(axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class MostManipulable:
+    """Most manipulable: farthest from singularities, in the measure of Yoshikawa.
+
+    Cost: `-sqrt(det(J J'))`, J the tip's Jacobian in m and rad (Yoshikawa, "Manipulability of
+    robotic mechanisms", 1985).
+    """
+
+    def costs(self, arm: Arm, q: Vector) -> Vector:
+        """Minus the manipulability, shape (n,)."""
+        J = np.array([arm.jacobian(one) for one in q])
+        singular_values = np.linalg.svd(J, compute_uv=False)  # det(J J') would lose half the digits
+        return np.array(-singular_values.prod(axis=1))
+
+
+def best_on(curve: SelfMotion, objective: Objective) -> Vector:
+    """The best configuration of a whole curve, shape (7,), rad, inside the limits.
+
+    Every minimum between neighbouring points that may be the least is narrowed down to
+    `PRECISION_RAD` by golden section, on exact configurations (Kiefer, 1953). The least of all is
+    found when the cost has at most one minimum between neighbours: trace with a smaller step for an
+    objective that is rougher than these here.
+
+    Raises:
+        RequestError: when the objective's costs have another shape than (n,) or are not finite.
+    """
+    costs = _checked_costs(objective, curve.arm, curve.q)
+    best = int(np.argmin(costs))
+    candidates = [(float(costs[best]), float(curve.s[best]))]
+
+    def cost(s: float) -> float:
+        return float(_checked_costs(objective, curve.arm, curve.at(s)[None])[0])
+
+    candidates += [least(cost, *bracket, PRECISION_RAD) for bracket in _brackets(curve, costs)]
+    return curve.at(min(candidates)[1])
+
+
+def _checked_costs(objective: Objective, arm: Arm, q: Vector) -> Vector:
+    what = f"costs of {type(objective).__name__}"
+    return finite_array(objective.costs(arm, q), (len(q),), what, RequestError)
+
+
+def _brackets(curve: SelfMotion, costs: Vector) -> list[tuple[float, float]]:
+    """Stretches of arc length that contain a minimum which may be the least of all."""
+    s = curve.s
+    if len(s) < 2:
+        return []
+    if curve.is_closed:
+        costs = np.concatenate([costs[-2:-1], costs, costs[1:2]])
+        s = np.concatenate([s[-2:-1] - s[-1], s, s[1:2] + s[-1]])
+    padded = np.concatenate([costs[:1], costs, costs[-1:]])
+    before, after = padded[:-2] - costs, padded[2:] - costs
+    promising = (before >= 0.0) & (after >= 0.0)
+    promising &= costs - np.maximum(before, after) <= costs.min()
+    last = len(s) - 1
+    places = [int(i) for i in np.flatnonzero(promising)]
+    return [(float(s[max(i - 1, 0)]), float(s[min(i + 1, last)])) for i in places]

@@ -1,0 +1,266 @@
+"""Proofs that no angle of the first joint lets the rest of an arm reach a pose.
+
+Once s0 is chosen, the lengths leave the upper arm four directions at most, in closed form (letters
+and `Linkage` as in `baxter_kin.ik.linkage`; v = W - S, d = |v|):
+
+- The triangle S, E, W has three known sides. With m = v . (E - S) / |E - S| and
+  q = sqrt(d^2 - m^2), the upper arm's projection is
+  `u . v = m cos(elbow_angle) -/+ q sin(elbow_angle) cos(chi)`: minus for the bent elbow, plus for
+  the elbow bent the other way, which takes e1 below `elbow_angle` and so the angle at E within
+  `max_overbend` of straight; `q |sin(chi)| = |(u x r) . v| <= wrist_offset_m`, because E - S and f
+  lie in the plane of u and r.
+- u lies in the vertical plane of s0, so `u . v` gives s1 up to a sign.
+- E = S + upper_m u + elbow_offset_m r, and r points along the part of v normal to u, which is
+  `v - (u . v) u`, within an angle of sine `wrist_offset_m / |v - (u . v) u|`.
+- The angle between E -> W and the tool's z axis is limited by w1.
+
+Each of these is evaluated with bounds that hold throughout a cell of s0 angles and for every wrist
+within a radius of the given one. A cell is dismissed when a limit cannot be met anywhere in it; the
+others are split. When none is left, no wrist within that radius is reachable. The limits of e0, w0
+and w2 are not used, so the proofs hold for every rotation of the tool about its z axis.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baxter_kin.arrays import Vector
+from baxter_kin.ik.linkage import Linkage
+
+Point: TypeAlias = tuple[float, float, float]
+"""x, y, z along the axes of base."""
+
+Flags: TypeAlias = NDArray[np.bool_]
+
+MARGIN_M = MARGIN_RAD = 5e-6
+"""Every proof also holds for wrists and tool axes this far off. A solution counts as valid within
+1e-6 m and 1e-6 rad of its pose, which moves the wrist by less than 2e-6 m, and the axis of a pose
+may be off by 1e-6 itself; rounding, the URDF's included, stays below 1e-9."""
+
+FIRST_CELLS, SPLIT, MOST_SURVIVORS = 24, 6, 96
+"""The s0 range starts as 24 cells; survivors are split in six, unless more than 96 of them remain.
+Finer ones proved no further pose of 1,200 just out of reach."""
+
+_BOTH_SIGNS = np.array([[[1.0], [-1.0]]])
+
+
+class Obstacle(Enum):
+    """Which joint limits a proof rests on."""
+
+    SHOULDER = "shoulder"
+    """Those of s0, s1 and e1."""
+    WRIST = "wrist"
+    """Those of s0, s1, e1 and w1."""
+
+
+@dataclass(frozen=True, slots=True)
+class WristTarget:
+    """What a pose asks of the wrist.
+
+    Attributes:
+        wrist: W, from the s0 axis at the height of S, along the axes of base, m.
+        axis: the tool's z axis t, a unit vector.
+    """
+
+    wrist: Point
+    axis: Point
+
+
+@dataclass(frozen=True, slots=True)
+class Exclusion:
+    """A proof.
+
+    Attributes:
+        radius_m: no wrist this near to the target is reachable with its tool axis.
+        obstacle: which limits the proof rests on.
+    """
+
+    radius_m: float
+    obstacle: Obstacle
+
+
+class _Cells(NamedTuple):
+    """Cells of s0 with a radius each, and the target seen from their middles; shape (n,).
+
+    Attributes:
+        half: half the width of every cell, rad.
+        v: W - S at the middles: radially, sideways, up, m; up is the same for all.
+        t: the tool axis, likewise.
+        d: |v|, m.
+        d_slack: how far v may be off in base, m: S moves within the cell, W by the radius
+            and the margin.
+        plane_slack: how far (radial, up) of v may be off, m.
+    """
+
+    half: float
+    v: tuple[Vector, Vector, float]
+    t: tuple[Vector, Vector, float]
+    d: Vector
+    d_slack: Vector
+    plane_slack: Vector
+
+
+class _Bounds(NamedTuple):
+    """Lower and upper bounds of a quantity, of one shape."""
+
+    low: Vector
+    high: Vector
+
+
+class ShoulderSweep:
+    """The sweep for one arm."""
+
+    def __init__(self, linkage: Linkage) -> None:
+        """Look up what every cell needs."""
+        self._arm = linkage
+        self._upper, self._fore = linkage.upper_span_m, linkage.fore_span_m
+        self._cos_elbow = math.cos(linkage.elbow_angle)
+        self._sin_elbow = math.sin(linkage.elbow_angle)
+        self._d_max = linkage.wrist_distance_m(0.0)
+        d_min = [linkage.wrist_distance_m(a) for a in (linkage.max_bend, linkage.max_overbend)]
+        self._d_min = np.reshape(d_min, (2, 1, 1))
+        self._least_square_swing = linkage.min_swing_m**2
+        self._s1_middle = 0.5 * (linkage.q_min[1] + linkage.q_max[1])
+        self._s1_half = 0.5 * (linkage.q_max[1] - linkage.q_min[1])
+        self._least_advance = self._fore * (math.cos(linkage.max_wrist_turn) - MARGIN_RAD)
+        self._offsets = (2.0 * np.arange(SPLIT) + 1.0) / SPLIT - 1.0
+        low, high = (linkage.azimuth_zero + q[0] for q in (linkage.q_min, linkage.q_max))
+        self._first_half = (high - low) / (2 * FIRST_CELLS)
+        self._first_s0 = low + self._first_half * (2.0 * np.arange(FIRST_CELLS) + 1.0)
+
+    def exclusion(self, target: WristTarget, radii_m: Vector, levels: int) -> Exclusion | None:
+        """The proof for the greatest of the radii for which there is one, or None.
+
+        Args:
+            target: wrist and tool axis, both finite.
+            radii_m: shape (m,), increasing, m.
+            levels: how many sizes of cells to try.
+        """
+        index = np.repeat(np.arange(radii_m.size), FIRST_CELLS)
+        s0, half = np.tile(self._first_s0, radii_m.size), self._first_half
+        needs_wrist, proved = np.zeros(radii_m.size, bool), radii_m.size
+        for _ in range(levels):
+            shoulder, wrist = self._survivors(self._cells(target, radii_m[index], s0, half))
+            needs_wrist[index[shoulder & ~wrist]] = True
+            index, s0 = index[wrist], s0[wrist]
+            if index.size > MOST_SURVIVORS:
+                proved = int(index[MOST_SURVIVORS])
+                index, s0 = index[index < proved], s0[index < proved]
+            if index.size == 0:
+                break
+            index, half = np.repeat(index, SPLIT), half / SPLIT
+            s0 = (s0[:, None] + half * SPLIT * self._offsets).ravel()
+        else:
+            proved = int(index[0])
+        if proved == 0:
+            return None
+        obstacle = Obstacle.WRIST if needs_wrist[proved - 1] else Obstacle.SHOULDER
+        return Exclusion(float(radii_m[proved - 1]), obstacle)
+
+    def _cells(self, target: WristTarget, radius_m: Vector, s0: Vector, half: float) -> _Cells:
+        (x, y, z), (tx, ty, tz) = target.wrist, target.axis
+        cos, sin, wobble = np.cos(s0), np.sin(s0), radius_m + MARGIN_M
+        radially = x * cos + y * sin - self._arm.shoulder_offset_m
+        sideways = y * cos - x * sin
+        return _Cells(
+            half=half,
+            v=(radially, sideways, z),
+            t=(tx * cos + ty * sin, ty * cos - tx * sin, tz),
+            d=np.sqrt(radially * radially + sideways * sideways + z * z),
+            d_slack=wobble + self._arm.shoulder_offset_m * half,
+            plane_slack=wobble + half * (np.abs(sideways) + half * math.hypot(x, y)),
+        )
+
+    def _survivors(self, cells: _Cells) -> tuple[Flags, Flags]:
+        """Which cells pass the limits of shoulder and elbow, and which those of w1 too."""
+        d, is_within = self._distances(cells)
+        projection = self._projections(d)
+        s1, s1_slack, is_possible = self._shoulder_angles(cells, projection)
+        off = np.abs(np.remainder(s1 - (self._s1_middle - math.pi), 2.0 * math.pi) - math.pi)
+        shoulder: Flags = is_within & is_possible & (off <= self._s1_half + s1_slack)
+        if not shoulder.any():
+            return shoulder[0, 0], shoulder[0, 0]
+        advance = self._most_advance(cells, d, projection, s1, s1_slack)
+        wrist: Flags = shoulder & (advance >= self._least_advance)
+        return np.logical_or.reduce(shoulder, (0, 1)), np.logical_or.reduce(wrist, (0, 1))
+
+    def _distances(self, cells: _Cells) -> tuple[_Bounds, Flags]:
+        """Bounds of d, elbow bent and bent the other way, (b, 1, n), and where it is possible.
+
+        b is 2, or 1 when the elbow bends the other way in no cell.
+        """
+        low, high = cells.d - cells.d_slack, cells.d + cells.d_slack
+        least = self._d_min if high.max() >= self._d_min[1, 0, 0] else self._d_min[:1]
+        is_within = (low <= self._d_max) & (high >= least)
+        clipped_low = np.minimum(np.maximum(low, least), self._d_max)
+        clipped_high = np.minimum(np.maximum(high, least), self._d_max)
+        return _Bounds(clipped_low, clipped_high), is_within
+
+    def _projections(self, d: _Bounds) -> _Bounds:
+        """Bounds of u . v, shape (b, 1, n).
+
+        m grows with d. Bent: the lower bound is `upper_m + fore_span cos(bend + elbow_angle)` with
+        bend + elbow_angle below half a turn, and grows with d; q = fore_span sin(bend) is least at
+        an end. The other way, the bend is below a quarter turn and q falls with d.
+        """
+        (m_low, q_low), (m_high, q_high) = self._foot(d.low), self._foot(d.high)
+        q_least = np.minimum(q_low, q_high)
+        q_cos_chi = np.sqrt(np.maximum(q_least * q_least - self._arm.wrist_offset_m**2, 0.0))
+        toward = np.concatenate([-q_low[:1], q_cos_chi[1:]])
+        away = np.concatenate([-q_cos_chi[:1], q_low[1:]])
+        return _Bounds(
+            self._cos_elbow * m_low + self._sin_elbow * toward,
+            self._cos_elbow * m_high + self._sin_elbow * away,
+        )
+
+    def _foot(self, d: Vector) -> tuple[Vector, Vector]:
+        """W's coordinates m along S -> E and q across it, by the law of cosines."""
+        square = d * d
+        m = (square + (self._upper**2 - self._fore**2)) / (2.0 * self._upper)
+        return m, np.sqrt(np.maximum(square - m * m, 0.0))
+
+    def _shoulder_angles(self, cells: _Cells, projection: _Bounds) -> tuple[Vector, Vector, Flags]:
+        """Middles and slack of s1, (b, 2, n), and where u can have the projection, (b, 1, n).
+
+        `u . v = rho cos(s1 + gamma)` with (rho, gamma) the polar form of v's (radial, up).
+        """
+        radially, _, up = cells.v
+        rho, slack = np.hypot(radially, up), cells.plane_slack
+        least, most = np.maximum(rho - slack, 1e-9), rho + slack
+        low = projection.low / np.where(projection.low > 0.0, most, least)
+        high = projection.high / np.where(projection.high > 0.0, least, most)
+        nearest = np.arccos(np.minimum(np.maximum(high, -1.0), 1.0))
+        farthest = np.arccos(np.minimum(np.maximum(low, -1.0), 1.0))
+        turn = np.where(slack < rho, np.arcsin(slack / np.maximum(rho, slack)), math.pi)
+        s1 = _BOTH_SIGNS * (0.5 * (nearest + farthest)) - np.arctan2(up, radially)
+        return s1, 0.5 * (farthest - nearest) + turn, (low <= 1.0) & (high >= -1.0)
+
+    def _most_advance(
+        self, cells: _Cells, d: _Bounds, projection: _Bounds, s1: Vector, s1_slack: Vector
+    ) -> Vector:
+        """An upper bound of `t . (W - E)`, shape (b, 2, n): how far the forearm goes along t."""
+        t_v = cells.t[0] * cells.v[0] + cells.t[1] * cells.v[1] + cells.t[2] * cells.v[2]
+        t_u = cells.t[0] * np.cos(s1) - cells.t[2] * np.sin(s1)
+        u_slack = s1_slack + cells.half
+        middle = 0.5 * (projection.low + projection.high)
+        farthest = np.maximum(np.abs(projection.low), np.abs(projection.high))
+        swing = self._swing(d, projection, farthest)
+        slack = cells.d_slack + (projection.high - middle) + farthest * u_slack
+        across = t_v - middle * t_u - slack
+        askew = math.sqrt(2.0) * self._arm.wrist_offset_m / swing.low
+        t_r = across / np.where(across > 0.0, swing.high, swing.low) - askew
+        upper = self._arm.upper_m * (t_u - u_slack)
+        return t_v + cells.d_slack - upper - self._arm.elbow_offset_m * np.maximum(t_r, -1.0)
+
+    def _swing(self, d: _Bounds, projection: _Bounds, farthest: Vector) -> _Bounds:
+        """Bounds of |v - (u . v) u|, shape (b, 1, n), given the greatest |u . v|."""
+        nearest = np.maximum(np.maximum(projection.low, -projection.high), 0.0)
+        low = np.maximum(d.low * d.low - farthest * farthest, self._least_square_swing)
+        high = np.maximum(d.high * d.high - nearest * nearest, self._least_square_swing)
+        return _Bounds(np.sqrt(low), np.sqrt(high))
