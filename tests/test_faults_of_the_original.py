@@ -102,10 +102,12 @@ def test_fault_fewer_seeds_than_poses_reads_out_of_bounds(ik: IKService, left: A
         ik.solve_batch([PICK, PLACE], seeds=[left.start])
 
 
-def test_fault_no_restarts(ik: IKService) -> None:
-    failure = ik.solve(at(0.9, 0.3, 0.9)).failure
-    assert failure is not None
-    assert sum(failure.starts.values()) > 1
+def test_fault_no_restarts(ik: IKService, left: Arm) -> None:
+    """From some seeds a search gets stuck; the pose is solved all the same."""
+    rng = np.random.default_rng(12)
+    results = [ik.solve(PICK, seed=left.random_configuration(rng)) for _ in range(50)]
+    assert all(result.is_valid for result in results)
+    assert {result.seed_type for result in results} == {SeedType.USER, SeedType.NS_MAP}
 
 
 def test_fault_no_collision_check(manipulator: Manipulator, scene: Scene) -> None:

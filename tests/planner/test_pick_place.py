@@ -274,7 +274,7 @@ class TestImpossible:
         assert plan.failure.stage == "place: approach"
         assert plan.failure.ik is not None
         assert not plan.failure.ik.is_valid
-        assert "(1.500, 0.000, 0.650) m in base is out of reach" in plan.failure.reason
+        assert "(1.500, 0.000, 0.650) m in base is proven out of reach" in plan.failure.reason
 
     def test_the_steps_before_the_failed_one_are_kept(
         self, manipulator: Manipulator, scene: Scene
