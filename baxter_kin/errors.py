@@ -16,6 +16,12 @@ Malformed input raises one of these. "No solution" is a result with a reason, ne
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TypeVar
+
+T = TypeVar("T")
+
+LONGEST_NAME = 60
+"""How much of an unknown name a message repeats."""
 
 
 class BaxterError(Exception):
@@ -40,7 +46,9 @@ class UnknownNameError(BaxterError, ValueError):
         self.kind = kind
         self.name = name
         self.allowed = tuple(allowed)
-        super().__init__(f"unknown {kind} {name!r}; use one of: {', '.join(self.allowed)}")
+        given = " ".join(repr(name).split())
+        shown = given if len(given) <= LONGEST_NAME else f"{given[:LONGEST_NAME]}..."
+        super().__init__(f"unknown {kind} {shown}; use one of: {', '.join(self.allowed)}")
 
 
 class ConfigurationError(BaxterError, ValueError):
@@ -57,3 +65,14 @@ class PoseError(BaxterError, ValueError):
 
 class RequestError(BaxterError, ValueError):
     """An IK request whose parts do not fit together."""
+
+
+def expect(value: object, kind: type[T], what: str, error: type[BaxterError]) -> T:
+    """`value`, known to be of that class.
+
+    Raises:
+        BaxterError: of class `error`, when it is of another.
+    """
+    if not isinstance(value, kind):
+        raise error(f"{what} must be of class {kind.__name__}, got {type(value).__name__}")
+    return value

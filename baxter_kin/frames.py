@@ -28,7 +28,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array
-from baxter_kin.errors import PoseError, UnknownNameError
+from baxter_kin.errors import PoseError, UnknownNameError, expect
 
 BASE_HEIGHT_M = 0.93
 """Height of `base` above `world`: where the original demo spawns the robot in Gazebo."""
@@ -116,6 +116,7 @@ def pose_from_quaternion(position_m: ArrayLike, quat_xyzw: ArrayLike) -> pin.SE3
 
 def quaternion_xyzw(T: pin.SE3) -> Vector:
     """The rotation of a pose as a unit quaternion, shape (4,), x, y, z, w, with w >= 0."""
+    expect(T, pin.SE3, "pose", PoseError)
     quat = pin.Quaternion(T.rotation).normalized().coeffs()
     return np.array(-quat if quat[3] < 0.0 else quat)
 

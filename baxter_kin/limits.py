@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, positive_scalar
-from baxter_kin.errors import ConfigurationError, LimitsError
+from baxter_kin.errors import ConfigurationError, LimitsError, expect
 
 DEFAULT_ACCELERATION_RAD_S2 = 2.0
 """Rethink published no acceleration limit; this is what MoveIt's Baxter configuration uses."""
@@ -56,7 +56,7 @@ class JointLimits:
 
     def __post_init__(self) -> None:
         """Copy the arrays and check that they make sense."""
-        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "names", _checked_names(self.names))
         if not self.names:
             raise LimitsError("limits need at least one joint, got none")
         for attribute in ("q_min", "q_max", "v_max", "a_max", "j_max"):
@@ -64,7 +64,8 @@ class JointLimits:
             array = finite_array(values, (len(self.names),), attribute, LimitsError)
             object.__setattr__(self, attribute, array)
         self._check_ranges()
-        object.__setattr__(self, "origins", MappingProxyType(dict(self.origins)))
+        origins = expect(self.origins, Mapping, "origins", LimitsError)  # type: ignore[type-abstract]
+        object.__setattr__(self, "origins", MappingProxyType(dict(origins)))
 
     def scaled(self, speed_ratio: float) -> JointLimits:
         """The same limits with every velocity limit times `speed_ratio`.
@@ -121,3 +122,13 @@ class JointLimits:
                 )
             for what in ("v_max", "a_max", "j_max"):
                 positive_scalar(getattr(self, what)[i], f"{what} of {name}", LimitsError)
+
+
+def _checked_names(names: object) -> tuple[str, ...]:
+    if isinstance(names, str) or not isinstance(names, Sequence):
+        raise LimitsError(f"names must be a sequence of joint names, got {names!r}")
+    if not all(isinstance(name, str) and name for name in names):
+        raise LimitsError(f"names must be joint names, got {list(names)}")
+    if len(set(names)) < len(names):
+        raise LimitsError(f"every joint name may come once, got {list(names)}")
+    return tuple(names)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array
 from baxter_kin.description import RobotDescription
-from baxter_kin.errors import ConfigurationError, DescriptionError, UnknownNameError
+from baxter_kin.errors import ConfigurationError, DescriptionError, UnknownNameError, expect
 from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, JointLimits
 
 LIMBS = ("left", "right")
@@ -52,6 +52,7 @@ class Arm:
     def __init__(self, side: str, robot_model: pin.Model) -> None:
         """Cut the arm of that side out of the whole robot's model."""
         self.side = _known_limb(side)
+        expect(robot_model, pin.Model, "robot_model", DescriptionError)
         self.joint_names = tuple(f"{side}_{joint}" for joint in JOINTS)
         self.tip_frame = f"{side}_gripper"
         self.model = _reduced_model(robot_model, self.joint_names)
@@ -122,7 +123,12 @@ class Arm:
         return dict(zip(self.joint_names, q.tolist(), strict=True))
 
     def random_configuration(self, rng: np.random.Generator) -> Vector:
-        """A configuration drawn uniformly between the position limits, shape (7,), rad."""
+        """A configuration drawn uniformly between the position limits, shape (7,), rad.
+
+        Raises:
+            ConfigurationError: when `rng` is no NumPy generator.
+        """
+        expect(rng, np.random.Generator, "rng", ConfigurationError)
         return rng.uniform(self.limits.q_min, self.limits.q_max)
 
 
@@ -150,7 +156,8 @@ class Baxter:
         Raises:
             DescriptionError: when files are missing or are not Baxter's.
         """
-        files = description or RobotDescription.installed()
+        files = RobotDescription.installed() if description is None else description
+        expect(files, RobotDescription, "description", DescriptionError)
         try:
             model = pin.buildModelFromUrdf(str(files.urdf))
         except (RuntimeError, ValueError) as cause:
@@ -181,7 +188,9 @@ class Baxter:
         values = dict.fromkeys(self.joint_names, 0.0)
         for arm in self.arms.values():
             values.update(arm.joints(arm.neutral))
-        for name, value in (joints or {}).items():
+        given = {} if joints is None else joints
+        expect(given, Mapping, "joints", ConfigurationError)  # type: ignore[type-abstract]
+        for name, value in given.items():
             if name not in values:
                 raise UnknownNameError("joint", name, self.joint_names)
             values[name] = value
@@ -195,8 +204,8 @@ class Baxter:
             UnknownNameError: when a name is not a joint of the robot.
         """
         positions = {name: i for i, name in enumerate(self.joint_names)}
-        for name in names:
-            if name not in positions:
+        for name in expect(names, tuple, "names", ConfigurationError):
+            if not isinstance(name, str) or name not in positions:
                 raise UnknownNameError("joint", name, self.joint_names)
         return tuple(positions[name] for name in names)
 

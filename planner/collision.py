@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import finite_array
-from baxter_kin.errors import ConfigurationError, UnknownNameError
+from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
 from baxter_kin.frames import checked_pose
 from planner.contact import PRESSING_TOLERANCE_M, coal_shape, shape_of
-from planner.errors import SceneError, expect
+from planner.errors import SceneError
 from planner.scene import Body, Part, Scene
 
 

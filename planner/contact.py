@@ -9,10 +9,12 @@ from itertools import product
 
 import coal
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
-from planner.errors import SceneError, expect
+from baxter_kin.errors import expect
+from planner.errors import SceneError
 from planner.scene import Body, Box, Cylinder, Part, Scene, Shape, Sphere
 
 CONTACT_TOLERANCE_M = 1e-9
@@ -83,6 +85,28 @@ def touching(body: Body, scene: Scene) -> frozenset[str]:
         for other in scene
         if other.name != body.name and _gap_m(body, other) <= PRESSING_TOLERANCE_M
     )
+
+
+def stands(body: Body, scene: Scene, drop_m: float) -> bool:
+    """Whether another body of the scene is at most so far below a body."""
+    down = np.array([0.0, 0.0, -1.0])
+    above = [_raised(body, part) for part in body.parts]
+    below = [
+        Part(part.shape, other.T_base_body * part.T_body_part)
+        for other in scene
+        if other.name != body.name
+        for part in other.parts
+    ]
+    room_m = drop_m + PRESSING_TOLERANCE_M
+    falls = (travel_to_contact(part, down, other, room_m) for part in above for other in below)
+    return any(fall is not None for fall in falls)
+
+
+def _raised(body: Body, part: Part) -> Part:
+    """A part in base, lifted by what a contact may press in, so that its fall meets the support."""
+    lift = np.array([0.0, 0.0, PRESSING_TOLERANCE_M])
+    T = body.T_base_body * part.T_body_part
+    return Part(part.shape, pin.SE3(T.rotation, T.translation + lift))
 
 
 def coal_shape(shape: Shape) -> coal.CollisionGeometry:

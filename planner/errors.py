@@ -18,6 +18,7 @@ from collections.abc import Iterable
 from typing import TypeVar
 
 from baxter_kin import BaxterError
+from baxter_kin.errors import expect
 
 T = TypeVar("T")
 
@@ -40,17 +41,6 @@ class MotionError(PlannerError, ValueError):
 
 class TaskError(PlannerError, ValueError):
     """A pick or place whose parts contradict each other."""
-
-
-def expect(value: object, kind: type[T], what: str, error: type[BaxterError]) -> T:
-    """`value`, known to be of that class.
-
-    Raises:
-        BaxterError: of class `error`, when it is of another.
-    """
-    if not isinstance(value, kind):
-        raise error(f"{what} must be of class {kind.__name__}, got {type(value).__name__}")
-    return value
 
 
 def expect_all(values: object, kind: type[T], what: str, error: type[BaxterError]) -> tuple[T, ...]:

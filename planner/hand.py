@@ -14,11 +14,11 @@ import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import Vector, finite_scalar
-from baxter_kin.errors import ConfigurationError
+from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.collision import RobotShapes
 from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
-from planner.errors import SceneError, expect
+from planner.errors import SceneError
 from planner.scene import Body, Part
 
 ROUNDING_M = 1e-9
@@ -63,7 +63,14 @@ class Hand:
 
     @classmethod
     def of(cls, robot: Baxter, arm: Arm, shapes: RobotShapes) -> Hand:
-        """The hand of an arm, measured on the robot's collision shapes."""
+        """The hand of an arm, measured on the robot's collision shapes.
+
+        Raises:
+            SceneError: when an argument is of another class.
+        """
+        expect(robot, Baxter, "robot", SceneError)
+        expect(shapes, RobotShapes, "shapes", SceneError)
+        expect(arm, Arm, "arm", SceneError)
         letter = arm.side[0]
         names = (f"{letter}_gripper_l_finger_joint", f"{letter}_gripper_r_finger_joint")
         index = robot.indices(names)[0]

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
+from baxter_kin.errors import expect
 from planner.collision import RobotShapes
-from planner.errors import TaskError, expect
+from planner.errors import TaskError
 from planner.hand import Hand
 
 

@@ -21,16 +21,20 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import IKResult
 from baxter_kin.arrays import Vector, positive_scalar
+from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose
 from planner.collision import Clearance, ClearanceChecker, Held, least
-from planner.contact import touching
-from planner.errors import SceneError, TaskError, expect
+from planner.contact import stands, touching
+from planner.errors import MotionError, SceneError, TaskError
 from planner.hand import Grasp
 from planner.manipulator import Manipulator
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
 from planner.scene import Body, Scene
 from planner.timing import plan_joint_move
 from planner.trajectory import Trajectory
+
+LONGEST_DROP_M = 0.01
+"""From how high above its support a body may be let go."""
 
 SAMPLE_RAD = 0.02
 """Farthest that a joint moves between two collision checks."""
@@ -210,7 +214,10 @@ class _Draft:
         ik: IKResult | None = None,
     ) -> None:
         """Add the move to a configuration, and what asked for it."""
-        trajectory = plan_joint_move(self._q, q_goal, self._manipulator.limits)
+        try:
+            trajectory = plan_joint_move(self._q, q_goal, self._manipulator.limits)
+        except MotionError as cause:
+            raise _NoSolutionError(label, str(cause), ik) from cause
         clearance = self._checked(label, trajectory)
         self.steps.append(Move(label, trajectory, T_base_tip, ik, clearance))
         self._q = q_goal
@@ -229,6 +236,11 @@ class _Draft:
         if self._held is None:
             raise TaskError("nothing is held, so nothing can be released")
         body = self._held.body.at(T_base_tip * self._held.T_tip_body)
+        if not stands(body, self._scene, LONGEST_DROP_M):
+            raise _NoSolutionError(
+                label,
+                f"{body.name} would fall: nothing is within {1e3 * LONGEST_DROP_M:.0f} mm below it",
+            )
         self.grip(label, GripperAction.OPEN, body.name)
         self._scene, self._touchable = self._scene.with_body(body), body.name
         self._held, self._checker = None, None

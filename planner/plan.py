@@ -12,10 +12,10 @@ import pinocchio as pin
 
 from baxter_kin import IKResult
 from baxter_kin.arrays import Vector, finite_array
-from baxter_kin.errors import ConfigurationError, UnknownNameError
+from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
 from baxter_kin.model import LIMBS
 from planner.collision import Clearance, least
-from planner.errors import TaskError, expect, expect_all
+from planner.errors import TaskError, expect_all
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
 

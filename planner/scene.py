@@ -13,8 +13,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, positive_scalar
+from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose
-from planner.errors import SceneError, expect, expect_all
+from planner.errors import SceneError, expect_all
 
 GREY = (0.6, 0.6, 0.6, 1.0)
 

@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Indices, Vector, finite_array
-from planner.errors import MotionError, TrajectoryError, expect
+from baxter_kin.errors import expect
+from planner.errors import MotionError, TrajectoryError
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
 SHORTEST_SEGMENT_S = 1e-12

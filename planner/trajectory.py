@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Indices, Vector, finite_array, float_array
-from planner.errors import TrajectoryError, expect
+from baxter_kin.errors import expect
+from planner.errors import TrajectoryError
 
 CONTINUITY_TOLERANCE = 1e-8
 """Largest jump of q, v or a at a knot, in rad, rad/s, rad/s^2: rounding, not motion."""

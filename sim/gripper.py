@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.errors import expect
 from planner import Body, Grasp
-from planner.errors import expect
 from sim.errors import SimulationError
 from sim.world import World
 

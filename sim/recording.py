@@ -19,9 +19,10 @@ import numpy as np
 
 from baxter_kin import Baxter, quaternion_xyzw
 from baxter_kin.arrays import Vector, finite_array, float_array
+from baxter_kin.errors import expect
 from baxter_kin.model import JOINTS, LIMBS
 from planner import Body, Scene
-from planner.errors import expect, expect_all
+from planner.errors import expect_all
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import base64
 import html
 import os
-import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -145,14 +144,18 @@ def _thinned(points: Vector) -> Vector:
     return points[telling_samples(travelled, points, PATH_TOLERANCE_M)]
 
 
-def _replace_file(target: Path, text: str) -> None:
-    """Write a file beside the target and rename it, so that nobody sees half a file."""
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=".html")
+def _replace_file(link: Path, text: str) -> None:
+    """Write a file beside the target and rename it, so that nobody sees half a file.
+
+    A link stays one. What is no file, such as a device, is never replaced.
+    """
+    target = link.resolve()
+    if target.exists() and not target.is_file():
+        raise ValueError("it exists and is no ordinary file")
+    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(name).chmod(0o644)
-        os.replace(name, target)
+        beside.write_text(text, encoding="utf-8")
+        os.replace(beside, target)
     except BaseException:
-        Path(name).unlink(missing_ok=True)
+        beside.unlink(missing_ok=True)
         raise

@@ -16,8 +16,9 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import finite_scalar, positive_scalar
+from baxter_kin.errors import expect
 from planner import Body, Grip, GripperAction, Move, Plan
-from planner.errors import expect, expect_all
+from planner.errors import expect_all
 from planner.plan import Step
 from sim.errors import SimulationError
 from sim.events import Event, EventKind, Observer, Snapshot
@@ -31,6 +32,8 @@ SHORTEST_TICK_S = 1e-6
 """Shorter ticks only fill memory."""
 
 GRAVITY_M_S2 = 9.81
+
+LONGEST_WAIT_S = 86_400.0
 
 START_TOLERANCE_RAD = 1e-6
 """How far an arm may stand from where a plan starts."""
@@ -143,6 +146,8 @@ class Simulation:
         """
         if finite_scalar(duration_s, "duration_s", SimulationError) < 0.0:
             raise SimulationError(f"time only goes forward; cannot wait {duration_s} s")
+        if duration_s > LONGEST_WAIT_S:
+            raise SimulationError(f"wait at most {LONGEST_WAIT_S:g} s at once, got {duration_s:g}")
         self._advance(duration_s, lambda _: None)
 
     def execute(self, plan: Plan, title: str = "") -> Outcome:

@@ -15,7 +15,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
-from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.arrays import Vector, finite_array, finite_scalar
+from baxter_kin.errors import expect
 from planner import Body
 from sim.appearance import Appearance
 from sim.audience import Audience
@@ -28,6 +29,8 @@ from sim.webpage import page, viewer_bundle
 
 JOINT_STEP = 1e-5
 """Joints that moved less, rad or m, are not sent again: a hundredth of a millimetre at the tip."""
+
+LONGEST_WAIT_S = 86_400.0
 
 POSE_STEP = 1e-6
 """The same for bodies: metres, and parts of a unit quaternion."""
@@ -81,8 +84,15 @@ class Viewer:
         return len(self._audience) > 0
 
     def wait_for_client(self, timeout_s: float) -> bool:
-        """Wait until a browser watches, at most so long. Returns whether one does."""
-        return self._audience.wait(timeout_s)
+        """Wait until a browser watches, at most so long. Returns whether one does.
+
+        Raises:
+            ViewerError: when the time is not a number from 0 to `LONGEST_WAIT_S`.
+        """
+        seconds = finite_scalar(timeout_s, "timeout_s", ViewerError)
+        if not 0.0 <= seconds <= LONGEST_WAIT_S:
+            raise ViewerError(f"timeout_s must be from 0 to {LONGEST_WAIT_S:g} s, got {seconds:g}")
+        return self._audience.wait(seconds)
 
     def add_body(self, body: Body) -> None:
         """Show a body at its pose. One of the same name is replaced.
@@ -90,7 +100,7 @@ class Viewer:
         Raises:
             ViewerError: when the view is closed.
         """
-        path = body_path(body.name)
+        path = body_path(expect(body, Body, "body", ViewerError).name)
         placed = pose_commands(path, body.T_base_body)
         self._publish([delete(path), *body_commands(body), *placed])
         self._poses[body.name] = pin.SE3ToXYZQUAT(body.T_base_body)
@@ -118,6 +128,7 @@ class Viewer:
                 the view is closed.
         """
         configuration = finite_array(q, self._q.shape, "q", ViewerError)
+        expect(T_base_bodies, Mapping, "T_base_bodies", ViewerError)  # type: ignore[type-abstract]
         commands = [*self._joint_commands(configuration), *self._moved(T_base_bodies)]
         self._publish(commands, caption)
 

@@ -16,10 +16,11 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.errors import expect
 from baxter_kin.frames import BASE_HEIGHT_M, PoseLike, checked_pose
 from planner import Body, Hand, Part, RobotShapes, Scene
 from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
-from planner.errors import SceneError, expect
+from planner.errors import SceneError
 from sim.errors import SimulationError
 
 FLOOR_Z_M = -BASE_HEIGHT_M

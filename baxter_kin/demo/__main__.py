@@ -14,9 +14,14 @@ def run_process() -> NoReturn:
     """Run the demo as a program of its own."""
     try:
         status = main()
-        sys.stdout.flush()
+        if sys.stdout is not None:  # as when the caller has closed it
+            sys.stdout.flush()
     except BrokenPipeError:  # the reader of a pipe has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        status = 1
+    except OSError as cause:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        print(f"baxter-demo: cannot write its output: {cause.strerror}", file=sys.stderr)
         status = 1
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the work is done; leave in peace
     if status == EXIT_INTERRUPTED:

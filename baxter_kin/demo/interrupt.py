@@ -34,9 +34,11 @@ class Interrupt:
             yield
         finally:
             self._is_deferred = False
-        self.check()
+            self.check()
 
     def _handle(self, _signal: int, _frame: FrameType | None) -> None:
+        if self.is_requested:
+            return  # the first one is being obeyed; impatience must not spoil the cleaning up
         self.is_requested = True
         if not self._is_deferred:
             raise KeyboardInterrupt

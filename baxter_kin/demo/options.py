@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
 DEFAULT_HOVER_M = 0.15
+FARTHEST_M = 10.0
+SLOWEST = 0.001
 DEFAULT_POSES_M = ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
 """Block poses of the original demo, for its left arm; y is mirrored for the right one."""
 
@@ -49,6 +52,9 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
     raw = parser.parse_args(argv)
     if raw.forever and raw.cycles is not None:
         parser.error("--forever and --cycles exclude each other; give one of them")
+    targets = [path.resolve() for path in (raw.html, raw.csv, raw.report) if path is not None]
+    if len(set(targets)) < len(targets):
+        parser.error("--html, --csv and --report must go to different files")
     sign = 1.0 if raw.limb == "left" else -1.0
     poses = [(x, sign * y, z) for x, y, z in DEFAULT_POSES_M]
     poses += [(x, y, z) for x, y, z in raw.add_pose]
@@ -108,7 +114,7 @@ def _parser() -> argparse.ArgumentParser:
         type=_ratio,
         default=1.0,
         metavar="RATIO",
-        help="scale of the joint velocity limits, in (0, 1] (default %(default)s)",
+        help="scale of the joint velocity limits, from 0.001 to 1 (default %(default)s)",
     )
     parser.add_argument("--headless", action="store_true", help="no live view, no real time")
     parser.add_argument("--html", type=_target, metavar="FILE", help="write a replay page")
@@ -141,20 +147,23 @@ def _number(text: str) -> float:
 
 
 def _coordinate(text: str) -> float:
-    return _number(text)
+    number = _number(text)
+    if abs(number) > FARTHEST_M:
+        raise argparse.ArgumentTypeError(f"{text} is not within {FARTHEST_M:g} m of the robot")
+    return number
 
 
 def _positive(text: str) -> float:
     number = _number(text)
-    if number <= 0.0:
-        raise argparse.ArgumentTypeError(f"{text} is not above zero")
+    if not 0.0 < number <= FARTHEST_M:
+        raise argparse.ArgumentTypeError(f"{text} is not above zero and at most {FARTHEST_M:g} m")
     return number
 
 
 def _ratio(text: str) -> float:
     number = _number(text)
-    if not 0.0 < number <= 1.0:
-        raise argparse.ArgumentTypeError(f"{text} is not in (0, 1]")
+    if not SLOWEST <= number <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is not in [{SLOWEST:g}, 1]")
     return number
 
 
@@ -169,9 +178,21 @@ def _count(text: str) -> int:
 
 
 def _target(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError("the file name is empty")
     path = Path(text)
-    if path.is_dir():
+    try:
+        is_folder, has_folder = path.is_dir(), path.absolute().parent.is_dir()
+        is_file_or_new = path.is_file() or not path.exists()
+    except (OSError, ValueError) as cause:
+        reason = getattr(cause, "strerror", None) or cause
+        raise argparse.ArgumentTypeError(f"{text[:60]}... is no file name: {reason}") from None
+    if is_folder:
         raise argparse.ArgumentTypeError(f"{text} is a folder; give a file")
-    if not path.absolute().parent.is_dir():
+    if not has_folder:
         raise argparse.ArgumentTypeError(f"the folder of {text} does not exist; make it first")
+    if not is_file_or_new:
+        raise argparse.ArgumentTypeError(f"{text} is no ordinary file")
+    if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
+        raise argparse.ArgumentTypeError(f"{text} cannot be written: permission denied")
     return path

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from baxter_kin.demo.options import Options
+from baxter_kin.ik import IKResult
 from planner import GripperAction, Move, Plan
 from sim import Event, Observer, Outcome
 
@@ -67,12 +68,12 @@ class Report(Observer):
     Attributes:
         options: what was asked for.
         totals: sums over the run.
-        failure: None, or why it ended early.
+        failure: None once all is done, else why it ended early.
     """
 
     options: Options
     totals: Totals = field(default_factory=Totals)
-    failure: str | None = None
+    failure: str | None = "it did not finish"
     _cycles: deque[Json] = field(default_factory=lambda: deque(maxlen=KEPT))
     _events: deque[Event] = field(default_factory=lambda: deque(maxlen=KEPT))
 
@@ -88,7 +89,7 @@ class Report(Observer):
             "place_m": poses_m[1],
             "picks": _grips(plan, GripperAction.CLOSE),
             "places": _grips(plan, GripperAction.OPEN),
-            "waypoints": [_waypoint(move) for move in plan.moves if move.ik is not None],
+            "waypoints": _waypoints(plan),
             "moves": [_move(move) for move in plan.moves],
             "planned": plan.is_valid,
             "success": False,
@@ -136,16 +137,23 @@ def _grips(plan: Plan, action: GripperAction) -> list[Json]:
     ]
 
 
-def _waypoint(move: Move) -> Json:
-    if move.ik is None:
-        raise ValueError(f"{move.label} has no IK result")
+def _waypoints(plan: Plan) -> list[Json]:
+    """The IK result of every waypoint, that of a failed one last."""
+    answers = [(move.label, move.ik) for move in plan.moves if move.ik is not None]
+    if plan.failure is not None and plan.failure.ik is not None:
+        answers.append((plan.failure.stage, plan.failure.ik))
+    return [_waypoint(label, ik) for label, ik in answers]
+
+
+def _waypoint(label: str, ik: IKResult) -> Json:
     return {
-        "waypoint": move.label,
-        "seed_type": move.ik.seed_type.name,
-        "seed_label": move.ik.label,
-        "position_error_m": move.ik.position_error_m,
-        "orientation_error_rad": move.ik.orientation_error_rad,
-        "joints": move.ik.joints,
+        "waypoint": label,
+        "seed_type": ik.seed_type.name,
+        "seed_label": ik.label,
+        "position_error_m": ik.position_error_m,
+        "orientation_error_rad": ik.orientation_error_rad,
+        "joints": ik.joints,
+        "failure": None if ik.failure is None else str(ik.failure),
     }
 
 

@@ -74,14 +74,27 @@ class _Demo:
 
     def run(self) -> str | None:
         """Everything; returns None, or why it failed. Outputs are written however it ends."""
+        try:
+            self._run()
+        except KeyboardInterrupt:
+            self._report.failure = "stopped by Ctrl-C"
+            raise
+        except BaxterError as error:
+            self._report.failure = str(error)
+        except OSError as error:
+            self._report.failure = f"cannot write its output: {error.strerror}"
+            raise
+        finally:
+            self._write_report()
+        return self._report.failure
+
+    def _run(self) -> None:
         with ExitStack() as cleanup:
-            cleanup.callback(self._write_report)
             simulation = Simulation(self._world, self._observers(cleanup))
             with self._scene(simulation):
                 self._go(simulation)
             self._report.totals.wall_time_s = time.perf_counter() - self._started_s
             self._narrator.finish(self._report.totals)
-        return self._report.failure
 
     def _go(self, simulation: Simulation) -> None:
         """Enable, move to start, then pick and place until done, failed or stopped."""
@@ -97,9 +110,11 @@ class _Demo:
         simulation.execute(start)
         cycles = self._options.cycles
         for number in count(1) if cycles is None else range(1, cycles + 1):
-            self._report.failure = self._cycle(number, simulation)
-            if self._report.failure is not None:
+            failure = self._cycle(number, simulation)
+            if failure is not None:
+                self._report.failure = failure
                 return
+        self._report.failure = None
 
     def _cycle(self, number: int, simulation: Simulation) -> str | None:
         """One pick and place; returns why it failed, or None."""
@@ -134,9 +149,6 @@ class _Demo:
                 simulation.spawn(body)
             self._report.totals.block_start_m = self._block_m()
             yield
-        except KeyboardInterrupt:
-            self._report.failure = "stopped by Ctrl-C"
-            raise
         finally:
             self._report.totals.block_final_m = self._block_m()
             for name in reversed(tuple(self._world.scene.bodies)):
@@ -182,7 +194,8 @@ class _Demo:
         try:
             self._report.write(self._options.report)
         except OSError as cause:
-            raise RecordingError(f"cannot write {cause.filename}: {cause.strerror}") from cause
+            path, reason = self._options.report, cause.strerror
+            raise RecordingError(f"cannot write {path}: {reason}") from cause
 
     def _arm_q(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
         return self._world.arm_q(self._options.limb)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.ik.seeds import SeedType
 
@@ -66,7 +66,12 @@ class IKResult:
     failure: IKFailure | None = None
 
     def __post_init__(self) -> None:
-        """Copy and freeze the configuration."""
+        """Check, copy and freeze."""
+        for name in ("position_error_m", "orientation_error_rad"):
+            if finite_scalar(getattr(self, name), name, ConfigurationError) < 0.0:
+                raise ConfigurationError(f"{name} must not be negative, got {getattr(self, name)}")
+        if (self.failure is None) == (self.seed_type is SeedType.INVALID):
+            raise ConfigurationError("a result has either a seed type that led to it or a failure")
         q = finite_array(self.q, (len(self.joint_names),), "q", ConfigurationError)
         object.__setattr__(self, "q", q)
 

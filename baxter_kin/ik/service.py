@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, float_array
-from baxter_kin.errors import ConfigurationError, RequestError
+from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
 from baxter_kin.ik.batch import Batch
 from baxter_kin.ik.explanation import Explainer, Search
@@ -56,7 +56,7 @@ class IKService:
             UnknownNameError: when there is no such backend.
         """
         wanted = Backend.of(backend)
-        self.arm = arm
+        self.arm = expect(arm, Arm, "arm", RequestError)
         self._quick = None if wanted is Backend.IPOPT else Searcher.of(arm, wanted)
         self._search: Search = self._quick or IpoptSearcher(arm)
         self.backend = self._search.backend

@@ -91,3 +91,9 @@ def test_check_names_every_joint_outside_with_its_range() -> None:
 
 def test_check_clamps_within_the_tolerance() -> None:
     np.testing.assert_array_equal(limits().check([1.005, 0.0], tolerance=0.01), [1.0, 0.0])
+
+
+@pytest.mark.parametrize("names", [None, "ab", (1, None), ("a", "a"), ("", "b"), 5])
+def test_rejects_names_that_are_none(names: object) -> None:
+    with pytest.raises(LimitsError, match="name"):
+        limits(names=names)

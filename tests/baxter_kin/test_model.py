@@ -2,13 +2,21 @@ from __future__ import annotations
 
 import math
 import threading
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm, Baxter, ConfigurationError, UnknownNameError
+from baxter_kin import (
+    Arm,
+    Baxter,
+    BaxterError,
+    ConfigurationError,
+    IKService,
+    UnknownNameError,
+    quaternion_xyzw,
+)
 from baxter_kin.model import JOINTS, MIRROR
 
 AGREEMENT = 1e-12
@@ -149,3 +157,23 @@ def test_an_arm_may_be_shared_between_threads(left: Arm) -> None:
     for thread in threads:
         thread.join()
     assert not wrong
+
+
+@pytest.mark.parametrize("bad", ["abc", np.zeros(3), 5])
+def test_full_configuration_wants_joints_by_name(robot: Baxter, bad: Any) -> None:
+    with pytest.raises(ConfigurationError, match="joints must be of class Mapping"):
+        robot.configuration(bad)
+
+
+def test_malformed_arguments_are_errors_of_ours(robot: Baxter, left: Arm) -> None:
+    for call in (
+        lambda: robot.indices(cast(Any, None)),
+        lambda: robot.indices(cast(Any, ([],))),
+        lambda: left.random_configuration(cast(Any, None)),
+        lambda: Baxter.load(cast(Any, "x")),
+        lambda: Arm("left", None),
+        lambda: IKService(cast(Any, None)),
+        lambda: quaternion_xyzw(None),
+    ):
+        with pytest.raises(BaxterError):
+            call()

@@ -68,6 +68,22 @@ def test_ctrl_c_removes_the_scene(tmp_path: Path) -> None:
     text = report.read_text()
     assert '"text": "block deleted"' in text
     assert '"text": "table deleted"' in text
+    assert '"success": false' in text
+    assert '"failure": "stopped by Ctrl-C"' in text
+
+
+def test_a_second_ctrl_c_does_not_spoil_the_outputs(tmp_path: Path) -> None:
+    report, page = tmp_path / "report.json", tmp_path / "replay.html"
+    command = [*DEMO, "--headless", "--forever", "--report", str(report), "--html", str(page)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        read_until(process, "cycle 3")
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 130
+    assert '"failure": "stopped by Ctrl-C"' in report.read_text()
+    assert page.read_text().rstrip().endswith("</html>")
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])

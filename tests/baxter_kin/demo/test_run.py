@@ -137,7 +137,7 @@ def test_hover_is_where_the_approach_goes(tmp_path: Path) -> None:
         ("--hover 5", "out of reach"),
         ("--limb right", "the right hand opens only 48.2 mm"),
         ("--limb right", "block measures 50.0 mm"),
-        ("--add-pose 0.72 0.075 0.1 --cycles 3", "close on nothing"),
+        ("--add-pose 0.72 0.075 0.1", "block would fall: nothing is within 10 mm below it"),
     ],
 )
 def test_task_without_a_solution_is_status_1_and_one_sentence(
@@ -149,6 +149,13 @@ def test_task_without_a_solution_is_status_1_and_one_sentence(
     assert said.count("\n") == 1
     assert not report["success"]
     assert words in report["failure"]
+
+
+def test_report_has_the_answer_of_the_failed_waypoint_last(tmp_path: Path) -> None:
+    report = report_of(tmp_path, "--add-pose", "2", "0", "0", status=1)
+    last = report["cycles"][-1]["waypoints"][-1]
+    assert last["seed_type"] == "INVALID"
+    assert "out of reach" in last["failure"]
 
 
 def test_what_was_recorded_before_a_failure_is_kept(tmp_path: Path) -> None:
