@@ -35,8 +35,9 @@ MAP_STARTS = 6
 RANDOM_STARTS = 1000
 """Random configurations tried last."""
 
-FIRST_RANDOM_STARTS = 14
-"""How many of them are tried before a pose is suspected to be out of reach."""
+FIRST_RANDOM_STARTS = 100
+"""How many of them a request on its own tries before it goes through the batch, whose bookkeeping
+costs more than they do."""
 
 
 class SeedMode(IntEnum):
