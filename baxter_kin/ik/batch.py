@@ -12,9 +12,9 @@ from functools import partial
 import numpy as np
 
 from baxter_kin.arrays import Indices, Vector
-from baxter_kin.ik.explanation import Attempt, Explainer, Search
+from baxter_kin.ik.explanation import Attempt, Explainer
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M, IKResult
-from baxter_kin.ik.search import Found
+from baxter_kin.ik.search import Found, Search
 from baxter_kin.ik.seeds import (
     MAP_STARTS,
     SEED_STARTS,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -13,26 +12,11 @@ from baxter_kin.arrays import Vector
 from baxter_kin.frames import angle_between
 from baxter_kin.ik.reach import ReachBound
 from baxter_kin.ik.result import IKFailure
-from baxter_kin.ik.search import Backend, Found
+from baxter_kin.ik.search import Search
 from baxter_kin.ik.seeds import NullSpaceMap, SeedType
 from baxter_kin.model import Arm
 
 AT_LIMIT_RAD = 1e-6
-
-
-class Search(Protocol):
-    """What runs searches.
-
-    Attributes:
-        backend: where.
-        random_starts: how many random configurations are worth its time.
-    """
-
-    backend: Backend
-    random_starts: int
-
-    def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
-        """Searches from starts, shape (m, 7), for poses, shape (m, 4, 4), within bounds, (14,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,6 +6,7 @@ import os
 import threading
 from dataclasses import dataclass
 from enum import Enum
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -16,6 +17,7 @@ from baxter_kin.arrays import Vector
 from baxter_kin.errors import UnknownNameError
 from baxter_kin.ik.compiler import compiled
 from baxter_kin.ik.kernel import bounds_of, search_function
+from baxter_kin.ik.seeds import RANDOM_STARTS
 from baxter_kin.model import Arm
 
 LANES = (1, 16, 256)
@@ -64,6 +66,21 @@ class Found:
     iterations: Vector
 
 
+class Search(Protocol):
+    """What runs searches.
+
+    Attributes:
+        backend: where.
+        random_starts: how many random configurations are worth its time.
+    """
+
+    backend: Backend
+    random_starts: int
+
+    def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
+        """Searches from starts, shape (m, 7), for poses, shape (m, 4, 4), within bounds, (14,)."""
+
+
 class Searcher:
     """The fast search of one arm, ready to run.
 
@@ -72,7 +89,7 @@ class Searcher:
         random_starts: how many random configurations are worth its time.
     """
 
-    random_starts = 1000
+    random_starts = RANDOM_STARTS
 
     def __init__(self, function: ca.Function, bounds: Vector, backend: Backend) -> None:
         """Wrap a search function, as `baxter_kin.ik.kernel` makes them, under some bounds."""

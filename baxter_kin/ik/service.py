@@ -19,12 +19,12 @@ from baxter_kin.arrays import Vector, float_array
 from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
 from baxter_kin.ik.batch import Batch
-from baxter_kin.ik.explanation import Explainer, Search
+from baxter_kin.ik.explanation import Explainer
 from baxter_kin.ik.kernel import SEED_TOLERANCE_RAD
 from baxter_kin.ik.objectives import Objective, best_on
 from baxter_kin.ik.program import IpoptSearcher
 from baxter_kin.ik.result import IKResult
-from baxter_kin.ik.search import Backend, Searcher
+from baxter_kin.ik.search import Backend, Search, Searcher
 from baxter_kin.ik.seeds import NullSpaceMap, SeedMode, SeedType
 from baxter_kin.ik.self_motion import trace_self_motion
 from baxter_kin.model import Arm
