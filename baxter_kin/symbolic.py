@@ -24,6 +24,59 @@ _AXES: dict[str, tuple[float, float, float]] = {
 
 
 @dataclass(frozen=True, slots=True)
+class SymbolicChain:
+    """The joints of an arm seen from one of its links, in closed form.
+
+    Seen from a link along the chain the formulas are shorter than from base, for each joint depends
+    only on those between.
+
+    Attributes:
+        q: the joint symbols, 7 x 1, rad.
+        R_link_base: rotation of base, 3 x 3.
+        p_link_base: position of base, 3 x 1, m.
+        R_link_tip: rotation of the tip, 3 x 3.
+        p_link_tip: position of the tip, 3 x 1, m.
+        axes: the joints' axes of rotation, each 3 x 1.
+        origins: the joints' origins, each 3 x 1, m.
+    """
+
+    q: ca.SX
+    R_link_base: ca.SX
+    p_link_base: ca.SX
+    R_link_tip: ca.SX
+    p_link_tip: ca.SX
+    axes: tuple[ca.SX, ...]
+    origins: tuple[ca.SX, ...]
+
+    @classmethod
+    def of(cls, arm: Arm, link: int = 0, *, rounding: float = 0.0) -> SymbolicChain:
+        """The chain seen from a link.
+
+        Args:
+            arm: whose joints.
+            link: 0 for base, else the link that follows that many joints and turns with the last.
+            rounding: entries of the model's placements this close to 0, 1 or -1 are taken for these
+                numbers, which shortens the formulas.
+        """
+        model, q = arm.model, ca.SX.sym("q", arm.model.nq)
+        joints = [_Joint.of(model, i, q[i], rounding) for i in range(model.nq)]
+        R, p, axes, origins = ca.SX.eye(3), ca.SX.zeros(3), {}, {}
+        for i in range(link, model.nq):
+            R, p = R @ joints[i].R, p + R @ joints[i].p
+            axes[i], origins[i] = R @ joints[i].axis, p
+            R = R @ joints[i].turn
+        tip = _Joint.placed(model.frames[model.getFrameId(arm.tip_frame)].placement, rounding)
+        R_tip, p_tip = R @ tip[0], p + R @ tip[1]
+        R, p = ca.SX.eye(3), ca.SX.zeros(3)
+        for i in reversed(range(link)):
+            axes[i], origins[i] = R @ joints[i].axis, p
+            R = R @ joints[i].turn.T @ joints[i].R.T
+            p = p - R @ joints[i].p
+        ordered = [tuple(table[i] for i in range(model.nq)) for table in (axes, origins)]
+        return cls(q, R, p, R_tip, p_tip, *ordered)
+
+
+@dataclass(frozen=True, slots=True)
 class SymbolicArm:
     """Forward kinematics and Jacobian of an arm's tip, in closed form.
 
@@ -44,25 +97,14 @@ class SymbolicArm:
     @classmethod
     def of(cls, arm: Arm) -> SymbolicArm:
         """Build the expressions for one arm."""
-        model, q = arm.model, ca.SX.sym("q", arm.model.nq)
-        R, p, quat = ca.SX.eye(3), ca.SX.zeros(3), ca.SX([0.0, 0.0, 0.0, 1.0])
-        origins, axes = [], []
-        for joint in range(1, model.njoints):
-            R, p, quat = _moved(R, p, quat, model.jointPlacements[joint])
-            axis = ca.SX(_axis(model.joints[joint].shortname()))
-            origins.append(p)
-            axes.append(R @ axis)
-            angle = q[joint - 1]
-            R = R @ _rotation(axis, angle)
-            half = angle / 2
-            quat = quaternion_product(quat, ca.vertcat(ca.sin(half) * axis, ca.cos(half)))
-        tip = model.frames[model.getFrameId(arm.tip_frame)].placement
-        R, p, quat = _moved(R, p, quat, tip)
+        chain = SymbolicChain.of(arm)
+        p = chain.p_link_tip
         columns = [
             ca.vertcat(ca.cross(axis, p - origin), axis)
-            for axis, origin in zip(axes, origins, strict=True)
+            for axis, origin in zip(chain.axes, chain.origins, strict=True)
         ]
-        return cls(q=q, p_base_tip=p, R_base_tip=R, quat_xyzw=quat, J=ca.horzcat(*columns))
+        quat = _quaternion(arm, chain.q)
+        return cls(chain.q, p, chain.R_link_tip, quat, ca.horzcat(*columns))
 
     def pose_function(self) -> ca.Function:
         """`q -> (p_base_tip, R_base_tip)` as a CasADi function."""
@@ -86,20 +128,55 @@ def quaternion_product(a_xyzw: ca.SX, b_xyzw: ca.SX) -> ca.SX:
     return ca.vertcat(vector, a_xyzw[3] * b_xyzw[3] - ca.dot(a, b))
 
 
-def _moved(R: ca.SX, p: ca.SX, quat: ca.SX, T: pin.SE3) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The frame (R, p, quat) moved on by a constant placement."""
-    placed: Vector = pin.Quaternion(T.rotation).coeffs()
-    return (
-        R @ ca.SX(T.rotation),
-        p + R @ ca.SX(T.translation),
-        quaternion_product(quat, ca.SX(placed)),
-    )
+@dataclass(frozen=True, slots=True)
+class _Joint:
+    """A joint's placement, axis and turn: 3 x 3, 3 x 1 (m), 3 x 1, 3 x 3."""
+
+    R: ca.SX
+    p: ca.SX
+    axis: ca.SX
+    turn: ca.SX
+
+    @classmethod
+    def of(cls, model: pin.Model, i: int, angle: ca.SX, rounding: float) -> _Joint:
+        R, p = cls.placed(model.jointPlacements[i + 1], rounding)
+        axis = _axis(model.joints[i + 1].shortname())
+        return cls(R, p, ca.sparsify(ca.SX(axis)), _rotation(axis, angle))
+
+    @staticmethod
+    def placed(T: pin.SE3, rounding: float) -> tuple[ca.SX, ca.SX]:
+        return _rounded(T.rotation, rounding), _rounded(T.translation, rounding)
 
 
-def _rotation(axis: ca.SX, angle: ca.SX) -> ca.SX:
+def _rounded(values: Vector, rounding: float) -> ca.SX:
+    nearest = np.rint(values)
+    is_close = (np.abs(values - nearest) <= rounding) & (np.abs(nearest) <= 1.0)
+    return ca.sparsify(ca.SX(np.where(is_close, nearest, values)))
+
+
+def _quaternion(arm: Arm, q: ca.SX) -> ca.SX:
+    """The tip's rotation as a product of unit quaternions, one for each placement and joint."""
+    model, quat = arm.model, ca.SX([0.0, 0.0, 0.0, 1.0])
+    tip = model.frames[model.getFrameId(arm.tip_frame)].placement
+    for i in range(model.nq):
+        axis, half = ca.SX(_axis(model.joints[i + 1].shortname())), q[i] / 2
+        turn = ca.vertcat(ca.sin(half) * axis, ca.cos(half))
+        quat = quaternion_product(quat, _coefficients(model.jointPlacements[i + 1]))
+        quat = quaternion_product(quat, turn)
+    return quaternion_product(quat, _coefficients(tip))
+
+
+def _coefficients(T: pin.SE3) -> ca.SX:
+    xyzw: Vector = pin.Quaternion(T.rotation).coeffs()
+    return ca.SX(xyzw)
+
+
+def _rotation(axis: tuple[float, float, float], angle: ca.SX) -> ca.SX:
     """Rodrigues' formula: the rotation by `angle` about a unit axis."""
-    K = ca.skew(axis)
-    return ca.SX(np.eye(3)) + ca.sin(angle) * K + (1 - ca.cos(angle)) * (K @ K)
+    along = np.outer(axis, axis)
+    across = ca.sparsify(ca.SX(np.eye(3) - along))
+    K = ca.sparsify(ca.skew(ca.SX(axis)))
+    return ca.sparsify(ca.SX(along)) + ca.cos(angle) * across + ca.sin(angle) * K
 
 
 def _axis(joint_type: str) -> tuple[float, float, float]:

@@ -10,7 +10,9 @@ dq = D J^T (J D J^T + (c |e|^2 + eps) 1)^-1 e,     q <- clip(q + dq)
 with `D` the diagonal that freezes a joint at a limit which the gradient `J^T e` pushes outward
 (active set), and damping proportional to the squared error (Sugihara, "Solvability-unconcerned
 inverse kinematics by the Levenberg-Marquardt method", IEEE Trans. Robotics 27(5), 2011). It turns
-into Gauss-Newton near a solution, so the last digits cost one iteration.
+into Gauss-Newton near a solution, so the last digits cost one iteration. The position part of `e`
+and `J` is that of the wrist, where the last two axes meet, not that of the tip: these joints do not
+move it, which makes an iteration cheaper, and more of them succeed.
 
 The whole search, with its early end, is one function of start and pose: CasADi's virtual machine
 evaluates it, or C generated from it (`baxter_kin.ik.compiler`); there is no second version.
@@ -23,17 +25,25 @@ import numpy as np
 
 from baxter_kin.frames import ROTATION_TOLERANCE
 from baxter_kin.model import Arm
-from baxter_kin.symbolic import SymbolicArm
+from baxter_kin.symbolic import SymbolicChain
 
 ITERATIONS = 15
-"""Per start. Measured on 4,000 uniform poses: from the middle of the joint ranges 81 % converge in
-at most 15 iterations and 83 % in 20; giving up earlier and starting elsewhere costs less."""
+"""Per start. Measured on 4,000 uniform poses: from the middle of the joint ranges 85 % converge in
+at most 15 iterations and 87 % in 20; giving up earlier and starting elsewhere costs less."""
+
+SEEN_FROM = 1
+"""The link that the formulas are seen from, the one that s0 turns: 889 operations an iteration,
+against 943 from base and 890 or more from the links beyond."""
+
+URDF_ROUNDING = 1e-10
+"""The URDF writes right angles with eleven digits. Taken as exact, the tip moves by 2e-11 m, and a
+fifth of the operations falls away."""
 
 ROTATION_WEIGHT_M = 0.6
-"""What a radian of error counts in metres. Between 0.4 and 1.0 the cost changes by 6 %."""
+"""What a radian of error counts in metres. Between 0.2 and 1.0 the cost changes by 5 %."""
 
 DAMPING = 0.07
-"""Damping over squared error. Between 0.05 and 0.1 the cost changes by 2 %."""
+"""Damping over squared error. Between 0.03 and 0.1 the cost changes by 3 %."""
 
 LEAST_DAMPING = 1e-12
 
@@ -58,51 +68,84 @@ def search_function(arm: Arm) -> ca.Function:
     `SEED_TOLERANCE_RAD`.
     """
     q_start, T, bounds = ca.MX.sym("q_start", 7), ca.MX.sym("T", 4, 4), ca.MX.sym("bounds", 14)
-    step = _step_function(arm)
-    iterate = _lazy_iteration("iterate", step)
-    measure = _lazy_iteration("measure", step, moves=False)
-    q, is_valid = _input_check()(q_start, T, bounds)
-    is_done, count, offset, angle = ca.MX(0), ca.MX(0), ca.MX(ca.inf), ca.MX(ca.inf)
-    for function in [iterate] * ITERATIONS + [measure]:
-        state = (q, is_done, count, offset, angle)
-        q, is_done, count, offset, angle = function(is_done, *state, T, bounds)
-    report = ca.vertcat(ca.logic_and(is_done, is_valid), offset, angle, count, is_valid)
+    q_clamped, is_valid = _input_check()(q_start, T, bounds)
+    q, outcome = _iterations(_step_function(arm))(q_clamped, T, bounds)
+    report = ca.vertcat(ca.logic_and(outcome[0], is_valid), outcome[1:], is_valid)
     return ca.Function("search", [q_start, T, bounds], [q, report])
 
 
-def _lazy_iteration(name: str, step: ca.Function, *, moves: bool = True) -> ca.Function:
-    """One iteration that costs nothing once the search is done.
+def _iterations(step: ca.Function) -> ca.Function:
+    """`(q, T, bounds) -> (last iterate, (arrived, position error, orientation error, count))`.
 
-    It tells the errors where it began, and moves on if they are too large; the last one stays, so
-    that errors and iterate belong together.
+    Each iteration holds the rest of them behind a lazy switch, so that what comes after the last
+    one needed costs nothing. After all of them the errors are measured once more, so that errors
+    and iterate belong together.
     """
     q, T, bounds = ca.MX.sym("q", 7), ca.MX.sym("T", 4, 4), ca.MX.sym("bounds", 14)
-    is_done, count, offset, angle = (ca.MX.sym(s) for s in ("is_done", "count", "offset", "angle"))
-    inputs = [q, is_done, count, offset, angle, T, bounds]
-    q_next, offset_now, angle_now = step(q, T, bounds)
-    arrived = ca.logic_and(offset_now <= CONVERGED_M, angle_now <= CONVERGED_RAD)
-    q_new = ca.if_else(arrived, q, q_next, False) if moves else q
-    outputs = [q_new, arrived, count + 1, offset_now, angle_now]
-    work = ca.Function(f"{name}_work", inputs, outputs)
-    hold = ca.Function(f"{name}_hold", inputs, inputs[:5])
-    return ca.Function.if_else(name, hold, work)
+    _, *errors = step(q, T, bounds)
+    outcome = ca.vertcat(_arrived(*errors), *errors, ITERATIONS + 1)
+    rest = ca.Function("measure", [q, T, bounds], [q, outcome])
+    for count in range(ITERATIONS, 0, -1):
+        rest = _iteration(count, step, rest)
+    return rest
+
+
+def _iteration(count: int, step: ca.Function, rest: ca.Function) -> ca.Function:
+    """The iteration of that number: tell the errors at `q`; if too large, step and go on."""
+    q, q_next, T = ca.MX.sym("q", 7), ca.MX.sym("q_next", 7), ca.MX.sym("T", 4, 4)
+    bounds, errors = ca.MX.sym("bounds", 14), ca.MX.sym("errors", 2)
+    inputs = [q, q_next, errors, T, bounds]
+    stay = ca.Function("stay", inputs, [q, ca.vertcat(1, errors, count)])
+    go_on = ca.Function("go_on", inputs, list(rest(q_next, T, bounds)))
+    switch = ca.Function.if_else("switch", stay, go_on)
+    q_new, *measured = step(q, T, bounds)
+    arrived = _arrived(*measured)
+    outputs = switch(arrived, q, q_new, ca.vertcat(*measured), T, bounds)
+    return ca.Function(f"iteration_{count}", [q, T, bounds], list(outputs))
+
+
+def _arrived(offset: ca.MX, angle: ca.MX) -> ca.MX:
+    return ca.logic_and(offset <= CONVERGED_M, angle <= CONVERGED_RAD)
 
 
 def _step_function(arm: Arm) -> ca.Function:
     """`(q, T, bounds) -> (q_next, position error at q, orientation error at q)`."""
-    kinematics = SymbolicArm.of(arm)
-    q, T, bounds = kinematics.q, ca.SX.sym("T", 4, 4), ca.SX.sym("bounds", 14)
-    p_error = T[:3, 3] - kinematics.p_base_tip
-    r_error, angle = _rotation_error(T[:3, :3], kinematics.R_base_tip)
-    e = ca.vertcat(p_error, ROTATION_WEIGHT_M * r_error)
-    J = ca.vertcat(kinematics.J[:3, :], ROTATION_WEIGHT_M * kinematics.J[3:, :])
+    chain = SymbolicChain.of(arm, SEEN_FROM, rounding=URDF_ROUNDING)
+    q, T, bounds = chain.q, ca.SX.sym("T", 4, 4), ca.SX.sym("bounds", 14)
+    R_target = chain.R_link_base @ T[:3, :3]
+    p_error = chain.R_link_base @ T[:3, 3] + chain.p_link_base - chain.p_link_tip
+    r_error, angle = _rotation_error(R_target, chain.R_link_tip)
+    wrist_error = p_error + (R_target - chain.R_link_tip) @ _wrist_in_tip(arm)
+    e = ca.vertcat(wrist_error, ROTATION_WEIGHT_M * r_error)
+    J = _wrist_jacobian(chain)
     low, high = bounds[:7], bounds[7:]
-    J_free = _without_frozen_joints(J, J.T @ e, q, low, high)
+    J_free = J @ ca.diag(_is_free(J.T @ e, q, low, high))
     damping = DAMPING * ca.sumsqr(e) + LEAST_DAMPING
-    y = solve_symmetric(J_free @ J_free.T + damping * ca.SX.eye(6), e)
+    y = solve_symmetric(J_free @ J.T + damping * ca.SX.eye(6), e)
     q_next = ca.fmin(ca.fmax(q + J_free.T @ y, low), high)
     outputs = [q_next, ca.norm_2(p_error), angle]
     return ca.Function("step", [q, T, bounds], outputs, {"cse": True})
+
+
+def _wrist_in_tip(arm: Arm) -> ca.SX:
+    """The point W where the axes of the last two joints meet, seen from the tip, 3 x 1, m."""
+    last = arm.model.jointPlacements[arm.model.nq]
+    tip = arm.model.frames[arm.model.getFrameId(arm.tip_frame)].placement
+    wrist = tip.actInv(last.actInv(np.zeros(3)))
+    return ca.sparsify(ca.SX(np.where(np.abs(wrist) <= URDF_ROUNDING, 0.0, wrist)))
+
+
+def _wrist_jacobian(chain: SymbolicChain) -> ca.SX:
+    """The geometric Jacobian of W, 6 x 7, rotations in the unit that `ROTATION_WEIGHT_M` makes.
+
+    The last two joints turn about W, so that these columns have no linear part.
+    """
+    wrist, still = chain.origins[5], ca.SX(3, 1)
+    axes = list(zip(chain.axes, chain.origins, strict=True))
+    linear = [ca.cross(axis, wrist - origin) for axis, origin in axes[:5]]
+    return ca.sparsify(
+        ca.vertcat(ca.horzcat(*linear, still, still), ROTATION_WEIGHT_M * ca.horzcat(*chain.axes))
+    )
 
 
 def _rotation_error(R_target: ca.SX, R: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -120,15 +163,14 @@ def _rotation_error(R_target: ca.SX, R: ca.SX) -> tuple[ca.SX, ca.SX]:
     return error, length
 
 
-def _without_frozen_joints(J: ca.SX, gradient: ca.SX, q: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
-    """`J` with a zero column for each joint at a limit that the step would push it through."""
-    columns = []
-    for i in range(J.shape[1]):
+def _is_free(gradient: ca.SX, q: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
+    """0 for each joint at a limit that the step would push it through, 1 for the others, 7 x 1."""
+    free = []
+    for i in range(q.numel()):
         at_low = ca.logic_and(q[i] <= low[i], gradient[i] < 0)
         at_high = ca.logic_and(q[i] >= high[i], gradient[i] > 0)
-        is_free = ca.if_else(ca.logic_or(at_low, at_high), 0.0, 1.0)
-        columns.append(is_free * J[:, i])
-    return ca.horzcat(*columns)
+        free.append(ca.logic_not(ca.logic_or(at_low, at_high)))
+    return ca.vertcat(*free)
 
 
 def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:

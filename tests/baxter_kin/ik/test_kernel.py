@@ -16,6 +16,9 @@ from baxter_kin.ik.kernel import (
 
 ROUNDING = 1e-12
 
+URDF_ROUNDING = 1e-10
+"""The search takes the URDF's right angles for exact, which moves the tip by 2e-11 m."""
+
 CONVERGED = 1e-9
 
 
@@ -49,8 +52,8 @@ def test_solution_reaches_the_pose_by_pinocchio(search: ca.Function, left: Arm) 
         q, report = run(search, left, middle, T.homogeneous)
         if report[0] == 1.0:
             reached = left.T_base_tip(q)
-            assert np.linalg.norm(reached.translation - T.translation) < CONVERGED + ROUNDING
-            assert angle_between(reached.rotation, T.rotation) < CONVERGED + ROUNDING
+            assert np.linalg.norm(reached.translation - T.translation) < CONVERGED + URDF_ROUNDING
+            assert angle_between(reached.rotation, T.rotation) < CONVERGED + URDF_ROUNDING
             assert not left.limits.violations(q)
             solved += 1
     assert solved > 200
@@ -65,9 +68,12 @@ def test_errors_are_those_of_the_last_iterate_whether_it_converged_or_not(
         q, report = run(search, left, left.random_configuration(rng), T.homogeneous)
         reached = left.T_base_tip(q)
         offset = np.linalg.norm(reached.translation - T.translation)
-        assert report[1] == pytest.approx(offset, abs=ROUNDING)
+        assert report[1] == pytest.approx(offset, abs=URDF_ROUNDING)
         angle = angle_between(reached.rotation, T.rotation)
-        assert 2 * np.sin(angle / 2) == pytest.approx(report[2], abs=ROUNDING) or angle > np.pi / 2
+        assert (
+            2 * np.sin(angle / 2) == pytest.approx(report[2], abs=URDF_ROUNDING)
+            or angle > np.pi / 2
+        )
 
 
 def test_start_at_the_solution_is_the_solution(search: ca.Function, left: Arm) -> None:
