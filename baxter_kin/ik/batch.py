@@ -10,12 +10,15 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
+from baxter_kin.ik.closed_form import ClosedForm
 from baxter_kin.ik.explanation import Attempt, Explainer
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M, IKResult
 from baxter_kin.ik.search import Found, Search
 from baxter_kin.ik.seeds import (
+    COARSE_STARTS,
     MAP_STARTS,
     SEED_STARTS,
     NullSpaceMap,
@@ -25,12 +28,13 @@ from baxter_kin.ik.seeds import (
 )
 from baxter_kin.model import Arm
 
-ROUNDS = (*[1] * 8, *[8] * 4, *[32] * 30)
-"""How many random configurations are tried at once; the first that leads to a solution counts."""
+COARSE_ROUNDS, FINE_ROUNDS = (1, 1, 2, 4), (2, 2, 4, 8, 16, 32, 64, 128)
+"""How many computed starts are tried at once; the first that leads to a solution counts."""
 
-ROUNDS_BEFORE_PROOF = 12
-"""After so many rounds nearly all that can be solved is, and thorough proofs begin to pay; a glance
-pays after the first."""
+ROUNDS_BEFORE_PROOF = MAP_STARTS + len(COARSE_ROUNDS)
+"""After so many rounds nearly all that can be solved is, and thorough proofs begin to pay."""
+
+ROUNDS_BEFORE_GLANCE = 2
 
 POLISH_ROUNDS = 20
 """Further searches from the best attempt, of up to 15 iterations each, where all starts failed."""
@@ -79,8 +83,10 @@ class Batch:
                 self._starts[active, seed_type] += count
                 self._take(active, seed_type, found)
                 rounds += 1
-                if rounds in (1, ROUNDS_BEFORE_PROOF):
-                    self._give_up(explainer, at_a_glance=rounds == 1)
+                if rounds == ROUNDS_BEFORE_GLANCE:
+                    self._give_up(explainer.are_out_of_reach_at_a_glance)
+                elif rounds == ROUNDS_BEFORE_PROOF:
+                    self._give_up(explainer.are_out_of_reach)
         self._polish(search)
 
     def results(self, arm: Arm, explainer: Explainer) -> Iterator[IKResult]:
@@ -104,11 +110,8 @@ class Batch:
         if seed_type is SeedType.NS_MAP:
             for rank in range(MAP_STARTS):
                 yield partial(_nearest, map_, self._Ts, rank)
-            random_starts = map_.random_starts[: search.random_starts]
-            edges = np.minimum(np.cumsum((0, *ROUNDS)), len(random_starts))
-            for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-                if first < end:
-                    yield partial(_same, random_starts[first:end])
+            yield from _ComputedStarts(map_.coarse, self._Ts, COARSE_STARTS).rounds(COARSE_ROUNDS)
+            yield from _ComputedStarts(map_.fine, self._Ts, search.fine_starts).rounds(FINE_ROUNDS)
         elif seed_type in self._seeds:
             count = 1 if self._mode is SeedMode.AUTO else SEED_STARTS
             for starts in starts_around(arm, self._seeds[seed_type], count):
@@ -122,14 +125,20 @@ class Batch:
         return np.flatnonzero(is_open)
 
     def _polish(self, search: Search) -> None:
-        """Go on from the best attempts that came near: at singularities they converge slowly."""
+        """Go on from the best attempts that came near: at singularities they converge slowly.
+
+        And not steadily, so each goes on from where it last was, better or worse.
+        """
+        is_near = (self._offset <= NEAR_M) & (self._angle <= NEAR_RAD)
+        poses = np.flatnonzero(is_near & (self._seed_type == SeedType.INVALID))
+        q = self._q[poses]
         for _ in range(POLISH_ROUNDS):
-            is_near = (self._offset <= NEAR_M) & (self._angle <= NEAR_RAD)
-            poses = np.flatnonzero(is_near & (self._seed_type == SeedType.INVALID))
             if not poses.size:
                 return
-            found = search.search(self._q[poses], self._Ts[poses])
+            found = search.search(q, self._Ts[poses])
             self._take(poses, self._best_type[poses], found)
+            is_open = self._seed_type[poses] == SeedType.INVALID
+            poses, q = poses[is_open], found.q[is_open]
 
     def _take(self, poses: Indices, seed_type: SeedType | Indices, found: Found) -> None:
         """Keep what is better than before, and what is good enough."""
@@ -146,10 +155,9 @@ class Batch:
         solved = poses[is_close[poses]]
         self._seed_type[solved] = self._best_type[solved]
 
-    def _give_up(self, explainer: Explainer, *, at_a_glance: bool) -> None:
-        for i in np.flatnonzero((self._seed_type == SeedType.INVALID) & ~self._is_hopeless):
-            T = self._Ts[i]
-            self._is_hopeless[i] = explainer.is_out_of_reach(T, at_a_glance=at_a_glance)
+    def _give_up(self, are_out_of_reach: Callable[[Vector], NDArray[np.bool_]]) -> None:
+        poses = np.flatnonzero((self._seed_type == SeedType.INVALID) & ~self._is_hopeless)
+        self._is_hopeless[poses] = are_out_of_reach(self._Ts[poses])
 
     def _failed(self, i: int, arm: Arm, explainer: Explainer) -> IKResult:
         attempt = self._attempt(i, arm, explainer)
@@ -168,6 +176,30 @@ class Batch:
             return Attempt(self._Ts[i], self._q[i], offset, angle, starts)
         given = (table[i] for table in self._seeds.values() if not np.isnan(table[i, 0]))
         return explainer.measured(self._Ts[i], next(given, arm.neutral).copy())
+
+
+class _ComputedStarts:
+    """Starts made for the poses that are open when they are first asked for."""
+
+    def __init__(self, closed_form: ClosedForm, Ts: Vector, count: int) -> None:
+        self._closed_form, self._Ts, self._count = closed_form, Ts, count
+        self._poses: Indices | None = None
+
+    def rounds(self, counts: tuple[int, ...]) -> Iterator[Callable[[Indices], Vector]]:
+        """For each round, what gives the starts of the poses asked for."""
+        edges = np.minimum(np.cumsum((0, *counts)), self._count)
+        for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+            if first < end:
+                yield partial(self._of, first, end)
+
+    def _of(self, first: int, end: int, poses: Indices) -> Vector:
+        """The starts from `first` to `end` of poses, in a row; shape (m * (end - first), 7)."""
+        if self._poses is None:
+            self._poses = poses
+            self._starts = self._closed_form.starts(self._Ts[poses], self._count)
+        rows = np.searchsorted(self._poses, poses)
+        starts: Vector = self._starts[rows, first:end].reshape(-1, 7)
+        return starts
 
 
 def _best_of_each(found: Found, count: int) -> Found:
@@ -189,10 +221,6 @@ def _best_of_each(found: Found, count: int) -> Found:
 def _nearest(map_: NullSpaceMap, Ts: Vector, rank: int, poses: Indices) -> Vector:
     starts: Vector = map_.setpoints[map_.nearest(Ts[poses])[:, rank]]
     return starts
-
-
-def _same(starts: Vector, poses: Indices) -> Vector:
-    return np.tile(starts, (len(poses), 1))
 
 
 def _own(starts: Vector, poses: Indices) -> Vector:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
 from baxter_kin.frames import angle_between
@@ -49,10 +50,13 @@ class Explainer:
         self._reach = ReachBound(arm)
         self._unlimited = np.repeat([-np.pi, np.pi], 7)
 
-    def is_out_of_reach(self, T: Vector, *, at_a_glance: bool = False) -> bool:
-        """Whether a pose, shape (4, 4), is proven to be out of reach; at a glance or thoroughly."""
-        prove = self._reach.shell_proof if at_a_glance else self._reach.proof
-        return prove(_se3(T)) is not None
+    def are_out_of_reach_at_a_glance(self, Ts: Vector) -> NDArray[np.bool_]:
+        """Which of poses, shape (m, 4, 4), are so far away that it is proven in no time."""
+        return self._reach.are_outside_shells(Ts)
+
+    def are_out_of_reach(self, Ts: Vector) -> NDArray[np.bool_]:
+        """Which of poses, shape (m, 4, 4), are proven to be out of reach."""
+        return np.array([self._reach.proof(_se3(T)) is not None for T in Ts], dtype=np.bool_)
 
     def measured(self, T: Vector, q: Vector) -> Attempt:
         """A configuration that was not searched for, with its errors."""

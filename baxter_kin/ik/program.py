@@ -85,11 +85,11 @@ class IpoptSearcher:
 
     Attributes:
         backend: `IPOPT`.
-        random_starts: how many random configurations are worth its time.
+        fine_starts: how many starts computed with care are worth its time.
     """
 
     backend = Backend.IPOPT
-    random_starts = 10
+    fine_starts = 8
 
     def __init__(self, arm: Arm) -> None:
         """Prepare the program's derivatives."""

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.arrays import Vector, finite_array
 from baxter_kin.errors import PoseError
@@ -38,6 +38,8 @@ RADII_M = np.array([1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1])
 
 DECISION_LEVELS, MEASURE_LEVELS = 5, 1
 """How often the sweep splits its cells: to decide, down to 0.1 mrad; to measure, sparingly."""
+
+_FAR_M = 1e300  # farther points are taken to be so far, lest squares overflow
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,11 +88,6 @@ class ReachBound:
         low, high = (self._arm.azimuth_zero + q[0] for q in (self._arm.q_min, self._arm.q_max))
         self._s0_middle, self._s0_half = 0.5 * (low + high), 0.5 * (high - low)
 
-    def excess_m(self, T_base_tip: pin.SE3) -> float:
-        """How far the pose is proved to lie out of reach, m; zero without a proof."""
-        proof = self.proof(T_base_tip)
-        return proof.excess_m if proof else 0.0
-
     def proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
         """Why the arm cannot reach a pose, or None when that is not proved.
 
@@ -106,17 +103,19 @@ class ReachBound:
         target, where = self._wrist(T_base_tip)
         return self._shell_proof(target.wrist, where) or self._sweep_proof(target, where)
 
-    def shell_proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
-        """The same from the bounds "span" and "fold" alone, in a fiftieth of the time.
+    def are_outside_shells(self, Ts: Vector) -> NDArray[np.bool_]:
+        """Which poses the bounds "span" and "fold" alone prove out of reach, at a glance.
 
         Args:
-            T_base_tip: the tip seen from base, as `checked_pose` returns it.
+            Ts: finite poses as matrices, shape (m, 4, 4).
 
-        Raises:
-            PoseError: when the pose is not finite.
+        Returns:
+            Shape (m,).
         """
-        target, where = self._wrist(T_base_tip)
-        return self._shell_proof(target.wrist, where)
+        wrists = Ts[:, :3, 3] - self._arm.hand_m * Ts[:, :3, 2] - self._arm.centre_base
+        beyond_m, within_m = self._shell_excess_m(wrists)
+        outside: NDArray[np.bool_] = (beyond_m > 0.0) | (within_m > 0.0)
+        return outside
 
     def proof_of_position(self, p_base_tip: ArrayLike) -> ReachProof | None:
         """Why the tip cannot get to a position in any orientation, or None when that is not proved.
@@ -130,7 +129,8 @@ class ReachBound:
         p = finite_array(p_base_tip, (3,), "p_base_tip", PoseError)
         point = self._from_shoulder(p)
         where = f"with the tip at {_words(p)}"
-        excess_m = self._shoulder_distances(point)[0] - self.radius_m - MARGIN_M
+        nearest_m = float(self._shoulder_distances(np.array([point]))[0][0])
+        excess_m = nearest_m - self.radius_m - MARGIN_M
         if excess_m > 0.0:
             return self._span_proof(excess_m, self.radius_m, "the straight arm spans", where)
         excess_m = self._position_sweep.excess_m(point) - MARGIN_M
@@ -158,27 +158,32 @@ class ReachBound:
         cx, cy, cz = self._arm.centre_base
         return x - cx, y - cy, z - cz
 
-    def _shoulder_distances(self, point: Point) -> tuple[float, float]:
-        """The least and the greatest distance to S over all angles of s0.
+    def _shoulder_distances(self, points: Vector) -> tuple[Vector, Vector]:
+        """The least and the greatest distance of points, (m, 3), to S over all angles of s0.
 
         The distance grows with the angle between `radial` and the point's azimuth, up to half a
         turn, so that each extreme lies at an end of the range or where that angle is 0 or pi.
         """
-        x, y, z = point
-        radius, offset = math.hypot(x, y), self._arm.shoulder_offset_m
-        middle, half = self._s0_middle, self._s0_half
-        off = abs(math.remainder(math.atan2(y, x) - middle, 2.0 * math.pi))
-        least, most = max(0.0, off - half), min(math.pi, off + half)
+        (x, y, z), offset = points.T.clip(-_FAR_M, _FAR_M), self._arm.shoulder_offset_m
+        radius = np.hypot(x, y)
+        turn = np.arctan2(y, x) - self._s0_middle
+        off = np.abs(np.arctan2(np.sin(turn), np.cos(turn)))
+        least, most = (off - self._s0_half).clip(min=0.0), (off + self._s0_half).clip(max=np.pi)
 
-        def distance(angle: float) -> float:
-            radially = radius * math.cos(angle) - offset
-            return math.hypot(radially, radius * math.sin(angle), z)
+        def distance(angle: Vector) -> Vector:
+            radially, sideways = radius * np.cos(angle) - offset, radius * np.sin(angle)
+            length: Vector = np.hypot(np.hypot(radially, sideways), z)
+            return length
 
         return distance(least), distance(most)
 
+    def _shell_excess_m(self, wrists: Vector) -> tuple[Vector, Vector]:
+        """How far wrists, (m, 3), lie beyond the span, and how far inside the fold."""
+        near, far = self._shoulder_distances(wrists)
+        return near - self._span_m - MARGIN_M, self._fold_m - far - MARGIN_M
+
     def _shell_proof(self, wrist: Point, where: str) -> ReachProof | None:
-        near, far = self._shoulder_distances(wrist)
-        beyond_m, within_m = near - self._span_m - MARGIN_M, self._fold_m - far - MARGIN_M
+        beyond_m, within_m = (float(x[0]) for x in self._shell_excess_m(np.array([wrist])))
         if beyond_m > 0.0:
             return self._span_proof(beyond_m, self._span_m, "upper arm and forearm span", where)
         if within_m <= 0.0:

@@ -53,8 +53,8 @@ class IKResult:
         joint_names: the joints of `q`.
         q: the solution, shape (7,), rad, inside the limits.
         seed_type: whose start converged; `INVALID` without a solution.
-        position_error_m: distance between requested and reached tip, by Pinocchio.
-        orientation_error_rad: angle between requested and reached tip, by Pinocchio.
+        position_error_m: distance between requested and reached tip.
+        orientation_error_rad: angle between requested and reached tip.
         failure: None, or why there is no solution.
     """
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -17,11 +20,14 @@ from baxter_kin.arrays import Vector
 from baxter_kin.errors import UnknownNameError
 from baxter_kin.ik.compiler import compiled
 from baxter_kin.ik.kernel import bounds_of, search_function
-from baxter_kin.ik.seeds import RANDOM_STARTS
+from baxter_kin.ik.seeds import FINE_STARTS
 from baxter_kin.model import Arm
 
-LANES = (1, 16, 256)
-"""How many searches one call does in a row: what fills the largest goes there, and so on."""
+LANES = (1, 16, 64, 256)
+"""How many searches one call does in a row. Calls of the largest run side by side; what remains
+goes into the smallest that holds it, filled up with searches that end at once."""
+
+_BOUNDS = 2  # the input of the search function that all lanes share
 
 
 class Backend(str, Enum):
@@ -71,11 +77,11 @@ class Search(Protocol):
 
     Attributes:
         backend: where.
-        random_starts: how many random configurations are worth its time.
+        fine_starts: how many starts computed with care are worth its time.
     """
 
     backend: Backend
-    random_starts: int
+    fine_starts: int
 
     def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
         """Searches from starts, shape (m, 7), for poses, shape (m, 4, 4), within bounds, (14,)."""
@@ -86,29 +92,41 @@ class Searcher:
 
     Attributes:
         backend: where it runs: `COMPILED` or `CASADI`.
-        random_starts: how many random configurations are worth its time.
+        fine_starts: how many starts computed with care are worth its time.
     """
 
-    random_starts = RANDOM_STARTS
+    fine_starts = FINE_STARTS
 
-    def __init__(self, function: ca.Function, bounds: Vector, backend: Backend) -> None:
-        """Wrap a search function, as `baxter_kin.ik.kernel` makes them, under some bounds."""
+    def __init__(
+        self, function: ca.Function, bounds: Vector, backend: Backend, filler: tuple[Vector, Vector]
+    ) -> None:
+        """Wrap a search function, as `baxter_kin.ik.kernel` makes them.
+
+        Args:
+            function: the search.
+            bounds: the joint limits, shape (14,), rad.
+            backend: what evaluates it.
+            filler: a configuration, (7,), and its pose, (4, 4): a search that ends at once.
+        """
         self.backend = backend
         self._bounds = bounds
         self._desk = _Desk(function, bounds)
-        self._cores = len(os.sched_getaffinity(0))
-        self._mapped = {lanes: function.map(lanes) for lanes in LANES}
-        self._parallel = self._mapped[LANES[-1]].map(self._cores, "thread")
+        self._mapped = {
+            lanes: function.map(f"{function.name()}_{lanes}", "serial", lanes, [_BOUNDS], [])
+            for lanes in LANES
+        }
+        self._filler = filler
 
     @classmethod
     def of(cls, arm: Arm, backend: str | Backend = Backend.AUTO) -> Searcher:
         """The search of an arm; without a working compiler it runs in the virtual machine."""
         wanted = Backend.of(backend)
         function = search_function(arm)
+        filler = arm.neutral, arm.T_base_tip(arm.neutral).homogeneous
         machine_code = None if wanted is Backend.CASADI else compiled(function)
         if machine_code is None:
-            return cls(function, bounds_of(arm), Backend.CASADI)
-        return cls(machine_code, bounds_of(arm), Backend.COMPILED)
+            return cls(function, bounds_of(arm), Backend.CASADI, filler)
+        return cls(machine_code, bounds_of(arm), Backend.COMPILED, filler)
 
     def search_one(self, q_start: Vector, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
         """One search, with nothing checked and nothing copied.
@@ -135,31 +153,38 @@ class Searcher:
             Ts: poses as matrices, shape (m, 4, 4).
             bounds: others than the joint limits, shape (14,), rad.
         """
-        count, done, parts = len(q_starts), 0, []
         within = self._bounds if bounds is None else bounds
-        while done < count:
-            function, lanes = self._largest(count - done)
-            parts.append(_run(function, q_starts[done:], Ts[done:], within, lanes))
-            done += lanes
-        q, report = (np.concatenate(column)[:count] for column in zip(*parts, strict=True))
+        most = LANES[-1]
+        parts = [slice(at, at + most) for at in range(0, len(q_starts), most)]
+        with _side_by_side(len(parts)) as each:
+            found = each(lambda part: self._run(q_starts[part], Ts[part], within), parts)
+            q, report = (np.concatenate(column) for column in zip(*found, strict=True))
         return Found(q, report[:, 0] == 1.0, report[:, 1], report[:, 2], report[:, 3])
 
-    def _largest(self, remaining: int) -> tuple[ca.Function, int]:
-        """The function that does as many searches as there are left, at a time."""
-        at_once = self._cores * LANES[-1]
-        if remaining >= at_once:
-            return self._parallel, at_once
-        lanes = max((lanes for lanes in LANES if lanes <= remaining), default=LANES[0])
-        return self._mapped[lanes], lanes
+    def _run(self, q_starts: Vector, Ts: Vector, bounds: Vector) -> tuple[Vector, Vector]:
+        """One call: iterates and reports of at most as many searches as the largest has lanes."""
+        count = len(q_starts)
+        lanes = next(lanes for lanes in LANES if lanes >= count)
+        q, poses = (np.empty((lanes, *shape)) for shape in ((7,), (4, 4)))
+        q[:count], poses[:count] = q_starts, Ts
+        q[count:], poses[count:] = self._filler
+        matrix = poses.transpose(1, 0, 2).reshape(4, 4 * lanes)
+        q_found, report = self._mapped[lanes](q.T, matrix, bounds)
+        return np.array(q_found).T[:count], np.array(report).T[:count]
 
 
-def _run(
-    function: ca.Function, q_starts: Vector, Ts: Vector, bounds: Vector, lanes: int
-) -> tuple[Vector, Vector]:
-    poses = Ts[:lanes].transpose(1, 0, 2).reshape(4, 4 * lanes)
-    columns = np.repeat(bounds[:, None], lanes, axis=1)
-    q, report = function(q_starts[:lanes].T, poses, columns)
-    return np.array(q).T, np.array(report).T
+@contextmanager
+def _side_by_side(count: int) -> Iterator[Callable[..., Iterable[Any]]]:
+    """A `map` that runs on all cores when there are several things to do; CasADi lets others run.
+
+    The cores are those the process may use now.
+    """
+    cores = min(count, len(os.sched_getaffinity(0)))
+    if cores < 2:
+        yield map
+        return
+    with ThreadPoolExecutor(cores, "ik-search") as pool:
+        yield pool.map
 
 
 class _Desk(threading.local):

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from baxter_kin.arrays import Vector, float_array
 from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
-from baxter_kin.ik.batch import Batch
+from baxter_kin.ik.batch import ROUNDS_BEFORE_GLANCE, Batch
 from baxter_kin.ik.explanation import Explainer
 from baxter_kin.ik.kernel import SEED_TOLERANCE_RAD
 from baxter_kin.ik.objectives import Objective, best_on
@@ -35,7 +35,7 @@ SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
 OBJECTIVE_STEP_RAD = 0.1
 """Steps along a self-motion curve when only its best point is wanted, which is found exactly."""
 
-BLOCK = 8192
+BLOCK = 4096
 """How many poses of a large batch are worked on together."""
 
 
@@ -62,6 +62,7 @@ class IKService:
         self.backend = self._search.backend
         self._null_space_map = NullSpaceMap(arm)
         self._explainer = Explainer(arm, self._search, self._null_space_map)
+        self._glance = self._explainer.are_out_of_reach_at_a_glance
 
     def solve(
         self,
@@ -192,9 +193,9 @@ class IKService:
         if is_valid_input != 1.0:
             return None
         T = T_base_tip.homogeneous
-        if self._explainer.is_out_of_reach(T, at_a_glance=True):
-            return None
-        for q_start in self._null_space_map.first_starts(T):
+        for rounds, q_start in enumerate(self._null_space_map.first_starts(T), start=1):
+            if rounds == ROUNDS_BEFORE_GLANCE and self._glance(T[None]).any():
+                return None
             q, report = searcher.search_one(q_start, T_base_tip)
             is_solved, offset, angle, _, _ = report.tolist()
             if is_solved == 1.0:

@@ -99,7 +99,7 @@ def test_pushing_farther_out_keeps_the_proof_and_grows_the_excess(
     for _ in range(50):
         R, outward = pin.exp3(np.pi * _direction(rng)), _direction(rng)
         wrists = [shoulder + length * outward for length in (0.85, 0.86, 0.9, 1.0, 2.0)]
-        excesses = [bound.excess_m(_with_wrist(arm, wrist, R)) for wrist in wrists]
+        excesses = [_excess_m(bound, _with_wrist(arm, wrist, R)) for wrist in wrists]
         assert excesses[0] > 0.0
         assert excesses == sorted(excesses)
 
@@ -123,7 +123,22 @@ def test_a_rotation_about_the_tool_axis_changes_nothing(arm: Arm, bound: ReachBo
         T = arm.T_base_tip(q)
         far = pin.SE3(T.rotation, T.translation + 0.2 * _direction(rng))
         rolled = far * pin.SE3(pin.exp3(np.array([0.0, 0.0, 2.0])), np.zeros(3))
-        assert bound.excess_m(rolled) == pytest.approx(bound.excess_m(far), abs=1e-9)
+        assert _excess_m(bound, rolled) == pytest.approx(_excess_m(bound, far), abs=1e-9)
+
+
+def test_what_is_outside_the_shells_at_a_glance_is_what_they_prove(
+    arm: Arm, bound: ReachBound
+) -> None:
+    rng = np.random.default_rng(14)
+    poses = []
+    for q in _extreme_configurations(arm, 300):
+        T = arm.T_base_tip(q)
+        poses.append(pin.SE3(T.rotation, T.translation + rng.uniform(0.0, 0.4) * _direction(rng)))
+    outside = bound.are_outside_shells(np.array([T.homogeneous for T in poses]))
+    assert 0 < outside.sum() < len(poses)
+    for T, is_outside in zip(poses, outside, strict=True):
+        proof = bound.proof(T)
+        assert is_outside == (proof is not None and proof.bound in {"span", "fold"})
 
 
 @pytest.mark.parametrize(
@@ -204,6 +219,11 @@ def test_absurdly_far_poses_are_proved_in_few_words(bound: ReachBound) -> None:
 def _with_wrist(arm: Arm, wrist_base: Vector, R_base_tip: Vector) -> pin.SE3:
     """The pose of that orientation whose wrist is there."""
     return pin.SE3(R_base_tip, wrist_base + Linkage.of(arm).hand_m * R_base_tip[:, 2])
+
+
+def _excess_m(bound: ReachBound, T: pin.SE3) -> float:
+    proof = bound.proof(T)
+    return 0.0 if proof is None else proof.excess_m
 
 
 def _direction(rng: np.random.Generator) -> Vector:

@@ -29,6 +29,9 @@ from tests.conftest import at, overhead
 TOLERANCE = 1e-6
 """In m and rad: what counts as a solution."""
 
+URDF_ROUNDING = 1e-10
+"""The search takes the URDF's right angles for exact, which moves the tip by 2e-11 m."""
+
 UNREACHABLE = at(0.9, 0.3, 0.9)
 """Inside the ball that the links span, outside what the joint limits allow."""
 
@@ -184,10 +187,10 @@ def test_failure_carries_the_best_attempt_and_its_residual(ik: IKService, left: 
     assert result.seed_type is SeedType.INVALID
     reached = left.T_base_tip(result.q)
     offset = float(np.linalg.norm(reached.translation - T.translation))
-    assert result.position_error_m == pytest.approx(offset, abs=1e-12)
+    assert result.position_error_m == pytest.approx(offset, abs=URDF_ROUNDING)
     assert result.position_error_m > TOLERANCE
     assert f"{1e3 * offset:.3g} mm" in str(result.failure)
-    assert "1 CURRENT, 1006 NS_MAP" in str(result.failure)
+    assert "1 CURRENT, 276 NS_MAP" in str(result.failure)
 
 
 def test_batch_answers_every_pose_in_order(robot: Baxter, left: Arm, ik: IKService) -> None:
