@@ -1,13 +1,14 @@
 """Batch: poses that are searched for together, round by round, until all are solved or given up.
 
-A round is one start for every pose that is still open. The rounds of a seed type follow each other;
-the types follow in the order of the seed mode. So a pose among many is treated exactly as alone.
+A round is a start, or a few, for every pose that is still open. The rounds of a seed type follow
+each other; the types follow in the order of the seed mode. So a pose among many is treated exactly
+as alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,6 @@ from baxter_kin.ik.explanation import Attempt, Explainer
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M, IKResult
 from baxter_kin.ik.search import Found, Search
 from baxter_kin.ik.seeds import (
-    COARSE_STARTS,
     MAP_STARTS,
     SEED_STARTS,
     NullSpaceMap,
@@ -28,13 +28,8 @@ from baxter_kin.ik.seeds import (
 )
 from baxter_kin.model import Arm
 
-COARSE_ROUNDS, FINE_ROUNDS = (1, 1, 2, 4), (2, 2, 4, 8, 16, 32, 64, 128)
+COARSE_ROUNDS = (1, 1, 2, 4)
 """How many computed starts are tried at once; the first that leads to a solution counts."""
-
-ROUNDS_BEFORE_PROOF = MAP_STARTS + len(COARSE_ROUNDS)
-"""After so many rounds nearly all that can be solved is, and thorough proofs begin to pay."""
-
-ROUNDS_BEFORE_GLANCE = 2
 
 POLISH_ROUNDS = 20
 """Further searches from the best attempt, of up to 15 iterations each, where all starts failed."""
@@ -70,23 +65,11 @@ class Batch:
 
     def solve(self, arm: Arm, search: Search, map_: NullSpaceMap, explainer: Explainer) -> None:
         """Search until every pose is solved, proven out of reach, or out of starts."""
-        rounds = 0
         for seed_type in self._mode.seed_types:
-            for starts in self._rounds(arm, search, map_, seed_type):
-                active = self._open(seed_type)
-                if not active.size:
-                    break
-                q_starts = starts(active)
-                count = len(q_starts) // len(active)
-                Ts = np.repeat(self._Ts[active], count, axis=0)
-                found = _best_of_each(search.search(q_starts, Ts), count)
-                self._starts[active, seed_type] += count
-                self._take(active, seed_type, found)
-                rounds += 1
-                if rounds == ROUNDS_BEFORE_GLANCE:
-                    self._give_up(explainer.are_out_of_reach_at_a_glance)
-                elif rounds == ROUNDS_BEFORE_PROOF:
-                    self._give_up(explainer.are_out_of_reach)
+            if seed_type is SeedType.NS_MAP:
+                self._search_from_map(search, map_, explainer)
+            elif seed_type in self._seeds:
+                self._search_from_seeds(arm, search, seed_type)
         self._polish(search)
 
     def results(self, arm: Arm, explainer: Explainer) -> Iterator[IKResult]:
@@ -100,29 +83,53 @@ class Batch:
             else:
                 yield self._failed(i, arm, explainer)
 
-    def _rounds(
-        self, arm: Arm, search: Search, map_: NullSpaceMap, seed_type: SeedType
-    ) -> Iterator[Callable[[Indices], Vector]]:
-        """For each round of a seed type, what gives the starts of the poses asked for.
+    def _search_from_seeds(self, arm: Arm, search: Search, seed_type: SeedType) -> None:
+        seeds = self._seeds[seed_type]
+        has_seed = ~np.isnan(seeds[:, 0])
+        count = 1 if self._mode is SeedMode.AUTO else SEED_STARTS
+        for starts in starts_around(arm, seeds, count):
+            poses = self._open(has_seed)
+            self._try(poses, seed_type, search, starts[poses], 1)
 
-        A round gives every pose as many starts, in a row; more of them as fewer poses are left.
-        """
-        if seed_type is SeedType.NS_MAP:
-            for rank in range(MAP_STARTS):
-                yield partial(_nearest, map_, self._Ts, rank)
-            yield from _ComputedStarts(map_.coarse, self._Ts, COARSE_STARTS).rounds(COARSE_ROUNDS)
-            yield from _ComputedStarts(map_.fine, self._Ts, search.fine_starts).rounds(FINE_ROUNDS)
-        elif seed_type in self._seeds:
-            count = 1 if self._mode is SeedMode.AUTO else SEED_STARTS
-            for starts in starts_around(arm, self._seeds[seed_type], count):
-                yield partial(_own, starts)
+    def _search_from_map(self, search: Search, map_: NullSpaceMap, explainer: Explainer) -> None:
+        """From the setpoints, then from what is computed coarsely, then with care."""
+        self._give_up(explainer.are_out_of_reach_at_a_glance)
+        poses = self._open()
+        if poses.size:
+            self._starts[poses, SeedType.NS_MAP] += MAP_STARTS
+            self._take(poses, SeedType.NS_MAP, search.search_from_map(self._Ts[poses]))
+        self._give_up(explainer.are_out_of_reach_at_a_glance)
+        self._search_from_computed(map_.coarse, COARSE_ROUNDS, search)
+        self._give_up(explainer.are_out_of_reach)
+        self._search_from_computed(map_.fine, search.fine_rounds, search)
 
-    def _open(self, seed_type: SeedType) -> Indices:
-        """Unsolved poses that have a seed of that type."""
+    def _search_from_computed(
+        self, closed_form: ClosedForm, rounds: tuple[int, ...], search: Search
+    ) -> None:
+        """A round gives every pose as many starts; more of them as fewer poses are left."""
+        first = self._open()
+        if not first.size:
+            return
+        starts = closed_form.starts(self._Ts[first], sum(rounds))
+        edges = np.cumsum((0, *rounds)).tolist()
+        for begin, end in pairwise(edges):
+            poses = self._open()
+            q_starts = starts[np.searchsorted(first, poses), begin:end].reshape(-1, 7)
+            self._try(poses, SeedType.NS_MAP, search, q_starts, end - begin)
+
+    def _try(
+        self, poses: Indices, seed_type: SeedType, search: Search, q_starts: Vector, count: int
+    ) -> None:
+        """Search from `count` starts in a row for each pose."""
+        if poses.size:
+            found = search.search(q_starts, np.repeat(self._Ts[poses], count, axis=0))
+            self._starts[poses, seed_type] += count
+            self._take(poses, seed_type, _best_of_each(found, count))
+
+    def _open(self, among: NDArray[np.bool_] | bool = True) -> Indices:
+        """Poses that are neither solved nor hopeless."""
         is_open = (self._seed_type == SeedType.INVALID) & ~self._is_hopeless
-        if seed_type in self._seeds:
-            is_open &= ~np.isnan(self._seeds[seed_type][:, 0])
-        return np.flatnonzero(is_open)
+        return np.flatnonzero(is_open & among)
 
     def _polish(self, search: Search) -> None:
         """Go on from the best attempts that came near: at singularities they converge slowly.
@@ -156,8 +163,10 @@ class Batch:
         self._seed_type[solved] = self._best_type[solved]
 
     def _give_up(self, are_out_of_reach: Callable[[Vector], NDArray[np.bool_]]) -> None:
-        poses = np.flatnonzero((self._seed_type == SeedType.INVALID) & ~self._is_hopeless)
-        self._is_hopeless[poses] = are_out_of_reach(self._Ts[poses])
+        """Leave poses that are proven out of reach; what was never tried has no best attempt."""
+        poses = self._open(self._starts.sum(axis=1) > 0)
+        if poses.size:
+            self._is_hopeless[poses] = are_out_of_reach(self._Ts[poses])
 
     def _failed(self, i: int, arm: Arm, explainer: Explainer) -> IKResult:
         attempt = self._attempt(i, arm, explainer)
@@ -178,30 +187,6 @@ class Batch:
         return explainer.measured(self._Ts[i], next(given, arm.neutral).copy())
 
 
-class _ComputedStarts:
-    """Starts made for the poses that are open when they are first asked for."""
-
-    def __init__(self, closed_form: ClosedForm, Ts: Vector, count: int) -> None:
-        self._closed_form, self._Ts, self._count = closed_form, Ts, count
-        self._poses: Indices | None = None
-
-    def rounds(self, counts: tuple[int, ...]) -> Iterator[Callable[[Indices], Vector]]:
-        """For each round, what gives the starts of the poses asked for."""
-        edges = np.minimum(np.cumsum((0, *counts)), self._count)
-        for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-            if first < end:
-                yield partial(self._of, first, end)
-
-    def _of(self, first: int, end: int, poses: Indices) -> Vector:
-        """The starts from `first` to `end` of poses, in a row; shape (m * (end - first), 7)."""
-        if self._poses is None:
-            self._poses = poses
-            self._starts = self._closed_form.starts(self._Ts[poses], self._count)
-        rows = np.searchsorted(self._poses, poses)
-        starts: Vector = self._starts[rows, first:end].reshape(-1, 7)
-        return starts
-
-
 def _best_of_each(found: Found, count: int) -> Found:
     """Of every `count` searches in a row the first valid one, else the one that came nearest."""
     if count == 1:
@@ -216,13 +201,3 @@ def _best_of_each(found: Found, count: int) -> Found:
         found.orientation_error_rad[best],
         found.iterations[best],
     )
-
-
-def _nearest(map_: NullSpaceMap, Ts: Vector, rank: int, poses: Indices) -> Vector:
-    starts: Vector = map_.setpoints[map_.nearest(Ts[poses])[:, rank]]
-    return starts
-
-
-def _own(starts: Vector, poses: Indices) -> Vector:
-    own: Vector = starts[poses]
-    return own

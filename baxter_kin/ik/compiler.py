@@ -1,8 +1,8 @@
 """CasADi functions as machine code, where a C compiler is found; never required.
 
 The C that CasADi generates is compiled once and kept in the user's cache directory
-(`$XDG_CACHE_HOME` or `~/.cache`, folder `baxter-kin`), under a name that is a hash of the function
-itself, so another model, version or compiler gets another file. Files are written under a
+(`$XDG_CACHE_HOME` or `~/.cache`, folder `baxter-kin`), under a name that is a hash of the functions
+themselves, so another model, version or compiler gets another file. Files are written under a
 temporary name and moved into place, and loaded only when their checksum is right: loading a
 truncated library would kill the interpreter. Whatever goes wrong, the answer is None and the
 virtual machine does the work.
@@ -17,6 +17,7 @@ import platform
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -39,22 +40,22 @@ _PROBES = 5
 log = logging.getLogger(__name__)
 
 
-def compiled(function: ca.Function) -> ca.Function | None:
-    """The same function as machine code; None without a compiler or when anything fails."""
+def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...] | None:
+    """The same functions as machine code; None without a compiler or when anything fails."""
     compiler = next(filter(None, map(shutil.which, COMPILERS)), None)
     if compiler is None:
         log.info("no C compiler found; using CasADi's virtual machine")
         return None
     try:
-        library = _cached_library(function, compiler)
-        external = ca.external(function.name(), str(library))
+        library = _cached_library(functions, compiler)
+        externals = tuple(ca.external(function.name(), str(library)) for function in functions)
     except (OSError, RuntimeError, subprocess.SubprocessError) as cause:
         log.warning("cannot compile the IK kernel (%s); using CasADi's virtual machine", cause)
         return None
-    if not _agrees(function, external):
+    if not all(map(_agree, functions, externals)):
         log.warning("the compiled IK kernel computes something else; using the virtual machine")
         return None
-    return external
+    return externals
 
 
 def cache_folder() -> Path:
@@ -63,18 +64,19 @@ def cache_folder() -> Path:
     return Path(root) / "baxter-kin"
 
 
-def _cached_library(function: ca.Function, compiler: str) -> Path:
-    library = cache_folder() / f"{_key(function, compiler)}.so"
+def _cached_library(functions: Sequence[ca.Function], compiler: str) -> Path:
+    library = cache_folder() / f"{_key(functions, compiler)}.so"
     if not _is_intact(library):
         library.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        _compile_into(library, function, compiler)
+        _compile_into(library, functions, compiler)
     return library
 
 
-def _key(function: ca.Function, compiler: str) -> str:
+def _key(functions: Sequence[ca.Function], compiler: str) -> str:
     """A hash of all that the machine code depends on."""
     machine = (platform.system(), platform.machine())
-    parts = (function.serialize(), version("casadi"), compiler, *FLAGS, *machine)
+    texts = (function.serialize() for function in functions)
+    parts = (*texts, version("casadi"), compiler, *FLAGS, *machine)
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
 
 
@@ -85,11 +87,11 @@ def _is_intact(library: Path) -> bool:
         return False
 
 
-def _compile_into(library: Path, function: ca.Function, compiler: str) -> None:
+def _compile_into(library: Path, functions: Sequence[ca.Function], compiler: str) -> None:
     """Compile beside the target, then move into place: checksum first, library second."""
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         source, output = Path(folder) / "kernel.c", Path(folder) / "kernel.so"
-        source.write_text(_source(function), "ascii")
+        source.write_text(_source(functions), "ascii")
         command = [compiler, *FLAGS, str(source), "-o", str(output), "-lm"]
         subprocess.run(command, check=True, capture_output=True, timeout=TIMEOUT_S)
         checksum = Path(folder) / "checksum"
@@ -98,9 +100,10 @@ def _compile_into(library: Path, function: ca.Function, compiler: str) -> None:
         os.replace(output, library)
 
 
-def _source(function: ca.Function) -> str:
-    generator = ca.CodeGenerator(function.name())
-    generator.add(function)
+def _source(functions: Sequence[ca.Function]) -> str:
+    generator = ca.CodeGenerator("kernel")
+    for function in functions:
+        generator.add(function)
     return str(generator.dump())
 
 
@@ -112,7 +115,7 @@ def _checksum_file(library: Path) -> Path:
     return library.with_suffix(".sha256")
 
 
-def _agrees(function: ca.Function, external: ca.Function) -> bool:
+def _agree(function: ca.Function, external: ca.Function) -> bool:
     """Whether both give the same on random inputs, shapes included."""
     shapes = [function.size_in(i) for i in range(function.n_in())]
     if shapes != [external.size_in(i) for i in range(external.n_in())]:

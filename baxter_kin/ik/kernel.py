@@ -69,18 +69,21 @@ def search_function(arm: Arm) -> ca.Function:
     """
     q_start, T, bounds = ca.MX.sym("q_start", 7), ca.MX.sym("T", 4, 4), ca.MX.sym("bounds", 14)
     q_clamped, is_valid = _input_check()(q_start, T, bounds)
-    q, outcome = _iterations(_step_function(arm))(q_clamped, T, bounds)
+    q, outcome = iterations_function(arm)(q_clamped, T, bounds)
     report = ca.vertcat(ca.logic_and(outcome[0], is_valid), outcome[1:], is_valid)
     return ca.Function("search", [q_start, T, bounds], [q, report])
 
 
-def _iterations(step: ca.Function) -> ca.Function:
+def iterations_function(arm: Arm) -> ca.Function:
     """`(q, T, bounds) -> (last iterate, (arrived, position error, orientation error, count))`.
+
+    Inputs as of `search_function`, not checked; `q` inside the bounds.
 
     Each iteration holds the rest of them behind a lazy switch, so that what comes after the last
     one needed costs nothing. After all of them the errors are measured once more, so that errors
     and iterate belong together.
     """
+    step = _step_function(arm)
     q, T, bounds = ca.MX.sym("q", 7), ca.MX.sym("T", 4, 4), ca.MX.sym("bounds", 14)
     _, *errors = step(q, T, bounds)
     outcome = ca.vertcat(_arrived(*errors), *errors, ITERATIONS + 1)

@@ -15,7 +15,7 @@ Twice it is the rotation vector, to first order.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import casadi as ca
@@ -26,10 +26,13 @@ from baxter_kin.arrays import Vector
 from baxter_kin.frames import angle_between, quaternion_xyzw
 from baxter_kin.ik.kernel import CONVERGED_M, CONVERGED_RAD
 from baxter_kin.ik.search import Backend, Found
+from baxter_kin.ik.seeds import NullSpaceMap
 from baxter_kin.model import Arm
 from baxter_kin.symbolic import SymbolicArm, quaternion_product
 
 MAX_ITERATIONS = 100
+
+_COLUMNS = tuple(field.name for field in fields(Found))
 
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -85,11 +88,11 @@ class IpoptSearcher:
 
     Attributes:
         backend: `IPOPT`.
-        fine_starts: how many starts computed with care are worth its time.
+        fine_rounds: how many starts computed with care it is given at once, round by round.
     """
 
     backend = Backend.IPOPT
-    fine_starts = 8
+    fine_rounds: tuple[int, ...] = (1,) * 8
 
     def __init__(self, arm: Arm) -> None:
         """Prepare the program's derivatives."""
@@ -101,6 +104,7 @@ class IpoptSearcher:
             "g": program.pose_error,
         }
         self._arm = arm
+        self._map = NullSpaceMap(arm)
         self._solve = ca.nlpsol("ik", "ipopt", nlp, _OPTIONS)
 
     def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
@@ -114,6 +118,22 @@ class IpoptSearcher:
         q, offset, angle, iterations = (np.array(column) for column in zip(*rows, strict=True))
         is_valid = (offset <= CONVERGED_M) & (angle <= CONVERGED_RAD)
         return Found(q, is_valid, offset, angle, iterations)
+
+    def search_from_map(self, Ts: Vector) -> Found:
+        """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
+        nearest = self._map.nearest(Ts)
+        found = [
+            self._first(self._map.setpoints[row], T) for row, T in zip(nearest, Ts, strict=True)
+        ]
+        return Found(*(np.concatenate([getattr(one, name) for one in found]) for name in _COLUMNS))
+
+    def _first(self, q_starts: Vector, T: Vector) -> Found:
+        """The first that converges, else the last."""
+        for q_start in q_starts:
+            found = self.search(q_start[None], T[None])
+            if found.is_valid[0]:
+                break
+        return found
 
     def _search(
         self, q_start: Vector, T: pin.SE3, low: Vector, high: Vector

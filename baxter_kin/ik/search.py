@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,14 +20,16 @@ from baxter_kin.arrays import Vector
 from baxter_kin.errors import UnknownNameError
 from baxter_kin.ik.compiler import compiled
 from baxter_kin.ik.kernel import bounds_of, search_function
-from baxter_kin.ik.seeds import FINE_STARTS
+from baxter_kin.ik.restarts import map_search_function
+from baxter_kin.ik.seeds import NullSpaceMap
 from baxter_kin.model import Arm
 
 LANES = (1, 16, 64, 256)
 """How many searches one call does in a row. Calls of the largest run side by side; what remains
 goes into the smallest that holds it, filled up with searches that end at once."""
 
-_BOUNDS = 2  # the input of the search function that all lanes share
+FINE_ROUNDS = (2, 2, 4, 8, 16, 32, 64, 128)
+"""Few poses get there, and all but one of 100,000 at joint limits were solved by the first 128."""
 
 
 class Backend(str, Enum):
@@ -77,14 +79,17 @@ class Search(Protocol):
 
     Attributes:
         backend: where.
-        fine_starts: how many starts computed with care are worth its time.
+        fine_rounds: how many starts computed with care it is given at once, round by round.
     """
 
     backend: Backend
-    fine_starts: int
+    fine_rounds: tuple[int, ...]
 
     def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
         """Searches from starts, shape (m, 7), for poses, shape (m, 4, 4), within bounds, (14,)."""
+
+    def search_from_map(self, Ts: Vector) -> Found:
+        """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
 
 
 class Searcher:
@@ -92,41 +97,31 @@ class Searcher:
 
     Attributes:
         backend: where it runs: `COMPILED` or `CASADI`.
-        fine_starts: how many starts computed with care are worth its time.
+        fine_rounds: how many starts computed with care it is given at once, round by round.
     """
 
-    fine_starts = FINE_STARTS
+    fine_rounds: tuple[int, ...] = FINE_ROUNDS
 
-    def __init__(
-        self, function: ca.Function, bounds: Vector, backend: Backend, filler: tuple[Vector, Vector]
-    ) -> None:
-        """Wrap a search function, as `baxter_kin.ik.kernel` makes them.
-
-        Args:
-            function: the search.
-            bounds: the joint limits, shape (14,), rad.
-            backend: what evaluates it.
-            filler: a configuration, (7,), and its pose, (4, 4): a search that ends at once.
-        """
+    def __init__(self, arm: Arm, functions: Sequence[ca.Function], backend: Backend) -> None:
+        """Wrap the functions of `baxter_kin.ik.kernel` and `baxter_kin.ik.restarts`."""
         self.backend = backend
-        self._bounds = bounds
-        self._desk = _Desk(function, bounds)
-        self._mapped = {
-            lanes: function.map(f"{function.name()}_{lanes}", "serial", lanes, [_BOUNDS], [])
-            for lanes in LANES
-        }
-        self._filler = filler
+        self._bounds = bounds_of(arm)
+        pose = arm.T_base_tip(arm.neutral).homogeneous
+        search, map_search = functions
+        self._desk = _Desk(search, (np.zeros(7), np.zeros(16)), self._bounds)
+        self._map_desk = _Desk(map_search, (np.zeros(16),), self._bounds)
+        self._many = _Lanes(search, (arm.neutral, pose))
+        self._many_from_map = _Lanes(map_search, (pose,))
 
     @classmethod
     def of(cls, arm: Arm, backend: str | Backend = Backend.AUTO) -> Searcher:
         """The search of an arm; without a working compiler it runs in the virtual machine."""
         wanted = Backend.of(backend)
-        function = search_function(arm)
-        filler = arm.neutral, arm.T_base_tip(arm.neutral).homogeneous
-        machine_code = None if wanted is Backend.CASADI else compiled(function)
+        functions = search_function(arm), map_search_function(arm, NullSpaceMap(arm))
+        machine_code = None if wanted is Backend.CASADI else compiled(functions)
         if machine_code is None:
-            return cls(function, bounds_of(arm), Backend.CASADI, filler)
-        return cls(machine_code, bounds_of(arm), Backend.COMPILED, filler)
+            return cls(arm, functions, Backend.CASADI)
+        return cls(arm, machine_code, Backend.COMPILED)
 
     def search_one(self, q_start: Vector, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
         """One search, with nothing checked and nothing copied.
@@ -140,7 +135,14 @@ class Searcher:
             are overwritten by the next search of this thread.
         """
         desk = self._desk
-        desk.q_start[:] = q_start
+        desk.inputs[0][:] = q_start
+        desk.T[:] = T_base_tip.homogeneous
+        desk.run()
+        return desk.q, desk.report
+
+    def search_one_from_map(self, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
+        """The same from the nearest setpoints; the pose must be valid."""
+        desk = self._map_desk
         desk.T[:] = T_base_tip.homogeneous
         desk.run()
         return desk.q, desk.report
@@ -153,24 +155,57 @@ class Searcher:
             Ts: poses as matrices, shape (m, 4, 4).
             bounds: others than the joint limits, shape (14,), rad.
         """
-        within = self._bounds if bounds is None else bounds
-        most = LANES[-1]
-        parts = [slice(at, at + most) for at in range(0, len(q_starts), most)]
+        return self._many((q_starts, Ts), self._bounds if bounds is None else bounds)
+
+    def search_from_map(self, Ts: Vector) -> Found:
+        """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
+        return self._many_from_map((Ts,), self._bounds)
+
+
+class _Lanes:
+    """A search function for many requests at a time."""
+
+    def __init__(self, function: ca.Function, filler: tuple[Vector, ...]) -> None:
+        """Prepare it.
+
+        Args:
+            function: with bounds as its last input, which all requests share.
+            filler: its other inputs, such that it ends at once.
+        """
+        shared = function.n_in() - 1
+        self._filler = filler
+        self._mapped = {
+            lanes: function.map(f"{function.name()}_{lanes}", "serial", lanes, [shared], [])
+            for lanes in LANES
+        }
+
+    def __call__(self, inputs: tuple[Vector, ...], bounds: Vector) -> Found:
+        """What it finds for inputs of shape (m, ...) each."""
+        count, most = len(inputs[0]), LANES[-1]
+        parts = [slice(at, at + most) for at in range(0, count, most)]
         with _side_by_side(len(parts)) as each:
-            found = each(lambda part: self._run(q_starts[part], Ts[part], within), parts)
+            found = each(lambda part: self._run([x[part] for x in inputs], bounds), parts)
             q, report = (np.concatenate(column) for column in zip(*found, strict=True))
         return Found(q, report[:, 0] == 1.0, report[:, 1], report[:, 2], report[:, 3])
 
-    def _run(self, q_starts: Vector, Ts: Vector, bounds: Vector) -> tuple[Vector, Vector]:
-        """One call: iterates and reports of at most as many searches as the largest has lanes."""
-        count = len(q_starts)
+    def _run(self, inputs: list[Vector], bounds: Vector) -> tuple[Vector, Vector]:
+        """One call, for at most as many requests as the largest has lanes."""
+        count = len(inputs[0])
         lanes = next(lanes for lanes in LANES if lanes >= count)
-        q, poses = (np.empty((lanes, *shape)) for shape in ((7,), (4, 4)))
-        q[:count], poses[:count] = q_starts, Ts
-        q[count:], poses[count:] = self._filler
-        matrix = poses.transpose(1, 0, 2).reshape(4, 4 * lanes)
-        q_found, report = self._mapped[lanes](q.T, matrix, bounds)
-        return np.array(q_found).T[:count], np.array(report).T[:count]
+        columns = []
+        for given, filler in zip(inputs, self._filler, strict=True):
+            padded = np.empty((lanes, *filler.shape))
+            padded[:count], padded[count:] = given, filler
+            columns.append(_side_by_side_columns(padded))
+        q, report = self._mapped[lanes](*columns, bounds)
+        return np.array(q).T[:count], np.array(report).T[:count]
+
+
+def _side_by_side_columns(values: Vector) -> Vector:
+    """Vectors (m, n) as the columns of (n, m), matrices (m, 4, 4) side by side as (4, 4 m)."""
+    if values.ndim == 2:
+        return values.T
+    return values.transpose(1, 0, 2).reshape(4, -1)
 
 
 @contextmanager
@@ -188,15 +223,23 @@ def _side_by_side(count: int) -> Iterator[Callable[..., Iterable[Any]]]:
 
 
 class _Desk(threading.local):
-    """Memory that CasADi reads and writes directly, one for each thread."""
+    """Memory that CasADi reads and writes directly, one for each thread.
 
-    def __init__(self, function: ca.Function, bounds: Vector) -> None:
-        self.q_start, self.q, self.report = np.zeros(7), np.zeros(7), np.zeros(5)
-        pose = np.zeros(16)
-        self.T = pose.reshape(4, 4, order="F")
+    Attributes:
+        inputs: what the function is given, but for the bounds.
+        T: the last of them, the pose, as a matrix.
+        q: what it finds, shape (7,), rad.
+        report: shape (5,).
+        run: evaluates the function.
+    """
+
+    def __init__(self, function: ca.Function, inputs: tuple[Vector, ...], bounds: Vector) -> None:
+        self.inputs = tuple(array.copy() for array in inputs)
+        self.T = self.inputs[-1].reshape(4, 4, order="F")
+        self.q, self.report = np.zeros(7), np.zeros(5)
         self._bounds = bounds.copy()
         self._buffer, self.run = function.buffer()
-        for index, array in enumerate((self.q_start, pose, self._bounds)):
+        for index, array in enumerate((*self.inputs, self._bounds)):
             self._buffer.set_arg(index, array.data)  # type: ignore[call-arg]  # wants no size
         for index, array in enumerate((self.q, self.report)):
             self._buffer.set_res(index, array.data)  # type: ignore[call-arg]  # neither here

@@ -33,13 +33,6 @@ map, which is chosen by the pose, makes better restarts."""
 MAP_STARTS = 12
 """Setpoints tried, nearest first. They leave 4 of 1,000 uniform poses unsolved."""
 
-COARSE_STARTS = 8
-"""Starts computed for the pose, tried after the setpoints. The first solves 98 of 100 of the
-uniform poses that are left."""
-
-FINE_STARTS = 256
-"""Starts computed with more care, tried last."""
-
 
 class SeedMode(IntEnum):
     """Which seeds a request allows."""
@@ -122,6 +115,16 @@ class NullSpaceMap:
         """The stored configurations, shape (n, 7), rad."""
         return self._table[1]
 
+    @property
+    def middles(self) -> Vector:
+        """The middles of the regions they are stored for, as pose features, shape (n, 12), m."""
+        return self._table[0]
+
+    @property
+    def size(self) -> int:
+        """How many setpoints there are."""
+        return len(self.setpoints)
+
     def nearest(self, Ts: Vector) -> Indices:
         """The setpoints whose regions are nearest to poses, nearest first.
 
@@ -131,8 +134,7 @@ class NullSpaceMap:
         Returns:
             Indices, shape (m, `MAP_STARTS`).
         """
-        middles, _ = self._table
-        distances = self._squares - 2 * (pose_features(Ts) @ middles.T)
+        distances = self._squares - 2 * (pose_features(Ts) @ self.middles.T)
         order: Indices = distances.argsort(axis=1)[:, :MAP_STARTS]
         return order
 
@@ -146,14 +148,9 @@ class NullSpaceMap:
         """Computes starts in one or two milliseconds: 0.07 rad apart in s0, all rolls."""
         return ClosedForm(self._arm, turns=48, rolls=4)
 
-    def first_starts(self, T: Vector) -> Iterator[Vector]:
-        """The nearest setpoints of one pose, shape (4, 4), then the coarse starts."""
-        yield from self.setpoints[self.nearest(T[None])[0]]
-        yield from self.coarse.starts(T[None], COARSE_STARTS)[0]
-
     @cached_property
     def _squares(self) -> Vector:
-        squares: Vector = (self._table[0] ** 2).sum(axis=1)
+        squares: Vector = (self.middles**2).sum(axis=1)
         return squares
 
     @cached_property

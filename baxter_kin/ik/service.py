@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from baxter_kin.arrays import Vector, float_array
 from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
-from baxter_kin.ik.batch import ROUNDS_BEFORE_GLANCE, Batch
+from baxter_kin.ik.batch import COARSE_ROUNDS, Batch
 from baxter_kin.ik.explanation import Explainer
 from baxter_kin.ik.kernel import SEED_TOLERANCE_RAD
 from baxter_kin.ik.objectives import Objective, best_on
@@ -62,7 +62,6 @@ class IKService:
         self.backend = self._search.backend
         self._null_space_map = NullSpaceMap(arm)
         self._explainer = Explainer(arm, self._search, self._null_space_map)
-        self._glance = self._explainer.are_out_of_reach_at_a_glance
 
     def solve(
         self,
@@ -109,7 +108,9 @@ class IKService:
         """The first solution that is found, or why there is none."""
         if mode is SeedMode.AUTO and self._quick is not None and isinstance(T_base_tip, pin.SE3):
             result = None
-            if current is None and isinstance(seed, np.ndarray):
+            if current is None and seed is None:
+                result = self._from_map(self._quick, checked_pose(T_base_tip))
+            elif current is None and isinstance(seed, np.ndarray):
                 result = self._short_cut(self._quick, T_base_tip, seed, SeedType.USER)
             elif seed is None and isinstance(current, np.ndarray):
                 result = self._short_cut(self._quick, T_base_tip, current, SeedType.CURRENT)
@@ -192,15 +193,23 @@ class IKService:
             return IKResult.trusted(self.arm.joint_names, q.copy(), seed_type, (offset, angle))
         if is_valid_input != 1.0:
             return None
-        T = T_base_tip.homogeneous
-        for rounds, q_start in enumerate(self._null_space_map.first_starts(T), start=1):
-            if rounds == ROUNDS_BEFORE_GLANCE and self._glance(T[None]).any():
-                return None
+        return self._from_map(searcher, T_base_tip)
+
+    def _from_map(self, searcher: Searcher, T_base_tip: pin.SE3) -> IKResult | None:
+        """The same without a seed; the pose must be valid."""
+        names, seed_type = self.arm.joint_names, SeedType.NS_MAP
+        q, report = searcher.search_one_from_map(T_base_tip)
+        is_solved, offset, angle, _, _ = report.tolist()
+        if is_solved == 1.0:
+            return IKResult.trusted(names, q.copy(), seed_type, (offset, angle))
+        Ts = T_base_tip.homogeneous[None]
+        if self._explainer.are_out_of_reach_at_a_glance(Ts).any():
+            return None
+        for q_start in self._null_space_map.coarse.starts(Ts, sum(COARSE_ROUNDS))[0]:
             q, report = searcher.search_one(q_start, T_base_tip)
             is_solved, offset, angle, _, _ = report.tolist()
             if is_solved == 1.0:
-                names = self.arm.joint_names
-                return IKResult.trusted(names, q.copy(), SeedType.NS_MAP, (offset, angle))
+                return IKResult.trusted(names, q.copy(), seed_type, (offset, angle))
         return None
 
     def _best(self, result: IKResult, T_base_tip: pin.SE3, objective: Objective) -> IKResult:

@@ -13,6 +13,8 @@ from baxter_kin import Arm
 from baxter_kin.ik import compiler
 from baxter_kin.ik.compiler import cache_folder, compiled
 from baxter_kin.ik.kernel import bounds_of, search_function
+from baxter_kin.ik.restarts import map_search_function
+from baxter_kin.ik.seeds import NullSpaceMap
 
 
 @pytest.fixture
@@ -28,9 +30,9 @@ def square() -> ca.Function:
     return ca.Function("square", [x], [x * x, ca.sum1(x)])
 
 
-def value(function: ca.Function | None) -> list[float]:
-    assert function is not None
-    squares, total = function([3.0, 4.0])
+def value(functions: tuple[ca.Function, ...] | None) -> list[float]:
+    assert functions is not None
+    squares, total = functions[0]([3.0, 4.0])
     return [*np.array(squares).ravel(), float(total)]
 
 
@@ -39,33 +41,44 @@ def libraries(cache: Path) -> list[Path]:
 
 
 def test_machine_code_computes_the_same(cache: Path, square: ca.Function) -> None:
-    assert value(compiled(square)) == [9.0, 16.0, 7.0]
+    assert value(compiled([square])) == [9.0, 16.0, 7.0]
     assert len(libraries(cache)) == 1
 
 
-def test_the_search_gives_the_same_bits_as_the_virtual_machine(cache: Path, left: Arm) -> None:
-    function = search_function(left)
-    machine_code = compiled(function)
+def test_several_functions_share_a_library(cache: Path, square: ca.Function) -> None:
+    x = ca.SX.sym("x", 2)
+    both = compiled([square, ca.Function("cubes", [x], [x**3, x])])
+    assert value(both) == [9.0, 16.0, 7.0]
+    assert both is not None
+    assert np.array(both[1]([1.0, 2.0])[0]).ravel().tolist() == [1.0, 8.0]
+    assert len(libraries(cache)) == 1
+
+
+def test_searches_give_the_same_as_in_the_virtual_machine(cache: Path, left: Arm) -> None:
+    functions = search_function(left), map_search_function(left, NullSpaceMap(left))
+    machine_code = compiled(functions)
     assert machine_code is not None
     rng = np.random.default_rng(0)
     for _ in range(50):
         T = left.T_base_tip(left.random_configuration(rng)).homogeneous
         inputs = (left.random_configuration(rng), T, bounds_of(left))
-        for expected, found in zip(function(*inputs), machine_code(*inputs), strict=True):
-            np.testing.assert_allclose(np.array(found), np.array(expected), atol=1e-9)
+        for i, function in enumerate(functions):
+            both = function(*inputs[i:]), machine_code[i](*inputs[i:])
+            for expected, found in zip(*both, strict=True):
+                np.testing.assert_allclose(np.array(found), np.array(expected), atol=1e-9)
 
 
 def test_second_time_the_cached_library_is_used(cache: Path, square: ca.Function) -> None:
-    compiled(square)
+    compiled([square])
     written = libraries(cache)[0].stat().st_mtime_ns
-    assert value(compiled(square)) == [9.0, 16.0, 7.0]
+    assert value(compiled([square])) == [9.0, 16.0, 7.0]
     assert libraries(cache)[0].stat().st_mtime_ns == written
 
 
 def test_another_function_gets_another_file(cache: Path, square: ca.Function) -> None:
     x = ca.SX.sym("x", 2)
-    compiled(square)
-    compiled(ca.Function("square", [x], [x * x * x, ca.sum1(x)]))
+    compiled([square])
+    compiled([ca.Function("square", [x], [x * x * x, ca.sum1(x)])])
     assert len(libraries(cache)) == 2
 
 
@@ -74,17 +87,17 @@ def test_damaged_library_is_compiled_anew(
     cache: Path, square: ca.Function, damage: bytes | None
 ) -> None:
     """Loading a truncated one would kill the interpreter."""
-    compiled(square)
+    compiled([square])
     library = libraries(cache)[0]
     intact = library.read_bytes()
     library.unlink()  # it is mapped into this process; never write into it
     library.write_bytes(intact[: len(intact) // 2] if damage is None else damage)
-    assert value(compiled(square)) == [9.0, 16.0, 7.0]
+    assert value(compiled([square])) == [9.0, 16.0, 7.0]
     assert len(libraries(cache)[0].read_bytes()) == len(intact)
 
 
 def test_nothing_but_libraries_and_checksums_is_left(cache: Path, square: ca.Function) -> None:
-    compiled(square)
+    compiled([square])
     assert {path.suffix for path in cache.iterdir()} == {".so", ".sha256"}
 
 
@@ -92,7 +105,7 @@ def test_without_a_compiler_there_is_none(
     cache: Path, square: ca.Function, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PATH", str(cache))
-    assert compiled(square) is None
+    assert compiled([square]) is None
 
 
 def test_a_compiler_that_fails_is_reported_and_not_fatal(
@@ -108,7 +121,7 @@ def test_a_compiler_that_fails_is_reported_and_not_fatal(
     broken.chmod(broken.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setenv("PATH", f"{broken.parent}{os.pathsep}{os.environ['PATH']}")
     with caplog.at_level(logging.WARNING):
-        assert compiled(square) is None
+        assert compiled([square]) is None
     assert "using CasADi's virtual machine" in caplog.text
     assert libraries(cache) == []
 
@@ -119,7 +132,7 @@ def test_a_cache_that_cannot_be_written_is_not_fatal(
     blocked = tmp_path / "file"
     blocked.write_text("not a folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
-    assert compiled(square) is None
+    assert compiled([square]) is None
 
 
 def test_machine_code_that_disagrees_is_not_used(
@@ -128,7 +141,7 @@ def test_machine_code_that_disagrees_is_not_used(
     x = ca.SX.sym("x", 2)
     other = ca.Function("square", [x], [x * x + 1e-6, ca.sum1(x)])
     monkeypatch.setattr(compiler, "_source", lambda _: _dump(other))
-    assert compiled(square) is None
+    assert compiled([square]) is None
 
 
 def _dump(function: ca.Function) -> str:

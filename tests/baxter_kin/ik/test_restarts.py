@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from baxter_kin import Arm
+from baxter_kin.ik.kernel import ITERATIONS, bounds_of, search_function
+from baxter_kin.ik.restarts import map_search_function
+from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
+
+
+@pytest.fixture(scope="module")
+def map_search(left: Arm) -> ca.Function:
+    return map_search_function(left, NullSpaceMap(left))
+
+
+def run(function: ca.Function, *inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    q, report = (np.array(x).ravel() for x in function(*inputs))
+    return q, report
+
+
+def one_by_one(search: ca.Function, arm: Arm, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What the search finds from the nearest setpoints, with the map in NumPy."""
+    map_ = NullSpaceMap(arm)
+    best_q, best, iterations, starts = np.zeros(7), np.full(2, np.inf), 0, 0
+    for index in map_.nearest(T[None])[0]:
+        q, report = run(search, map_.setpoints[index], T, bounds_of(arm))
+        iterations, starts = iterations + int(report[3]), starts + 1
+        if report[1] + report[2] < best.sum():
+            best_q, best = q, report[1:3]
+        if report[0] == 1.0:
+            break
+    return best_q, np.array([report[0], *best, iterations, starts])
+
+
+def test_it_is_the_search_from_one_setpoint_after_the_other(
+    left: Arm, map_search: ca.Function
+) -> None:
+    rng, search = np.random.default_rng(1), search_function(left)
+    starts = set()
+    for _ in range(150):
+        T = left.T_base_tip(left.random_configuration(rng)).homogeneous
+        q, report = run(map_search, T, bounds_of(left))
+        expected_q, expected = one_by_one(search, left, T)
+        np.testing.assert_array_equal(q, expected_q)
+        np.testing.assert_array_equal(report, expected)
+        starts.add(int(report[4]))
+    assert {1, 2, 3} <= starts
+
+
+def test_when_all_fail_the_nearest_iterate_is_kept(left: Arm, map_search: ca.Function) -> None:
+    T = np.eye(4)
+    T[:3, 3] = 1.6, 0.0, 0.5
+    q, report = run(map_search, T, bounds_of(left))
+    expected_q, expected = one_by_one(search_function(left), left, T)
+    np.testing.assert_array_equal(q, expected_q)
+    np.testing.assert_array_equal(report, expected)
+    assert report[0] == 0.0
+    assert report[4] == MAP_STARTS
+    assert report[3] == MAP_STARTS * (ITERATIONS + 1)
