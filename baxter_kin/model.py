@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 from baxter_kin.arrays import Vector, finite_array
 from baxter_kin.description import RobotDescription
 from baxter_kin.errors import ConfigurationError, DescriptionError, UnknownNameError, expect
+from baxter_kin.frames import checked_pose
 from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, JointLimits
 
 LIMBS = ("left", "right")
@@ -45,7 +47,7 @@ class Arm:
         limits: what the joints may do.
         neutral: Rethink's neutral pose, shape (7,), rad.
         start: where the pick-and-place demo starts, shape (7,), rad.
-        tip_frame: the link whose pose is controlled, "<side>_gripper".
+        tip_frame: the frame whose pose is controlled; "<side>_gripper" unless made by `with_tip`.
         model: the arm alone as a `pinocchio.Model`; the rest of the robot is locked.
     """
 
@@ -61,11 +63,58 @@ class Arm:
         self.neutral = finite_array(_NEUTRAL, (7,), "neutral", ConfigurationError)
         self.start = finite_array(sign * _LEFT_START, (7,), "start", ConfigurationError)
         self._tip_id = self.model.getFrameId(self.tip_frame)
+        self._hand_frames = _frames_of_hand(robot_model, self.joint_names[-1])
         self._workspace = _Workspace(self.model)
 
     def __repr__(self) -> str:
-        """Name the arm."""
-        return f"Arm({self.side!r})"
+        """Name the arm, and its tip where that is not the gripper."""
+        tip = "" if self.tip_frame == self.gripper_frame else f", tip={self.tip_frame!r}"
+        return f"Arm({self.side!r}{tip})"
+
+    @property
+    def gripper_frame(self) -> str:
+        """The link between the finger tips, which is the tip unless another was chosen."""
+        return f"{self.side}_gripper"
+
+    @property
+    def at_gripper(self) -> Arm:
+        """The same arm with the gripper as its tip."""
+        return self if self.tip_frame == self.gripper_frame else self.with_tip(self.gripper_frame)
+
+    @property
+    def T_gripper_tip(self) -> pin.SE3:
+        """The tip seen from the gripper; the identity unless another tip was chosen."""
+        gripper = self.model.frames[self.model.getFrameId(self.gripper_frame)].placement
+        return gripper.actInv(self.model.frames[self._tip_id].placement)
+
+    def with_tip(self, tip: str | pin.SE3, name: str = "tool") -> Arm:
+        """The same arm with another tip, of which kinematics, IK and self-motion then speak.
+
+        Args:
+            tip: a frame of the last link, such as "left_hand" or "left_hand_camera", or the pose of
+                a tool's tip seen from the gripper.
+            name: what to call the frame of a tool.
+
+        Raises:
+            UnknownNameError: when the last link has no such frame.
+            PoseError: when the pose is none.
+            ConfigurationError: when a frame of the tool's name exists.
+        """
+        arm = copy(self)
+        if isinstance(tip, str):
+            arm.tip_frame = self._frame_of_hand(tip)
+        else:
+            arm.model, arm.tip_frame = _with_tool(self, checked_pose(tip), name), name
+        arm._tip_id = arm.model.getFrameId(arm.tip_frame)
+        arm._workspace = _Workspace(arm.model)
+        return arm
+
+    def _frame_of_hand(self, name: str) -> str:
+        """A frame that is fixed to the last link; the URDF ends most of their names in "_link"."""
+        full = {name, f"{name}_link"} & set(self._hand_frames)
+        if not full:
+            raise UnknownNameError(f"frame of the {self.side} hand", name, self._hand_frames)
+        return full.pop()
 
     def T_base_tip(self, q: ArrayLike) -> pin.SE3:
         """Forward kinematics: the pose of the tip seen from base.
@@ -208,6 +257,25 @@ class Baxter:
             if not isinstance(name, str) or name not in positions:
                 raise UnknownNameError("joint", name, self.joint_names)
         return tuple(positions[name] for name in names)
+
+
+def _frames_of_hand(robot_model: pin.Model, wrist_joint: str) -> tuple[str, ...]:
+    """The links that the last joint turns; not the fingers, which have joints of their own."""
+    last, link = robot_model.getJointId(wrist_joint), pin.FrameType.BODY
+    frames = robot_model.frames
+    return tuple(str(f.name) for f in frames if f.parentJoint == last and f.type == link)
+
+
+def _with_tool(arm: Arm, T_gripper_tip: pin.SE3, name: str) -> pin.Model:
+    """The arm's model with one more frame."""
+    if not isinstance(name, str) or not name or arm.model.existFrame(name):
+        raise ConfigurationError(f"a tool needs a name that no other frame has, not {name!r}")
+    model = pin.Model(arm.model)
+    gripper = model.frames[model.getFrameId(arm.gripper_frame)]
+    placement = gripper.placement * T_gripper_tip
+    frame = pin.Frame(name, gripper.parentJoint, placement, pin.FrameType.OP_FRAME)
+    model.addFrame(frame, False)
+    return model
 
 
 class _Workspace(threading.local):

@@ -15,6 +15,7 @@ from baxter_kin.ik.search import Backend
 from baxter_kin.ik.seeds import SeedMode, SeedType
 from baxter_kin.ik.self_motion import SelfMotion, trace_self_motion
 from baxter_kin.ik.service import IKService
+from baxter_kin.ik.tolerance import Tolerance
 
 __all__ = [
     "Backend",
@@ -29,6 +30,7 @@ __all__ = [
     "SeedMode",
     "SeedType",
     "SelfMotion",
+    "Tolerance",
     "TowardsGoal",
     "best_on",
     "distinct_solutions",

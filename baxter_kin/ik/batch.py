@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
-from baxter_kin.ik.closed_form import ClosedForm
 from baxter_kin.ik.explanation import Attempt, Explainer
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M, IKResult
 from baxter_kin.ik.search import Found, Search
 from baxter_kin.ik.seeds import (
     MAP_STARTS,
     SEED_STARTS,
-    NullSpaceMap,
+    ComputedStarts,
     SeedMode,
     SeedType,
+    Starts,
     starts_around,
 )
 from baxter_kin.model import Arm
@@ -63,14 +63,27 @@ class Batch:
         self._starts = np.zeros((count, len(SeedType)), dtype=np.intp)
         self._is_hopeless = np.zeros(count, dtype=np.bool_)
 
-    def solve(self, arm: Arm, search: Search, map_: NullSpaceMap, explainer: Explainer) -> None:
+    def solve(self, arm: Arm, search: Search, starts: Starts, explainer: Explainer) -> None:
         """Search until every pose is solved, proven out of reach, or out of starts."""
         for seed_type in self._mode.seed_types:
             if seed_type is SeedType.NS_MAP:
-                self._search_from_map(search, map_, explainer)
+                self._search_from_map(search, starts, explainer)
             elif seed_type in self._seeds:
                 self._search_from_seeds(arm, search, seed_type)
         self._polish(search)
+
+    def solve_as_last_resort(self, search: Search) -> None:
+        """One more search, from the best attempt at each pose that is left."""
+        poses = self._open(self._starts.sum(axis=1) > 0)
+        if poses.size:
+            seed_types = self._best_type[poses]
+            self._starts[poses, seed_types] += 1
+            self._take(poses, seed_types, search.search(self._q[poses], self._Ts[poses]))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a pose is left that was tried and is neither solved nor hopeless."""
+        return bool(self._open(self._starts.sum(axis=1) > 0).size)
 
     def results(self, arm: Arm, explainer: Explainer) -> Iterator[IKResult]:
         """What came of each pose, in order."""
@@ -91,7 +104,7 @@ class Batch:
             poses = self._open(has_seed)
             self._try(poses, seed_type, search, starts[poses], 1)
 
-    def _search_from_map(self, search: Search, map_: NullSpaceMap, explainer: Explainer) -> None:
+    def _search_from_map(self, search: Search, starts: Starts, explainer: Explainer) -> None:
         """From the setpoints, then from what is computed coarsely, then with care."""
         self._give_up(explainer.are_out_of_reach_at_a_glance)
         poses = self._open()
@@ -99,18 +112,18 @@ class Batch:
             self._starts[poses, SeedType.NS_MAP] += MAP_STARTS
             self._take(poses, SeedType.NS_MAP, search.search_from_map(self._Ts[poses]))
         self._give_up(explainer.are_out_of_reach_at_a_glance)
-        self._search_from_computed(map_.coarse, COARSE_ROUNDS, search)
+        self._search_from_computed(starts.coarse, COARSE_ROUNDS, search)
         self._give_up(explainer.are_out_of_reach)
-        self._search_from_computed(map_.fine, search.fine_rounds, search)
+        self._search_from_computed(starts.fine, search.fine_rounds, search)
 
     def _search_from_computed(
-        self, closed_form: ClosedForm, rounds: tuple[int, ...], search: Search
+        self, computed: ComputedStarts, rounds: tuple[int, ...], search: Search
     ) -> None:
         """A round gives every pose as many starts; more of them as fewer poses are left."""
         first = self._open()
         if not first.size:
             return
-        starts = closed_form.starts(self._Ts[first], sum(rounds))
+        starts = computed.starts(self._Ts[first], sum(rounds))
         edges = np.cumsum((0, *rounds)).tolist()
         for begin, end in pairwise(edges):
             poses = self._open()
@@ -137,7 +150,7 @@ class Batch:
         And not steadily, so each goes on from where it last was, better or worse.
         """
         is_near = (self._offset <= NEAR_M) & (self._angle <= NEAR_RAD)
-        poses = np.flatnonzero(is_near & (self._seed_type == SeedType.INVALID))
+        poses = self._open(is_near)
         q = self._q[poses]
         for _ in range(POLISH_ROUNDS):
             if not poses.size:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
-from baxter_kin.frames import angle_between
-from baxter_kin.ik.reach import ReachBound
+from baxter_kin.ik.reach import ReachProof
 from baxter_kin.ik.result import IKFailure
 from baxter_kin.ik.search import Search
-from baxter_kin.ik.seeds import NullSpaceMap, SeedType
+from baxter_kin.ik.seeds import SeedType, Starts
+from baxter_kin.ik.tolerance import Tolerance
 from baxter_kin.model import Arm
 
 AT_LIMIT_RAD = 1e-6
@@ -39,15 +40,28 @@ class Attempt:
     starts: Mapping[SeedType, int]
 
 
-class Explainer:
-    """Finds the reason, for one arm."""
+class Reach(Protocol):
+    """What proves that poses are out of reach."""
 
-    def __init__(self, arm: Arm, search: Search, map_: NullSpaceMap) -> None:
-        """Prepare the proofs."""
+    def proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
+        """Why a pose is, or None."""
+
+    def are_outside_shells(self, Ts: Vector) -> NDArray[np.bool_]:
+        """Which poses, shape (m, 4, 4), are so far away that it is proven in no time."""
+
+
+class Explainer:
+    """Finds the reason, for one arm and what is asked of its tip."""
+
+    def __init__(
+        self, arm: Arm, search: Search, starts: Starts, reach: Reach, tolerance: Tolerance
+    ) -> None:
+        """Take what it asks."""
         self._arm = arm
         self._search = search
-        self._map = map_
-        self._reach = ReachBound(arm)
+        self._starts = starts
+        self._reach = reach
+        self._tolerance = tolerance
         self._unlimited = np.repeat([-np.pi, np.pi], 7)
 
     def are_out_of_reach_at_a_glance(self, Ts: Vector) -> NDArray[np.bool_]:
@@ -60,14 +74,14 @@ class Explainer:
 
     def measured(self, T: Vector, q: Vector) -> Attempt:
         """A configuration that was not searched for, with its errors."""
-        pose, reached = _se3(T), self._arm.T_base_tip(q)
-        offset = float(np.linalg.norm(reached.translation - pose.translation))
-        return Attempt(T, q, offset, angle_between(pose.rotation, reached.rotation), {})
+        offset, angle = self._tolerance.excess(_se3(T), self._arm.T_base_tip(q))
+        return Attempt(T, q, offset, angle, {})
 
     def why(self, attempt: Attempt, mode_name: str) -> IKFailure:
         """The reason why a pose has no solution."""
         x, y, z = attempt.T[:3, 3]
-        pose = f"the pose at ({x:.3f}, {y:.3f}, {z:.3f}) m in base"
+        what = "position" if self._tolerance.is_position_only else "pose at"
+        pose = f"the {what} ({x:.3f}, {y:.3f}, {z:.3f}) m in base"
         proof = self._reach.proof(_se3(attempt.T))
         if proof is not None:
             reason = f"{pose} is proven out of reach: {proof.text}"
@@ -104,7 +118,7 @@ class Explainer:
         Of a few solutions without limits, the least excessive counts. Empty when there is none.
         """
         Ts = T[None]
-        starts = self._map.setpoints[self._map.nearest(Ts)[0]]
+        starts = self._starts.setpoints[self._starts.nearest(Ts)[0]]
         found = self._search.search(starts, np.tile(Ts, (len(starts), 1, 1)), self._unlimited)
         limits = self._arm.limits
         solutions = found.q[found.is_valid]

@@ -68,26 +68,27 @@ def search_function(arm: Arm) -> ca.Function:
     `SEED_TOLERANCE_RAD`.
     """
     q_start, T, bounds = ca.MX.sym("q_start", 7), ca.MX.sym("T", 4, 4), ca.MX.sym("bounds", 14)
-    q_clamped, is_valid = _input_check()(q_start, T, bounds)
-    q, outcome = iterations_function(arm)(q_clamped, T, bounds)
+    q_clamped, is_valid = input_check()(q_start, T, bounds)
+    q, outcome = iterations_of(step_function(arm))(q_clamped, T, bounds)
     report = ca.vertcat(ca.logic_and(outcome[0], is_valid), outcome[1:], is_valid)
     return ca.Function("search", [q_start, T, bounds], [q, report])
 
 
-def iterations_function(arm: Arm) -> ca.Function:
-    """`(q, T, bounds) -> (last iterate, (arrived, position error, orientation error, count))`.
-
-    Inputs as of `search_function`, not checked; `q` inside the bounds.
+def iterations_of(step: ca.Function) -> ca.Function:
+    """`(q, ...) -> (last iterate, (arrived, position error, orientation error, count))`.
 
     Each iteration holds the rest of them behind a lazy switch, so that what comes after the last
     one needed costs nothing. After all of them the errors are measured once more, so that errors
     and iterate belong together.
+
+    Args:
+        step: `(q, ...) -> (q_next, position error at q, orientation error at q)`; what follows `q`
+            is handed through. `q` must be inside the bounds.
     """
-    step = _step_function(arm)
-    q, T, bounds = ca.MX.sym("q", 7), ca.MX.sym("T", 4, 4), ca.MX.sym("bounds", 14)
-    _, *errors = step(q, T, bounds)
+    q, *given = _symbols(step)
+    _, *errors = step(q, *given)
     outcome = ca.vertcat(_arrived(*errors), *errors, ITERATIONS + 1)
-    rest = ca.Function("measure", [q, T, bounds], [q, outcome])
+    rest = ca.Function("measure", [q, *given], [q, outcome])
     for count in range(ITERATIONS, 0, -1):
         rest = _iteration(count, step, rest)
     return rest
@@ -95,23 +96,25 @@ def iterations_function(arm: Arm) -> ca.Function:
 
 def _iteration(count: int, step: ca.Function, rest: ca.Function) -> ca.Function:
     """The iteration of that number: tell the errors at `q`; if too large, step and go on."""
-    q, q_next, T = ca.MX.sym("q", 7), ca.MX.sym("q_next", 7), ca.MX.sym("T", 4, 4)
-    bounds, errors = ca.MX.sym("bounds", 14), ca.MX.sym("errors", 2)
-    inputs = [q, q_next, errors, T, bounds]
+    (q, *given), q_next, errors = _symbols(step), ca.MX.sym("q_next", 7), ca.MX.sym("errors", 2)
+    inputs = [q, q_next, errors, *given]
     stay = ca.Function("stay", inputs, [q, ca.vertcat(1, errors, count)])
-    go_on = ca.Function("go_on", inputs, list(rest(q_next, T, bounds)))
+    go_on = ca.Function("go_on", inputs, list(rest(q_next, *given)))
     switch = ca.Function.if_else("switch", stay, go_on)
-    q_new, *measured = step(q, T, bounds)
-    arrived = _arrived(*measured)
-    outputs = switch(arrived, q, q_new, ca.vertcat(*measured), T, bounds)
-    return ca.Function(f"iteration_{count}", [q, T, bounds], list(outputs))
+    q_new, *measured = step(q, *given)
+    outputs = switch(_arrived(*measured), q, q_new, ca.vertcat(*measured), *given)
+    return ca.Function(f"iteration_{count}", [q, *given], list(outputs))
+
+
+def _symbols(function: ca.Function) -> list[ca.MX]:
+    return [ca.MX.sym(function.name_in(i), *function.size_in(i)) for i in range(function.n_in())]
 
 
 def _arrived(offset: ca.MX, angle: ca.MX) -> ca.MX:
     return ca.logic_and(offset <= CONVERGED_M, angle <= CONVERGED_RAD)
 
 
-def _step_function(arm: Arm) -> ca.Function:
+def step_function(arm: Arm) -> ca.Function:
     """`(q, T, bounds) -> (q_next, position error at q, orientation error at q)`."""
     chain = SymbolicChain.of(arm, SEEN_FROM, rounding=URDF_ROUNDING)
     q, T, bounds = chain.q, ca.SX.sym("T", 4, 4), ca.SX.sym("bounds", 14)
@@ -120,14 +123,18 @@ def _step_function(arm: Arm) -> ca.Function:
     r_error, angle = _rotation_error(R_target, chain.R_link_tip)
     wrist_error = p_error + (R_target - chain.R_link_tip) @ _wrist_in_tip(arm)
     e = ca.vertcat(wrist_error, ROTATION_WEIGHT_M * r_error)
-    J = _wrist_jacobian(chain)
+    q_next = damped_step(q, _wrist_jacobian(chain), e, bounds)
+    outputs = [q_next, ca.norm_2(p_error), angle]
+    return ca.Function("step", [q, T, bounds], outputs, {"cse": True})
+
+
+def damped_step(q: ca.SX, J: ca.SX, e: ca.SX, bounds: ca.SX) -> ca.SX:
+    """The next iterate, 7 x 1, for a Jacobian, 6 x 7, and an error, 6 x 1; rotations in m."""
     low, high = bounds[:7], bounds[7:]
     J_free = J @ ca.diag(_is_free(J.T @ e, q, low, high))
     damping = DAMPING * ca.sumsqr(e) + LEAST_DAMPING
     y = solve_symmetric(J_free @ J.T + damping * ca.SX.eye(6), e)
-    q_next = ca.fmin(ca.fmax(q + J_free.T @ y, low), high)
-    outputs = [q_next, ca.norm_2(p_error), angle]
-    return ca.Function("step", [q, T, bounds], outputs, {"cse": True})
+    return ca.fmin(ca.fmax(q + J_free.T @ y, low), high)
 
 
 def _wrist_in_tip(arm: Arm) -> ca.SX:
@@ -200,7 +207,7 @@ def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:
     return ca.vertcat(*x)
 
 
-def _input_check() -> ca.Function:
+def input_check() -> ca.Function:
     """`(q, T, bounds) -> (clamped q, 1 if q and T are acceptable, else 0)`.
 
     A pose is one by the tests of `baxter_kin.frames.checked_pose`.

@@ -23,10 +23,14 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from baxter_kin.frames import angle_between, quaternion_xyzw
+from baxter_kin.frames import quaternion_xyzw
 from baxter_kin.ik.kernel import CONVERGED_M, CONVERGED_RAD
 from baxter_kin.ik.search import Backend, Found
-from baxter_kin.ik.seeds import NullSpaceMap
+from baxter_kin.ik.seeds import Starts
+from baxter_kin.ik.task import Task
+from baxter_kin.ik.task_kernel import INSET as TASK_INSET
+from baxter_kin.ik.task_kernel import task_coordinates
+from baxter_kin.ik.tolerance import Tolerance
 from baxter_kin.model import Arm
 from baxter_kin.symbolic import SymbolicArm, quaternion_product
 
@@ -80,9 +84,27 @@ class Program:
             pose_error=ca.vertcat(kinematics.p_base_tip - p_target, rotation_error),
         )
 
+    @classmethod
+    def of_task(cls, arm: Arm, task: Task) -> Program:
+        """State the program of that arm for a task: the error may be as large as its widths.
+
+        The parameters are then the pose's matrix (16, column by column) and q_seed (7).
+        """
+        kinematics, T = SymbolicArm.of(arm), ca.SX.sym("T", 4, 4)
+        q_seed, columns = ca.SX.sym("q_seed", 7), list(task.order)
+        T_turned = ca.horzcat(T[:, columns], T[:, 3])
+        R_turned = kinematics.R_base_tip[:, columns]
+        roll_is_free = ca.SX(float(task.roll_is_free))
+        return cls(
+            q=kinematics.q,
+            parameters=ca.vertcat(ca.vec(T), q_seed),
+            objective=ca.sumsqr(kinematics.q - q_seed) / 2,
+            pose_error=task_coordinates(T_turned, kinematics.p_base_tip, R_turned, roll_is_free),
+        )
+
 
 class IpoptSearcher:
-    """The interior-point method of Waechter and Biegler (2006) on `Program`.
+    """The interior-point method of Waechter and Biegler (2006) on the program.
 
     Slow and sure: it minimises the distance to the start, where the fast search only begins there.
 
@@ -94,17 +116,25 @@ class IpoptSearcher:
     backend = Backend.IPOPT
     fine_rounds: tuple[int, ...] = (1,) * 8
 
-    def __init__(self, arm: Arm) -> None:
-        """Prepare the program's derivatives."""
-        program = Program.of(arm)
+    def __init__(self, arm: Arm, starts: Starts, tolerance: Tolerance) -> None:
+        """Prepare the program's derivatives.
+
+        Args:
+            arm: with the tip that is placed.
+            starts: where to start when there is no seed.
+            tolerance: how exactly.
+        """
+        self._arm, self._starts, self._tolerance = arm, starts, tolerance
+        self._is_exact = tolerance == Tolerance()
+        program = Program.of(arm) if self._is_exact else Program.of_task(arm, Task(tolerance))
         nlp = {
             "x": program.q,
             "p": program.parameters,
             "f": program.objective,
             "g": program.pose_error,
         }
-        self._arm = arm
-        self._map = NullSpaceMap(arm)
+        widths = np.zeros(6) if self._is_exact else Task(tolerance).widths
+        self._widths = (widths - TASK_INSET).clip(min=0.0)
         self._solve = ca.nlpsol("ik", "ipopt", nlp, _OPTIONS)
 
     def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
@@ -121,10 +151,8 @@ class IpoptSearcher:
 
     def search_from_map(self, Ts: Vector) -> Found:
         """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
-        nearest = self._map.nearest(Ts)
-        found = [
-            self._first(self._map.setpoints[row], T) for row, T in zip(nearest, Ts, strict=True)
-        ]
+        nearest, setpoints = self._starts.nearest(Ts), self._starts.setpoints
+        found = [self._first(setpoints[row], T) for row, T in zip(nearest, Ts, strict=True)]
         return Found(*(np.concatenate([getattr(one, name) for one in found]) for name in _COLUMNS))
 
     def _first(self, q_starts: Vector, T: Vector) -> Found:
@@ -138,11 +166,15 @@ class IpoptSearcher:
     def _search(
         self, q_start: Vector, T: pin.SE3, low: Vector, high: Vector
     ) -> tuple[Vector, float, float, int]:
-        target = [T.translation, quaternion_xyzw(T), q_start]
-        parameters = np.concatenate(target)
-        solution = self._solve(x0=q_start, p=parameters, lbx=low, ubx=high, lbg=0.0, ubg=0.0)
+        pose = [T.translation, quaternion_xyzw(T)] if self._is_exact else [T.homogeneous.T.ravel()]
+        solution = self._solve(
+            x0=q_start,
+            p=np.concatenate([*pose, q_start]),
+            lbx=low,
+            ubx=high,
+            lbg=-self._widths,
+            ubg=self._widths,
+        )
         q = np.clip(np.array(solution["x"]).ravel(), low, high)
-        reached = self._arm.T_base_tip(q)
-        offset = float(np.linalg.norm(reached.translation - T.translation))
-        angle = angle_between(T.rotation, reached.rotation)
+        offset, angle = self._tolerance.excess(T, self._arm.T_base_tip(q))
         return q, offset, angle, int(self._solve.stats()["iter_count"])

@@ -62,6 +62,15 @@ class ReachProof:
         """The clause."""
         return self.text
 
+    def less(self, leeway_m: float) -> ReachProof | None:
+        """What is left of it where the pose may give way by so much; None when nothing is."""
+        if leeway_m == 0.0:
+            return self
+        if self.excess_m <= leeway_m:
+            return None
+        text = f"{self.text}, and no more than {_length_up(leeway_m)} can be made up"
+        return ReachProof(self.excess_m - leeway_m, self.bound, text)
+
 
 class ReachBound:
     """How far one arm reaches.
@@ -228,6 +237,11 @@ def _point(vector: Vector) -> Point:
 
 def _words(p_base: Vector) -> str:
     return "({:.6g}, {:.6g}, {:.6g}) m".format(*(round(x, 3) + 0.0 for x in p_base.tolist()))
+
+
+def _length_up(length_m: float) -> str:
+    """The length, rounded up."""
+    return f"{math.ceil(1e3 * length_m)} mm"
 
 
 def _length(length_m: float) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from baxter_kin.ik.kernel import iterations_function
+from baxter_kin.ik.kernel import iterations_of, step_function
 from baxter_kin.ik.seeds import MAP_STARTS, ROTATION_WEIGHT_M, NullSpaceMap
 from baxter_kin.model import Arm
 
@@ -21,7 +21,7 @@ def map_search_function(arm: Arm, map_: NullSpaceMap) -> ca.Function:
     searches; starts.
     """
     T, bounds = ca.MX.sym("T", 4, 4), ca.MX.sym("bounds", 14)
-    iterations, nearest = iterations_function(arm), _nearest_function(map_.size)
+    iterations, nearest = iterations_of(step_function(arm)), _nearest_function(map_.size)
     setpoints, infinity = ca.MX(ca.DM(map_.setpoints.T)), ca.MX(ca.inf)
     rest = _start(MAP_STARTS, iterations, nearest, setpoints, None)
     for rank in range(MAP_STARTS - 1, 0, -1):

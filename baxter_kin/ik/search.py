@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 from typing import Any, Protocol
 
@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector
+from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import UnknownNameError
 from baxter_kin.ik.compiler import compiled
 from baxter_kin.ik.kernel import bounds_of, search_function
@@ -73,6 +73,13 @@ class Found:
     orientation_error_rad: Vector
     iterations: Vector
 
+    def improve(self, at: Indices, other: Found) -> None:
+        """Put what others found in the places `at`, shape (k,), where it is better."""
+        residual = self.position_error_m[at] + self.orientation_error_rad[at]
+        is_better = other.position_error_m + other.orientation_error_rad < residual
+        for field_ in fields(self):
+            getattr(self, field_.name)[at[is_better]] = getattr(other, field_.name)[is_better]
+
 
 class Search(Protocol):
     """What runs searches.
@@ -108,10 +115,9 @@ class Searcher:
         self._bounds = bounds_of(arm)
         pose = arm.T_base_tip(arm.neutral).homogeneous
         search, map_search = functions
-        self._desk = _Desk(search, (np.zeros(7), np.zeros(16)), self._bounds)
-        self._map_desk = _Desk(map_search, (np.zeros(16),), self._bounds)
-        self._many = _Lanes(search, (arm.neutral, pose))
-        self._many_from_map = _Lanes(map_search, (pose,))
+        self._desk, self._map_desk = Desk(search, self._bounds), Desk(map_search, self._bounds)
+        self._many = Lanes(search, (arm.neutral, pose))
+        self._many_from_map = Lanes(map_search, (pose,))
 
     @classmethod
     def of(cls, arm: Arm, backend: str | Backend = Backend.AUTO) -> Searcher:
@@ -135,15 +141,16 @@ class Searcher:
             are overwritten by the next search of this thread.
         """
         desk = self._desk
-        desk.inputs[0][:] = q_start
-        desk.T[:] = T_base_tip.homogeneous
+        inputs = desk.inputs
+        inputs[0][:] = q_start
+        inputs[1][:] = T_base_tip.homogeneous
         desk.run()
         return desk.q, desk.report
 
     def search_one_from_map(self, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
         """The same from the nearest setpoints; the pose must be valid."""
         desk = self._map_desk
-        desk.T[:] = T_base_tip.homogeneous
+        desk.inputs[0][:] = T_base_tip.homogeneous
         desk.run()
         return desk.q, desk.report
 
@@ -155,40 +162,40 @@ class Searcher:
             Ts: poses as matrices, shape (m, 4, 4).
             bounds: others than the joint limits, shape (14,), rad.
         """
-        return self._many((q_starts, Ts), self._bounds if bounds is None else bounds)
+        return self._many((q_starts, Ts), (self._bounds if bounds is None else bounds,))
 
     def search_from_map(self, Ts: Vector) -> Found:
         """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
-        return self._many_from_map((Ts,), self._bounds)
+        return self._many_from_map((Ts,), (self._bounds,))
 
 
-class _Lanes:
+class Lanes:
     """A search function for many requests at a time."""
 
     def __init__(self, function: ca.Function, filler: tuple[Vector, ...]) -> None:
         """Prepare it.
 
         Args:
-            function: with bounds as its last input, which all requests share.
-            filler: its other inputs, such that it ends at once.
+            function: whose last inputs are the same for all requests.
+            filler: its first inputs, such that it ends at once.
         """
-        shared = function.n_in() - 1
+        shared = list(range(len(filler), function.n_in()))
         self._filler = filler
         self._mapped = {
-            lanes: function.map(f"{function.name()}_{lanes}", "serial", lanes, [shared], [])
+            lanes: function.map(f"{function.name()}_{lanes}", "serial", lanes, shared, [])
             for lanes in LANES
         }
 
-    def __call__(self, inputs: tuple[Vector, ...], bounds: Vector) -> Found:
-        """What it finds for inputs of shape (m, ...) each."""
+    def __call__(self, inputs: tuple[Vector, ...], shared: tuple[Vector, ...]) -> Found:
+        """What it finds for inputs of shape (m, ...) each, and shared ones."""
         count, most = len(inputs[0]), LANES[-1]
         parts = [slice(at, at + most) for at in range(0, count, most)]
         with _side_by_side(len(parts)) as each:
-            found = each(lambda part: self._run([x[part] for x in inputs], bounds), parts)
+            found = each(lambda part: self._run([x[part] for x in inputs], shared), parts)
             q, report = (np.concatenate(column) for column in zip(*found, strict=True))
         return Found(q, report[:, 0] == 1.0, report[:, 1], report[:, 2], report[:, 3])
 
-    def _run(self, inputs: list[Vector], bounds: Vector) -> tuple[Vector, Vector]:
+    def _run(self, inputs: list[Vector], shared: tuple[Vector, ...]) -> tuple[Vector, Vector]:
         """One call, for at most as many requests as the largest has lanes."""
         count = len(inputs[0])
         lanes = next(lanes for lanes in LANES if lanes >= count)
@@ -197,7 +204,7 @@ class _Lanes:
             padded = np.empty((lanes, *filler.shape))
             padded[:count], padded[count:] = given, filler
             columns.append(_side_by_side_columns(padded))
-        q, report = self._mapped[lanes](*columns, bounds)
+        q, report = self._mapped[lanes](*columns, *shared)
         return np.array(q).T[:count], np.array(report).T[:count]
 
 
@@ -222,24 +229,28 @@ def _side_by_side(count: int) -> Iterator[Callable[..., Iterable[Any]]]:
         yield pool.map
 
 
-class _Desk(threading.local):
+class Desk(threading.local):
     """Memory that CasADi reads and writes directly, one for each thread.
 
     Attributes:
-        inputs: what the function is given, but for the bounds.
-        T: the last of them, the pose, as a matrix.
+        inputs: what the function is given, vectors and matrices; the joint limits last.
         q: what it finds, shape (7,), rad.
         report: shape (5,).
         run: evaluates the function.
     """
 
-    def __init__(self, function: ca.Function, inputs: tuple[Vector, ...], bounds: Vector) -> None:
-        self.inputs = tuple(array.copy() for array in inputs)
-        self.T = self.inputs[-1].reshape(4, 4, order="F")
+    def __init__(self, function: ca.Function, bounds: Vector) -> None:
+        """Lay out the inputs of a search function, the last of which are the joint limits."""
+        shapes = [function.size_in(i) for i in range(function.n_in())]
+        self._memory = [np.zeros(rows * columns) for rows, columns in shapes]
+        self._memory[-1][:] = bounds
+        self.inputs = [  # the same memory, in the shapes that NumPy uses
+            memory if columns == 1 else memory.reshape(rows, columns, order="F")
+            for memory, (rows, columns) in zip(self._memory, shapes, strict=True)
+        ]
         self.q, self.report = np.zeros(7), np.zeros(5)
-        self._bounds = bounds.copy()
         self._buffer, self.run = function.buffer()
-        for index, array in enumerate((*self.inputs, self._bounds)):
+        for index, array in enumerate(self._memory):
             self._buffer.set_arg(index, array.data)  # type: ignore[call-arg]  # wants no size
         for index, array in enumerate((self.q, self.report)):
             self._buffer.set_res(index, array.data)  # type: ignore[call-arg]  # neither here

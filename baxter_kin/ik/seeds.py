@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from enum import IntEnum
 from functools import cached_property
 from importlib.resources import files
+from typing import Protocol
 
 import numpy as np
 
@@ -101,6 +102,32 @@ def starts_around(arm: Arm, q_seeds: Vector, count: int) -> Iterator[Vector]:
     for _ in range(count - 1):
         scattered = q_seeds + PERTURBATION_RAD * rng.standard_normal(7)
         yield np.clip(scattered, arm.limits.q_min, arm.limits.q_max)
+
+
+class ComputedStarts(Protocol):
+    """What computes starts for poses."""
+
+    def starts(self, Ts: Vector, count: int) -> Vector:
+        """So many for each pose, shape (m, 4, 4), best first: shape (m, count, 7), rad."""
+
+
+class Starts(Protocol):
+    """Where to start when there is no seed."""
+
+    @property
+    def setpoints(self) -> Vector:
+        """Stored configurations, shape (n, 7), rad."""
+
+    @property
+    def coarse(self) -> ComputedStarts:
+        """Computes starts quickly."""
+
+    @property
+    def fine(self) -> ComputedStarts:
+        """Computes starts with care."""
+
+    def nearest(self, Ts: Vector) -> Indices:
+        """Which setpoints suit poses, shape (m, 4, 4), best first: shape (m, `MAP_STARTS`)."""
 
 
 class NullSpaceMap:

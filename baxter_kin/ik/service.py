@@ -8,6 +8,7 @@ through `baxter_kin.ik.batch`, alone or many together.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any, TypeAlias
 
@@ -19,14 +20,14 @@ from baxter_kin.arrays import Vector, float_array
 from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
 from baxter_kin.ik.batch import COARSE_ROUNDS, Batch
-from baxter_kin.ik.explanation import Explainer
+from baxter_kin.ik.engine import Engine, Engines
 from baxter_kin.ik.kernel import SEED_TOLERANCE_RAD
 from baxter_kin.ik.objectives import Objective, best_on
-from baxter_kin.ik.program import IpoptSearcher
 from baxter_kin.ik.result import IKResult
-from baxter_kin.ik.search import Backend, Search, Searcher
-from baxter_kin.ik.seeds import NullSpaceMap, SeedMode, SeedType
+from baxter_kin.ik.search import Backend
+from baxter_kin.ik.seeds import SeedMode, SeedType
 from baxter_kin.ik.self_motion import trace_self_motion
+from baxter_kin.ik.tolerance import Tolerance
 from baxter_kin.model import Arm
 
 SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
@@ -37,6 +38,22 @@ OBJECTIVE_STEP_RAD = 0.1
 
 BLOCK = 4096
 """How many poses of a large batch are worked on together."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Requests:
+    """Poses with all that goes with them, as they were given."""
+
+    poses: list[Any]
+    seeds: list[Any] | None
+    current: SeedLike | None
+    mode: SeedMode
+    first: int = 0  # the number of the first one, for error messages
+
+    def part(self, start: int, end: int) -> _Requests:
+        seeds = None if self.seeds is None else self.seeds[start:end]
+        poses, first = self.poses[start:end], self.first + start
+        return replace(self, poses=poses, seeds=seeds, first=first)
 
 
 class IKService:
@@ -57,11 +74,9 @@ class IKService:
         """
         wanted = Backend.of(backend)
         self.arm = expect(arm, Arm, "arm", RequestError)
-        self._quick = None if wanted is Backend.IPOPT else Searcher.of(arm, wanted)
-        self._search: Search = self._quick or IpoptSearcher(arm)
-        self.backend = self._search.backend
-        self._null_space_map = NullSpaceMap(arm)
-        self._explainer = Explainer(arm, self._search, self._null_space_map)
+        self._engines = Engines(arm, wanted)
+        self._default = self._engines.default
+        self.backend = self._default.search.backend
 
     def solve(
         self,
@@ -71,6 +86,7 @@ class IKService:
         mode: SeedMode = SeedMode.AUTO,
         *,
         objective: Objective | None = None,
+        tolerance: Tolerance | None = None,
     ) -> IKResult:
         """Joint angles that place the tip at a pose.
 
@@ -82,6 +98,8 @@ class IKService:
             objective: what to make of the freedom that a seventh joint leaves: the solution is then
                 the best on the whole self-motion curve through the one that was found. Takes some
                 milliseconds. Without one, it is the first that was found, near its start.
+            tolerance: what of the pose does not matter, or not exactly; the errors of the result
+                are what exceeds it.
 
         Returns:
             A result; when no solution was found, one that says why. A mode whose seed was not given
@@ -92,31 +110,40 @@ class IKService:
             ConfigurationError: when a seed has another shape, is not finite, or lies outside the
                 limits by more than `SEED_TOLERANCE_RAD`.
             UnknownNameError: when a seed names a joint of another arm, or the mode is none.
+            RequestError: when both an objective and a tolerance are given.
         """
-        result = self._first(T_base_tip, seed, current, mode)
+        if objective is not None and tolerance is not None:
+            raise RequestError(
+                "an objective chooses among the solutions of an exact pose; give either an "
+                "objective or a tolerance"
+            )
+        engine = self._default if tolerance is None else self._engine(tolerance)
+        result = self._first(engine, T_base_tip, seed, current, mode)
         if objective is None or not result.is_valid:
             return result
         return self._best(result, checked_pose(T_base_tip), objective)
 
     def _first(
-        self,
-        T_base_tip: PoseLike,
-        seed: SeedLike | None,
-        current: SeedLike | None,
-        mode: SeedMode,
+        self, engine: Engine, T_base_tip: PoseLike, seed: Any, current: Any, mode: SeedMode
     ) -> IKResult:
         """The first solution that is found, or why there is none."""
-        if mode is SeedMode.AUTO and self._quick is not None and isinstance(T_base_tip, pin.SE3):
-            result = None
-            if current is None and seed is None:
-                result = self._from_map(self._quick, checked_pose(T_base_tip))
-            elif current is None and isinstance(seed, np.ndarray):
-                result = self._short_cut(self._quick, T_base_tip, seed, SeedType.USER)
+        result = None
+        if mode is SeedMode.AUTO and isinstance(T_base_tip, pin.SE3):
+            if current is None and isinstance(seed, np.ndarray):
+                result = self._short_cut(engine, T_base_tip, seed, SeedType.USER)
             elif seed is None and isinstance(current, np.ndarray):
-                result = self._short_cut(self._quick, T_base_tip, current, SeedType.CURRENT)
-            if result is not None:
-                return result
-        return self._answers([T_base_tip], None if seed is None else [seed], current, mode)[0]
+                result = self._short_cut(engine, T_base_tip, current, SeedType.CURRENT)
+            elif current is None and seed is None:
+                result = self._from_map(engine, checked_pose(T_base_tip))
+        if result is not None:
+            return result
+        seeds = None if seed is None else [seed]
+        return self._answers(engine, _Requests([T_base_tip], seeds, current, mode))[0]
+
+    def _engine(self, tolerance: Tolerance | None) -> Engine:
+        if tolerance is None:
+            return self._default
+        return self._engines.for_task(expect(tolerance, Tolerance, "tolerance", RequestError))
 
     def solve_batch(
         self,
@@ -126,6 +153,7 @@ class IKService:
         mode: SeedMode = SeedMode.AUTO,
         *,
         chain: bool = False,
+        tolerance: Tolerance | None = None,
     ) -> list[IKResult]:
         """One result per pose, in order; no poses, no results.
 
@@ -136,6 +164,7 @@ class IKService:
             mode: which seeds to try.
             chain: whether each solution is the current joint angles of the next pose. Otherwise
                 every pose is answered on its own, and large batches use all cores.
+            tolerance: what of the poses does not matter, or not exactly.
 
         Raises:
             RequestError: when poses or seeds are not sequences, or differ in number.
@@ -148,12 +177,12 @@ class IKService:
                 f"{len(poses)} poses came with {len(given)} seeds; give one seed per pose (None "
                 "where a pose has none), or no seeds at all"
             )
+        engine, requests = self._engine(tolerance), _Requests(poses, given, current, mode)
         if chain:
-            return list(self._chained(poses, given, current, mode))
+            return list(self._chained(engine, requests))
         results: list[IKResult] = []
         for at in range(0, len(poses), BLOCK):
-            part = None if given is None else given[at : at + BLOCK]
-            results += self._answers(poses[at : at + BLOCK], part, current, mode, at)
+            results += self._answers(engine, requests.part(at, at + BLOCK))
         return results
 
     def solve_stream(
@@ -161,6 +190,8 @@ class IKService:
         T_base_tips: Iterable[PoseLike],
         current: SeedLike | None = None,
         mode: SeedMode = SeedMode.AUTO,
+        *,
+        tolerance: Tolerance | None = None,
     ) -> Iterator[IKResult]:
         """Results for poses that come one by one, in bounded memory however many there are.
 
@@ -170,43 +201,44 @@ class IKService:
             T_base_tips: poses, as for `solve`; they are read in blocks of `BLOCK`.
             current: the arm's present joint angles, for all poses.
             mode: which seeds to try.
+            tolerance: what of the poses does not matter, or not exactly.
 
         Raises:
             BaxterError: as `solve`.
         """
-        poses = iter(T_base_tips)
+        poses, engine = iter(T_base_tips), self._engine(tolerance)
         while block := list(islice(poses, BLOCK)):
-            yield from self._answers(block, None, current, mode)
+            yield from self._answers(engine, _Requests(block, None, current, mode))
 
     def _short_cut(
-        self, searcher: Searcher, T_base_tip: pin.SE3, q_seed: Vector, seed_type: SeedType
+        self, engine: Engine, T_base_tip: pin.SE3, q_seed: Vector, seed_type: SeedType
     ) -> IKResult | None:
         """What a batch of this one request would answer, without its bookkeeping.
 
         None when that, or the input, needs a closer look.
         """
-        if q_seed.shape != (7,) or q_seed.dtype != np.float64:
+        if engine.search_one is None or q_seed.shape != (7,) or q_seed.dtype != np.float64:
             return None
-        q, report = searcher.search_one(q_seed, T_base_tip)
+        q, report = engine.search_one(q_seed, T_base_tip)
         is_solved, offset, angle, _, is_valid_input = report.tolist()
         if is_solved == 1.0:
             return IKResult.trusted(self.arm.joint_names, q.copy(), seed_type, (offset, angle))
-        if is_valid_input != 1.0:
-            return None
-        return self._from_map(searcher, T_base_tip)
+        return None if is_valid_input != 1.0 else self._from_map(engine, T_base_tip)
 
-    def _from_map(self, searcher: Searcher, T_base_tip: pin.SE3) -> IKResult | None:
+    def _from_map(self, engine: Engine, T_base_tip: pin.SE3) -> IKResult | None:
         """The same without a seed; the pose must be valid."""
+        if engine.quick is None:
+            return None
         names, seed_type = self.arm.joint_names, SeedType.NS_MAP
-        q, report = searcher.search_one_from_map(T_base_tip)
+        q, report = engine.quick.search_one_from_map(T_base_tip)
         is_solved, offset, angle, _, _ = report.tolist()
         if is_solved == 1.0:
             return IKResult.trusted(names, q.copy(), seed_type, (offset, angle))
         Ts = T_base_tip.homogeneous[None]
-        if self._explainer.are_out_of_reach_at_a_glance(Ts).any():
+        if engine.explainer.are_out_of_reach_at_a_glance(Ts).any():
             return None
-        for q_start in self._null_space_map.coarse.starts(Ts, sum(COARSE_ROUNDS))[0]:
-            q, report = searcher.search_one(q_start, T_base_tip)
+        for q_start in engine.starts.coarse.starts(Ts, sum(COARSE_ROUNDS))[0]:
+            q, report = engine.quick.search_one(q_start, T_base_tip)
             is_solved, offset, angle, _, _ = report.tolist()
             if is_solved == 1.0:
                 return IKResult.trusted(names, q.copy(), seed_type, (offset, angle))
@@ -216,45 +248,36 @@ class IKService:
         curve = trace_self_motion(
             self.arm, result.q, T_base_tip=T_base_tip, step_rad=OBJECTIVE_STEP_RAD
         )
-        best = self._explainer.measured(T_base_tip.homogeneous, best_on(curve, objective).copy())
+        best = self._default.explainer.measured(
+            T_base_tip.homogeneous, best_on(curve, objective).copy()
+        )
         errors = best.position_error_m, best.orientation_error_rad
         return IKResult.trusted(self.arm.joint_names, best.q, result.seed_type, errors)
 
-    def _chained(
-        self,
-        poses: list[Any],
-        seeds: list[Any] | None,
-        current: SeedLike | None,
-        mode: SeedMode,
-    ) -> Iterator[IKResult]:
-        for i, pose in enumerate(poses):
-            result = self.solve(pose, None if seeds is None else seeds[i], current, mode)
+    def _chained(self, engine: Engine, requests: _Requests) -> Iterator[IKResult]:
+        current, seeds = requests.current, requests.seeds
+        for i, pose in enumerate(requests.poses):
+            seed = None if seeds is None else seeds[i]
+            result = self._first(engine, pose, seed, current, requests.mode)
             current = result.q if result.is_valid else current
             yield result
 
-    def _answers(
-        self,
-        poses: list[Any],
-        seeds: list[Any] | None,
-        current: SeedLike | None,
-        mode: SeedMode,
-        first: int = 0,
-    ) -> list[IKResult]:
-        Ts, table = pose_matrices(poses), self._seed_table(len(poses), seeds, current, first)
-        batch = Batch(Ts, table, SeedMode.of(mode))
-        batch.solve(self.arm, self._search, self._null_space_map, self._explainer)
-        return list(batch.results(self.arm, self._explainer))
+    def _answers(self, engine: Engine, requests: _Requests) -> list[IKResult]:
+        Ts, table = pose_matrices(requests.poses), self._seed_table(requests)
+        batch = Batch(Ts, table, SeedMode.of(requests.mode))
+        batch.solve(self.arm, engine.search, engine.starts, engine.explainer)
+        if batch.is_open and engine.last_resort is not None:
+            batch.solve_as_last_resort(engine.last_resort())
+        return list(batch.results(self.arm, engine.explainer))
 
-    def _seed_table(
-        self, count: int, seeds: list[Any] | None, current: SeedLike | None, first: int
-    ) -> dict[SeedType, Vector]:
-        """The seeds of each type, shape (count, 7), rad; NaN where there is none."""
+    def _seed_table(self, requests: _Requests) -> dict[SeedType, Vector]:
+        """The seeds of each type, shape (n, 7), rad; NaN where there is none."""
         table = {}
-        if seeds is not None:
-            table[SeedType.USER] = self._user_seeds(seeds, first)
-        if current is not None:
-            q = self._checked_seed(current, "current")
-            table[SeedType.CURRENT] = np.tile(q, (count, 1))
+        if requests.seeds is not None:
+            table[SeedType.USER] = self._user_seeds(requests.seeds, requests.first)
+        if requests.current is not None:
+            q = self._checked_seed(requests.current, "current")
+            table[SeedType.CURRENT] = np.tile(q, (len(requests.poses), 1))
         return table
 
     def _user_seeds(self, seeds: list[Any], first: int) -> Vector:

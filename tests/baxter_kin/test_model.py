@@ -14,6 +14,7 @@ from baxter_kin import (
     BaxterError,
     ConfigurationError,
     IKService,
+    PoseError,
     UnknownNameError,
     quaternion_xyzw,
 )
@@ -177,3 +178,53 @@ def test_malformed_arguments_are_errors_of_ours(robot: Baxter, left: Arm) -> Non
     ):
         with pytest.raises(BaxterError):
             call()
+
+
+@pytest.mark.parametrize("name", ["hand", "hand_camera", "hand_range", "gripper", "gripper_base"])
+def test_other_tips_agree_with_the_whole_robot(robot: Baxter, arm: Arm, name: str) -> None:
+    tipped = arm.with_tip(f"{arm.side}_{name}")
+    model, data, rng = robot.model, robot.model.createData(), np.random.default_rng(3)
+    for _ in range(20):
+        q = arm.random_configuration(rng)
+        pin.framesForwardKinematics(model, data, robot.configuration(arm.joints(q)))
+        expected = data.oMf[model.getFrameId(tipped.tip_frame)]
+        np.testing.assert_allclose(
+            tipped.T_base_tip(q).homogeneous, expected.homogeneous, atol=1e-12
+        )
+        through_gripper = arm.T_base_tip(q) * tipped.T_gripper_tip
+        np.testing.assert_allclose(through_gripper.homogeneous, expected.homogeneous, atol=1e-12)
+
+
+def test_a_tool_is_where_it_is_held(arm: Arm) -> None:
+    T_gripper_tool = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([0.0, 0.02, 0.1]))
+    tipped = arm.with_tip(T_gripper_tool, "pen")
+    expected = arm.T_base_tip(arm.start) * T_gripper_tool
+    np.testing.assert_allclose(
+        tipped.T_base_tip(arm.start).homogeneous, expected.homogeneous, atol=1e-12
+    )
+    assert repr(tipped) == f"Arm({arm.side!r}, tip='pen')"
+    assert arm.tip_frame == f"{arm.side}_gripper"
+    assert tipped.at_gripper.tip_frame == arm.tip_frame
+    assert arm.at_gripper is arm
+
+
+def test_jacobian_of_a_tool_is_the_derivative_of_its_position(arm: Arm) -> None:
+    tipped = arm.with_tip(pin.SE3(np.eye(3), np.array([0.05, 0.0, 0.2])))
+    J, step = tipped.jacobian(arm.start), 1e-6
+    for joint in range(7):
+        dq = step * np.eye(7)[joint]
+        ahead, behind = (tipped.T_base_tip(arm.start + s * dq).translation for s in (1, -1))
+        np.testing.assert_allclose(J[:3, joint], (ahead - behind) / (2 * step), atol=1e-8)
+
+
+def test_a_tip_that_moves_or_does_not_exist_is_refused_with_those_that_do(left: Arm) -> None:
+    for name in ("l_gripper_l_finger", "right_hand", "nose", "left_e0"):
+        with pytest.raises(UnknownNameError, match="left_hand_camera_link"):
+            left.with_tip(name)
+
+
+def test_a_tool_needs_a_pose_and_a_name_of_its_own(left: Arm) -> None:
+    with pytest.raises(PoseError, match="mirrored"):
+        left.with_tip(np.diag([1.0, 1.0, -1.0, 1.0]))
+    with pytest.raises(ConfigurationError, match="a name that no other frame has"):
+        left.with_tip(pin.SE3.Identity(), "left_hand_link")

@@ -190,7 +190,7 @@ def test_failure_carries_the_best_attempt_and_its_residual(ik: IKService, left: 
     assert result.position_error_m == pytest.approx(offset, abs=URDF_ROUNDING)
     assert result.position_error_m > TOLERANCE
     assert f"{1e3 * offset:.3g} mm" in str(result.failure)
-    assert "1 CURRENT, 276 NS_MAP" in str(result.failure)
+    assert "1 CURRENT, 277 NS_MAP" in str(result.failure)
 
 
 def test_batch_answers_every_pose_in_order(robot: Baxter, left: Arm, ik: IKService) -> None:

@@ -1,0 +1,114 @@
+"""Engine: all that solves one kind of request, and who builds it when it is first needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import pinocchio as pin
+
+from baxter_kin.arrays import Vector
+from baxter_kin.ik.compiler import compiled
+from baxter_kin.ik.explanation import Explainer
+from baxter_kin.ik.kernel import bounds_of
+from baxter_kin.ik.program import IpoptSearcher
+from baxter_kin.ik.reach import ReachBound
+from baxter_kin.ik.search import Backend, Desk, Search, Searcher
+from baxter_kin.ik.seeds import NullSpaceMap, Starts
+from baxter_kin.ik.task import Task
+from baxter_kin.ik.task_kernel import task_search_function
+from baxter_kin.ik.task_search import TaskEvaluator, TaskReach, TaskSearcher, TaskStarts
+from baxter_kin.ik.tolerance import Tolerance
+from baxter_kin.model import Arm
+
+MOST_TASKS = 16
+"""How many tolerances are remembered; another one displaces the oldest."""
+
+
+@dataclass(frozen=True, slots=True)
+class Engine:
+    """What solves one kind of request.
+
+    Attributes:
+        search: its searches.
+        starts: where they start without a seed.
+        explainer: says why there is no solution.
+        search_one: one search with nothing checked, as `Searcher.search_one`; None where every
+            request takes the long way.
+        quick: the fast search, where the request is an exact pose of the gripper; or None.
+        last_resort: makes another search, for what none of these starts solved; or None.
+    """
+
+    search: Search
+    starts: Starts
+    explainer: Explainer
+    search_one: Callable[[Vector, pin.SE3], tuple[Vector, Vector]] | None
+    quick: Searcher | None
+    last_resort: Callable[[], Search] | None
+
+
+class Engines:
+    """The engines of one arm.
+
+    Attributes:
+        default: the engine for exact poses of the tip.
+    """
+
+    def __init__(self, arm: Arm, backend: Backend) -> None:
+        """Build the default one."""
+        self._arm, self._gripper_arm = arm, arm.at_gripper
+        self._wanted = backend
+        self._map, self._reach = NullSpaceMap(self._gripper_arm), ReachBound(self._gripper_arm)
+        self._tasks: dict[Tolerance, Engine] = {}
+        is_at_gripper = arm.tip_frame == arm.gripper_frame
+        self.default = self._exact() if is_at_gripper else self.for_task(Tolerance())
+
+    def for_task(self, tolerance: Tolerance) -> Engine:
+        """The engine for what a tolerance leaves free."""
+        if tolerance not in self._tasks:
+            if len(self._tasks) >= MOST_TASKS:
+                del self._tasks[next(iter(self._tasks))]
+            self._tasks[tolerance] = self._task(Task(tolerance, self._arm.T_gripper_tip))
+        return self._tasks[tolerance]
+
+    def _exact(self) -> Engine:
+        tolerance, is_fast = Tolerance(), self._wanted is not Backend.IPOPT
+        quick = Searcher.of(self._arm, self._wanted) if is_fast else None
+        ipopt = self._ipopt(self._map, tolerance)
+        search: Search = quick or ipopt()
+        explainer = Explainer(self._arm, search, self._map, self._reach, tolerance)
+        search_one, last_resort = (quick.search_one, ipopt) if quick else (None, None)
+        return Engine(search, self._map, explainer, search_one, quick, last_resort)
+
+    def _task(self, task: Task) -> Engine:
+        starts, reach = TaskStarts(self._map, task), TaskReach(self._reach, task)
+        ipopt, search_one = self._ipopt(starts, task.tolerance), None
+        if self._wanted is Backend.IPOPT:
+            search: Search = ipopt()
+        else:
+            quick = TaskSearcher(self._arm, self._task_evaluator, task, starts)
+            search, search_one = quick, quick.search_one
+        explainer = Explainer(self._arm, search, starts, reach, task.tolerance)
+        last_resort = ipopt if search_one else None
+        return Engine(search, starts, explainer, search_one, None, last_resort)
+
+    def _ipopt(self, starts: Starts, tolerance: Tolerance) -> Callable[[], Search]:
+        made: list[Search] = []
+
+        def searcher() -> Search:
+            if not made:
+                made.append(IpoptSearcher(self._arm, starts, tolerance))
+            return made[0]
+
+        return searcher
+
+    @cached_property
+    def _task_evaluator(self) -> TaskEvaluator:
+        """Made when it is first needed."""
+        function = task_search_function(self._gripper_arm)
+        machine_code = None if self._wanted is Backend.CASADI else compiled([function])
+        chosen: ca.Function = function if machine_code is None else machine_code[0]
+        backend = Backend.CASADI if machine_code is None else Backend.COMPILED
+        return TaskEvaluator(chosen, Desk(chosen, bounds_of(self._arm)), backend)

@@ -1,0 +1,109 @@
+"""Tasks with freedom: the search for a pose that need not be met in every respect.
+
+The same iterations as in `baxter_kin.ik.kernel` on other errors, the coordinates of the tip's
+deviation (`baxter_kin.ik.tolerance`). What is free counts neither as error nor in the Jacobian.
+What is inside its bounds is no error, but held; released, it leaves them by the next step, and the
+search wavers: of poses with bounds of 1 cm and 0.1 rad, 56 % converged from the first setpoint
+instead of 97 %. What is outside its bounds is drawn to half of them, well inside.
+Tolerances and the tip's place on the hand are inputs: one function serves all.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from baxter_kin.ik.kernel import (
+    CONVERGED_M,
+    ROTATION_WEIGHT_M,
+    URDF_ROUNDING,
+    damped_step,
+    input_check,
+    iterations_of,
+)
+from baxter_kin.model import Arm
+from baxter_kin.symbolic import SymbolicChain
+
+INSET = 2 * CONVERGED_M
+"""In m and rad: the search aims this far inside a tolerance, and so ends within it."""
+
+AIM = 0.5
+"""Where to in its bounds, as a share of them, a coordinate is drawn from outside."""
+
+_SMALL = 1e-6  # below, angles are taken from their series
+_LEAST_COSINE = 1e-3
+
+
+def task_search_function(arm: Arm) -> ca.Function:
+    """The search as `(q_start, T_base_tip, T_gripper_tip, tolerance, roll_is_free, bounds) -> ...`.
+
+    Inputs: first iterate, 7 x 1, rad; requested pose of the tip, 4 x 4; the tip seen from the
+    gripper, 4 x 4; what is allowed along (m) and about (rad) the axes of the requested tip frame,
+    6 x 1, infinite where free; 1 if the rotation about z is free and only its tilt counts, else 0;
+    lowest and highest joint positions, 14 x 1, rad.
+    Outputs as of `baxter_kin.ik.kernel.search_function`; errors are what exceeds the tolerance.
+    """
+    step = _step_function(arm)
+    q_start, *given = (ca.MX.sym(step.name_in(i), *step.size_in(i)) for i in range(step.n_in()))
+    q_clamped, is_valid = input_check()(q_start, given[0], given[-1])
+    q, outcome = iterations_of(step)(q_clamped, *given)
+    report = ca.vertcat(ca.logic_and(outcome[0], is_valid), outcome[1:], is_valid)
+    return ca.Function("task_search", [q_start, *given], [q, report])
+
+
+def _step_function(arm: Arm) -> ca.Function:
+    """One iteration; inputs of `task_search_function`, outputs of `kernel.step_function`."""
+    chain = SymbolicChain.of(arm, rounding=URDF_ROUNDING)
+    T, tool = ca.SX.sym("T", 4, 4), ca.SX.sym("tool", 4, 4)
+    tolerance, roll_is_free = ca.SX.sym("tolerance", 6), ca.SX.sym("roll_is_free")
+    bounds = ca.SX.sym("bounds", 14)
+    p_tip = chain.p_link_tip + chain.R_link_tip @ tool[:3, 3]
+    R_tip = chain.R_link_tip @ tool[:3, :3]
+    x = task_coordinates(T, p_tip, R_tip, roll_is_free)
+    allowed = ca.fmax(tolerance - INSET, 0)
+    excess = _beyond(x, allowed)
+    error = _beyond(x, AIM * allowed) * (ca.fabs(x) > allowed)
+    unit = ca.vertcat(*[1.0] * 3, *[ROTATION_WEIGHT_M] * 3)
+    J = ca.diag(unit * (allowed < ca.inf)) @ ca.jacobian(x, chain.q)
+    q_next = damped_step(chain.q, J, -unit * error, bounds)
+    errors = ca.norm_2(excess[:3]), ca.norm_2(excess[3:])
+    inputs = [chain.q, T, tool, tolerance, roll_is_free, bounds]
+    return ca.Function("task_step", inputs, [q_next, *errors], {"cse": True})
+
+
+def _beyond(x: ca.SX, allowed: ca.SX) -> ca.SX:
+    return x - ca.fmin(ca.fmax(x, -allowed), allowed)
+
+
+def task_coordinates(T: ca.SX, p_tip: ca.SX, R_tip: ca.SX, roll_is_free: ca.SX) -> ca.SX:
+    """The deviation of a tip from a pose along and about the axes of that pose, 6 x 1, m and rad.
+
+    As `baxter_kin.ik.tolerance` says: displacement and rotation vector; with the roll free the
+    rotation vector of the tilt of z, and zero.
+    """
+    R = T[:3, :3].T @ R_tip
+    rotation = ca.if_else(roll_is_free, _tilt(R[:, 2]), _rotation_vector(R))
+    return ca.vertcat(T[:3, :3].T @ (p_tip - T[:3, 3]), rotation)
+
+
+def _rotation_vector(R: ca.SX) -> ca.SX:
+    """By way of the quaternion `sin(angle / 2) axis, cos(angle / 2)`, half a root of 1 + trace.
+
+    Within 0.1 deg of half a turn, where the axis is undecided, it is too short.
+    """
+    two_cosine = ca.sqrt(ca.fmax(1 + ca.trace(R), _LEAST_COSINE**2))
+    skew = ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])
+    return _lengthened(skew / (2 * two_cosine), two_cosine / 2, 2)
+
+
+def _tilt(z: ca.SX) -> ca.SX:
+    """The rotation vector of the shortest rotation from (0, 0, 1) to a unit vector."""
+    return _lengthened(ca.vertcat(-z[1], z[0], 0), z[2], 1)
+
+
+def _lengthened(v: ca.SX, cosine: ca.SX, turns: int) -> ca.SX:
+    """`turns` times the angle of which `v` is the axis times the sine."""
+    square = ca.sumsqr(v)
+    is_small = ca.logic_and(square < _SMALL**2, cosine > 0)
+    sine = ca.sqrt(ca.fmax(square, _SMALL**2))
+    factor = ca.if_else(is_small, 1 + square / 6, ca.atan2(sine, cosine) / sine)
+    return turns * factor * v

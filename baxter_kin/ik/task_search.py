@@ -1,0 +1,175 @@
+"""What finds solutions of a task: its searches, its starts, and its proofs that there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from baxter_kin.arrays import Indices, Vector
+from baxter_kin.ik.closed_form import ClosedForm
+from baxter_kin.ik.kernel import bounds_of
+from baxter_kin.ik.reach import ReachBound, ReachProof
+from baxter_kin.ik.search import FINE_ROUNDS, Backend, Desk, Found, Lanes
+from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap, pose_features
+from baxter_kin.ik.task import Task
+from baxter_kin.model import Arm
+
+_COAXIAL = 1e-9  # how far (m, and of a unit vector) an axis may be from the last joint's
+
+
+class TaskStarts:
+    """Where to start for a task: as the null-space map, but for all poses that would do."""
+
+    def __init__(self, map_: NullSpaceMap, task: Task) -> None:
+        """Starts from the map of the arm's gripper."""
+        self._map = map_
+        self._task = task
+        self.setpoints = map_.setpoints
+        self.coarse = _VariantStarts(map_.coarse, task)
+        self.fine = _VariantStarts(map_.fine, task)
+
+    def nearest(self, Ts: Vector) -> Indices:
+        """The setpoints whose regions are nearest to any of the poses, nearest first.
+
+        Args:
+            Ts: requested poses of the tip, shape (m, 4, 4).
+
+        Returns:
+            Indices, shape (m, `MAP_STARTS`).
+        """
+        poses = self._task.gripper_poses(Ts)
+        features = pose_features(poses.reshape(-1, 4, 4))
+        squares = (self._map.middles**2).sum(axis=1) - 2 * features @ self._map.middles.T
+        least = squares.reshape(*poses.shape[:2], -1).min(axis=1)
+        order: Indices = least.argsort(axis=1)[:, :MAP_STARTS]
+        return order
+
+
+class _VariantStarts:
+    """Computed starts for all poses that would do, taken in turns."""
+
+    def __init__(self, closed_form: ClosedForm, task: Task) -> None:
+        self._closed_form = closed_form
+        self._task = task
+
+    def starts(self, Ts: Vector, count: int) -> Vector:
+        """Starts for poses, shape (m, 4, 4): shape (m, count, 7), rad."""
+        poses = self._task.gripper_poses(Ts)
+        each = -(-count // poses.shape[1])
+        starts = self._closed_form.starts(poses.reshape(-1, 4, 4), each)
+        in_turns: Vector = starts.reshape(len(Ts), -1, each, 7).transpose(0, 2, 1, 3)
+        return in_turns.reshape(len(Ts), -1, 7)[:, :count]
+
+
+@dataclass(frozen=True, slots=True)
+class TaskEvaluator:
+    """The search function of tasks, ready to run.
+
+    Attributes:
+        function: the function.
+        desk: memory to evaluate it for one request.
+        backend: what evaluates it.
+    """
+
+    function: ca.Function
+    desk: Desk
+    backend: Backend
+
+
+class TaskSearcher:
+    """The fast search of one arm for one task.
+
+    Attributes:
+        backend: where it runs.
+        fine_rounds: how many starts computed with care it is given at once, round by round.
+    """
+
+    fine_rounds: tuple[int, ...] = FINE_ROUNDS
+
+    def __init__(
+        self,
+        arm: Arm,
+        evaluator: TaskEvaluator,
+        task: Task,
+        starts: TaskStarts,
+    ) -> None:
+        """Bind the search function of an arm to a task.
+
+        Args:
+            arm: with the task's tip.
+            evaluator: of the function that `baxter_kin.ik.task_kernel` makes.
+            task: what is asked.
+            starts: where to start.
+        """
+        self.backend, function = evaluator.backend, evaluator.function
+        self._task, self._starts, self._desk = task, starts, evaluator.desk
+        solved = arm.neutral, task.turned(arm.T_base_tip(arm.neutral).homogeneous)
+        self._lanes = Lanes(function, solved)
+        self._given = task.tool, task.widths, np.array([float(task.roll_is_free)])
+        self._bounds = bounds_of(arm)
+
+    def search_one(self, q_start: Vector, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
+        """One search; as `Searcher.search_one`."""
+        desk = self._desk
+        request = q_start, self._task.turned(T_base_tip.homogeneous), *self._given
+        for memory, value in zip(desk.inputs[:-1], request, strict=True):
+            memory[:] = value
+        desk.run()
+        return desk.q, desk.report
+
+    def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
+        """Many searches; as `Searcher.search`."""
+        within = self._bounds if bounds is None else bounds
+        return self._lanes((q_starts, self._task.turned(Ts)), (*self._given, within))
+
+    def search_from_map(self, Ts: Vector) -> Found:
+        """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
+        nearest, poses = self._starts.nearest(Ts), np.arange(len(Ts))
+        found = self.search(self._starts.setpoints[nearest[:, 0]], Ts)
+        for rank in range(1, MAP_STARTS):
+            poses = poses[~found.is_valid[poses]]
+            if not poses.size:
+                break
+            again = self.search(self._starts.setpoints[nearest[poses, rank]], Ts[poses])
+            found.improve(poses, again)
+        return found
+
+
+class TaskReach:
+    """Proofs that no pose that would do is within reach."""
+
+    def __init__(self, bound: ReachBound, task: Task) -> None:
+        """What the bounds of the gripper prove about the task's tip."""
+        self._bound = bound
+        self._T_tip_gripper = task.T_gripper_tip.inverse()
+        self._leeway_m = float(np.linalg.norm(task.tolerance.position_m))
+        self._is_posed = _fixes_gripper(task)
+
+    def proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
+        """Why the arm cannot do the task at a pose, or None when that is not proved."""
+        if self._is_posed:
+            proof, leeway_m = self._bound.proof(T_base_tip * self._T_tip_gripper), self._leeway_m
+        else:
+            proof = self._bound.proof_of_position(T_base_tip.translation)
+            tool_m = float(np.linalg.norm(self._T_tip_gripper.translation))
+            leeway_m = self._leeway_m + tool_m
+        return None if proof is None else proof.less(leeway_m)
+
+    def are_outside_shells(self, Ts: Vector) -> NDArray[np.bool_]:
+        """Which poses, shape (m, 4, 4), are so far away that it is proven in no time."""
+        if not self._is_posed or self._leeway_m > 0.0:
+            return np.zeros(len(Ts), dtype=np.bool_)
+        return self._bound.are_outside_shells(Ts @ self._T_tip_gripper.homogeneous)
+
+
+def _fixes_gripper(task: Task) -> bool:
+    """Whether the tip's pose gives the gripper's, but for its roll about the last joint's axis."""
+    rotation, T = task.tolerance.rotation_rad, task.T_gripper_tip
+    if not any(rotation):
+        return True
+    is_coaxial = np.hypot(*T.translation[:2]) + np.hypot(*T.rotation[:2, 2]) <= _COAXIAL
+    return bool(is_coaxial) and task.tolerance.free_axis == 2 and not any(rotation[:2])

@@ -1,0 +1,128 @@
+"""Tolerance: what of a pose does not matter, or not exactly.
+
+The deviation of a tip from the requested pose is measured along and about the axes of the
+*requested* tip frame: the displacement of the tip, and the rotation vector of the rotation that is
+left. Where the rotation about one axis is free, the other two numbers tell instead how that axis is
+tilted: the rotation vector of the shortest rotation from the requested axis to the reached one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from baxter_kin.arrays import Vector, float_array
+from baxter_kin.errors import RequestError, UnknownNameError
+
+AXES = ("x", "y", "z")
+
+FREE = math.inf
+"""The tolerance of what does not matter at all."""
+
+WIDEST_RAD = math.pi / 2
+"""Bounds on rotations, where there are any. Beyond a quarter turn say `FREE`."""
+
+_EXACT = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """How far a tip may be from a pose; the default allows nothing.
+
+    Attributes:
+        position_m: along x, y and z of the requested tip frame, each from zero to `FREE`, m.
+        rotation_rad: about the same axes, each from zero to `WIDEST_RAD`, rad; or one of them
+            `FREE`, or all three.
+
+    Raises:
+        RequestError: when a number is negative, NaN or not allowed.
+    """
+
+    position_m: tuple[float, float, float] = _EXACT
+    rotation_rad: tuple[float, float, float] = _EXACT
+
+    def __post_init__(self) -> None:
+        """Check and copy."""
+        for name in ("position_m", "rotation_rad"):
+            object.__setattr__(self, name, _checked(getattr(self, name), name))
+        free = self.rotation_rad.count(FREE)
+        if free == 2:
+            raise RequestError(
+                "rotation_rad leaves two axes free; leave one free to allow every rotation about "
+                "it, or all three to ask for a position only"
+            )
+        for value in self.rotation_rad:
+            if WIDEST_RAD < value < FREE:
+                raise RequestError(
+                    f"rotation_rad holds {value:g} rad; bounds go up to a quarter turn "
+                    f"({WIDEST_RAD:.4f}), beyond that say inf (free)"
+                )
+
+    @classmethod
+    def position_only(cls, position_m: ArrayLike = _EXACT) -> Tolerance:
+        """Any orientation; the position within `position_m`, a number or one for each axis."""
+        return cls(_three(position_m), (FREE, FREE, FREE))
+
+    @classmethod
+    def about(cls, axis: str, *, tilt_rad: float = 0.0) -> Tolerance:
+        """Any rotation about one axis of the tip, "x", "y" or "z".
+
+        Args:
+            axis: which; z points out of the hand.
+            tilt_rad: how far that axis may lean to either side.
+
+        Raises:
+            UnknownNameError: when there is no such axis.
+        """
+        if axis not in AXES:
+            raise UnknownNameError("axis", axis, AXES)
+        rotation = [FREE if name == axis else tilt_rad for name in AXES]
+        return cls(rotation_rad=_three(rotation))
+
+    @property
+    def free_axis(self) -> int | None:
+        """The one axis that the rotation is free about, 0 to 2; None when none or all are."""
+        return self.rotation_rad.index(FREE) if self.rotation_rad.count(FREE) == 1 else None
+
+    @property
+    def is_position_only(self) -> bool:
+        """Whether every orientation will do."""
+        return self.rotation_rad.count(FREE) == 3
+
+    def excess(self, T_base_target: pin.SE3, T_base_tip: pin.SE3) -> tuple[float, float]:
+        """How far a tip is outside: distance (m) and angle (rad), zero within the tolerance."""
+        T = T_base_target.actInv(T_base_tip)
+        away = np.abs(T.translation) - self.position_m
+        turned = np.abs(self._rotation(T.rotation)) - self.rotation_rad
+        outside = [float(np.linalg.norm(part.clip(min=0.0))) for part in (away, turned)]
+        return outside[0], outside[1]
+
+    def _rotation(self, R: Vector) -> Vector:
+        """The rotation vector; with a free axis that of the tilt."""
+        if self.free_axis is None:
+            return np.asarray(pin.log3(R))
+        axis, reached = np.eye(3)[self.free_axis], R[:, self.free_axis]
+        across = np.cross(axis, reached)
+        sine = float(np.linalg.norm(across))
+        angle = math.atan2(sine, float(axis @ reached))
+        tilt: Vector = across if sine == 0.0 else across * (angle / sine)
+        return tilt
+
+
+def _three(values: ArrayLike) -> tuple[float, float, float]:
+    x, y, z = np.broadcast_to(np.asarray(values, dtype=np.float64), 3).tolist()
+    return x, y, z
+
+
+def _checked(values: ArrayLike, name: str) -> tuple[float, float, float]:
+    array = float_array(values, name, RequestError)
+    if array.shape != (3,):
+        raise RequestError(f"{name} needs three numbers, one for each axis; got {values!r}")
+    if not (array >= 0.0).all():  # which NaN is not
+        raise RequestError(f"{name} needs numbers from 0 to inf (free), got {array.tolist()}")
+    x, y, z = array.tolist()
+    return x, y, z

@@ -1,0 +1,183 @@
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Arm, IKService, RequestError, SeedType
+from baxter_kin.ik import Backend, NearestTo, Tolerance
+from baxter_kin.ik.reach import ReachBound
+from baxter_kin.ik.task import Task
+from baxter_kin.ik.task_search import TaskReach
+from baxter_kin.ik.tolerance import FREE
+from tests.conftest import at
+
+WITHIN = 1e-6
+"""In m and rad: what an answer may exceed its tolerance by."""
+
+TOOL = pin.SE3(pin.exp3(np.array([0.3, -0.5, 0.2])), np.array([0.03, -0.02, 0.15]))
+
+TOLERANCES = {
+    "exact": Tolerance(),
+    "position": Tolerance.position_only(),
+    "position within 1 cm": Tolerance.position_only(0.01),
+    "about x": Tolerance.about("x"),
+    "about z": Tolerance.about("z"),
+    "about y, leaning": Tolerance.about("y", tilt_rad=0.2),
+    "1 cm and 0.1 rad": Tolerance((0.01,) * 3, (0.1,) * 3),
+    "in a plane": Tolerance((FREE, FREE, 0.0)),
+    "a finger's width": Tolerance((0.0, 0.0, 1e-4), (0.0, 1e-3, 0.0)),
+}
+
+
+@pytest.fixture(scope="module", params=["gripper", "camera", "tool"])
+def tipped(arm: Arm, request: pytest.FixtureRequest) -> Arm:
+    """The arm with one tip or another."""
+    tips = {"gripper": arm.gripper_frame, "camera": f"{arm.side}_hand_camera", "tool": TOOL}
+    return arm.with_tip(tips[request.param])
+
+
+@pytest.fixture(scope="module")
+def service(tipped: Arm) -> IKService:
+    return IKService(tipped)
+
+
+def reachable(arm: Arm, count: int, seed: int) -> list[pin.SE3]:
+    """Every third pose is of a configuration with joints at their limits."""
+    rng, limits = np.random.default_rng(seed), arm.limits
+    qs = [arm.random_configuration(rng) for _ in range(count)]
+    for q in qs[::3]:
+        joints = rng.choice(7, 2, replace=False)
+        q[joints] = np.where(rng.random(2) < 0.5, limits.q_min[joints], limits.q_max[joints])
+    return [arm.T_base_tip(q) for q in qs]
+
+
+@pytest.mark.parametrize("name", TOLERANCES)
+def test_every_reachable_pose_is_solved_within_its_tolerance(
+    tipped: Arm, service: IKService, name: str
+) -> None:
+    tolerance, poses = TOLERANCES[name], reachable(tipped, 200, 1)
+    for T, result in zip(poses, service.solve_batch(poses, tolerance=tolerance), strict=True):
+        assert result.is_valid, str(result.failure)
+        excess = tolerance.excess(T, tipped.T_base_tip(result.q))
+        assert max(excess) <= WITHIN
+        assert excess == pytest.approx(
+            (result.position_error_m, result.orientation_error_rad), abs=1e-9
+        )
+        assert not tipped.limits.violations(result.q)
+
+
+def test_bounds_above_zero_are_kept_exactly(left: Arm, ik: IKService) -> None:
+    tolerance, poses = Tolerance((1e-3,) * 3, (1e-2,) * 3), reachable(left, 200, 2)
+    for T, result in zip(poses, ik.solve_batch(poses, tolerance=tolerance), strict=True):
+        assert tolerance.excess(T, left.T_base_tip(result.q)) == (0.0, 0.0)
+
+
+def test_poses_out_of_reach_become_solvable_by_what_is_free(left: Arm, ik: IKService) -> None:
+    T = at(0.6, 0.3, 0.2)
+    backwards = pin.SE3(pin.exp3(np.array([0.0, -np.pi / 2, 0.0])), T.translation)
+    assert not ik.solve(backwards).is_valid
+    result = ik.solve(backwards, tolerance=Tolerance.position_only())
+    assert result.is_valid
+    reached = left.T_base_tip(result.q).translation
+    assert np.linalg.norm(reached - T.translation) <= WITHIN
+
+
+def test_a_seed_near_the_solution_is_where_it_came_from(left: Arm, ik: IKService) -> None:
+    T, tolerance = left.T_base_tip(left.start), Tolerance.about("z")
+    seed = np.array(left.start) + 0.05
+    for result in (
+        ik.solve(T, seed, tolerance=tolerance),
+        ik.solve_batch([T], [seed], tolerance=tolerance)[0],
+    ):
+        assert result.seed_type is SeedType.USER
+        assert np.abs(result.q - left.start).max() < 0.3
+    chained = ik.solve_batch([T, T], current=seed, chain=True, tolerance=tolerance)
+    assert [r.seed_type for r in chained] == [SeedType.CURRENT, SeedType.CURRENT]
+    streamed = list(ik.solve_stream(iter([T]), tolerance=tolerance))
+    assert streamed[0].is_valid
+
+
+@pytest.mark.parametrize("name", ["position", "about z", "1 cm and 0.1 rad"])
+def test_ipopt_solves_the_same_tasks(left: Arm, name: str) -> None:
+    reference, tolerance = IKService(left, Backend.IPOPT), TOLERANCES[name]
+    for T in reachable(left, 8, 3):
+        result = reference.solve(T, tolerance=tolerance)
+        assert result.is_valid, str(result.failure)
+        assert max(tolerance.excess(T, left.T_base_tip(result.q))) <= WITHIN
+
+
+def test_without_a_compiler_the_answers_are_the_same(left: Arm, ik: IKService) -> None:
+    virtual, tolerance = IKService(left, Backend.CASADI), Tolerance.about("x")
+    for T in reachable(left, 30, 4):
+        q, other = (service.solve(T, tolerance=tolerance).q for service in (virtual, ik))
+        np.testing.assert_allclose(q, other, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", TOLERANCES)
+def test_no_proof_is_false(tipped: Arm, name: str) -> None:
+    """Requests that a reachable pose fulfils, often only just."""
+    tolerance, rng = TOLERANCES[name], np.random.default_rng(5)
+    bound = ReachBound(tipped.at_gripper)
+    reach = TaskReach(bound, Task(tolerance, tipped.T_gripper_tip))
+    asked = []
+    for reached in reachable(tipped, 300, 6):
+        T = reached * _within(tolerance, rng).inverse()
+        assert max(tolerance.excess(T, reached)) <= 1e-9
+        assert reach.proof(T) is None
+        asked.append(T.homogeneous)
+    assert not reach.are_outside_shells(np.array(asked)).any()
+
+
+def _within(tolerance: Tolerance, rng: np.random.Generator) -> pin.SE3:
+    """A deviation that the tolerance allows, at its bounds."""
+    signs = rng.choice([-1.0, 1.0], 6)
+    p = np.where(np.isinf(tolerance.position_m), 2.0, tolerance.position_m) * signs[:3]
+    if tolerance.is_position_only:
+        return pin.SE3(pin.exp3(rng.normal(size=3)), p)
+    r = np.array(tolerance.rotation_rad)
+    roll = np.zeros(3)
+    if tolerance.free_axis is not None:
+        r[tolerance.free_axis], roll[tolerance.free_axis] = 0.0, rng.uniform(-3.0, 3.0)
+    return pin.SE3(pin.exp3(r * signs[3:]) @ pin.exp3(roll), p)
+
+
+@pytest.mark.parametrize("name", ["exact", "position", "about z", "1 cm and 0.1 rad"])
+def test_poses_far_out_of_reach_are_proven_so(tipped: Arm, service: IKService, name: str) -> None:
+    result = service.solve(at(2.5, 0.0, 0.5), tolerance=TOLERANCES[name])
+    assert result.failure is not None
+    assert result.failure.beyond_reach_m > 0.5
+    assert "proven out of reach" in str(result.failure)
+    what = "position (2.5" if name == "position" else "pose at (2.5"
+    assert what in str(result.failure)
+
+
+def test_another_tip_is_where_it_was_asked_to_be(tipped: Arm, service: IKService) -> None:
+    q_seed = np.array(tipped.start) + 0.02
+    T = tipped.T_base_tip(tipped.start)
+    result = service.solve(T, current=q_seed)
+    assert result.seed_type is SeedType.CURRENT
+    assert max(Tolerance().excess(T, tipped.T_base_tip(result.q))) <= WITHIN
+
+
+def test_an_objective_with_a_tolerance_is_refused(left: Arm, ik: IKService) -> None:
+    with pytest.raises(RequestError, match="either an objective or a tolerance"):
+        ik.solve(
+            left.T_base_tip(left.start),
+            objective=NearestTo(left.start),
+            tolerance=Tolerance.position_only(),
+        )
+
+
+def test_what_is_no_tolerance_is_refused(left: Arm, ik: IKService) -> None:
+    tolerance: object = 0.1
+    with pytest.raises(RequestError, match="tolerance must be of class Tolerance, got float"):
+        ik.solve(left.T_base_tip(left.start), tolerance=tolerance)  # type: ignore[arg-type]
+
+
+def test_many_tolerances_in_turn_cost_bounded_memory(left: Arm) -> None:
+    service, T = IKService(left), left.T_base_tip(left.start)
+    for i in range(40):
+        tolerance = Tolerance.position_only(1e-3 * (1 + i))
+        assert service.solve(T, left.start, tolerance=tolerance).is_valid
+    assert len(service._engines._tasks) <= 16

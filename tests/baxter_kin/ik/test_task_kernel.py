@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Arm
+from baxter_kin.ik.kernel import bounds_of
+from baxter_kin.ik.task_kernel import task_coordinates, task_search_function
+from baxter_kin.ik.tolerance import Tolerance
+
+AGREEMENT = 1e-12
+
+
+@pytest.fixture(scope="module")
+def coordinates() -> ca.Function:
+    T, p, R = ca.SX.sym("T", 4, 4), ca.SX.sym("p", 3), ca.SX.sym("R", 3, 3)
+    free = ca.SX.sym("free")
+    return ca.Function("coordinates", [T, p, R, free], [task_coordinates(T, p, R, free)])
+
+
+def pairs(arm: Arm, count: int) -> list[tuple[pin.SE3, pin.SE3]]:
+    """Poses and others nearby, from a nanoradian to nearly half a turn away."""
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(count):
+        T = arm.T_base_tip(arm.random_configuration(rng))
+        axis, angle = rng.normal(size=3), min(10.0 ** rng.uniform(-9.0, 0.5), 3.1)
+        R = pin.exp3(angle * axis / np.linalg.norm(axis))
+        found.append((T, T * pin.SE3(R, rng.normal(size=3))))
+    return found
+
+
+def test_coordinates_are_displacement_and_rotation_vector(
+    left: Arm, coordinates: ca.Function
+) -> None:
+    for target, reached in pairs(left, 500):
+        D = target.actInv(reached)
+        x = np.array(coordinates(target.homogeneous, reached.translation, reached.rotation, 0))
+        expected = np.concatenate([D.translation, pin.log3(D.rotation)])
+        np.testing.assert_allclose(x.ravel(), expected, atol=AGREEMENT)
+
+
+def test_with_the_roll_free_the_rotation_is_the_tilt(left: Arm, coordinates: ca.Function) -> None:
+    tolerance = Tolerance.about("z")
+    for target, reached in pairs(left, 500):
+        x = np.array(coordinates(target.homogeneous, reached.translation, reached.rotation, 1))
+        _, tilt = tolerance.excess(target, reached)
+        assert np.linalg.norm(x[3:]) == pytest.approx(tilt, abs=AGREEMENT)
+        assert x[5] == 0.0
+
+
+def test_an_exact_task_is_the_exact_search(left: Arm) -> None:
+    search, rng = task_search_function(left), np.random.default_rng(2)
+    solved = 0
+    for _ in range(60):
+        T = left.T_base_tip(left.random_configuration(rng))
+        given = (T.homogeneous, np.eye(4), np.zeros(6), 0.0, bounds_of(left))
+        q, report = (np.array(x).ravel() for x in search(left.neutral, *given))
+        distance, angle = Tolerance().excess(T, left.T_base_tip(q))
+        assert report[1] == pytest.approx(distance, abs=1e-10)
+        assert report[2] == pytest.approx(angle, abs=1e-10) or angle > 3.0
+        solved += int(report[0])
+    assert solved > 30
+
+
+def test_invalid_input_is_reported(left: Arm) -> None:
+    search, T = task_search_function(left), np.diag([1.0, 1.0, -1.0, 1.0])
+    _, report = search(left.neutral, T, np.eye(4), np.zeros(6), 0.0, bounds_of(left))
+    assert np.array(report).ravel()[[0, 4]].tolist() == [0.0, 0.0]
