@@ -7,7 +7,7 @@ through `baxter_kin.ik.batch`, alone or many together.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any, TypeAlias
@@ -154,6 +154,7 @@ class IKService:
         *,
         chain: bool = False,
         tolerance: Tolerance | None = None,
+        progress: Callable[[int], object] | None = None,
     ) -> list[IKResult]:
         """One result per pose, in order; no poses, no results.
 
@@ -165,6 +166,8 @@ class IKService:
             chain: whether each solution is the current joint angles of the next pose. Otherwise
                 every pose is answered on its own, and large batches use all cores.
             tolerance: what of the poses does not matter, or not exactly.
+            progress: called with the number of poses solved since it was last called, such as the
+                `update` of a tqdm bar.
 
         Raises:
             RequestError: when poses or seeds are not sequences, or differ in number.
@@ -178,11 +181,12 @@ class IKService:
                 "where a pose has none), or no seeds at all"
             )
         engine, requests = self._engine(tolerance), _Requests(poses, given, current, mode)
-        if chain:
-            return list(self._chained(engine, requests))
+        parts = self._chained(engine, requests) if chain else self._blocks(engine, requests)
         results: list[IKResult] = []
-        for at in range(0, len(poses), BLOCK):
-            results += self._answers(engine, requests.part(at, at + BLOCK))
+        for part in parts:
+            results += part
+            if progress is not None:
+                progress(len(part))
         return results
 
     def solve_stream(
@@ -254,13 +258,17 @@ class IKService:
         errors = best.position_error_m, best.orientation_error_rad
         return IKResult.trusted(self.arm.joint_names, best.q, result.seed_type, errors)
 
-    def _chained(self, engine: Engine, requests: _Requests) -> Iterator[IKResult]:
+    def _blocks(self, engine: Engine, requests: _Requests) -> Iterator[list[IKResult]]:
+        for at in range(0, len(requests.poses), BLOCK):
+            yield self._answers(engine, requests.part(at, at + BLOCK))
+
+    def _chained(self, engine: Engine, requests: _Requests) -> Iterator[list[IKResult]]:
         current, seeds = requests.current, requests.seeds
         for i, pose in enumerate(requests.poses):
             seed = None if seeds is None else seeds[i]
             result = self._first(engine, pose, seed, current, requests.mode)
             current = result.q if result.is_valid else current
-            yield result
+            yield [result]
 
     def _answers(self, engine: Engine, requests: _Requests) -> list[IKResult]:
         Ts, table = pose_matrices(requests.poses), self._seed_table(requests)

@@ -48,9 +48,7 @@ def test_ctrl_c_while_it_works_is_status_130(forever: subprocess.Popen[str], pha
 
 
 @pytest.mark.parametrize("library", ["numpy", "pinocchio", "casadi", "ruckig", "coal"])
-def test_ctrl_c_while_it_loads_is_status_130(
-    forever: subprocess.Popen[str], library: str
-) -> None:
+def test_ctrl_c_while_it_loads_is_status_130(forever: subprocess.Popen[str], library: str) -> None:
     mapped, give_up_s = Path(f"/proc/{forever.pid}/maps"), time.monotonic() + DEADLINE_S
     while f"/{library}" not in mapped.read_text() and time.monotonic() < give_up_s:
         time.sleep(1e-3)

@@ -24,6 +24,7 @@ from baxter_kin import (
 )
 from baxter_kin.frames import T_world_base, angle_between
 from baxter_kin.ik.search import Searcher
+from baxter_kin.ik.service import BLOCK
 from tests.conftest import at, overhead
 
 TOLERANCE = 1e-6
@@ -265,3 +266,12 @@ def test_malformed_pose_is_refused(ik: IKService, pose: Any) -> None:
 def test_unknown_mode_is_refused(ik: IKService) -> None:
     with pytest.raises(BaxterError, match="unknown seed mode 9"):
         ik.solve(overhead(0.7, 0.0, 0.0), mode=9)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("chain", [False, True])
+def test_progress_adds_up_to_the_number_of_poses(left: Arm, ik: IKService, chain: bool) -> None:
+    count, told = BLOCK + 10, list[int]()
+    T = left.T_base_tip(left.start)
+    results = ik.solve_batch([T] * count, current=left.start, chain=chain, progress=told.append)
+    assert len(results) == sum(told) == count
+    assert len(told) > 1
