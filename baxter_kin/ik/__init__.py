@@ -11,6 +11,7 @@ from baxter_kin.ik.objectives import (
 )
 from baxter_kin.ik.program import Program
 from baxter_kin.ik.result import IKFailure, IKResult
+from baxter_kin.ik.samples import sample_solutions
 from baxter_kin.ik.search import Backend
 from baxter_kin.ik.seeds import SeedMode, SeedType
 from baxter_kin.ik.self_motion import SelfMotion, trace_self_motion
@@ -34,6 +35,7 @@ __all__ = [
     "TowardsGoal",
     "best_on",
     "distinct_solutions",
+    "sample_solutions",
     "solutions",
     "trace_self_motion",
 ]

@@ -64,6 +64,7 @@ class IKService:
     Attributes:
         arm: whose tip is placed.
         backend: where its searches run.
+        search: what runs them for exact poses.
     """
 
     def __init__(self, arm: Arm, backend: str | Backend = Backend.AUTO) -> None:
@@ -76,7 +77,8 @@ class IKService:
         self.arm = expect(arm, Arm, "arm", RequestError)
         self._engines = Engines(arm, wanted)
         self._default = self._engines.default
-        self.backend = self._default.search.backend
+        self.search = self._default.search
+        self.backend = self.search.backend
 
     def solve(
         self,
