@@ -40,7 +40,8 @@ def sample_solutions(ik: IKService, T_base_tip: PoseLike, *, turns: int = 48) ->
     closed_form = ClosedForm(arm.at_gripper, turns=count, rolls=1)
     q, misfit = closed_form.configurations(Ts @ arm.T_gripper_tip.inverse().homogeneous)
     inside = q[0].clip(limits.q_min, limits.q_max)
-    starts = inside[(misfit[0] == 0.0) & (np.abs(q[0] - inside).max(axis=1) <= SLACK_RAD)]
+    is_near = (misfit[0] == 0.0) & (np.abs(q[0] - inside).max(axis=1) <= SLACK_RAD)
+    starts: Vector = inside[is_near]
     if not len(starts):
         return starts
     found = ik.search.search(starts, np.repeat(Ts, len(starts), axis=0))
