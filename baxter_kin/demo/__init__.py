@@ -22,8 +22,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with interruptible() as interrupt:
             options = parse_options(argv)
-            from baxter_kin.demo.run import run_demo  # noqa: PLC0415 - loads every library
-
+            with interrupt.deferred():  # some libraries crash when they are interrupted loading
+                from baxter_kin.demo.run import run_demo  # noqa: PLC0415 - loads every library
             return run_demo(options, interrupt)
     except KeyboardInterrupt:
         print("stopped by Ctrl-C", file=sys.stderr)
