@@ -9,19 +9,29 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin import Arm, Baxter
-from baxter_kin.arrays import finite_array
-from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
+from baxter_kin import Arm
+from baxter_kin.arrays import Indices, Vector, finite_array
+from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.frames import checked_pose
-from planner.contact import PRESSING_TOLERANCE_M, coal_shape, shape_of
+from planner.contact import PRESSING_TOLERANCE_M, coal_shape, convex_pieces
 from planner.errors import SceneError
-from planner.scene import Body, Part, Scene
+from planner.robot_shapes import RobotShapes
+from planner.scene import Body, Scene
+
+__all__ = ["Clearance", "ClearanceChecker", "Held", "RobotShapes", "least"]
+
+FARTHEST_JOINT = 1000.0
+"""Joint values beyond this, rad or m, are none; distances would lose digits."""
+
+UNKNOWN_DEPTH_M = -0.01
+"""Stands for the distance where coal finds shapes inside each other but not how deep."""
+
+_NO_DISTANCE_M = -1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +42,13 @@ class Clearance:
         distance_m: negative when the two are inside each other.
         first: link or body.
         second: link or body.
+        time_s: when, from the start of the motion; None when it was at no time of one.
     """
 
     distance_m: float
     first: str
     second: str
+    time_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,45 +72,6 @@ class Held:
         object.__setattr__(self, "supports", frozenset(self.supports))
 
 
-class RobotShapes:
-    """The robot's collision shapes and the pairs of them worth checking."""
-
-    def __init__(self, robot: Baxter) -> None:
-        """Remember the robot; nothing is read before it is asked for."""
-        self.robot = robot
-
-    @cached_property
-    def model(self) -> pin.GeometryModel:
-        """Every collision shape, with all pairs but those that the SRDF rules out."""
-        files = self.robot.description
-        shapes = pin.buildGeomFromUrdf(
-            self.robot.model,
-            str(files.urdf),
-            pin.GeometryType.COLLISION,
-            package_dirs=[str(files.package_dir)],
-        )
-        shapes.addAllCollisionPairs()
-        pin.removeCollisionPairs(self.robot.model, shapes, str(files.srdf))
-        return shapes
-
-    def part_at_tip(self, name: str, arm: Arm) -> Part:
-        """A collision shape of the hand, seen from the tip with the fingers closed.
-
-        Raises:
-            UnknownNameError: when the robot has no such shape.
-        """
-        expect(arm, Arm, "arm", SceneError)
-        names = [str(shape.name) for shape in self.model.geometryObjects]
-        if not isinstance(name, str) or name not in names:
-            raise UnknownNameError("collision shape", name, names)
-        shape = self.model.geometryObjects[self.model.getGeometryId(name)]
-        model, data = self.robot.model, self.robot.model.createData()
-        pin.framesForwardKinematics(model, data, np.zeros(model.nq))
-        T_base_tip = data.oMf[model.getFrameId(arm.tip_frame)]
-        T_base_part = data.oMi[shape.parentJoint] * shape.placement
-        return Part(shape_of(shape.geometry), T_base_tip.inverse() * T_base_part)
-
-
 class ClearanceChecker:
     """How close one arm comes to anything it must not touch, in one situation.
 
@@ -108,6 +81,11 @@ class ClearanceChecker:
     purpose: the fingers with the body they are about to grasp or have just released, and a held
     body with what it stood or will stand on. They count only when they press in by more than
     `PRESSING_TOLERANCE_M`.
+
+    Attributes:
+        arm: the arm that moves.
+        robot: the model of the whole robot.
+        geometry: all shapes, and the pairs of them that are checked.
     """
 
     def __init__(
@@ -134,8 +112,9 @@ class ClearanceChecker:
         expect(shapes, RobotShapes, "shapes", SceneError)
         expect(arm, Arm, "arm", SceneError)
         _check_situation(scene, touchable, held)
-        self._robot = shapes.robot.model
-        self._geometry = shapes.model.copy()
+        self.arm = arm
+        self.robot: pin.Model = shapes.robot.model
+        self.geometry: pin.GeometryModel = shapes.model.copy()
         self._arm_shapes = _shapes_of(shapes, arm)
         self._hand_shapes = [i for i in self._arm_shapes if _is_of_hand(self._name(i))]
         self._contacts: list[int] = []  # indices of the pairs that may touch
@@ -143,8 +122,8 @@ class ClearanceChecker:
         supports = self._add_scene(scene, touchable, held)
         if held is not None:
             self._add_held(held, arm, supports)
-        self._data = self._robot.createData()
-        self._distances = self._geometry.createData()
+        self._data = self.robot.createData()
+        self._distances = self.geometry.createData()
 
     def clearance(self, q: ArrayLike) -> Clearance:
         """The least distance at a full configuration, shape (19,), allowed contacts left out.
@@ -152,19 +131,56 @@ class ClearanceChecker:
         Raises:
             ConfigurationError: when `q` has another shape or is not finite.
         """
-        full = finite_array(q, (self._robot.nq,), "q", ConfigurationError)
-        pin.computeDistances(self._robot, self._data, self._geometry, self._distances, full)
-        found = [result.min_distance for result in self._distances.distanceResults]
+        full = self.configuration(q)
+        pin.computeDistances(self.robot, self._data, self.geometry, self._distances, full)
+        found = [_known(result.min_distance) for result in self._distances.distanceResults]
         for contact in self._contacts:
             if found[contact] > -PRESSING_TOLERANCE_M:
                 found[contact] = np.inf
         nearest = int(np.argmin(found))
-        pair = self._geometry.collisionPairs[nearest]
-        return Clearance(float(found[nearest]), self._link(pair.first), self._link(pair.second))
+        return self.between(nearest, found[nearest])
+
+    def configuration(self, q: ArrayLike) -> Vector:
+        """A full configuration, shape (19,), known to be one that distances can be measured in.
+
+        Raises:
+            ConfigurationError: when it has another shape, is not finite or beyond `FARTHEST_JOINT`.
+        """
+        full = finite_array(q, (self.robot.nq,), "q", ConfigurationError)
+        if np.abs(full).max() > FARTHEST_JOINT:
+            raise ConfigurationError(
+                f"a joint stands at {np.abs(full).max():g}; up to {FARTHEST_JOINT:g} is measured"
+            )
+        return full
+
+    @property
+    def pairs(self) -> Indices:
+        """The shapes of every pair, shape (n, 2)."""
+        return np.array([(pair.first, pair.second) for pair in self.geometry.collisionPairs])
+
+    @property
+    def may_touch(self) -> NDArray[np.bool_]:
+        """Whether a pair is an allowed contact, shape (n,)."""
+        allowed = np.zeros(len(self.geometry.collisionPairs), dtype=np.bool_)
+        allowed[self._contacts] = True
+        return allowed
+
+    def distances_m(self, full: Vector, pairs: Iterable[int]) -> list[float]:
+        """The distances of some pairs at a checked full configuration, shape (19,)."""
+        geometry, distances = self.geometry, self._distances
+        pin.updateGeometryPlacements(self.robot, self._data, geometry, distances, full)
+        measure = pin.computeDistance
+        return [_known(measure(geometry, distances, pair).min_distance) for pair in pairs]
+
+    def between(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
+        """A distance of a pair, by its names."""
+        shapes = self.geometry.collisionPairs[pair]
+        names = self._link(shapes.first), self._link(shapes.second)
+        return Clearance(float(distance_m), *names, time_s)
 
     def _keep_pairs_of_arm(self) -> None:
-        kept = [(pair.first, pair.second) for pair in self._geometry.collisionPairs]
-        self._geometry.removeAllCollisionPairs()
+        kept = [(pair.first, pair.second) for pair in self.geometry.collisionPairs]
+        self.geometry.removeAllCollisionPairs()
         hand = set(self._hand_shapes)
         for first, second in kept:
             moving = first in self._arm_shapes or second in self._arm_shapes
@@ -176,41 +192,50 @@ class ClearanceChecker:
         supports = set()
         for body in scene:
             fingers = set(self._hand_shapes) if body.name == touchable else set()
-            for index in self._add_body(body, 0, body.T_base_body):
-                if held is not None and body.name in held.supports:
+            carries = held is not None and body.name in held.supports
+            in_pieces = carries or body.name == touchable
+            for index in self._add_body(body, 0, body.T_base_body, in_pieces=in_pieces):
+                if carries:
                     supports.add(index)
                 for other in self._arm_shapes:
                     self._add_pair(other, index, may_touch=other in fingers)
         return supports
 
     def _add_held(self, held: Held, arm: Arm, supports: set[int]) -> None:
-        tip = self._robot.frames[self._robot.getFrameId(arm.tip_frame)]
-        shapes = self._geometry.geometryObjects
+        tip = self.robot.frames[self.robot.getFrameId(arm.tip_frame)]
+        shapes = self.geometry.geometryObjects
         others = [
             i
-            for i in range(self._geometry.ngeoms)
+            for i in range(self.geometry.ngeoms)
             if i not in self._hand_shapes and shapes[i].parentJoint != tip.parentJoint
         ]
-        for index in self._add_body(held.body, tip.parentJoint, tip.placement * held.T_tip_body):
+        T_joint_body = tip.placement * held.T_tip_body
+        in_pieces = bool(supports)
+        for index in self._add_body(held.body, tip.parentJoint, T_joint_body, in_pieces=in_pieces):
             for other in others:
                 self._add_pair(index, other, may_touch=other in supports)
 
-    def _add_body(self, body: Body, joint: int, T_joint_body: pin.SE3) -> list[int]:
+    def _add_body(
+        self, body: Body, joint: int, T_joint_body: pin.SE3, *, in_pieces: bool
+    ) -> list[int]:
+        """Add its shapes; in convex pieces where a depth must be known, as in allowed contacts."""
         indices = []
         for number, part in enumerate(body.parts):
             placement = T_joint_body * part.T_body_part
-            name = f"{body.name}/{number}"
-            shape = pin.GeometryObject(name, joint, placement, coal_shape(part.shape))
-            indices.append(self._geometry.addGeometryObject(shape))
+            shapes = convex_pieces(part.shape) if in_pieces else (coal_shape(part.shape),)
+            for piece, shape in enumerate(shapes):
+                name = f"{body.name}/{number}.{piece}"
+                placed = pin.GeometryObject(name, joint, placement, shape)
+                indices.append(self.geometry.addGeometryObject(placed))
         return indices
 
     def _add_pair(self, first: int, second: int, *, may_touch: bool = False) -> None:
         if may_touch:
-            self._contacts.append(len(self._geometry.collisionPairs))
-        self._geometry.addCollisionPair(pin.CollisionPair(first, second))
+            self._contacts.append(len(self.geometry.collisionPairs))
+        self.geometry.addCollisionPair(pin.CollisionPair(first, second))
 
     def _name(self, index: int) -> str:
-        return str(self._geometry.geometryObjects[index].name)
+        return str(self.geometry.geometryObjects[index].name)
 
     def _link(self, index: int) -> str:
         """The link or body that a shape belongs to: its name without the running number."""
@@ -229,6 +254,11 @@ def _check_situation(scene: Scene, touchable: str | None, held: Held | None) -> 
         _ = scene[touchable]  # says what there is
     if held is not None and expect(held, Held, "held", SceneError).body.name in scene.bodies:
         raise SceneError(f"{held.body.name!r} is in the hand; take it out of the scene")
+
+
+def _known(distance_m: float) -> float:
+    """Coal's number, unless it is the one that says it failed to find a depth."""
+    return distance_m if distance_m > _NO_DISTANCE_M else UNKNOWN_DEPTH_M
 
 
 def _is_of_hand(name: str) -> bool:

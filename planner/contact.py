@@ -6,15 +6,17 @@ coal enters here; the geometry models of `planner.collision` are made of its sha
 from __future__ import annotations
 
 from itertools import product
+from typing import TypeAlias
 
 import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, finite_array, finite_scalar
+from baxter_kin.arrays import Indices, Vector, finite_array, finite_scalar
 from baxter_kin.errors import expect
 from planner.errors import SceneError
+from planner.mesh import Mesh
 from planner.scene import Body, Box, Cylinder, Part, Scene, Shape, Sphere
 
 CONTACT_TOLERANCE_M = 1e-9
@@ -32,18 +34,24 @@ SLIDING = 1e-3
 UNIT_TOLERANCE = 1e-9
 """How far the length of a unit vector may be from 1 by rounding."""
 
+MOST_TOUCHED_TRIANGLES = 1000
+"""How many triangles a mesh may have that is not convex and something touches on purpose."""
+
 _MAX_ADVANCES = 1000
+
+_Placed: TypeAlias = tuple[coal.CollisionGeometry, coal.Transform3s]
 
 
 def travel_to_contact(
     moving: Part, direction: ArrayLike, still: Part, room_m: float
 ) -> float | None:
-    """How far a convex shape moves along a line until it touches another; None if it does not.
+    """How far a shape moves along a line until it touches another; None if it does not.
 
     Conservative advancement (Mirtich 1996): two planes across the shortest connection keep convex
     shapes apart, so a shape may move until it has used up the gap between them, and never touches
     when it does not move towards them. Shapes in contact touch at once, unless one slides along
-    the other or leaves it.
+    the other or leaves it. A mesh that is not convex is taken triangle by triangle, so what slides
+    along its surface stops at the next edge.
 
     Args:
         moving: the shape that moves, placed in some frame.
@@ -52,29 +60,37 @@ def travel_to_contact(
         room_m: how far it may move at most.
 
     Raises:
-        SceneError: when an argument is malformed, or the direction is not of unit length.
+        SceneError: when an argument is malformed, the direction is not of unit length, or a mesh
+            that is not convex has more than `MOST_TOUCHED_TRIANGLES`.
     """
     along = _unit(direction)
     finite_scalar(room_m, "room_m", SceneError)
-    first, second = (
-        coal_shape(expect(part, Part, "a shape to move", SceneError).shape)
-        for part in (moving, still)
+    for part in (moving, still):
+        expect(part, Part, "a shape to move", SceneError)
+    travels = (
+        _travel(first, second, along, room_m)
+        for first, second in product(_pieces(moving), _pieces(still))
     )
+    return min((travel for travel in travels if travel is not None), default=None)
+
+
+def _travel(moving: _Placed, still: _Placed, along: Vector, room_m: float) -> float | None:
+    """The same for one convex shape and another."""
+    (first, T_first), (second, T_second) = moving, still
     pair = coal.ComputeDistance(first, second)  # keeps bare pointers: both must stay alive here
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     request.gjk_tolerance = DISTANCE_TOLERANCE_M
-    R, p = moving.T_body_part.rotation, moving.T_body_part.translation
-    T_still = coal.Transform3s(still.T_body_part.rotation, still.T_body_part.translation)
+    R, p = T_first.getRotation(), T_first.getTranslation()
     travel = 0.0
     for _ in range(_MAX_ADVANCES):
         result.clear()
-        gap = pair(coal.Transform3s(R, p + travel * along), T_still, request, result)
+        gap = pair(coal.Transform3s(R, p + travel * along), T_second, request, result)
         closing = float(along @ result.normal)  # gap lost per distance moved
         if gap <= CONTACT_TOLERANCE_M:
             return travel if travel > 0.0 or closing > SLIDING else None
-        if closing <= 0.0 or gap > closing * (room_m - travel):
+        if closing <= 0.0 or gap > closing * (room_m - travel) + CONTACT_TOLERANCE_M:
             return None
-        travel += gap / closing
+        travel = min(travel + gap / closing, room_m)
     return travel
 
 
@@ -115,7 +131,47 @@ def coal_shape(shape: Shape) -> coal.CollisionGeometry:
         return coal.Box(*shape.size_m)
     if isinstance(shape, Cylinder):
         return coal.Cylinder(shape.radius_m, shape.length_m)
-    return coal.Sphere(shape.radius_m)
+    if isinstance(shape, Sphere):
+        return coal.Sphere(shape.radius_m)
+    if shape.is_convex:
+        return _convex(shape.vertices, shape.triangles)
+    surface = coal.BVHModelOBBRSS()
+    surface.beginModel(len(shape.triangles), len(shape.vertices))
+    surface.addVertices(shape.vertices)
+    surface.addTriangles(shape.triangles)
+    surface.endModel()
+    return surface
+
+
+def convex_pieces(shape: Shape) -> tuple[coal.ShapeBase, ...]:
+    """A shape as convex shapes of coal, whose depth inside another is known: itself, or triangles.
+
+    Raises:
+        SceneError: when it is a mesh that is not convex, of more than `MOST_TOUCHED_TRIANGLES`.
+    """
+    if not isinstance(shape, Mesh) or shape.is_convex:
+        return (coal_shape(shape),)
+    if len(shape.triangles) > MOST_TOUCHED_TRIANGLES:
+        raise SceneError(
+            f"a mesh that is not convex is touched, but has {len(shape.triangles)} triangles; at "
+            f"most {MOST_TOUCHED_TRIANGLES} can be: thin it out, or give its convex hull"
+        )
+    both_sides = np.array([[0, 1, 2], [0, 2, 1]])
+    return tuple(_convex(corners, both_sides) for corners in shape.corners)
+
+
+def coal_pose(T: pin.SE3) -> coal.Transform3s:
+    """Our pose as coal's."""
+    return coal.Transform3s(T.rotation, T.translation)
+
+
+def _convex(vertices: Vector, triangles: Indices) -> coal.Convex:
+    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for vertex in vertices:
+        points.append(vertex)
+    for triangle in triangles.tolist():
+        faces.append(coal.Triangle(*triangle))
+    return coal.Convex(points, faces)
 
 
 def shape_of(geometry: coal.CollisionGeometry) -> Shape:
@@ -143,11 +199,15 @@ def _gap_m(body: Body, other: Body) -> float:
     return float(min(gaps))
 
 
-def _placed(body: Body) -> list[tuple[coal.CollisionGeometry, coal.Transform3s]]:
+def _pieces(part: Part) -> list[_Placed]:
+    pose = coal_pose(part.T_body_part)
+    return [(piece, pose) for piece in convex_pieces(part.shape)]
+
+
+def _placed(body: Body) -> list[_Placed]:
     poses = [body.T_base_body * part.T_body_part for part in body.parts]
     return [
-        (coal_shape(part.shape), coal.Transform3s(T.rotation, T.translation))
-        for part, T in zip(body.parts, poses, strict=True)
+        (coal_shape(part.shape), coal_pose(T)) for part, T in zip(body.parts, poses, strict=True)
     ]
 
 

@@ -6,7 +6,9 @@ BaxterError
     ├── SceneError          a body, shape or name that makes no sense    (also ValueError)
     ├── TrajectoryError     a motion that is none, or a bad sample time  (also ValueError)
     ├── MotionError         states that no motion under the limits joins (also ValueError)
-    └── TaskError           a pick or place that contradicts itself      (also ValueError)
+    │   └── StraightMoveError   a line that the arm cannot follow to its end
+    ├── TaskError           a pick or place that contradicts itself      (also ValueError)
+    └── PlanFileError       a plan that cannot be saved, or a bad file   (also ValueError)
 ```
 
 A task without a solution is a `Plan` that carries its reason, not an exception.
@@ -39,8 +41,27 @@ class MotionError(PlannerError, ValueError):
     """Start and goal states that no motion under the limits can join."""
 
 
+class StraightMoveError(MotionError):
+    """A straight line that the arm cannot follow to its end.
+
+    Attributes:
+        fraction: how much of the line it can follow, 0..1.
+        reason: why no further, with names and numbers.
+    """
+
+    def __init__(self, fraction: float, reason: str) -> None:
+        """Say how far it goes and why no further."""
+        self.fraction = fraction
+        self.reason = reason
+        super().__init__(f"the straight line ends after {fraction:.1%} of the way: {reason}")
+
+
 class TaskError(PlannerError, ValueError):
     """A pick or place whose parts contradict each other."""
+
+
+class PlanFileError(PlannerError, ValueError):
+    """A plan that cannot be saved, or a file that holds none."""
 
 
 def expect_all(values: object, kind: type[T], what: str, error: type[BaxterError]) -> tuple[T, ...]:

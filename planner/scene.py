@@ -14,10 +14,14 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, positive_scalar
 from baxter_kin.errors import expect
-from baxter_kin.frames import checked_pose
+from baxter_kin.frames import PoseLike, checked_pose
 from planner.errors import SceneError, expect_all
+from planner.mesh import Mesh, checked_size
 
 GREY = (0.6, 0.6, 0.6, 1.0)
+
+FARTHEST_M = 1000.0
+"""How far from base, or from its body, a shape may be; distances beyond lose digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +37,7 @@ class Box:
     def __post_init__(self) -> None:
         """Check the edges."""
         size = finite_array(self.size_m, (3,), "box size_m", SceneError)
-        x, y, z = (positive_scalar(edge, "box edge", SceneError) for edge in size.tolist())
+        x, y, z = (_checked_length(edge, "box edge") for edge in size.tolist())
         object.__setattr__(self, "size_m", (x, y, z))
 
     def support_m(self, direction: Vector) -> float:
@@ -56,8 +60,8 @@ class Cylinder:
 
     def __post_init__(self) -> None:
         """Check the lengths."""
-        positive_scalar(self.radius_m, "cylinder radius_m", SceneError)
-        positive_scalar(self.length_m, "cylinder length_m", SceneError)
+        _checked_length(self.radius_m, "cylinder radius_m")
+        _checked_length(self.length_m, "cylinder length_m")
 
     def support_m(self, direction: Vector) -> float:
         """How far the shape extends from its centre along a unit direction, shape (3,)."""
@@ -77,14 +81,14 @@ class Sphere:
 
     def __post_init__(self) -> None:
         """Check the radius."""
-        positive_scalar(self.radius_m, "sphere radius_m", SceneError)
+        _checked_length(self.radius_m, "sphere radius_m")
 
     def support_m(self, direction: Vector) -> float:  # noqa: ARG002 - the same in all directions
         """How far the shape extends from its centre along a unit direction, shape (3,)."""
         return self.radius_m
 
 
-Shape: TypeAlias = Box | Cylinder | Sphere
+Shape: TypeAlias = Box | Cylinder | Sphere | Mesh
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,9 +107,9 @@ class Part:
 
     def __post_init__(self) -> None:
         """Check and copy."""
-        if not isinstance(self.shape, (Box, Cylinder, Sphere)):
-            raise SceneError(f"a shape is a Box, Cylinder or Sphere, got {self.shape!r}")
-        object.__setattr__(self, "T_body_part", checked_pose(self.T_body_part))
+        if not isinstance(self.shape, (Box, Cylinder, Sphere, Mesh)):
+            raise SceneError(f"a shape is a Box, Cylinder, Sphere or Mesh, got {self.shape!r}")
+        object.__setattr__(self, "T_body_part", _checked_place(self.T_body_part, "a shape"))
         r, g, b, a = np.clip(finite_array(self.rgba, (4,), "rgba", SceneError), 0, 1).tolist()
         object.__setattr__(self, "rgba", (r, g, b, a))
 
@@ -134,7 +138,7 @@ class Body:
         if not parts:
             raise SceneError(f"body {self.name!r} has no shape")
         object.__setattr__(self, "parts", parts)
-        object.__setattr__(self, "T_base_body", checked_pose(self.T_base_body))
+        object.__setattr__(self, "T_base_body", _checked_place(self.T_base_body, self.name))
 
     def at(self, T_base_body: pin.SE3) -> Body:
         """The same body at another pose seen from base."""
@@ -150,10 +154,9 @@ class Body:
         lows, highs = [], []
         for part in self.parts:
             T = self.T_base_body * part.T_body_part
-            middle = float(along @ T.translation)
-            reach = part.shape.support_m(T.rotation.T @ along)
-            lows.append(middle - reach)
-            highs.append(middle + reach)
+            middle, along_part = float(along @ T.translation), T.rotation.T @ along
+            lows.append(middle - part.shape.support_m(-along_part))
+            highs.append(middle + part.shape.support_m(along_part))
         return min(lows), max(highs)
 
     @property
@@ -241,3 +244,17 @@ class Scene:
         """
         body = self[name].at(T_base_body)
         return Scene({**self.bodies, name: body})
+
+
+def _checked_length(value: object, what: str) -> float:
+    return checked_size(positive_scalar(value, what, SceneError), what)
+
+
+def _checked_place(pose: PoseLike, what: str) -> pin.SE3:
+    T = checked_pose(pose)
+    farthest = float(np.abs(T.translation).max())
+    if farthest > FARTHEST_M:
+        raise SceneError(
+            f"{what} is placed {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
+        )
+    return T

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
 from baxter_kin.frames import BASE_HEIGHT_M
+from planner.mesh import Mesh
 from planner.scene import Body, Box, Cylinder, Part
 from sim.appearance import Appearance, RobotPart
 from sim.errors import SimulationError
@@ -190,8 +191,20 @@ def _geometry(part: Part) -> Command:
             "height": shape.length_m,
         }
         return {"type": "CylinderGeometry", "radialSegments": 48} | size
+    if isinstance(shape, Mesh):
+        return _flat_faces(shape)
     segments = {"widthSegments": 32, "heightSegments": 24}
     return {"type": "SphereGeometry", "radius": shape.radius_m} | segments
+
+
+def _flat_faces(mesh: Mesh) -> Command:
+    """Every triangle with corners and a normal of its own, so that edges look sharp."""
+    corners = mesh.corners
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    vertices = corners.reshape(-1, 3).astype(np.float32)
+    faces = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
+    return triangles(vertices, faces, np.repeat(normals, 3, axis=0).astype(np.float32))
 
 
 def _T_part_geometry(part: Part) -> pin.SE3:

@@ -5,7 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 import coal
+import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
+
+from planner.mesh import Mesh
+
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+SIDES = [
+    *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
+    *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
+]
+"""A cube's surface, counter-clockwise seen from outside."""
 
 
 def distance(first: Any, T_first: pin.SE3, second: Any, T_second: pin.SE3) -> float:
@@ -20,3 +31,24 @@ def distance(first: Any, T_first: pin.SE3, second: Any, T_second: pin.SE3) -> fl
             coal.DistanceResult(),
         )
     )
+
+
+def mesh_of(vertices: Any, triangles: Any) -> Mesh:
+    """A mesh, from lists as well."""
+    return Mesh(vertices, triangles)
+
+
+def hull(points: NDArray[np.float64]) -> Mesh:
+    """The convex hull as Qhull finds it, its triangles turned outwards."""
+    given_points = coal.StdVec_Vec3s()
+    for point in points:
+        given_points.append(point)
+    found = coal.Convex.convexHull(given_points, True, "Qt")
+    vertices = np.array([found.point(i) for i in range(found.num_points)])
+    triangles = np.array(
+        [[found.polygons(i)[k] for k in range(3)] for i in range(found.num_polygons)]
+    )
+    a, b, c = vertices[triangles].swapaxes(0, 1)
+    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), a - vertices.mean(axis=0)) < 0.0
+    triangles[inwards] = triangles[inwards][:, ::-1]
+    return Mesh(vertices, triangles)

@@ -28,8 +28,9 @@ from planner import (
 )
 from planner.collision import Held, least
 from planner.contact import PRESSING_TOLERANCE_M, coal_shape
+from planner.mesh import Mesh
 from tests.conftest import at, overhead
-from tests.planner.conftest import distance
+from tests.planner.conftest import CORNERS, SIDES, distance, mesh_of
 
 DISTANCE_TOLERANCE_M = 2e-6
 """Two runs of GJK on the same pair; its default tolerance is 1e-6."""
@@ -373,3 +374,97 @@ def test_the_least_of_clearances_is_the_smallest_and_of_none_is_none() -> None:
     far, near = Clearance(0.2, "a", "b"), Clearance(-0.1, "c", "d")
     assert least([far, near, far]) is near
     assert least([]) is None
+
+
+class TestMeshes:
+    """Meshes stand in for the boxes that they are the surface of."""
+
+    @pytest.fixture
+    def q(self, robot: Baxter, left: Arm) -> Vector:
+        return full(robot, left, left.neutral)
+
+    @pytest.fixture(params=["solid", "open"])
+    def slab(self, request: pytest.FixtureRequest) -> Mesh:
+        """200 x 200 x 20 mm; when open, one triangle at its side is missing."""
+        corners = CORNERS * [0.1, 0.1, 0.01]
+        return mesh_of(corners, SIDES if request.param == "solid" else SIDES[1:])
+
+    @pytest.mark.parametrize("gap", [0.2, 0.02, 0.001])
+    def test_an_obstacle_is_as_far_away_as_the_box(
+        self, left: Arm, shapes: RobotShapes, q: Vector, slab: Mesh, gap: float
+    ) -> None:
+        place = left.T_base_tip(left.neutral) * at(0.0, 0.0, 0.05 + gap)
+        found = [
+            ClearanceChecker(shapes, left, Scene.of([Body("slab", (part,), place)])).clearance(q)
+            for part in (Part(slab, ORIGIN), Part(Box((0.2, 0.2, 0.02)), ORIGIN))
+        ]
+        assert found[0].distance_m == pytest.approx(found[1].distance_m, abs=DISTANCE_TOLERANCE_M)
+
+    @pytest.mark.parametrize(("gap", "is_allowed"), [(0.0, True), (-1e-4, True), (-1e-3, False)])
+    def test_a_held_body_may_stand_on_a_mesh_but_not_in_it(
+        self, manipulator: Manipulator, q: Vector, slab: Mesh, gap: float, is_allowed: bool
+    ) -> None:
+        cube = Body("cube", (Part(CUBE, at(0.025, 0.025, 0.025)),), ORIGIN)
+        found = self.clearance_on(manipulator, cube, q, slab, gap)
+        assert (found.distance_m > 0.0) is is_allowed
+
+    def test_a_held_mesh_may_stand_on_something(
+        self, manipulator: Manipulator, q: Vector, slab: Mesh
+    ) -> None:
+        cube = mesh_of(0.025 * CORNERS, slab.triangles)
+        held = Body("held", (Part(cube, at(0.025, 0.025, 0.025)),), ORIGIN)
+        assert self.clearance_on(manipulator, held, q, slab, 0.0).distance_m > 0.0
+        assert self.clearance_on(manipulator, held, q, slab, -0.001).distance_m < 0.0
+
+    def clearance_on(
+        self, manipulator: Manipulator, body: Body, q: Vector, slab: Mesh, gap: float
+    ) -> Clearance:
+        """A body in the neutral hand, so far above the slab that it may touch."""
+        left = manipulator.arm
+        held = Held(body, at(-0.025, -0.025, -0.025), frozenset({"slab"}))
+        T_base_tip = left.T_base_tip(left.neutral)
+        low = body.at(T_base_tip * held.T_tip_body).extent_m(Z)[0]
+        x, y, _ = T_base_tip.translation
+        support = Body("slab", (Part(slab, ORIGIN),), at(x, y, low - gap - 0.01))
+        scene = Scene.of([support])
+        return ClearanceChecker(manipulator.shapes, left, scene, held=held).clearance(q)
+
+
+def test_shapes_whose_depth_coal_does_not_find_count_as_inside_each_other(
+    robot: Baxter, left: Arm, shapes: RobotShapes
+) -> None:
+    tip = left.T_base_tip(left.neutral)
+    sail = mesh_of([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.0, 0.1, 0.0]], [[0, 1, 2]])
+    held = Held(ball("ball", 0, 0, 0), ORIGIN, frozenset({"sail"}))
+    scene = Scene.of([Body("sail", (Part(sail, ORIGIN),), at(*tip.translation))])
+    found = ClearanceChecker(shapes, left, scene, held=held, touchable="sail").clearance(
+        full(robot, left, left.neutral)
+    )
+    assert -1.0 < found.distance_m < -PRESSING_TOLERANCE_M
+
+
+@pytest.mark.parametrize("joint", [0, 8, 10, 18])
+@pytest.mark.parametrize("value", [-1001.0, 1e9, 1e300])
+def test_a_joint_too_far_away_to_be_measured_is_refused(
+    robot: Baxter, left: Arm, shapes: RobotShapes, joint: int, value: float
+) -> None:
+    q = np.array(robot.configuration())
+    q[joint] = value
+    with pytest.raises(ConfigurationError, match="up to 1000 is measured"):
+        ClearanceChecker(shapes, left, Scene.of()).clearance(q)
+
+
+def test_a_clearance_of_no_motion_has_no_time(
+    robot: Baxter, left: Arm, shapes: RobotShapes
+) -> None:
+    checker = ClearanceChecker(shapes, left, Scene.of())
+    assert checker.clearance(full(robot, left, left.neutral)).time_s is None
+
+
+def test_distances_of_pairs_are_those_that_clearance_is_the_least_of(
+    robot: Baxter, left: Arm, shapes: RobotShapes
+) -> None:
+    checker, q = ClearanceChecker(shapes, left, Scene.of()), full(robot, left, left.neutral)
+    found = checker.distances_m(q, range(len(checker.pairs)))
+    least_m = checker.clearance(q).distance_m
+    assert min(found) == pytest.approx(least_m, abs=DISTANCE_TOLERANCE_M)

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from baxter_kin import BaxterError, PoseError
 from planner import Body, Box, Cylinder, Part, Scene, SceneError, Sphere
+from planner.mesh import LARGEST_SHAPE_M, SMALLEST_SHAPE_M, Mesh
 from planner.scene import Shape
 from tests.conftest import at
+from tests.planner.conftest import mesh_of
 
 ROUNDING_M = 1e-12
 """Sums of a few products of numbers below 1."""
@@ -73,6 +75,8 @@ def poses(draw: st.DrawFn) -> pin.SE3:
 
 def surface(shape: Shape) -> NDArray[np.float64]:
     """Points of the surface, shape (m, 3); the extreme ones among them."""
+    if isinstance(shape, Mesh):
+        return shape.vertices
     if isinstance(shape, Box):
         corners = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, -1).T
         return np.asarray(corners * shape.size_m)
@@ -177,7 +181,7 @@ def test_refuses_a_pose_that_is_none_wherever_one_is_given(scene: Scene, pose: A
 
 @pytest.mark.parametrize("shape", [None, "box", (0.1, 0.1, 0.1), Box])
 def test_refuses_a_part_whose_shape_is_none(shape: Any) -> None:
-    with pytest.raises(SceneError, match="Box, Cylinder or Sphere"):
+    with pytest.raises(SceneError, match="Box, Cylinder, Sphere or Mesh"):
         Part(shape, at(0.0, 0.0, 0.0))
 
 
@@ -282,3 +286,29 @@ def test_refuses_bodies_that_are_none(bodies: Any) -> None:
 def test_scene_errors_are_baxter_errors_and_value_errors() -> None:
     assert issubclass(SceneError, BaxterError)
     assert issubclass(SceneError, ValueError)
+
+
+def test_a_body_of_a_mesh_covers_what_its_corners_do() -> None:
+    mesh = mesh_of([[0.1, 0.0, 0.0], [0.4, 0.1, 0.0], [0.2, 0.0, 0.3]], [[0, 1, 2]])
+    body = Body("sail", (Part(mesh, at(1.0, 0.0, 0.0)),), at(0.0, 0.0, 2.0))
+    extents = [body.extent_m(axis) for axis in np.eye(3)]
+    assert np.allclose(extents, [(1.1, 1.4), (0.0, 0.1), (2.0, 2.3)])
+
+
+@pytest.mark.parametrize("length_m", [0.5 * SMALLEST_SHAPE_M, 5e-324, 2 * LARGEST_SHAPE_M, 1e300])
+def test_refuses_a_shape_too_small_or_large_to_be_measured(length_m: float) -> None:
+    for make in (
+        lambda: Box((0.1, 0.1, length_m)),
+        lambda: Cylinder(length_m, 0.1),
+        lambda: Cylinder(0.1, length_m),
+        lambda: Sphere(length_m),
+    ):
+        with pytest.raises(SceneError, match="can be measured"):
+            make()
+
+
+@pytest.mark.parametrize("x", [-1001.0, 1e9, 1e300])
+def test_refuses_a_place_too_far_away_to_be_measured(block: Body, x: float) -> None:
+    for place in (lambda: Part(Sphere(0.1), at(x, 0.0, 0.0)), lambda: block.at(at(0.0, x, 0.0))):
+        with pytest.raises(SceneError, match="up to 1000 m can be measured"):
+            place()

@@ -7,8 +7,10 @@ import pytest
 from baxter_kin import Baxter
 from planner.scene import Body, Box, Cylinder, Part, Sphere
 from sim.appearance import Appearance
+from sim.meshcat_commands import packed
 from sim.scenegraph import RobotTree, body_commands, body_path, line_command
 from tests.conftest import at
+from tests.planner.conftest import mesh_of
 
 
 @pytest.fixture(scope="module")
@@ -47,11 +49,32 @@ def test_a_slash_in_a_name_makes_one_node() -> None:
 
 
 def test_every_shape_of_a_body_is_drawn() -> None:
-    shapes = (Box((0.1, 0.1, 0.1)), Cylinder(0.1, 0.2), Sphere(0.1))
+    shapes = (
+        Box((0.1, 0.1, 0.1)),
+        Cylinder(0.1, 0.2),
+        Sphere(0.1),
+        mesh_of(np.eye(3), [[0, 1, 2]]),
+    )
     parts = tuple(Part(shape, at(0.0, 0.0, 0.0)) for shape in shapes)
     commands = list(body_commands(Body("thing", parts, at(0.0, 0.0, 0.0))))
     drawn = [c["object"]["geometries"][0]["type"] for c in commands if c["type"] == "set_object"]
-    assert drawn == ["BoxGeometry", "CylinderGeometry", "SphereGeometry"]
+    assert drawn == ["BoxGeometry", "CylinderGeometry", "SphereGeometry", "BufferGeometry"]
+
+
+def test_a_mesh_is_drawn_with_its_corners_and_outward_normals() -> None:
+    mesh = mesh_of([[0.0, 0.0, 0.5], [1.0, 0.0, 0.5], [0.0, 1.0, 0.5]], [[0, 1, 2]])
+    body = Body("sail", (Part(mesh, at(0.0, 0.0, 0.0)),), at(0.0, 0.0, 0.0))
+    (drawn,) = (c["object"] for c in body_commands(body) if c["type"] == "set_object")
+    data = drawn["geometries"][0]["data"]
+    corners, normals = (data["attributes"][name]["array"] for name in ("position", "normal"))
+    assert np.array_equal(corners.reshape(3, 3)[data["index"]["array"]], mesh.vertices)
+    assert np.array_equal(normals.reshape(3, 3), np.tile([0.0, 0.0, 1.0], (3, 1)))
+
+
+def test_a_mesh_can_be_sent_to_the_browser() -> None:
+    part = Part(mesh_of(np.eye(3), [[0, 1, 2]]), at(0.0, 0.0, 0.0))
+    commands = list(body_commands(Body("sail", (part,), at(0.0, 0.0, 0.0))))
+    assert all(packed(command) for command in commands)
 
 
 def test_a_cylinder_stands_along_z() -> None:

@@ -1,0 +1,192 @@
+"""LeverArms: how far a joint's turning can carry the shapes of an arm, and how far apart they are.
+
+A shape of the arm is on the far side of a chain of revolute joints 1 .. k. Let joint i turn from
+q_i by d_i. Turn them one after the other, joint 1 first: when joint i turns, the joints beyond it
+still stand at q, so a point of the shape is as far from the axis as it was at q, r_i, and moves by
+the chord 2 r_i sin(|d_i| / 2). Whatever the order in which the joints really turn, the point ends
+there; so it has moved by at most the sum of r_i |d_i|. Seen from a shape that hangs on joint m of
+the same chain, only the joints m + 1 .. k move it. This is the bound of Schwarzer, Saha and
+Latombe ("Adaptive dynamic collision checking for single and multiple articulated robots in complex
+environments", IEEE Trans. Robotics 21(3), 2005, section IV) with the lever arms of the
+configuration q itself instead of the greatest over all.
+
+r_i is that of a capsule around the shape: the greater distance of its two ends from the axis, plus
+its radius.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from baxter_kin import Arm
+from baxter_kin.arrays import Indices, Vector
+
+
+class Placed(NamedTuple):
+    """Where things are at m configurations.
+
+    Attributes:
+        joints: poses of the arm's joints in base, shape (m, 7, 4, 4).
+        shapes: poses of all shapes in base, shape (m, n, 4, 4).
+    """
+
+    joints: Vector
+    shapes: Vector
+
+
+class LeverArms:
+    """Bounds on distances and motions of the shapes of a geometry model while one arm moves.
+
+    Attributes:
+        depth: how many joints of the arm move each shape, shape (n,); 0 for those that stand.
+        q_index: where the arm's joints stand in a full configuration, shape (7,).
+    """
+
+    def __init__(self, robot: pin.Model, geometry: pin.GeometryModel, arm: Arm) -> None:
+        """Measure the shapes."""
+        self._robot, self._data = robot, robot.createData()
+        self._chain = [robot.getJointId(name) for name in arm.joint_names]
+        self.q_index = np.array([robot.joints[joint].idx_q for joint in self._chain])
+        self._axes = np.array([_axis(self._data, joint) for joint in self._chain])
+        shapes = list(geometry.geometryObjects)
+        self._joint = np.array([shape.parentJoint for shape in shapes])
+        self._T_joint_shape = np.array([shape.placement.homogeneous for shape in shapes])
+        self.depth = _depths(robot, self._chain)[self._joint]
+        self._moved = np.flatnonzero(self.depth)
+        self._row = np.cumsum(self.depth > 0) - 1  # of a shape among those that move
+        self._covers = _Covers.of([shape.geometry for shape in shapes])
+
+    def place(self, full: Vector, qs: Vector) -> Placed:
+        """Poses at arm configurations, shape (m, 7), the other joints as in `full`, shape (19,)."""
+        q = np.array(full)
+        joints = np.empty((len(qs), self._robot.njoints, 4, 4))
+        moving = {*self._chain, *self._joint[self._moved].tolist()}
+        for number, q_arm in enumerate(qs):
+            q[self.q_index] = q_arm
+            pin.forwardKinematics(self._robot, self._data, q)
+            for joint in moving if number else range(self._robot.njoints):
+                joints[number, joint] = self._data.oMi[joint].homogeneous
+            if number == 0:
+                joints[1:] = joints[0]
+        return Placed(joints[:, self._chain], joints[:, self._joint] @ self._T_joint_shape)
+
+    def motions_m(self, placed: Placed, turns: Vector) -> Vector:
+        """How far any point of a shape moves while each joint turns by at most so much.
+
+        Args:
+            placed: m configurations.
+            turns: the greatest turns from there, shape (m, 7), rad, not negative.
+
+        Returns:
+            Shape (m, shapes, 8), metres; in the last index k, seen from what hangs on joint k of
+            the arm, or from base when k is 0. Zero for shapes that stand.
+        """
+        steps = self._levers(placed) * turns[:, None, :]
+        moved = np.zeros((len(turns), len(self._moved), len(self._chain) + 1))
+        moved[:, :, :-1] = np.cumsum(steps[:, :, ::-1], axis=2)[:, :, ::-1]
+        all_shapes = np.zeros((len(turns), len(self.depth), moved.shape[2]))
+        all_shapes[:, self._moved] = moved
+        return all_shapes
+
+    def gaps_m(self, placed: Placed, number: Indices, first: Indices, second: Indices) -> Vector:
+        """Lower bounds on the distances of pairs, shape (k,), metres; negative says nothing.
+
+        The first of each pair is taken as a ball around it, the second as a box around it.
+
+        Args:
+            placed: m configurations.
+            number: which of them, for each pair, shape (k,).
+            first: a shape, for each pair, shape (k,).
+            second: another.
+        """
+        centres = _points(placed.shapes, self._covers.centres[:, None])[:, :, 0]
+        T = placed.shapes[number, second]
+        apart = centres[number, first] - T[:, :3, 3]
+        inside = np.einsum("kji,kj->ki", T[:, :3, :3], apart)  # in the frame of the second
+        covers = self._covers
+        outside = np.maximum(covers.lowest[second] - inside, inside - covers.highest[second])
+        distances = np.linalg.norm(np.maximum(outside, 0.0), axis=1)
+        gaps: Vector = distances - covers.ball_radii[first]
+        return gaps
+
+    def _levers(self, placed: Placed) -> Vector:
+        """Greatest distance of each moving shape from each axis before it, (m, moving, 7)."""
+        covers, moved = self._covers, self._moved
+        ends = _points(placed.shapes[:, moved], covers.ends[moved])  # m, moving, 2, 3
+        origins = placed.joints[..., :3, 3]
+        axes = (placed.joints[..., :3, :3] @ self._axes[:, :, None])[..., 0]
+        apart = ends[:, :, :, None] - origins[:, None, None]  # m, moving, 2, 7, 3
+        across = np.cross(apart, axes[:, None, None])
+        levers = np.linalg.norm(across, axis=-1).max(axis=2) + covers.radii[moved][:, None]
+        before: NDArray[np.bool_] = np.arange(len(self._chain)) < self.depth[moved][:, None]
+        return np.where(before, levers, 0.0)
+
+
+class _Covers(NamedTuple):
+    """Simple shapes around n shapes, each in the frame of its shape.
+
+    A box `lowest` .. `highest`, (n, 3); a ball around `centres`, (n, 3), of `ball_radii`, (n,);
+    a capsule between `ends`, (n, 2, 3), of `radii`, (n,).
+    """
+
+    lowest: Vector
+    highest: Vector
+    centres: Vector
+    ball_radii: Vector
+    ends: Vector
+    radii: Vector
+
+    @classmethod
+    def of(cls, geometries: list[coal.CollisionGeometry]) -> _Covers:
+        lowest, highest = (np.empty((len(geometries), 3)) for _ in range(2))
+        axes, radii = np.zeros((len(geometries), 3)), np.empty(len(geometries))
+        for number, geometry in enumerate(geometries):
+            geometry.computeLocalAABB()
+            box = geometry.aabb_local
+            lowest[number], highest[number] = box.min_, box.max_
+            half = (highest[number] - lowest[number]) / 2
+            axes[number], radii[number] = _capsule(geometry, half)
+        centres = (lowest + highest) / 2
+        ends = np.stack([centres - axes, centres + axes], axis=1)
+        lengths = np.linalg.norm(axes, axis=1)
+        round_ends = np.array([isinstance(g, coal.Cylinder | coal.Sphere) for g in geometries])
+        balls = np.where(round_ends, np.hypot(lengths, radii), 0.0)
+        balls = np.where(round_ends, balls, np.linalg.norm(highest - lowest, axis=1) / 2)
+        return cls(lowest, highest, centres, balls, ends, radii)
+
+
+def _capsule(geometry: coal.CollisionGeometry, half: Vector) -> tuple[Vector, float]:
+    """From the middle to an end, shape (3,), and the radius, of a capsule around a shape."""
+    axis = np.zeros(3)
+    if isinstance(geometry, coal.Sphere):
+        return axis, float(geometry.radius)
+    if isinstance(geometry, coal.Cylinder):
+        axis[2] = geometry.halfLength
+        return axis, float(geometry.radius)
+    longest = int(half.argmax())
+    axis[longest] = half[longest]
+    return axis, float(np.linalg.norm(half - axis))
+
+
+def _points(poses: Vector, points: Vector) -> Vector:
+    """Points (n, k, 3) of the frames in `poses`, (m, n, 4, 4), as (m, n, k, 3) of base."""
+    return points @ poses[..., :3, :3].swapaxes(-1, -2) + poses[..., None, :3, 3]
+
+
+def _axis(data: pin.Data, joint: int) -> Vector:
+    """The axis of a revolute joint in its own frame, shape (3,), unit."""
+    axis: Vector = np.asarray(data.joints[joint].S).reshape(-1)[3:]
+    return axis
+
+
+def _depths(robot: pin.Model, chain: list[int]) -> Indices:
+    """How many joints of the chain move what hangs on each joint of the robot."""
+    depths = np.zeros(robot.njoints, dtype=np.intp)
+    for number, joint in enumerate(chain):
+        depths[robot.subtrees[joint].tolist()] = number + 1
+    return depths
