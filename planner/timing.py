@@ -20,7 +20,7 @@ from baxter_kin import JointLimits
 from baxter_kin.arrays import Indices, Vector, finite_array
 from baxter_kin.errors import expect
 from planner.errors import MotionError, TrajectoryError
-from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
+from planner.trajectory import CONTINUITY_TOLERANCE, JointState, Trajectory
 
 SHORTEST_SEGMENT_S = 1e-12
 """Phases shorter than this are rounding of Ruckig's and are dropped."""
@@ -40,17 +40,6 @@ POSITION_TOLERANCE_RAD = 1e-9
 
 RATIO_TOLERANCE = 1e-9
 """How far a velocity, acceleration or jerk may exceed its limit, relative to it, by rounding."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _State:
-    q: Vector
-    v: Vector
-    a: Vector
-
-    def equals(self, other: _State) -> bool:
-        mine, others = (np.concatenate([s.q, s.v, s.a]) for s in (self, other))
-        return np.array_equal(mine, others)
 
 
 def plan_joint_move(
@@ -87,7 +76,7 @@ def plan_joint_move(
     start = _checked_state("start", q_start, v_start, a_start, limits)
     goal = _checked_state("goal", q_goal, v_goal, a_goal, limits)
     at_rest = not np.any([start.v, start.a, goal.v, goal.a])
-    if start.equals(goal):
+    if _same(start, goal):
         return _instant(goal, limits)
     synchronization = ruckig.Synchronization.Phase if at_rest else ruckig.Synchronization.Time
     _refuse_endless(start, goal, limits)
@@ -97,13 +86,32 @@ def plan_joint_move(
     return trajectory
 
 
+def least_duration_s(start: JointState, goal: JointState, limits: JointLimits) -> float:
+    """How long the fastest motion between two states takes, ten times faster than making it.
+
+    Args:
+        start: each of shape (n,), inside the limits; not checked.
+        goal: the same.
+        limits: of those n joints.
+
+    Raises:
+        MotionError: when no motion joins the states.
+    """
+    problem = _problem(start, goal, limits, ruckig.Synchronization.Time)
+    return float(_solved(problem, limits.names).duration)
+
+
+def _same(state: JointState, other: JointState) -> bool:
+    return all(np.array_equal(x, y) for x, y in zip(state, other, strict=True))
+
+
 def _checked_state(
     which: str, q: ArrayLike, v: ArrayLike | None, a: ArrayLike | None, limits: JointLimits
-) -> _State:
+) -> JointState:
     position = limits.check(q, f"q_{which}")
     velocity = _checked_rate(f"v_{which}", v, limits.v_max, limits.names)
     acceleration = _checked_rate(f"a_{which}", a, limits.a_max, limits.names)
-    return _State(position, velocity, acceleration)
+    return JointState(position, velocity, acceleration)
 
 
 def _checked_rate(
@@ -120,7 +128,10 @@ def _checked_rate(
 
 
 def _problem(
-    start: _State, goal: _State, limits: JointLimits, synchronization: ruckig.Synchronization
+    start: JointState,
+    goal: JointState,
+    limits: JointLimits,
+    synchronization: ruckig.Synchronization,
 ) -> ruckig.InputParameter:
     problem = ruckig.InputParameter(len(limits.names))
     problem.current_position = start.q.tolist()
@@ -136,13 +147,13 @@ def _problem(
     return problem
 
 
-def _instant(state: _State, limits: JointLimits) -> Trajectory:
+def _instant(state: JointState, limits: JointLimits) -> Trajectory:
     """The motion of no duration."""
     none = np.zeros((0, len(limits.names)))
     return Trajectory(limits, np.zeros(1), state.q[None], state.v[None], state.a[None], none)
 
 
-def _refuse_endless(start: _State, goal: _State, limits: JointLimits) -> None:
+def _refuse_endless(start: JointState, goal: JointState, limits: JointLimits) -> None:
     least_s = np.abs(goal.q - start.q) / limits.v_max
     slowest = int(least_s.argmax())
     if least_s[slowest] > LONGEST_MOTION_S:
@@ -175,7 +186,7 @@ def _reason(cause: Exception, names: tuple[str, ...]) -> str:
 
 
 def _trajectory(
-    profile: ruckig.Trajectory, start: _State, goal: _State, limits: JointLimits
+    profile: ruckig.Trajectory, start: JointState, goal: JointState, limits: JointLimits
 ) -> Trajectory:
     if profile.duration <= SHORTEST_SEGMENT_S:  # the states differ by rounding, if at all
         return _instant(goal, limits)

@@ -126,6 +126,12 @@ class Trajectory:
             *(np.where(over, last, x) for last, x in zip(self._rest(), state, strict=True))
         )
 
+    def reversed(self) -> Trajectory:
+        """The same way back: the film run backwards, within the same limits."""
+        knots = self.duration - self.knots_s[::-1]
+        backwards = self.q[::-1], -self.v[::-1], self.a[::-1], -self.j[::-1]
+        return Trajectory(self.limits, knots, *backwards)
+
     def position_extrema(self) -> tuple[Vector, Vector]:
         """Lowest and highest position of each joint, exact; two arrays of shape (n,), rad."""
         candidates = np.concatenate([self.q, *self._turning_positions()])

@@ -312,3 +312,14 @@ def test_motion_errors_are_baxter_errors_and_value_errors() -> None:
     for error in (TrajectoryError, MotionError):
         assert issubclass(error, BaxterError)
         assert issubclass(error, ValueError)
+
+
+def test_backwards_it_is_where_it_was_at_the_same_time_before_the_end(left: Arm) -> None:
+    move = plan_joint_move(left.neutral, left.start, left.limits)
+    back = move.reversed()
+    times = np.linspace(0.0, move.duration, 50)
+    ahead, behind = move.sample(times), back.sample(np.clip(move.duration - times, 0.0, None))
+    np.testing.assert_allclose(behind.q, ahead.q, atol=1e-12)
+    np.testing.assert_allclose(behind.v, -ahead.v, atol=1e-12)
+    np.testing.assert_allclose(behind.a, ahead.a, atol=1e-12)
+    assert back.peak_ratios() == pytest.approx(move.peak_ratios(), rel=1e-9)

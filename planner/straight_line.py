@@ -1,0 +1,96 @@
+"""StraightLine: poses from one to another, along a line and the shortest rotation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin.arrays import Vector
+from baxter_kin.frames import PoseLike, angle_between, checked_pose
+from planner.errors import StraightMoveError
+
+LEAST_LENGTH = 1e-9
+"""A line shorter than this, in m and rad together, is a point: positions are known no better."""
+
+HALF_TURN_MARGIN_RAD = 1e-6
+"""Rotations closer to half a turn than this have no shortest way: either sense is as good."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StraightLine:
+    """The poses between two, by the fraction s of the way, 0..1.
+
+    The position is on the line between both, the orientation on the shortest rotation between them
+    (slerp: Shoemake, "Animating rotation with quaternion curves", 1985), at the same fraction.
+
+    Attributes:
+        T_base_start: the first pose of the tip.
+        T_base_goal: the last one.
+        twist: of the tip per unit of s, shape (6,): m, then rad, along the axes of base. It is the
+            same all along.
+    """
+
+    T_base_start: pin.SE3
+    T_base_goal: pin.SE3
+    twist: Vector = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Check both poses and compute the twist.
+
+        Raises:
+            PoseError: when one is no pose.
+            StraightMoveError: when the rotation is half a turn.
+        """
+        start, goal = (_orthonormal(T) for T in (self.T_base_start, self.T_base_goal))
+        angle = angle_between(start.rotation, goal.rotation)
+        if angle > math.pi - HALF_TURN_MARGIN_RAD:
+            raise StraightMoveError(
+                0.0,
+                f"the goal is turned by {math.degrees(angle):.6f} deg, half a turn, which has two "
+                "shortest ways: go by an orientation between",
+            )
+        turn = start.rotation @ pin.log3(start.rotation.T @ goal.rotation)
+        twist = np.concatenate([goal.translation - start.translation, turn])
+        twist.setflags(write=False)
+        for name, value in (("T_base_start", start), ("T_base_goal", goal), ("twist", twist)):
+            object.__setattr__(self, name, value)
+
+    @property
+    def length_m(self) -> float:
+        """How far the tip travels."""
+        return float(np.linalg.norm(self.twist[:3]))
+
+    @property
+    def angle_rad(self) -> float:
+        """How much it turns, below half a turn."""
+        return float(np.linalg.norm(self.twist[3:]))
+
+    @property
+    def is_point(self) -> bool:
+        """Whether it is shorter than `LEAST_LENGTH`."""
+        return bool(np.linalg.norm(self.twist) < LEAST_LENGTH)
+
+    def at(self, s: float) -> pin.SE3:
+        """The pose at a fraction of the way; beyond 0..1 the line goes on."""
+        R = pin.exp3(s * self.twist[3:]) @ self.T_base_start.rotation
+        return pin.SE3(R, self.T_base_start.translation + s * self.twist[:3])
+
+    def error(self, s: float, T_base_tip: pin.SE3) -> Vector:
+        """The twist from a pose to the one at s, shape (6,), m and rad, along the axes of base."""
+        R = T_base_tip.rotation
+        wanted = self.at(s)
+        turn = R @ pin.log3(R.T @ wanted.rotation)
+        return np.concatenate([wanted.translation - T_base_tip.translation, turn])
+
+
+def _orthonormal(pose: PoseLike) -> pin.SE3:
+    """The pose with the rotation nearest to its own, which may be off by rounded digits.
+
+    The orthogonal factor of the polar decomposition (Higham, 1986).
+    """
+    T = checked_pose(pose)
+    U, _, Vt = np.linalg.svd(T.rotation)
+    return pin.SE3(U @ Vt, T.translation)

@@ -1,0 +1,318 @@
+"""Straight moves: on the line, inside the limits, close to the optimum, refused with reasons."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from baxter_kin import Arm, Baxter, ConfigurationError, JointLimits, PoseError
+from baxter_kin.model import MIRROR
+from planner import (
+    MotionError,
+    StraightMoveError,
+    Trajectory,
+    plan_joint_move,
+    plan_path_move,
+    plan_straight_move,
+    plan_straight_path,
+)
+from planner.timing import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
+from tests.planner.lines import (
+    STRAIGHT_M,
+    STRAIGHT_RAD,
+    above,
+    farthest_off,
+    q_above,
+    random_path,
+)
+
+OPTIMUM_OF_DESCENT_S = 0.8134
+"""By `scripts/straight_optimum.py`, 400 intervals, least-norm path from the start pose's branch."""
+
+SLOWER_THAN_OPTIMUM = 1.04
+
+SAME_TIME = 5e-3
+"""Relative: both are within that of the same optimum, on segments that were halved elsewhere."""
+
+seeds = st.integers(0, 2**32 - 1)
+few = settings(max_examples=6)
+
+
+def descent(arm: Arm) -> Trajectory:
+    return plan_straight_move(arm, q_above(arm), above(0.0, arm.side), arm.limits)
+
+
+def assert_inside(motion: Trajectory) -> None:
+    limits = motion.limits
+    v = motion.sample(np.linspace(0.0, motion.duration, 2000)).v
+    for rates, bound in ((v, limits.v_max), (motion.a, limits.a_max), (motion.j, limits.j_max)):
+        assert (np.abs(rates) <= bound * (1.0 + RATIO_TOLERANCE)).all()
+    assert max(motion.peak_ratios()) <= 1.0 + RATIO_TOLERANCE
+    low, high = motion.position_extrema()
+    assert (low >= limits.q_min - POSITION_TOLERANCE_RAD).all()
+    assert (high <= limits.q_max + POSITION_TOLERANCE_RAD).all()
+
+
+@few
+@given(seeds)
+def test_any_motion_stays_on_its_line_with_the_orientation_that_belongs_there(
+    arm: Arm, seed: int
+) -> None:
+    path = random_path(arm, seed)
+    motion = plan_path_move(path, arm.limits)
+    off_m, off_rad = farthest_off(motion, arm, path.line.T_base_start, path.line.T_base_goal)
+    assert off_m <= STRAIGHT_M
+    assert off_rad <= STRAIGHT_RAD
+
+
+@few
+@given(seeds, st.floats(0.02, 1.0))
+def test_any_motion_keeps_every_limit(arm: Arm, seed: int, speed_ratio: float) -> None:
+    limits = arm.limits.scaled(speed_ratio)
+    assert_inside(plan_path_move(random_path(arm, seed, limits), limits))
+
+
+@few
+@given(seeds)
+def test_any_motion_is_from_rest_to_rest_and_ends_at_the_goal(arm: Arm, seed: int) -> None:
+    path = random_path(arm, seed)
+    motion = plan_path_move(path, arm.limits)
+    for rates in (motion.v[0], motion.a[0], motion.v[-1], motion.a[-1]):
+        assert not rates.any()
+    assert arm.T_base_tip(motion.q_goal).isApprox(path.line.T_base_goal, 1e-9)
+
+
+@few
+@given(seeds)
+def test_the_way_back_takes_the_same_time(left: Arm, seed: int) -> None:
+    path = random_path(left, seed)
+    forth, back = (plan_path_move(p, left.limits).duration for p in (path, path.reversed()))
+    assert back == pytest.approx(forth, rel=SAME_TIME)
+
+
+@settings(max_examples=4)
+@given(seeds)
+def test_the_mirrored_arm_makes_the_mirrored_motion(robot: Baxter, seed: int) -> None:
+    left, right = robot.arm("left"), robot.arm("right")
+    path = random_path(left, seed)
+    goal = path.line.T_base_goal
+    flip = np.diag([1.0, -1.0, 1.0])
+    mirrored = pin.SE3(flip @ goal.rotation @ flip, flip @ goal.translation)
+    motion = plan_path_move(path, left.limits)
+    other = plan_straight_move(right, MIRROR * path.at(0.0).q, mirrored, right.limits)
+    assert other.duration == pytest.approx(motion.duration, rel=SAME_TIME)
+    np.testing.assert_allclose(other.q_goal, MIRROR * motion.q_goal, atol=1e-6)
+
+
+def test_a_descent_of_the_demo_is_close_to_the_optimum(arm: Arm) -> None:
+    assert descent(arm).duration <= SLOWER_THAN_OPTIMUM * OPTIMUM_OF_DESCENT_S
+
+
+def test_a_descent_of_the_demo_is_not_faster_than_the_optimum(arm: Arm) -> None:
+    assert descent(arm).duration >= 0.999 * OPTIMUM_OF_DESCENT_S
+
+
+def test_a_descent_uses_a_limit_to_the_full(arm: Arm) -> None:
+    assert max(descent(arm).peak_ratios()) >= 0.999
+
+
+def test_no_joint_jumps_to_another_branch(arm: Arm) -> None:
+    motion = descent(arm)
+    q = motion.sample(np.linspace(0.0, motion.duration, 500)).q
+    assert np.abs(np.diff(q, axis=0)).max() <= arm.limits.v_max.max() * motion.duration / 499
+
+
+def test_a_turn_on_the_spot_keeps_the_tip_where_it_is(arm: Arm) -> None:
+    q = q_above(arm)
+    goal = arm.T_base_tip(q) * pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.6])), np.zeros(3))
+    motion = plan_straight_move(arm, q, goal, arm.limits)
+    off_m, off_rad = farthest_off(motion, arm, arm.T_base_tip(q), goal)
+    assert off_m <= STRAIGHT_M
+    assert off_rad <= STRAIGHT_RAD
+    assert_inside(motion)
+
+
+def test_a_short_line_with_a_large_turn_keeps_its_orientation(left: Arm) -> None:
+    q = q_above(left)
+    start = left.T_base_tip(q)
+    goal = pin.SE3(start.rotation @ pin.exp3(np.array([0.0, 0.3, 0.9])), start.translation)
+    goal.translation += np.array([0.0, 0.002, 0.0])
+    motion = plan_straight_move(left, q, goal, left.limits)
+    assert farthest_off(motion, left, start, goal)[1] <= STRAIGHT_RAD
+
+
+def test_a_goal_where_the_arm_stands_takes_no_time(arm: Arm) -> None:
+    q = q_above(arm)
+    motion = plan_straight_move(arm, q, arm.T_base_tip(q), arm.limits)
+    assert motion.duration == 0.0
+    np.testing.assert_array_equal(motion.q_start, q)
+
+
+@pytest.mark.parametrize("length_m", [2e-9, 1e-7, 1e-5, 1e-3])
+def test_a_tiny_line_is_a_motion(arm: Arm, length_m: float) -> None:
+    q = q_above(arm)
+    goal = arm.T_base_tip(q)
+    goal.translation[2] -= length_m
+    motion = plan_straight_move(arm, q, goal, arm.limits)
+    assert motion.duration > 0.0
+    assert_inside(motion)
+    missed = np.linalg.norm(arm.T_base_tip(motion.q_goal).translation - goal.translation)
+    assert missed <= 1e-12
+
+
+def test_a_line_below_the_least_length_is_a_point(arm: Arm) -> None:
+    q = q_above(arm)
+    goal = arm.T_base_tip(q)
+    goal.translation[2] -= 0.9e-9
+    assert plan_straight_move(arm, q, goal, arm.limits).duration == 0.0
+
+
+def test_it_starts_and_ends_at_the_speeds_asked_for(arm: Arm) -> None:
+    motion = plan_straight_move(
+        arm,
+        q_above(arm),
+        above(0.0, arm.side),
+        arm.limits,
+        speed_start_m_s=0.15,
+        acceleration_start_m_s2=-0.1,
+        speed_end_m_s=0.05,
+    )
+    first = arm.jacobian(motion.q[0]) @ motion.v[0]
+    last = arm.jacobian(motion.q[-1]) @ motion.v[-1]
+    np.testing.assert_allclose(first, [0.0, 0.0, -0.15, 0.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(last, [0.0, 0.0, -0.05, 0.0, 0.0, 0.0], atol=1e-9)
+    assert_inside(motion)
+
+
+def test_passing_the_hover_pose_joins_without_a_jump_and_saves_time(left: Arm) -> None:
+    q_hover, speed = q_above(left), 0.15
+    path = plan_straight_path(left, q_hover, above(0.0), left.limits)
+    down = plan_straight_move(left, q_hover, above(0.0), left.limits, speed_start_m_s=speed)
+    v, a = down.v[0], down.a[0]
+    there = plan_joint_move(left.start, q_hover, left.limits, v_goal=v, a_goal=a)
+    for end, begin in ((there.q, down.q), (there.v, down.v), (there.a, down.a)):
+        np.testing.assert_allclose(end[-1], begin[0], atol=1e-9)
+    stopping = plan_joint_move(left.start, q_hover, left.limits).duration
+    assert there.duration + down.duration < stopping + plan_path_move(path, left.limits).duration
+
+
+def test_says_how_far_it_is_out_of_reach(arm: Arm) -> None:
+    with pytest.raises(StraightMoveError, match=r"out of reach, .* mm beyond") as caught:
+        plan_straight_move(arm, q_above(arm), above(-1.0, arm.side), arm.limits)
+    assert 0.2 < caught.value.fraction < 0.6
+    assert "out of reach" in caught.value.reason
+
+
+def test_names_the_joint_that_runs_into_its_limit(arm: Arm) -> None:
+    q = q_above(arm)
+    goal = arm.T_base_tip(q)
+    goal.translation[0] = 0.3
+    with pytest.raises(
+        StraightMoveError, match=rf"{arm.side}_e1 .* upper limit of 2.618"
+    ) as caught:
+        plan_straight_move(arm, q, goal, arm.limits)
+    assert 0.8 < caught.value.fraction < 1.0
+
+
+def test_the_fraction_is_where_the_joint_reaches_its_limit(left: Arm) -> None:
+    q = q_above(left)
+    whole = plan_straight_path(left, q, above(0.0), left.limits)
+    narrow_e1 = np.array(left.limits.q_min)
+    narrow_e1[3] = whole.at(0.4).q[3]
+    limits = JointLimits(
+        left.limits.names,
+        narrow_e1,
+        left.limits.q_max,
+        left.limits.v_max,
+        left.limits.a_max,
+        left.limits.j_max,
+    )
+    with pytest.raises(StraightMoveError, match=r"left_e1 .* lower limit") as caught:
+        plan_straight_move(left, q, above(0.0), limits)
+    assert caught.value.fraction == pytest.approx(0.4, abs=1e-4)
+
+
+def test_says_that_a_singularity_is_in_the_way(left: Arm) -> None:
+    # forearm and hand in line: the wrist cannot turn the hand sideways at once
+    q = np.array([0.0, -0.3, 0.0, 0.9, 0.0, 0.0, 0.0])
+    start = left.T_base_tip(q)
+    goal = start * pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.0])), np.array([0.0, 0.0, 1.2]))
+    with pytest.raises(StraightMoveError, match="singular") as caught:
+        plan_straight_move(left, q, goal, left.limits)
+    assert 0.0 < caught.value.fraction < 1.0
+
+
+def test_half_a_turn_is_refused_because_both_ways_are_as_short(left: Arm) -> None:
+    q = q_above(left)
+    goal = left.T_base_tip(q) * pin.SE3(pin.exp3(np.array([0.0, 0.0, math.pi])), np.zeros(3))
+    with pytest.raises(StraightMoveError, match="half a turn") as caught:
+        plan_straight_move(left, q, goal, left.limits)
+    assert caught.value.fraction == 0.0
+
+
+def test_a_straight_move_error_is_a_motion_error() -> None:
+    assert issubclass(StraightMoveError, MotionError)
+
+
+@pytest.mark.parametrize(
+    ("changed", "error"),
+    [
+        ({"q_start": np.zeros(6)}, ConfigurationError),
+        ({"q_start": np.full(7, math.nan)}, ConfigurationError),
+        ({"q_start": np.full(7, 9.0)}, ConfigurationError),
+        ({"q_start": "rest"}, ConfigurationError),
+        ({"T_base_goal": np.eye(3)}, PoseError),
+        ({"T_base_goal": np.full((4, 4), math.nan)}, PoseError),
+        ({"T_base_goal": np.diag([1.0, 1.0, -1.0, 1.0])}, PoseError),
+        ({"T_base_goal": None}, PoseError),
+        ({"limits": None}, MotionError),
+        ({"arm": "left"}, MotionError),
+        ({"speed_start_m_s": -0.1}, MotionError),
+        ({"speed_start_m_s": math.nan}, MotionError),
+        ({"speed_end_m_s": math.inf}, MotionError),
+        ({"acceleration_start_m_s2": "hard"}, MotionError),
+        ({"speed_start_m_s": 50.0}, MotionError),
+        ({"acceleration_end_m_s2": 50.0}, MotionError),
+    ],
+)
+def test_refuses_malformed_input(left: Arm, changed: dict[str, Any], error: type) -> None:
+    given_: dict[str, Any] = {
+        "arm": left,
+        "q_start": q_above(left),
+        "T_base_goal": above(0.0),
+        "limits": left.limits,
+    }
+    with pytest.raises(error):
+        plan_straight_move(**given_ | changed)
+
+
+def test_refuses_the_limits_of_the_other_arm(robot: Baxter) -> None:
+    left, right = robot.arm("left"), robot.arm("right")
+    with pytest.raises(MotionError, match=r"right_s0.*left arm has left_s0"):
+        plan_straight_move(left, q_above(left), above(0.0), right.limits)
+
+
+def test_says_which_joint_a_start_is_too_fast_for(left: Arm) -> None:
+    with pytest.raises(MotionError, match=r"start of the path motion asks .* of left_\w+, whose"):
+        plan_straight_move(left, q_above(left), above(0.0), left.limits, speed_start_m_s=3.0)
+
+
+def test_says_that_the_way_is_too_short_to_stop(left: Arm) -> None:
+    q = q_above(left)
+    goal = left.T_base_tip(q)
+    goal.translation[2] -= 0.002
+    with pytest.raises(MotionError, match="too short for that change of speed"):
+        plan_straight_move(left, q, goal, left.limits, speed_start_m_s=0.3)
+
+
+def test_a_turn_on_the_spot_has_no_tip_speed(left: Arm) -> None:
+    q = q_above(left)
+    goal = left.T_base_tip(q) * pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.3])), np.zeros(3))
+    with pytest.raises(MotionError, match="no speed along the line"):
+        plan_straight_move(left, q, goal, left.limits, speed_start_m_s=0.1)
