@@ -145,7 +145,7 @@ class _Demo:
     def _scene(self, simulation: Simulation) -> Iterator[None]:
         """Table and block are there while the demo runs, and gone when it ends, however it ends."""
         try:
-            for body in _bodies(self._options.limb):
+            for body in demo_bodies(self._options.limb):
                 simulation.spawn(body)
             self._report.totals.block_start_m = self._block_m()
             yield
@@ -220,7 +220,7 @@ def _overhead(position_m: Point) -> pin.SE3:
     return pose_from_quaternion(position_m, OVERHEAD_XYZW)
 
 
-def _bodies(limb: str) -> tuple[Body, Body]:
+def demo_bodies(limb: str) -> tuple[Body, Body]:
     """Table and block, as spawned; the block on the side of the arm."""
     x, y, z = BLOCK_WORLD_M
     if limb == "right":  # the mirror image of a block whose origin is its corner

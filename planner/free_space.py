@@ -1,0 +1,161 @@
+"""FreeSpace: which configurations of one arm touch nothing, answered fast, in one situation.
+
+A search for a path asks this some thousand times, so the answer is a bare yes or no: Pinocchio
+moves coal's shapes, a tree of their bounding boxes (broad phase) leaves few pairs to look at, and
+the first contact ends the check. What touches what, and how deep, is `clearance`, fifty times
+slower.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from baxter_kin.arrays import Vector, finite_array, finite_scalar
+from baxter_kin.errors import ConfigurationError, expect
+from planner.collision import Clearance, ClearanceChecker
+from planner.contact import PRESSING_TOLERANCE_M
+from planner.errors import SceneError
+from planner.manipulator import Manipulator
+
+KEPT_SHARE = 0.5
+"""Pairs nearer at start or goal than the margin keep this share of their distance there."""
+
+NEAR_RAD = 100.0
+"""An array with joints below this needs no other check: `is_free` is asked some thousand times."""
+
+
+class FreeSpace:
+    """Which configurations of one arm touch nothing, while all else stands still.
+
+    The pairs of shapes, the allowed contacts and the depth from which one of them counts are those
+    of the `ClearanceChecker`; a configuration is free exactly where its clearance is above zero.
+    Not to be shared between threads.
+    """
+
+    def __init__(
+        self, manipulator: Manipulator, checker: ClearanceChecker, *, finger_m: float
+    ) -> None:
+        """Look at a situation.
+
+        Args:
+            manipulator: the arm that moves, and where all other joints stand.
+            checker: of the same arm, in that situation.
+            finger_m: how far its fingers are open.
+
+        Raises:
+            SceneError: when one of them is none, or they are of different arms.
+            ConfigurationError: when the fingers are outside their stroke.
+        """
+        expect(manipulator, Manipulator, "manipulator", SceneError)
+        self._checker = expect(checker, ClearanceChecker, "checker", SceneError)
+        arm = manipulator.arm
+        if checker.arm.side != arm.side:
+            raise SceneError(f"the checker is for the {checker.arm.side} arm, not the {arm.side}")
+        self._q_full = next(manipulator.configurations(arm.neutral[None], finger_m))
+        self._where = np.array(manipulator.robot.indices(arm.joint_names))
+        self._touches = _Touches(checker)
+
+    def is_free(self, q: ArrayLike) -> bool:
+        """Whether the arm touches nothing at `q`, shape (7,), rad.
+
+        Raises:
+            ConfigurationError: when `q` has another shape or is not finite.
+        """
+        return not self._touches(self._full(q))
+
+    def clearance(self, q: ArrayLike) -> Clearance:
+        """The least distance at `q`, shape (7,), rad, and between what.
+
+        Raises:
+            ConfigurationError: when `q` has another shape or is not finite.
+        """
+        return self._checker.clearance(self._full(q))
+
+    def with_margin(self, margin_m: float, *ends: ArrayLike) -> GuardedSpace:
+        """This space less what is nearer than a margin to anything.
+
+        Args:
+            margin_m: distance to keep, not negative.
+            ends: free configurations, each of shape (7,), rad, that stay free: two shapes nearer
+                there than the margin keep `KEPT_SHARE` of that distance instead.
+
+        Raises:
+            SceneError: when the margin is not a number, or negative.
+            ConfigurationError: when an end has another shape or is not finite.
+        """
+        if finite_scalar(margin_m, "margin_m", SceneError) < 0.0:
+            raise SceneError(f"margin_m must not be negative, got {margin_m}")
+        full_ends = [self._full(q).copy() for q in ends]
+        touches = _Touches(self._checker, margin_m)
+        if any(touches(end) for end in full_ends):
+            touches = _Touches(self._checker, margin_m, self._nearest(full_ends))
+        return GuardedSpace(self, touches)
+
+    def _full(self, q: ArrayLike) -> Vector:
+        """A configuration with the rest of the robot, shape (19,); the next call overwrites it."""
+        if not _is_near(q):
+            q = finite_array(q, (7,), "q", ConfigurationError)
+            full = self._q_full.copy()
+            full[self._where] = q
+            self._checker.configuration(full)
+        self._q_full[self._where] = q
+        return self._q_full
+
+    def _nearest(self, qs_full: list[Vector]) -> Vector:
+        """The least distance of every pair over some full configurations, shape (pairs,), m."""
+        pairs = range(len(self._checker.may_touch))
+        least: Vector = np.min([self._checker.distances_m(q, pairs) for q in qs_full], axis=0)
+        return least
+
+
+def _is_near(q: ArrayLike) -> bool:
+    """Whether it is an array that needs no closer look; False for one that is not finite."""
+    is_array = isinstance(q, np.ndarray) and q.dtype == np.float64 and q.shape == (7,)
+    return is_array and bool(np.abs(q).max() < NEAR_RAD)
+
+
+class GuardedSpace:
+    """A free space whose configurations keep a distance; made by `FreeSpace.with_margin`."""
+
+    def __init__(self, space: FreeSpace, touches: _Touches) -> None:
+        """Remember both."""
+        self._space = space
+        self._touches = touches
+
+    def is_free(self, q: ArrayLike) -> bool:
+        """Whether the arm keeps the distance at `q`, shape (7,), rad.
+
+        Raises:
+            ConfigurationError: when `q` has another shape or is not finite.
+        """
+        return not self._touches(self._space._full(q))
+
+
+class _Touches:
+    """Whether any pair of shapes is nearer than its own margin.
+
+    The geometry is the checker's; data and broad phase are made anew for every use, because the
+    broad phase keeps bare pointers into both and none may change under it.
+    """
+
+    def __init__(
+        self, checker: ClearanceChecker, margin_m: float = 0.0, nearest_m: Vector | None = None
+    ) -> None:
+        self._model, self._geometry = checker.robot, checker.geometry
+        self._data, self._results = self._model.createData(), self._geometry.createData()
+        margins_m = np.full(len(self._geometry.collisionPairs), margin_m)
+        if nearest_m is not None:
+            margins_m = np.minimum(margins_m, KEPT_SHARE * np.maximum(nearest_m, 0.0))
+        margins_m[checker.may_touch] = -PRESSING_TOLERANCE_M
+        for request, margin in zip(self._results.collisionRequests, margins_m, strict=True):
+            request.security_margin = float(margin)
+        self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
+            self._model, self._geometry, self._results
+        )
+
+    def __call__(self, q_full: Vector) -> bool:
+        """At a full configuration, checked, shape (19,)."""
+        found = pin.computeCollisions(self._model, self._data, self._broad_phase, q_full, True)
+        return bool(found)

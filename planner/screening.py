@@ -1,0 +1,83 @@
+"""Motions looked at in samples: quick to reject one, never a proof that it is clear."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+
+from baxter_kin.arrays import Vector, positive_scalar
+from baxter_kin.errors import expect
+from planner.errors import TrajectoryError
+from planner.trajectory import Trajectory
+
+IsFree: TypeAlias = Callable[[Vector], bool]
+"""Whether an arm touches nothing at a configuration, shape (n,), rad."""
+
+
+def looks_clear(trajectory: Trajectory, is_free: IsFree, step_rad: float) -> bool:
+    """Whether a motion is free at samples, both ends included, the middle first.
+
+    Args:
+        trajectory: the motion.
+        is_free: asked for each sample.
+        step_rad: farthest that a joint moves between two samples.
+
+    Raises:
+        TrajectoryError: when the motion is none, or the step is not a number above zero.
+    """
+    times = sample_times(trajectory, step_rad)
+    qs = trajectory.sample(times).q
+    return all(is_free(qs[i]) for i in bisecting(len(times)))
+
+
+def sample_times(trajectory: Trajectory, step_rad: float) -> Vector:
+    """Times between which no joint moves by more than `step_rad`, both ends included.
+
+    Raises:
+        TrajectoryError: when the motion is none, or the step is not a number above zero.
+    """
+    expect(trajectory, Trajectory, "trajectory", TrajectoryError)
+    positive_scalar(step_rad, "step_rad", TrajectoryError)
+    if trajectory.duration == 0.0:
+        return np.zeros(1)
+    lengths = _top_speeds(trajectory) * np.diff(trajectory.knots_s)
+    way = np.concatenate([[0.0], np.cumsum(lengths)])  # no joint has moved farther by that knot
+    count = max(1, math.ceil(way[-1] / step_rad))
+    return np.interp(np.linspace(0.0, way[-1], count + 1), way, trajectory.knots_s)
+
+
+@lru_cache(maxsize=1024)
+def bisecting(count: int) -> tuple[int, ...]:
+    """The numbers 0 .. `count` - 1 in the order of bisection: both ends, the middle, the quarters.
+
+    A collision in the middle of a motion is then found after few samples.
+    """
+    return tuple(_bisecting(count))
+
+
+def _bisecting(count: int) -> Iterator[int]:
+    yield from sorted({0, count - 1}) if count > 0 else ()
+    gaps = [(0, count - 1)]
+    while gaps:
+        halves = []
+        for low, high in gaps:
+            if high - low > 1:
+                middle = (low + high) // 2
+                yield middle
+                halves += [(low, middle), (middle, high)]
+        gaps = halves
+
+
+def _top_speeds(trajectory: Trajectory) -> Vector:
+    """The speed of the fastest joint in every segment, exact, shape (m,), rad/s."""
+    v, a, j = trajectory.v, trajectory.a[:-1], trajectory.j
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = -a / j  # when acceleration passes zero
+        inside = (turn > 0.0) & (turn < np.diff(trajectory.knots_s)[:, None])
+        peak = np.where(inside, v[:-1] + a * turn / 2, 0.0)
+    speeds: Vector = np.max(np.abs([v[:-1], v[1:], peak]), axis=(0, 2))
+    return speeds

@@ -1,0 +1,268 @@
+"""Free moves: straight where that is clear, around where it is not, explained where neither is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from baxter_kin import Baxter, ConfigurationError
+from planner import (
+    Manipulator,
+    MotionError,
+    Scene,
+    Trajectory,
+    plan_joint_move,
+)
+from planner.free_move import ROUNDS, FreeMove, IsClear, Obstruction, plan_free_move
+from planner.screening import looks_clear, sample_times
+from planner.swept import prove_clear
+from planner.timing import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
+from tests.planner.toy_world import (
+    AROUND_DISC,
+    LEFT,
+    LIMITS,
+    RIGHT,
+    Disc,
+    Ring,
+    ToySpace,
+    least_distance,
+)
+from tests.planner.walls import DENSE_RAD, Room, wall
+
+Vector = NDArray[np.float64]
+seeds = st.integers(0, 2**32 - 1)
+
+DISTANT = ToySpace((Disc(0.0, 1.9, 0.2),))
+ENCLOSED = ToySpace((Ring(RIGHT[0], RIGHT[1], 0.3, 0.1),))
+
+
+def densely(space: ToySpace) -> IsClear:
+    return lambda motion: looks_clear(motion, space.is_free, 1e-3)
+
+
+def plan(
+    space: ToySpace = AROUND_DISC, is_clear: IsClear | None = None, **options: Any
+) -> FreeMove:
+    start, goal = options.pop("q_start", LEFT), options.pop("q_goal", RIGHT)
+    limits = options.pop("limits", LIMITS)
+    judge = densely(space) if is_clear is None else is_clear
+    return plan_free_move(start, goal, limits, space, judge, **options)
+
+
+def motion_of(move: FreeMove) -> Trajectory:
+    assert move.failure is None
+    assert move.trajectory is not None
+    return move.trajectory
+
+
+def test_goes_straight_where_that_is_clear() -> None:
+    move = plan(DISTANT)
+
+    assert move.is_straight
+    assert np.array_equal(motion_of(move).q, plan_joint_move(LEFT, RIGHT, LIMITS).q)
+
+
+def test_goes_straight_past_what_is_nearer_than_the_margin() -> None:
+    grazing = ToySpace((Disc(0.0, 0.85, 0.799),))
+
+    assert plan(grazing, margin_m=0.05).is_straight
+
+
+@given(seeds)
+@settings(max_examples=5)
+def test_goes_around_what_is_in_the_way(seed: int) -> None:
+    move = plan(rng=np.random.default_rng(seed))
+    motion = motion_of(move)
+
+    assert not move.is_straight
+    qs = motion.sample(sample_times(motion, 5e-4)).q
+    assert least_distance(AROUND_DISC, qs) > -1e-6
+
+
+@given(seeds)
+@settings(max_examples=5)
+def test_holds_every_limit_at_the_exact_extrema(seed: int) -> None:
+    motion = motion_of(plan(rng=np.random.default_rng(seed)))
+
+    assert max(motion.peak_ratios()) <= 1.0 + RATIO_TOLERANCE
+    for q in motion.position_extrema():
+        assert not LIMITS.violations(q, POSITION_TOLERANCE_RAD)
+
+
+@given(seeds)
+@settings(max_examples=5)
+def test_starts_and_ends_at_rest_exactly_where_asked(seed: int) -> None:
+    motion = motion_of(plan(rng=np.random.default_rng(seed)))
+
+    assert np.array_equal(motion.q_start, LEFT)
+    assert np.array_equal(motion.q_goal, RIGHT)
+    assert not np.any([motion.v[0], motion.v[-1], motion.a[0], motion.a[-1]])
+
+
+def test_the_same_numbers_make_the_same_motion() -> None:
+    first, second = (motion_of(plan(rng=np.random.default_rng(3))) for _ in range(2))
+
+    assert np.array_equal(first.q, second.q)
+    assert np.array_equal(first.knots_s, second.knots_s)
+
+
+def test_without_numbers_the_motion_is_always_the_same() -> None:
+    assert np.array_equal(motion_of(plan()).q, motion_of(plan()).q)
+
+
+@given(seeds)
+@settings(max_examples=5)
+def test_returns_no_motion_that_the_judge_did_not_accept(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    accepted: list[Trajectory] = []
+
+    def judge(motion: Trajectory) -> bool:
+        is_accepted = bool(rng.random() < 0.3)
+        accepted.extend([motion] if is_accepted else [])
+        return is_accepted
+
+    move = plan(is_clear=judge, rng=rng)
+
+    assert accepted == ([] if move.trajectory is None else [move.trajectory])
+
+
+def test_a_straight_line_that_the_judge_refuses_is_gone_around() -> None:
+    refused: list[Trajectory] = []
+
+    def judge(motion: Trajectory) -> bool:
+        refused.append(motion)
+        return len(refused) > 1
+
+    move = plan(DISTANT, judge)
+
+    assert motion_of(move) is refused[1]
+
+
+def test_a_judge_that_refuses_all_is_asked_some_times_and_named() -> None:
+    asked: list[Trajectory] = []
+
+    def judge(motion: Trajectory) -> bool:
+        asked.append(motion)
+        return False
+
+    move = plan(is_clear=judge)
+
+    assert move.trajectory is None
+    assert move.failure is not None
+    assert move.failure.kind is Obstruction.NOT_PROVEN
+    assert str(move.failure) == "4 ways around the obstacles were found, none proven clear"
+    assert len(asked) == ROUNDS
+
+
+def test_a_goal_that_is_walled_in_is_not_found() -> None:
+    move = plan(ENCLOSED, timeout_s=0.2)
+
+    assert move.trajectory is None
+    assert not len(move.corners)
+    assert move.failure is not None
+    assert move.failure.kind is Obstruction.NOT_FOUND
+    assert "no way around was found in 0.2 s" in str(move.failure)
+
+
+@pytest.mark.parametrize(
+    ("which", "kind"),
+    [("q_start", Obstruction.START_IN_COLLISION), ("q_goal", Obstruction.GOAL_IN_COLLISION)],
+)
+def test_an_end_in_collision_is_named_with_the_depth(which: str, kind: Obstruction) -> None:
+    ends: dict[str, Any] = {which: np.array([0.3, 0.4])}
+    move = plan(**ends)
+
+    assert move.failure is not None
+    assert move.failure.kind is kind
+    assert str(move.failure) == f"{kind.value}: finger is 300.0 mm inside disc"
+    assert move.failure.clearance is not None
+    assert move.failure.clearance.distance_m == pytest.approx(-0.3)
+
+
+def test_an_end_nearer_than_the_margin_can_be_left() -> None:
+    close = np.array([-0.8005, 0.0])
+
+    motion = motion_of(plan(q_start=close, margin_m=0.05))
+    assert np.array_equal(motion.q_start, close)
+
+
+def test_a_move_to_where_it_starts_takes_no_time() -> None:
+    assert motion_of(plan(q_goal=LEFT)).duration == 0.0
+
+
+def test_a_move_of_a_billionth_of_a_rad_is_made() -> None:
+    goal = LEFT + 1e-9
+    motion = motion_of(plan(q_goal=goal))
+
+    assert np.array_equal(motion.q_goal, goal)
+    assert 0.0 < motion.duration < 0.01
+
+
+@pytest.mark.parametrize("which", ["q_start", "q_goal"])
+def test_an_end_outside_the_limits_is_refused_by_name(which: str) -> None:
+    ends: dict[str, Any] = {which: np.array([0.0, 2.5])}
+    with pytest.raises(ConfigurationError, match=f"{which} is outside the joint limits: second"):
+        plan(**ends)
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("timeout_s", 0.0),
+        ("timeout_s", float("nan")),
+        ("timeout_s", None),
+        ("rng", 7),
+        ("limits", None),
+    ],
+)
+def test_refuses_an_option_that_makes_no_sense(option: str, value: Any) -> None:
+    with pytest.raises(MotionError):
+        plan(**{option: value})
+
+
+@pytest.fixture(scope="module")
+def rooms(robot: Baxter, manipulator: Manipulator, scene: Scene) -> Callable[[str], Room]:
+    """The arm of a side beside a wall."""
+    sides = {"left": manipulator, "right": Manipulator.of(robot, "right")}
+    return lambda side: Room.of(sides[side], scene.with_body(wall()))
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_either_arm_passes_a_wall_on_the_table_and_that_is_proven(
+    rooms: Callable[[str], Room], side: str
+) -> None:
+    room = rooms(side)
+    start, goal = room.beside(0.2), room.beside(-0.2)
+
+    def judge(motion: Trajectory) -> bool:
+        return prove_clear(room.checker, motion, room.full(start)).is_clear
+
+    move = plan_free_move(start, goal, room.manipulator.limits, room.space, judge)
+
+    assert not move.is_straight
+    assert room.least_distance_m(motion_of(move)) > 0.0
+
+
+def test_a_wall_that_is_grasped_at_is_named_with_link_body_and_depth(
+    rooms: Callable[[str], Room],
+) -> None:
+    room = rooms("left")
+    start, goal = room.beside(0.2), room.beside(0.0)
+    space = room.space
+
+    def judge(motion: Trajectory) -> bool:
+        return looks_clear(motion, space.is_free, DENSE_RAD)
+
+    move = plan_free_move(start, goal, room.manipulator.limits, space, judge)
+
+    assert move.failure is not None
+    assert move.failure.clearance is not None
+    depth_mm = -1e3 * move.failure.clearance.distance_m
+    link = move.failure.clearance.first
+    assert str(move.failure) == f"goal in collision: {link} is {depth_mm:.1f} mm inside wall"
