@@ -1,45 +1,88 @@
 """From poses to checked, timed motion; knows no simulator and no viewer."""
 
 from planner.collision import Clearance, ClearanceChecker, RobotShapes
-from planner.errors import MotionError, PlannerError, SceneError, TaskError, TrajectoryError
+from planner.errors import (
+    MotionError,
+    PlanFileError,
+    PlannerError,
+    SceneError,
+    StraightMoveError,
+    TaskError,
+    TrajectoryError,
+)
+from planner.free_move import FreeMove, FreeMoveFailure, plan_free_move
+from planner.free_space import FreeSpace
 from planner.hand import Grasp, Hand
 from planner.manipulator import Manipulator
+from planner.mesh import Mesh
 from planner.objects import load_object
+from planner.path_timing import plan_path_move
 from planner.pick_place import PickAndPlace, plan_pick_and_place, plan_start_move
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure
+from planner.plan_file import load_plan, save_plan
 from planner.scene import Body, Box, Cylinder, Part, Scene, Sphere
+from planner.situation import Situation
+from planner.straight import plan_straight_move
+from planner.straight_line import StraightLine
+from planner.straight_path import PathState, StraightPath, plan_straight_path
+from planner.swept import prove_clear
+from planner.swept_result import SweptContact, SweptProof
 from planner.timing import plan_joint_move
 from planner.trajectory import JointState, PeakRatios, Trajectory
+from planner.verification import Certificate, Check, Tolerances, verify
 
 __all__ = [
     "Body",
     "Box",
+    "Certificate",
+    "Check",
     "Clearance",
     "ClearanceChecker",
     "Cylinder",
+    "FreeMove",
+    "FreeMoveFailure",
+    "FreeSpace",
     "Grasp",
     "Grip",
     "GripperAction",
     "Hand",
     "JointState",
     "Manipulator",
+    "Mesh",
     "MotionError",
     "Move",
     "Part",
+    "PathState",
     "PeakRatios",
     "PickAndPlace",
     "Plan",
     "PlanFailure",
+    "PlanFileError",
     "PlannerError",
     "RobotShapes",
     "Scene",
     "SceneError",
+    "Situation",
     "Sphere",
+    "StraightLine",
+    "StraightMoveError",
+    "StraightPath",
+    "SweptContact",
+    "SweptProof",
     "TaskError",
+    "Tolerances",
     "Trajectory",
     "TrajectoryError",
     "load_object",
+    "load_plan",
+    "plan_free_move",
     "plan_joint_move",
+    "plan_path_move",
     "plan_pick_and_place",
     "plan_start_move",
+    "plan_straight_move",
+    "plan_straight_path",
+    "prove_clear",
+    "save_plan",
+    "verify",
 ]

@@ -6,14 +6,14 @@ place   approach - descend - open - retract
 ```
 
 Approach and retract are `hover_m` above the pose, in the same orientation. Every waypoint gets one
-IK result and one time-optimal move that stops there. Each move is checked for collision at samples
-between which no joint moves by more than `SAMPLE_RAD`; what happens in between is not proven.
+IK result and one time-optimal move that stops there. Each move is proven free of collision at every
+instant (`planner.swept`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -23,21 +23,21 @@ from baxter_kin import IKResult
 from baxter_kin.arrays import Vector, positive_scalar
 from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose
-from planner.collision import Clearance, ClearanceChecker, Held, least
+from planner.collision import ClearanceChecker, Held
 from planner.contact import stands, touching
 from planner.errors import MotionError, SceneError, TaskError
 from planner.hand import Grasp
 from planner.manipulator import Manipulator
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
 from planner.scene import Body, Scene
+from planner.situation import Situation
+from planner.swept import prove_clear
+from planner.swept_result import SweptContact, SweptProof
 from planner.timing import plan_joint_move
 from planner.trajectory import Trajectory
 
 LONGEST_DROP_M = 0.01
 """From how high above its support a body may be let go."""
-
-SAMPLE_RAD = 0.02
-"""Farthest that a joint moves between two collision checks."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,7 +139,8 @@ def _drafted(
         steps(draft)
     except _NoSolutionError as stop:
         failure = stop.failure
-    return Plan(manipulator.arm.side, q_start, tuple(draft.steps), failure)
+    situation = Situation.of(manipulator, scene)
+    return Plan(manipulator.arm.side, q_start, tuple(draft.steps), failure, situation)
 
 
 def _pick_and_place(draft: _Draft, task: PickAndPlace, body: Body) -> None:
@@ -218,8 +219,8 @@ class _Draft:
             trajectory = plan_joint_move(self._q, q_goal, self._manipulator.limits)
         except MotionError as cause:
             raise _NoSolutionError(label, str(cause), ik) from cause
-        clearance = self._checked(label, trajectory)
-        self.steps.append(Move(label, trajectory, T_base_tip, ik, clearance))
+        proof = self._proven(label, trajectory)
+        self.steps.append(Move(label, trajectory, T_base_tip, ik, proof.nearest, proof))
         self._q = q_goal
 
     def grasp(self, label: str, task: PickAndPlace, body: Body) -> None:
@@ -253,7 +254,7 @@ class _Draft:
         self._held, self._checker = Held(body, grasp.T_tip_body, supports), None
         self._finger_m = grasp.finger_m
 
-    def _checked(self, label: str, trajectory: Trajectory) -> Clearance | None:
+    def _proven(self, label: str, trajectory: Trajectory) -> SweptProof:
         checker = self._checker = self._checker or ClearanceChecker(
             self._manipulator.shapes,
             self._manipulator.arm,
@@ -261,27 +262,11 @@ class _Draft:
             touchable=self._touchable,
             held=self._held,
         )
-        times = _sample_times(trajectory)
-        configurations = self._manipulator.configurations(
-            trajectory.sample(times).q, self._finger_m
-        )
-        found = least(checker.clearance(q) for q in configurations)
-        if found is not None and found.distance_m <= 0.0:
-            depth = -1e3 * found.distance_m
-            raise _NoSolutionError(
-                label, f"{found.first} would be {depth:.1f} mm inside {found.second}"
-            )
-        return found
-
-
-def _sample_times(trajectory: Trajectory) -> Vector:
-    """Times between which no joint moves by more than `SAMPLE_RAD`, both ends included."""
-    limits = trajectory.limits
-    in_rad_s = replace(limits, v_max=np.ones(len(limits.names)))
-    fastest = trajectory.peak_ratios(in_rad_s).velocity
-    return np.linspace(
-        0.0, trajectory.duration, 2 + int(trajectory.duration * fastest / SAMPLE_RAD)
-    )
+        others = next(self._manipulator.configurations(trajectory.q[:1], self._finger_m))
+        result = prove_clear(checker, trajectory, others)
+        if isinstance(result, SweptContact):
+            raise _NoSolutionError(label, str(result))
+        return result
 
 
 def _miss(T_base_tip: pin.SE3, body: Body) -> str:

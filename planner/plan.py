@@ -16,6 +16,8 @@ from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
 from baxter_kin.model import LIMBS
 from planner.collision import Clearance, least
 from planner.errors import TaskError, expect_all
+from planner.situation import Situation
+from planner.swept_result import SweptProof
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
 
@@ -28,7 +30,8 @@ class Move:
         trajectory: how it gets there.
         T_base_tip: where the tip shall be; None for a move given in joint angles.
         ik: the answer that the move ends at; None for a move given in joint angles.
-        clearance: the least distance on the way, where it was checked.
+        clearance: the least distance that was met on the way, where it was checked.
+        proof: that the whole way is clear, where it was proven.
     """
 
     label: str
@@ -36,6 +39,7 @@ class Move:
     T_base_tip: pin.SE3 | None = None
     ik: IKResult | None = None
     clearance: Clearance | None = None
+    proof: SweptProof | None = None
 
 
 class GripperAction(str, Enum):
@@ -91,6 +95,7 @@ class Plan:
         q_start: where the arm must stand before the first step, shape (7,), rad.
         steps: moves and gripper actions; of an invalid plan, those before the failed one.
         failure: None, or why there is no plan.
+        situation: the world it was made for; None when the maker did not say.
 
     Raises:
         UnknownNameError: when there is no such limb.
@@ -102,6 +107,7 @@ class Plan:
     q_start: Vector
     steps: tuple[Step, ...]
     failure: PlanFailure | None = None
+    situation: Situation | None = None
 
     def __post_init__(self) -> None:
         """Check and copy."""
@@ -127,6 +133,14 @@ class Plan:
     def motion_time_s(self) -> float:
         """Sum of the moves' durations."""
         return sum(move.trajectory.duration for move in self.moves)
+
+    @property
+    def proven_clearance_m(self) -> float | None:
+        """What no pair of bodies gets closer than in any move that was proven; None when none was.
+
+        Contacts on purpose left out.
+        """
+        return min((move.proof.proven_m for move in self.moves if move.proof), default=None)
 
     @property
     def clearance(self) -> Clearance | None:

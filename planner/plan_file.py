@@ -1,0 +1,213 @@
+"""Plans in files: everything needed to execute one, or to verify it later on another machine.
+
+The file is JSON, UTF-8, of four entries:
+
+- `format`: "baxter-kin plan",
+- `version`: 1; another number when the same entries get another meaning,
+- `sha256`: the SHA-256 of the file's own bytes, with 64 zeros in place of these 64 digits,
+- `plan`: the `Plan`, by the rules of `planner.json_codec`: `limb`, `q_start`, `steps` (each a
+  `Move` with its trajectory's knots and limits, its tip pose and IK result, or a `Grip`), `failure`
+  and `situation` (the scene and all other joints). SI units, radians, poses seen from base.
+
+Reading makes nothing but these values and runs nothing. A file that was truncated or edited is
+refused, as are foreign versions, files that are no plan, and files of more than
+`LARGEST_FILE_BYTES`. A file is replaced at once or not at all.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import secrets
+import stat
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from planner.errors import PlanFileError
+from planner.json_codec import Json, from_json, shown, to_json
+from planner.plan import Plan
+
+PathLike: TypeAlias = "str | os.PathLike[str]"
+
+FORMAT = "baxter-kin plan"
+VERSION = 1
+
+LARGEST_FILE_BYTES = 32 * 2**20
+"""A plan of one pick and place takes 0.03 MB; a larger file than this holds something else."""
+
+LONGEST_INTEGER = 15
+"""Digits of an integer; every such number is an exact float."""
+
+_NO_CHECKSUM = 64 * "0"
+_ENTRIES = ("format", "version", "sha256", "plan")
+
+
+def save_plan(plan: Plan, path: PathLike) -> None:
+    """Write a plan to a file, which is replaced when it exists.
+
+    Raises:
+        PlanFileError: when it cannot be written, or the plan holds something that has no place in a
+            plan file.
+    """
+    if not isinstance(plan, Plan):
+        raise PlanFileError(f"only a Plan can be saved, got {type(plan).__name__}")
+    head: dict[str, Json] = {"format": FORMAT, "version": VERSION, "sha256": _NO_CHECKSUM}
+    content = _pretty({**head, "plan": to_json(plan, Plan, "plan")}).encode() + b"\n"
+    checksum = hashlib.sha256(content).hexdigest().encode()
+    if len(content) > LARGEST_FILE_BYTES:
+        raise PlanFileError(
+            f"the plan would take {len(content) / 2**20:.1f} MB; at most "
+            f"{LARGEST_FILE_BYTES >> 20} MB are read again: split it"
+        )
+    _replace_file(_checked_path(path), content.replace(_NO_CHECKSUM.encode(), checksum, 1))
+
+
+def load_plan(path: PathLike) -> Plan:
+    """The plan in a file.
+
+    Raises:
+        PlanFileError: when the file cannot be read, is damaged or edited, or holds no plan; says
+            which and what to do.
+    """
+    file = _checked_path(path)
+    try:
+        return _plan(_content(file))
+    except PlanFileError as cause:
+        raise PlanFileError(f"{file}: {cause}") from cause
+
+
+def _plan(content: bytes) -> Plan:
+    document = _document(content)
+    if document.get("format") != FORMAT:
+        raise PlanFileError(f"is no plan: its format is {shown(document.get('format'))}")
+    if document.get("version") != VERSION or type(document["version"]) is not int:
+        raise PlanFileError(
+            f"has version {shown(document.get('version'))}, but only {VERSION} is read here: save "
+            "the plan again with this version of the toolkit"
+        )
+    if tuple(document) != _ENTRIES:
+        raise PlanFileError(f"has entries {shown(list(document))}; it must have {list(_ENTRIES)}")
+    _check_sum(content, document["sha256"])
+    plan: Plan = from_json(document["plan"], Plan, "plan")
+    return plan
+
+
+def _document(content: bytes) -> dict[str, Json]:
+    try:
+        document = json.loads(
+            content.decode(),
+            parse_float=_finite,
+            parse_int=_short,
+            parse_constant=_refuse_constant,
+            object_pairs_hook=_without_duplicates,
+        )
+    except RecursionError:
+        raise PlanFileError("is no plan: it is nested too deeply") from None
+    except PlanFileError:
+        raise
+    except ValueError as cause:  # of the JSON, or of its UTF-8
+        raise PlanFileError(
+            f"is no complete JSON, so it is truncated, damaged or no plan: {cause}"
+        ) from None
+    if not isinstance(document, dict):
+        raise PlanFileError(f"is no plan: it holds {shown(document)}")
+    return document
+
+
+def _check_sum(content: bytes, stated: Json) -> None:
+    if not isinstance(stated, str) or len(stated) != len(_NO_CHECKSUM) or not stated.isascii():
+        raise PlanFileError(f"has no SHA-256 but {shown(stated)}")
+    blank = content.replace(stated.encode(), _NO_CHECKSUM.encode(), 1)
+    if hashlib.sha256(blank).hexdigest() != stated:
+        raise PlanFileError(
+            "was changed after it was saved: its checksum does not fit; save the plan again"
+        )
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise PlanFileError(f"has a number too large: {shown(text)}")
+    return number
+
+
+def _short(text: str) -> int:
+    if len(text.lstrip("-")) > LONGEST_INTEGER:
+        raise PlanFileError(f"has an integer too large: {shown(text)}")
+    return int(text)
+
+
+def _refuse_constant(name: str) -> float:
+    raise PlanFileError(f"has {name} where a finite number must be")
+
+
+def _without_duplicates(pairs: list[tuple[str, Json]]) -> dict[str, Json]:
+    entries = dict(pairs)
+    if len(entries) < len(pairs):
+        names = [name for name, _ in pairs]
+        double = next(name for name in names if names.count(name) > 1)
+        raise PlanFileError(f"has the entry {shown(double)} twice")
+    return entries
+
+
+def _pretty(data: Json, indent: str = "") -> str:
+    """JSON with a row of numbers to a line, so that files can be read and compared."""
+    deeper = f"{indent} "
+    if isinstance(data, dict) and data:
+        lines = [f"{json.dumps(key)}: {_pretty(item, deeper)}" for key, item in data.items()]
+        opening, closing = "{", "}"
+    elif isinstance(data, list) and any(isinstance(item, (list, dict)) for item in data):
+        lines = [_pretty(item, deeper) for item in data]
+        opening, closing = "[", "]"
+    else:
+        return json.dumps(data, allow_nan=False)
+    joined = f",\n{deeper}".join(lines)
+    return f"{opening}\n{deeper}{joined}\n{indent}{closing}"
+
+
+def _checked_path(path: PathLike) -> Path:
+    if not isinstance(path, (str, os.PathLike)):
+        raise PlanFileError(f"a plan file needs a path, got {shown(path)}")
+    return Path(path)
+
+
+def _content(file: Path) -> bytes:
+    try:
+        with _opened(file) as stream:
+            content: bytes = stream.read(LARGEST_FILE_BYTES + 1)
+    except (OSError, ValueError) as cause:  # a path may hold characters that no file system takes
+        raise PlanFileError(f"cannot be read: {_cause(cause)}") from cause
+    if len(content) > LARGEST_FILE_BYTES:
+        raise PlanFileError(f"is larger than {LARGEST_FILE_BYTES >> 20} MB, so it is no plan")
+    return content
+
+
+def _opened(file: Path) -> Any:
+    """The file, opened without waiting for another process to write it."""
+    descriptor = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+    stream = os.fdopen(descriptor, "rb")
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        stream.close()
+        raise PlanFileError("is no regular file")
+    return stream
+
+
+def _replace_file(file: Path, content: bytes) -> None:
+    temporary = file.with_name(f".{file.name}.{secrets.token_hex(8)}")
+    try:
+        with temporary.open("xb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, file)
+    except (OSError, ValueError) as cause:
+        with suppress(OSError, ValueError):
+            temporary.unlink()
+        raise PlanFileError(f"{file} cannot be written: {_cause(cause)}") from cause
+
+
+def _cause(cause: Exception) -> str:
+    return cause.strerror or str(cause) if isinstance(cause, OSError) else str(cause)

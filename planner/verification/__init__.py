@@ -1,0 +1,10 @@
+"""Plan -> Certificate: every limit, pose and clearance, checked by code that did not plan.
+
+`python -m planner.verification FILE` checks a saved plan; see `planner.verification.command_line`.
+"""
+
+from planner.verification.certificate import Certificate, Check, Relation
+from planner.verification.inspection import verify
+from planner.verification.tolerances import Tolerances
+
+__all__ = ["Certificate", "Check", "Relation", "Tolerances", "verify"]

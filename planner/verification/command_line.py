@@ -1,0 +1,92 @@
+"""`python -m planner.verification FILE`: check a saved plan.
+
+Exit status: 0 the plan is valid; 1 it is not, and the checks that failed are named on stderr; 2
+wrong usage, or a file that holds no plan; 130 stopped by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+from baxter_kin import BaxterError
+from planner.plan_file import load_plan
+from planner.verification.inspection import verify
+
+EXIT_VALID, EXIT_NOT_VALID, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
+
+_NAME = "planner.verification"
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user asked for.
+
+    Attributes:
+        file: the saved plan.
+        is_quiet: say nothing but what failed.
+        is_json: print the certificate as JSON instead of a table.
+        straight: labels of the moves that shall be straight.
+    """
+
+    file: str
+    is_quiet: bool
+    is_json: bool
+    straight: tuple[str, ...]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Check the file that the arguments, or the command line, name; returns the exit status."""
+    try:
+        return _checked(_options(argv))
+    except BaxterError as cause:
+        print(f"{_NAME}: {' '.join(str(cause).split())}", file=sys.stderr)
+        return EXIT_USAGE
+    except KeyboardInterrupt:
+        print("stopped by Ctrl-C", file=sys.stderr)
+        return EXIT_INTERRUPTED
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says in one sentence what is wrong."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(EXIT_USAGE, f"{_NAME}: {message}; see --help\n")
+
+
+def _options(argv: Sequence[str] | None) -> Options:
+    parser = _Parser(
+        prog=f"python -m {_NAME}",
+        description="Check a saved plan with code that did not make it.",
+        epilog="Exit status: 0 valid, 1 not valid, 2 wrong usage or no plan, 130 Ctrl-C.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("file", metavar="FILE", help="a plan that save_plan wrote")
+    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but what failed")
+    parser.add_argument("--json", action="store_true", help="the certificate as JSON")
+    parser.add_argument(
+        "--straight",
+        metavar="LABEL",
+        action="append",
+        default=[],
+        help='a move that shall be straight, such as "pick: descend"; may be repeated',
+    )
+    raw = parser.parse_args(argv)
+    return Options(raw.file, raw.quiet, raw.json, tuple(raw.straight))
+
+
+def _checked(options: Options) -> int:
+    certificate = verify(load_plan(options.file), straight=options.straight)
+    if options.is_json:
+        print(json.dumps(certificate.as_dict(), indent=1, allow_nan=False))
+    elif not options.is_quiet:
+        print(certificate.table())
+        print("valid" if certificate.is_valid else "not valid")
+    if certificate.is_valid:
+        return EXIT_VALID
+    print(f"{options.file}: {certificate.verdict}", file=sys.stderr)
+    return EXIT_NOT_VALID

@@ -1,0 +1,120 @@
+"""The whole robot straight from its URDF: joints, limits, tip, and one arm with its fingers.
+
+Nothing here comes from `baxter_kin.model`, so that an error there shows: the tree, the names of the
+arm's joints and the fingers are read from the file through Pinocchio.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin.arrays import Vector
+from baxter_kin.description import RobotDescription
+from baxter_kin.errors import DescriptionError
+from planner.errors import TaskError
+
+
+@cache
+def read_model(files: RobotDescription) -> pin.Model:
+    """The tree of all joints, read once for the same files; nobody changes it.
+
+    Raises:
+        DescriptionError: when it cannot be read.
+    """
+    try:
+        return pin.buildModelFromUrdf(str(files.urdf))
+    except (RuntimeError, ValueError) as cause:
+        raise DescriptionError(f"cannot read {files.urdf}: {cause}") from cause
+
+
+class UrdfRobot:
+    """One arm as part of the whole robot.
+
+    Attributes:
+        model: the tree of all joints.
+        limb: "left" or "right".
+        arm_joints: the arm's joints from shoulder to wrist, as numbers in the model.
+        fingers: its finger joints, as numbers in the model.
+        stroke_m: how far a finger goes from closed to open.
+    """
+
+    def __init__(self, description: RobotDescription, limb: str) -> None:
+        """Read the URDF.
+
+        Raises:
+            DescriptionError: when it cannot be read, or has no such arm.
+        """
+        self.model = read_model(description)
+        tip = f"{limb}_gripper"
+        if not self.model.existFrame(tip):
+            raise DescriptionError(f"the URDF is not Baxter's: it lacks the link {tip}")
+        self.limb = limb
+        self._tip = self.model.getFrameId(tip)
+        self._data = self.model.createData()
+        self.wrist = int(self.model.frames[self._tip].parentJoint)
+        self.arm_joints = [int(joint) for joint in self.model.supports[self.wrist]][1:]
+        self.fingers = [int(j) for j in self.model.subtrees[self.wrist] if int(j) != self.wrist]
+        upper, lower = self.model.upperPositionLimit, self.model.lowerPositionLimit
+        where = self._indices(self.fingers)
+        self.stroke_m = float((upper - lower)[where].min())
+        self._opening = np.where(upper[where] > 0.0, 1.0, -1.0)
+
+    @property
+    def arm_names(self) -> tuple[str, ...]:
+        """Names of the arm's joints."""
+        return tuple(str(self.model.names[joint]) for joint in self.arm_joints)
+
+    @property
+    def q_range(self) -> tuple[Vector, Vector]:
+        """Lowest and highest positions of the arm's joints, rad."""
+        where = self._indices(self.arm_joints)
+        return self.model.lowerPositionLimit[where], self.model.upperPositionLimit[where]
+
+    @property
+    def v_max(self) -> Vector:
+        """Greatest speeds of the arm's joints, rad/s."""
+        fastest: Vector = self.model.velocityLimit[self._indices(self.arm_joints)]
+        return fastest
+
+    def standing(self, joints: Mapping[str, float]) -> Vector:
+        """A full configuration from joints by name.
+
+        Raises:
+            TaskError: when a joint is unknown or missing.
+        """
+        names = [str(name) for name in self.model.names][1:]
+        for name in [*joints, *names]:
+            if name not in joints or name not in names:
+                raise TaskError(
+                    f"the situation {'lacks' if name in names else 'has an unknown'} joint "
+                    f"{name!r}; the robot has: {', '.join(names)}"
+                )
+        return np.array([joints[name] for name in names])
+
+    def opening(self, q: Vector) -> float:
+        """How far the fingers of a full configuration are open, m."""
+        return float((q[self._indices(self.fingers)] * self._opening).mean())
+
+    def configurations(self, q_standing: Vector, qs: Vector, finger_m: float) -> Vector:
+        """Full configurations for arm configurations, shape (k, 7), and an opening of the hand."""
+        full = np.tile(q_standing, (len(qs), 1))
+        full[:, self._indices(self.arm_joints)] = qs
+        full[:, self._indices(self.fingers)] = finger_m * self._opening
+        return full
+
+    def T_base_tip(self, q_standing: Vector, q_arm: Vector) -> pin.SE3:
+        """Where the tip is."""
+        full = self.configurations(q_standing, q_arm[None], 0.0)[0]
+        pin.forwardKinematics(self.model, self._data, full)
+        return pin.SE3(pin.updateFramePlacement(self.model, self._data, self._tip))
+
+    def T_wrist_tip(self) -> pin.SE3:
+        """Where the tip sits on the last joint of the arm."""
+        return pin.SE3(self.model.frames[self._tip].placement)
+
+    def _indices(self, joints: list[int]) -> list[int]:
+        return [int(self.model.joints[joint].idx_q) for joint in joints]

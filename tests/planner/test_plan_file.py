@@ -1,0 +1,420 @@
+"""Plan files: what is loaded is what was saved, bit by bit, and anything else is refused."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from baxter_kin import IKFailure, IKResult, SeedType, pose_from_quaternion
+from planner import (
+    Body,
+    Box,
+    Clearance,
+    Cylinder,
+    Grip,
+    GripperAction,
+    Manipulator,
+    Move,
+    Part,
+    PickAndPlace,
+    Plan,
+    PlanFailure,
+    PlanFileError,
+    PlannerError,
+    Scene,
+    Situation,
+    Sphere,
+    Trajectory,
+    load_plan,
+    plan_pick_and_place,
+    save_plan,
+)
+from planner.json_codec import from_json, to_json
+from planner.mesh import Mesh
+from tests.conftest import at
+
+FINITE = st.floats(-1e30, 1e30)
+ANGLES = hnp.arrays(np.float64, 7, elements=st.floats(-1.0, 1.0, width=64))
+WORDS = st.text(max_size=20)
+SIZES = st.floats(1e-3, 10.0)
+LENGTHS = st.floats(-100.0, 100.0)
+SHAPES = st.one_of(
+    st.builds(Box, st.tuples(SIZES, SIZES, SIZES)),
+    st.builds(Cylinder, SIZES, SIZES),
+    st.builds(Sphere, SIZES),
+)
+
+
+@st.composite
+def poses(draw: st.DrawFn) -> pin.SE3:
+    axis = np.array(draw(st.tuples(*[st.floats(-3.0, 3.0)] * 3)))
+    return pin.SE3(pin.exp3(axis), np.array(draw(st.tuples(LENGTHS, LENGTHS, LENGTHS))))
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> Scene:
+    names = draw(st.lists(st.text(min_size=1, max_size=9), unique=True, max_size=3))
+    parts = st.lists(st.builds(Part, SHAPES, poses()), min_size=1, max_size=2)
+    return Scene.of(
+        Body(name, tuple(draw(parts)), draw(poses()), draw(st.booleans())) for name in names
+    )
+
+
+@st.composite
+def trajectories(draw: st.DrawFn, manipulator: Manipulator, q: np.ndarray[Any, Any]) -> Trajectory:
+    """A motion from q on, through random jerks."""
+    count = draw(st.integers(0, 4))
+    lengths = draw(st.lists(st.floats(1e-3, 2.0), min_size=count, max_size=count))
+    jerks = draw(hnp.arrays(np.float64, (count, 7), elements=st.floats(-20.0, 20.0)))
+    states = [(q, draw(ANGLES), draw(ANGLES))]
+    for dt, j in zip(lengths, jerks, strict=True):
+        p, v, a = states[-1]
+        states.append(
+            (p + dt * (v + dt * (a / 2 + dt * j / 6)), v + dt * (a + dt * j / 2), a + dt * j)
+        )
+    q_knots, v_knots, a_knots = (np.array(x) for x in zip(*states, strict=True))
+    knots = np.concatenate([[0.0], np.cumsum(lengths)])
+    return Trajectory(manipulator.limits, knots, q_knots, v_knots, a_knots, jerks)
+
+
+@st.composite
+def plans(draw: st.DrawFn, manipulator: Manipulator) -> Plan:
+    names = manipulator.arm.joint_names
+    q = start = draw(ANGLES)
+    steps: list[Move | Grip] = []
+    for _ in range(draw(st.integers(0, 3))):
+        trajectory = draw(trajectories(manipulator, q))
+        q = trajectory.q_goal
+        ik = IKResult(names, q, SeedType.NS_MAP, draw(SIZES), draw(SIZES))
+        clearance = Clearance(draw(FINITE), draw(WORDS), draw(WORDS))
+        pose = draw(st.none() | poses())
+        steps.append(Move(draw(WORDS), trajectory, pose, ik, clearance))
+        steps.append(Grip(draw(WORDS), draw(st.sampled_from(GripperAction)), draw(WORDS)))
+    failure = IKFailure(draw(WORDS), {SeedType.USER: 3}, draw(FINITE), names, (draw(WORDS),))
+    bad = IKResult(names, q, SeedType.INVALID, 1.0, 1.0, failure)
+    failed = draw(st.none() | st.builds(PlanFailure, WORDS, WORDS, st.just(bad)))
+    joints = draw(st.dictionaries(WORDS, FINITE, max_size=3))
+    situation = draw(st.none() | st.builds(Situation, scenes(), st.just(joints)))
+    return Plan("left", start, tuple(steps), failed, situation)
+
+
+def bits(value: Any) -> Any:
+    """A value as nested tuples in which every number is its bytes."""
+    if isinstance(value, pin.SE3):
+        return bits((value.rotation, value.translation))
+    if isinstance(value, np.ndarray):
+        return value.shape, value.tobytes()
+    if isinstance(value, float):
+        return np.float64(value).tobytes()
+    if is_dataclass(value):
+        return type(value), tuple(bits(getattr(value, field.name)) for field in fields(value))
+    if isinstance(value, Mapping):
+        return bits(tuple(value.items()))
+    return tuple(map(bits, value)) if isinstance(value, tuple) else value
+
+
+def same(first: Any, second: Any) -> bool:
+    """Whether two values are alike in class, structure and every bit."""
+    return bool(bits(first) == bits(second))
+
+
+@pytest.fixture(scope="module")
+def plan(manipulator: Manipulator, scene: Scene) -> Plan:
+    down = (0.0, 1.0, 0.0, 0.0)
+    pick, place = (pose_from_quaternion(p, down) for p in ((0.70, 0.15, -0.129), (0.75, 0, -0.129)))
+    task = PickAndPlace("block", pick, place)
+    made = plan_pick_and_place(task, manipulator, scene, manipulator.arm.neutral)
+    return replace(made, situation=Situation.of(manipulator, scene))
+
+
+@pytest.fixture(scope="module")
+def saved(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The bytes of the plan's file."""
+    path = tmp_path_factory.mktemp("plans") / "plan.json"
+    save_plan(plan, path)
+    return path.read_bytes()
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "plan.json"
+
+
+def refusal(file: Path, content: bytes) -> str:
+    """What is said about a file of that content."""
+    file.write_bytes(content)
+    with pytest.raises(PlanFileError) as caught:
+        load_plan(file)
+    return str(caught.value)
+
+
+def resealed(saved: bytes, change: Callable[[dict[str, Any]], None]) -> bytes:
+    """The file with other content, and a checksum that fits it."""
+    document = json.loads(saved)
+    change(document)
+    document["sha256"] = 64 * "0"
+    content = json.dumps(document).encode()
+    checksum = hashlib.sha256(content).hexdigest().encode()
+    return content.replace(64 * b"0", checksum, 1)
+
+
+def test_a_planned_cycle_comes_back_bit_by_bit(plan: Plan, file: Path) -> None:
+    save_plan(plan, file)
+    assert same(load_plan(file), plan)
+
+
+@given(st.data())
+@settings(max_examples=25)
+def test_every_plan_comes_back_bit_by_bit(
+    tmp_path_factory: pytest.TempPathFactory, manipulator: Manipulator, data: st.DataObject
+) -> None:
+    plan = data.draw(plans(manipulator))
+    path = tmp_path_factory.getbasetemp() / "any plan.json"
+    save_plan(plan, path)
+    assert same(load_plan(path), plan)
+
+
+def test_a_mesh_comes_back_bit_by_bit(plan: Plan, file: Path) -> None:
+    mesh = Mesh(np.array([[0, 0, 0], [0.1, 0, 0], [0, 1 / 3, 0]]), np.array([[0, 1, 2]]))
+    scene = Scene.of([Body("sheet", (Part(mesh, at(0, 0, 0)),), at(1, 2, 3))])
+    save_plan(replace(plan, situation=Situation(scene, {})), file)
+    loaded = load_plan(file)
+    assert loaded.situation is not None
+    assert same(loaded.situation.scene["sheet"], scene["sheet"])
+
+
+def test_saving_twice_writes_the_same_bytes(plan: Plan, saved: bytes, file: Path) -> None:
+    save_plan(plan, file)
+    assert file.read_bytes() == saved
+
+
+def test_a_plan_file_is_small_enough_to_read(saved: bytes) -> None:
+    assert len(saved) < 100_000
+    assert max(map(len, saved.splitlines())) < 250
+
+
+@given(st.data())
+@settings(max_examples=60)
+def test_a_truncated_file_is_refused(
+    tmp_path_factory: pytest.TempPathFactory, saved: bytes, data: st.DataObject
+) -> None:
+    length = data.draw(st.integers(0, len(saved) - 1))
+    refusal(tmp_path_factory.getbasetemp() / "cut.json", saved[:length])
+
+
+@given(st.data())
+@settings(max_examples=120)
+def test_a_file_with_flipped_bits_is_refused(
+    tmp_path_factory: pytest.TempPathFactory, saved: bytes, data: st.DataObject
+) -> None:
+    content = bytearray(saved)
+    flips = data.draw(st.lists(st.integers(0, 8 * len(saved) - 1), min_size=1, unique=True))
+    for flip in flips:
+        content[flip // 8] ^= 1 << flip % 8
+    refusal(tmp_path_factory.getbasetemp() / "flipped.json", bytes(content))
+
+
+@given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
+def test_any_other_bytes_are_refused(
+    tmp_path_factory: pytest.TempPathFactory, content: bytes
+) -> None:
+    refusal(tmp_path_factory.getbasetemp() / "noise.json", content)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | WORDS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS, inner, max_size=3),
+    max_leaves=5,
+)
+
+
+def places(data: Any) -> list[tuple[Any, Any]]:
+    """Every entry of nested data, as its container and key."""
+    keys = data.keys() if isinstance(data, dict) else range(len(data))
+    found = [(data, key) for key in keys]
+    for key in keys:
+        if isinstance(data[key], (dict, list)):
+            found += places(data[key])
+    return found
+
+
+@given(st.data())
+@settings(max_examples=60)
+def test_any_content_with_a_checksum_that_fits_is_a_plan_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, saved: bytes, data: st.DataObject
+) -> None:
+    def change(document: dict[str, Any]) -> None:
+        container, key = data.draw(st.sampled_from(places(document["plan"])))
+        container[key] = data.draw(JSON)
+
+    path = tmp_path_factory.getbasetemp() / "forged.json"
+    path.write_bytes(resealed(saved, change))
+    try:
+        loaded = load_plan(path)
+    except PlannerError:
+        return
+    assert isinstance(loaded, Plan)
+
+
+def put(*path: Any, value: Any) -> Callable[[dict[str, Any]], None]:
+    """Sets one entry of a document."""
+
+    def change(document: dict[str, Any]) -> None:
+        container: Any = document
+        for key in path[:-1]:
+            container = container[key]
+        container[path[-1]] = value
+
+    return change
+
+
+TRAJECTORY = ("plan", "steps", 1, "trajectory")
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (put("format", value="other"), "is no plan: its format is 'other'"),
+        (put("version", value=2), "has version 2, but only 1 is read here: save the plan again"),
+        (put("version", value=True), "has version True"),
+        (put("more", value=1), "has entries"),
+        (put("plan", "limb", value="third"), "plan: unknown limb 'third'"),
+        (put("plan", "limb", value=3), "plan.limb must be of type str, got 3"),
+        (put("plan", "wheels", value=4), "plan has an entry 'wheels'; a Plan has: limb"),
+        (put("plan", "steps", value={}), "plan.steps must be a list"),
+        (put("plan", "steps", 0, "type", value="os.system"), "has type 'os.system'; use one of"),
+        (put("plan", "steps", 0, "action", value="WAVE"), "use one of: OPEN, CLOSE"),
+        (put("plan", "q_start", value=[0.0]), "q_start has shape (1,)"),
+        (put(*TRAJECTORY, "v", value=[[0.0], [0.0, 0.0]]), "must have rows of one length"),
+        (put(*TRAJECTORY, "v", 0, value=["0.0"] * 7), "must be of type float, got '0.0'"),
+        (put(*TRAJECTORY, "j", value={"shape": [0, 99999]}), "must be lists of numbers"),
+        (put(*TRAJECTORY, "knots_s", value=[0.0]), "has shape"),
+        (put("plan", "situation", "joints", value=[]), "plan.situation.joints must be an object"),
+        (put("plan", "situation", "joints", "head_pan", value=None), "must be of type float"),
+        (put("plan", "q_start", 0, value=10**20), "an integer too large"),
+    ],
+)
+def test_a_refusal_says_what_is_wrong(
+    saved: bytes, file: Path, change: Callable[[dict[str, Any]], None], reason: str
+) -> None:
+    assert reason in refusal(file, resealed(saved, change))
+
+
+def test_an_edited_number_is_refused_as_edited(saved: bytes, file: Path) -> None:
+    assert saved.count(b'"is_movable": true') == 1
+    edited = saved.replace(b'"is_movable": true', b'"is_movable": false')
+    assert "was changed after it was saved" in refusal(file, edited)
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
+def test_numbers_that_are_not_finite_are_refused(saved: bytes, file: Path, number: str) -> None:
+    content = saved.replace(b'"version": 1', f'"version": {number}'.encode())
+    assert "finite" in (said := refusal(file, content)) or "too large" in said
+
+
+def test_an_entry_that_comes_twice_is_refused(saved: bytes, file: Path) -> None:
+    content = saved.replace(b'"limb": "left"', b'"limb": "left", "limb": "left"')
+    assert "has the entry 'limb' twice" in refusal(file, content)
+
+
+def test_nesting_without_end_is_refused(file: Path) -> None:
+    assert "nested too deeply" in refusal(file, 200_000 * b"[")
+
+
+def test_a_huge_file_is_refused(file: Path) -> None:
+    with file.open("wb") as stream:
+        stream.truncate(40 * 2**20)
+    with pytest.raises(PlanFileError, match="larger than 32 MB"):
+        load_plan(file)
+
+
+def test_a_huge_plan_is_not_saved(plan: Plan, file: Path) -> None:
+    grips = (Grip(34 * 2**20 * "x", GripperAction.OPEN),)
+    with pytest.raises(PlanFileError, match="at most 32 MB are read again"):
+        save_plan(replace(plan, steps=grips), file)
+    assert not file.exists()
+
+
+def test_a_file_that_is_not_there_is_refused(file: Path) -> None:
+    with pytest.raises(PlanFileError, match="cannot be read: No such file"):
+        load_plan(file)
+
+
+def test_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(PlanFileError, match=r"no regular file|cannot be read"):
+        load_plan(tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+def test_a_pipe_is_refused_without_waiting(file: Path) -> None:
+    os.mkfifo(file)
+    with pytest.raises(PlanFileError, match="is no regular file"):
+        load_plan(file)
+
+
+@pytest.mark.parametrize("path", ["a\0b", 3, None])
+def test_a_path_that_is_none_is_refused(plan: Plan, path: Any) -> None:
+    with pytest.raises(PlanFileError):
+        load_plan(path)
+    with pytest.raises(PlanFileError):
+        save_plan(plan, path)
+
+
+def test_an_unwritable_place_is_refused_and_nothing_stays_behind(
+    plan: Plan, tmp_path: Path
+) -> None:
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(PlanFileError, match="folder cannot be written"):
+        save_plan(plan, tmp_path / "folder")
+    assert [path.name for path in tmp_path.iterdir()] == ["folder"]
+
+
+def test_a_failed_write_keeps_the_old_file(
+    plan: Plan, saved: bytes, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file.write_bytes(saved)
+
+    def fail(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(PlanFileError, match="No space left on device"):
+        save_plan(replace(plan, failure=PlanFailure("a", "b")), file)
+    assert file.read_bytes() == saved
+    assert list(file.parent.iterdir()) == [file]
+
+
+def test_only_plans_are_saved(file: Path) -> None:
+    with pytest.raises(PlanFileError, match="only a Plan can be saved, got dict"):
+        save_plan({}, file)  # type: ignore[arg-type]
+
+
+def test_what_is_not_finite_is_not_saved(plan: Plan, file: Path) -> None:
+    move = replace(plan.moves[0], clearance=Clearance(float("nan"), "a", "b"))
+    steps = tuple(move if step is plan.moves[0] else step for step in plan)
+    with pytest.raises(PlanFileError, match=r"clearance\.distance_m must be a finite number"):
+        save_plan(replace(plan, steps=steps), file)
+
+
+def test_an_entry_that_an_older_file_lacks_takes_its_default() -> None:
+    written = to_json(Clearance(0.25, "a", "b"), Clearance, "clearance")
+    assert isinstance(written, dict)
+    lean = {name: written[name] for name in ("distance_m", "first", "second")}
+    assert from_json(lean, Clearance, "clearance") == Clearance(0.25, "a", "b")
+
+
+def test_a_type_without_a_place_in_files_is_named() -> None:
+    with pytest.raises(PlanFileError, match="thing is of a type that has no place"):
+        to_json({1}, set[int], "thing")

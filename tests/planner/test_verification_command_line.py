@@ -1,0 +1,158 @@
+"""`python -m planner.verification`: exit statuses, and one sentence for each error."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planner import (
+    Manipulator,
+    Move,
+    Plan,
+    PlanFailure,
+    Scene,
+    Situation,
+    plan_joint_move,
+    save_plan,
+)
+from planner.verification import command_line
+from planner.verification.command_line import main
+
+
+@pytest.fixture(scope="module")
+def plan(manipulator: Manipulator, scene: Scene) -> Plan:
+    start = manipulator.arm.neutral
+    goal = start + 0.1
+    move = Move("reach out", plan_joint_move(start, goal, manipulator.limits))
+    return Plan("left", start, (move,), situation=Situation.of(manipulator, scene))
+
+
+@pytest.fixture
+def good(plan: Plan, tmp_path: Path) -> str:
+    save_plan(plan, tmp_path / "good.json")
+    return str(tmp_path / "good.json")
+
+
+@pytest.fixture
+def bad(plan: Plan, tmp_path: Path) -> str:
+    save_plan(replace(plan, failure=PlanFailure("grasp", "too wide")), tmp_path / "bad.json")
+    return str(tmp_path / "bad.json")
+
+
+def test_a_valid_plan_exits_with_0(good: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([good]) == 0
+    said = capsys.readouterr()
+    assert said.out.endswith("\nvalid\n")
+    assert not said.err
+
+
+def test_a_plan_that_is_not_valid_exits_with_1_and_names_the_checks(
+    bad: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([bad]) == 1
+    said = capsys.readouterr()
+    assert said.out.endswith("\nnot valid\n")
+    assert said.err.startswith(f"{bad}: not valid: ")
+    assert "failed steps" in said.err
+    assert "grasp: too wide" in said.err
+    assert len(said.err.splitlines()) == 1
+
+
+def test_quiet_says_nothing_but_what_failed(
+    good: str, bad: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (main([good, "-q"]), main([bad, "-q"])) == (0, 1)
+    said = capsys.readouterr()
+    assert not said.out
+    assert len(said.err.splitlines()) == 1
+
+
+def test_json_is_the_certificate(bad: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([bad, "--json"]) == 1
+    data = json.loads(capsys.readouterr().out)
+    assert data["is_valid"] is False
+    assert data["checks"][0]["name"] == "failed steps"
+
+
+def test_a_move_can_be_said_to_be_straight(good: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([good, "-q", "--straight", "reach out"]) == 1
+    assert "distance from line" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", [b"", b"{}", b"\xff\xfe", b"[1, 2]"])
+def test_a_file_without_a_plan_exits_with_2_and_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes
+) -> None:
+    file = tmp_path / "noise"
+    file.write_bytes(content)
+    assert main([str(file)]) == 2
+    said = capsys.readouterr()
+    assert not said.out
+    assert len(said.err.splitlines()) == 1
+    assert str(file) in said.err
+
+
+def test_a_plan_without_situation_exits_with_2(
+    plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save_plan(replace(plan, situation=None), tmp_path / "bare.json")
+    assert main([str(tmp_path / "bare.json")]) == 2
+    assert "does not say for which situation" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [[], ["a", "b"], ["a", "--js"], ["a", "--straight"]])
+def test_wrong_usage_exits_with_2_and_one_sentence(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        main(arguments)
+    assert exit_.value.code == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_ctrl_c_exits_with_130(
+    good: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command_line, "verify", interrupt)
+    assert main([good]) == 130
+    assert capsys.readouterr().err == "stopped by Ctrl-C\n"
+
+
+def test_the_module_runs_as_a_program(good: str) -> None:
+    runs = [
+        subprocess.run(
+            [sys.executable, "-m", "planner.verification", *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        for arguments in ([good], ["missing.json"])
+    ]
+    assert [run.returncode for run in runs] == [0, 2]
+    assert runs[0].stdout.endswith("\nvalid\n")
+    assert runs[1].stderr == (
+        "planner.verification: missing.json: cannot be read: No such file or directory\n"
+    )
+
+
+def test_a_program_that_is_interrupted_exits_with_130(tmp_path: Path) -> None:
+    code = (
+        "import os, signal, sys\n"
+        "from planner.verification import command_line\n"
+        "from planner.verification.__main__ import run_process\n"
+        "command_line.verify = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)\n"
+        "command_line.load_plan = lambda _: None\n"
+        "sys.argv = ['verification', 'plan.json']\n"
+        "run_process()\n"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr) == (130, "stopped by Ctrl-C\n")
