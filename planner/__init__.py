@@ -1,5 +1,6 @@
 """From poses to checked, timed motion; knows no simulator and no viewer."""
 
+from planner.choice import transfer_bound_s
 from planner.collision import Clearance, ClearanceChecker, RobotShapes
 from planner.errors import (
     MotionError,
@@ -84,5 +85,6 @@ __all__ = [
     "plan_straight_path",
     "prove_clear",
     "save_plan",
+    "transfer_bound_s",
     "verify",
 ]

@@ -5,28 +5,38 @@ pick    open - approach - descend - close - retract
 place   approach - descend - open - retract
 ```
 
-Approach and retract are `hover_m` above the pose, in the same orientation. Every waypoint gets one
-IK result and one time-optimal move that stops there. Each move is proven free of collision at every
-instant (`planner.swept`).
+The tip comes down to a pose and rises from it along a straight line, and moves sideways only
+`clear_m` above it and higher; there it does not stop, it passes. It stops to grasp, to release, and
+`hover_m` above the place, where the cycle ends. While it is moved sideways, what is carried may
+touch nothing, its supports included. Each move is proven free of collision at every instant
+(`planner.swept`). Of all pairs of IK solutions at pick and place, the one is chosen that makes the
+cycle shortest (`planner.choice`); when it collides, others are tried.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import islice
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin import IKResult
+from baxter_kin import IKResult, SeedType
 from baxter_kin.arrays import Vector, positive_scalar
 from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose
+from baxter_kin.ik import Tolerance
+from planner.choice import Choice, choices
 from planner.collision import ClearanceChecker, Held
 from planner.contact import stands, touching
+from planner.cycle import Cycle, Cycles, UnreachableLineError
 from planner.errors import MotionError, SceneError, TaskError
 from planner.hand import Grasp
+from planner.lines import Lines
 from planner.manipulator import Manipulator
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
 from planner.scene import Body, Scene
@@ -35,6 +45,10 @@ from planner.swept import prove_clear
 from planner.swept_result import SweptContact, SweptProof
 from planner.timing import plan_joint_move
 from planner.trajectory import Trajectory
+
+COMPARED, MOST_TRIED = 3, 12
+"""Pairs of IK solutions that are planned exactly to find the shortest cycle, and in all, where
+these collide."""
 
 LONGEST_DROP_M = 0.01
 """From how high above its support a body may be let go."""
@@ -48,10 +62,12 @@ class PickAndPlace:
         body: name of the body to carry.
         T_base_pick: tip pose when the fingers close.
         T_base_place: tip pose when they open again.
-        hover_m: height of the approach and retract poses above these, above zero.
+        hover_m: height above the place where the arm ends, above zero.
+        clear_m: height above pick and place from which it may move sideways, above zero; the hover
+            distance where that is less.
 
     Raises:
-        TaskError: when `body` is no name, or `hover_m` is not a number above zero.
+        TaskError: when `body` is no name, or a height is not a number above zero.
         PoseError: when a pose is none.
     """
 
@@ -59,13 +75,21 @@ class PickAndPlace:
     T_base_pick: pin.SE3
     T_base_place: pin.SE3
     hover_m: float = 0.15
+    clear_m: float = 0.05
 
     def __post_init__(self) -> None:
         """Check and copy."""
         expect(self.body, str, "name of the body", TaskError)
         positive_scalar(self.hover_m, "hover distance", TaskError)
+        positive_scalar(self.clear_m, "clear height", TaskError)
         for name in ("T_base_pick", "T_base_place"):
             object.__setattr__(self, name, checked_pose(getattr(self, name)))
+
+    @property
+    def lines(self) -> Lines:
+        """Where it leads the tip."""
+        clear_m = min(self.clear_m, self.hover_m)
+        return Lines(self.T_base_pick, self.T_base_place, clear_m, self.hover_m)
 
 
 def plan_pick_and_place(
@@ -90,11 +114,11 @@ def plan_pick_and_place(
     expect(task, PickAndPlace, "task", TaskError)
     expect(manipulator, Manipulator, "manipulator", TaskError)
     expect(scene, Scene, "scene", SceneError)
-    body = scene[task.body]
-    if not body.is_movable:
-        raise TaskError(f"{body.name!r} is not movable, so it cannot be picked")
+    if not scene[task.body].is_movable:
+        raise TaskError(f"{task.body!r} is not movable, so it cannot be picked")
     now = manipulator.arm.limits.check(q_start, "q_start")
-    return _drafted(manipulator, scene, now, lambda draft: _pick_and_place(draft, task, body))
+    looked = _drafted(manipulator, scene, now, lambda draft: _look(draft, task))
+    return _shortest(task, manipulator, scene, now) if looked.is_valid else looked
 
 
 def plan_start_move(
@@ -143,30 +167,91 @@ def _drafted(
     return Plan(manipulator.arm.side, q_start, tuple(draft.steps), failure, situation)
 
 
-def _pick_and_place(draft: _Draft, task: PickAndPlace, body: Body) -> None:
-    above_pick, above_place = _above(task.T_base_pick, task), _above(task.T_base_place, task)
+def _look(draft: _Draft, task: PickAndPlace) -> None:
+    """Whether every waypoint can be reached at all; nothing moves."""
+    lines = task.lines
+    draft.reach("pick: approach", lines.T_base_above_pick)
+    draft.reach("pick: descend", lines.T_base_pick)
+    draft.reach("place: approach", lines.T_base_above_place)
+    draft.reach("place: descend", lines.T_base_place)
+    draft.reach("place: retract", lines.T_base_end)
+
+
+def _shortest(task: PickAndPlace, manipulator: Manipulator, scene: Scene, q_start: Vector) -> Plan:
+    """The plan of the shortest cycle that is free of collision, or the nearest miss."""
+    failed: list[Plan] = []
+    for cycle in _cycles(task, manipulator, q_start):
+        steps = partial(_pick_and_place, task=task, cycle=cycle)
+        plan = _drafted(manipulator, scene, q_start, steps)
+        if plan.failure is None or plan.failure.is_certain:
+            return plan
+        failed.append(plan)
+    return _nearest_miss(failed)
+
+
+def _cycles(
+    task: PickAndPlace, manipulator: Manipulator, q_start: Vector
+) -> Iterator[Cycle | MotionError]:
+    """Motions for choices of solutions; of the first few, the shortest first."""
+    lines, cycles = task.lines, Cycles(manipulator, q_start, task.lines)
+    pairs = choices(manipulator.ik, manipulator.limits, q_start, lines)
+    compared = [_cycle(cycles, choice) for choice in islice(pairs, COMPARED)]
+    yield from sorted(compared, key=_duration_s)
+    for choice in islice(pairs, MOST_TRIED - COMPARED):
+        yield _cycle(cycles, choice)
+
+
+def _cycle(cycles: Cycles, choice: Choice) -> Cycle | MotionError:
+    try:
+        return cycles.of(choice)
+    except MotionError as cause:
+        return cause
+
+
+def _duration_s(cycle: Cycle | MotionError) -> float:
+    return cycle.duration_s if isinstance(cycle, Cycle) else np.inf
+
+
+def _nearest_miss(failed: list[Plan]) -> Plan:
+    """The plan that got farthest, with what came of the others."""
+    best = max(failed, key=lambda plan: len(plan.steps))
+    failures = tuple(plan.failure for plan in failed if plan.failure is not None)
+    if best.failure is None or len(failures) < 2:
+        return best
+    stages = Counter(failure.stage for failure in failures)
+    counts = ", ".join(f"{count} at {stage!r}" for stage, count in stages.most_common())
+    reason = (
+        f"{best.failure.reason} (the nearest miss of {len(failures)} pairs of IK solutions: "
+        f"{counts})"
+    )
+    failure = replace(best.failure, reason=reason, tried=failures)
+    return replace(best, failure=failure)
+
+
+def _pick_and_place(draft: _Draft, task: PickAndPlace, cycle: Cycle | MotionError) -> None:
+    if isinstance(cycle, MotionError):
+        stage = cycle.stage if isinstance(cycle, UnreachableLineError) else "pick: approach"
+        raise _NoSolutionError(stage, str(cycle)) from cycle
+    lines, body = task.lines, draft.body(task.body)
     draft.refuse_wide("pick: open", task.T_base_pick, body)
     draft.grip("pick: open", GripperAction.OPEN)
-    draft.move("pick: approach", above_pick)
-    draft.move("pick: descend", task.T_base_pick)
+    draft.pass_by("pick: approach", cycle.to_pick, lines.T_base_above_pick)
+    draft.descend("pick: descend", cycle.down_to_pick, lines.T_base_pick)
     draft.grasp("pick: close", task, body)
-    draft.move("pick: retract", above_pick)
-    draft.move("place: approach", above_place)
-    draft.move("place: descend", task.T_base_place)
-    draft.release("place: open", task.T_base_place)
-    draft.move("place: retract", above_place)
-
-
-def _above(T_base_tip: pin.SE3, task: PickAndPlace) -> pin.SE3:
-    lift = np.array([0.0, 0.0, task.hover_m])
-    return pin.SE3(T_base_tip.rotation, T_base_tip.translation + lift)
+    draft.rise("pick: retract", cycle.up_from_pick, lines.T_base_above_pick)
+    draft.pass_by("place: approach", cycle.to_place, lines.T_base_above_place)
+    draft.descend("place: descend", cycle.down_to_place, lines.T_base_place)
+    draft.release("place: open", lines.T_base_place)
+    draft.rise("place: retract", cycle.up_from_place, lines.T_base_end)
 
 
 class _NoSolutionError(Exception):
     """Ends the drafting of a plan; becomes `Plan.failure`."""
 
-    def __init__(self, stage: str, reason: str, ik: IKResult | None = None) -> None:
-        self.failure = PlanFailure(stage, reason, ik)
+    def __init__(
+        self, stage: str, reason: str, ik: IKResult | None = None, *, is_certain: bool = False
+    ) -> None:
+        self.failure = PlanFailure(stage, reason, ik, is_certain=is_certain)
         super().__init__(str(self.failure))
 
 
@@ -181,7 +266,7 @@ class _Draft:
         self._finger_m = manipulator.hand.stroke_m
         self._held: Held | None = None
         self._touchable: str | None = None
-        self._checker: ClearanceChecker | None = None
+        self._checkers: dict[bool, ClearanceChecker] = {}
 
     def refuse_wide(self, stage: str, T_base_tip: pin.SE3, body: Body) -> None:
         """Stop here when the hand cannot open wide enough for the body."""
@@ -193,42 +278,78 @@ class _Draft:
                 f"{body.name} measures {1e3 * _least_width_m(body):.1f} mm, "
                 f"{1e3 * width:.1f} mm across the hand as it lies, but the {hand.side} hand opens "
                 f"only {1e3 * hand.open_gap_m:.1f} mm",
+                is_certain=True,
             )
         self._touchable = body.name
+        self._checkers.clear()
 
     def grip(self, label: str, action: GripperAction, body: str | None = None) -> None:
         """Add a gripper action."""
         self.steps.append(Grip(label, action, body))
 
-    def move(self, label: str, T_base_tip: pin.SE3) -> None:
-        """Add the move to a pose."""
+    def body(self, name: str) -> Body:
+        """A body as it stands at this point."""
+        return self._scene[name]
+
+    def reach(self, label: str, T_base_tip: pin.SE3) -> IKResult:
+        """The IK result for a pose, from where the arm stands; it is there afterwards."""
         ik = self._manipulator.ik.solve(T_base_tip, current=self._q)
         if not ik.is_valid:
-            raise _NoSolutionError(label, str(ik.failure), ik)
-        self.move_joints(label, ik.q, T_base_tip, ik)
+            raise _NoSolutionError(label, str(ik.failure), ik, is_certain=True)
+        self._q = ik.q
+        return ik
 
-    def move_joints(
-        self,
-        label: str,
-        q_goal: Vector,
-        T_base_tip: pin.SE3 | None = None,
-        ik: IKResult | None = None,
-    ) -> None:
-        """Add the move to a configuration, and what asked for it."""
+    def pass_by(self, label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
+        """Add a move in joint space to where a line begins; nothing held may touch anything."""
+        ik = self._answer(trajectory, T_base_tip, SeedType.CURRENT)
+        self._move(label, trajectory, T_base_tip, ik, free=True)
+
+    def descend(self, label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
+        """Add a straight move to a chosen solution."""
+        ik = self._answer(trajectory, T_base_tip, SeedType.NS_MAP)
+        self._move(label, trajectory, T_base_tip, ik, straight=True)
+
+    def rise(self, label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
+        """Add a straight move away from a pose."""
+        ik = self._answer(trajectory, T_base_tip, SeedType.CURRENT)
+        self._move(label, trajectory, T_base_tip, ik, straight=True)
+
+    def move_joints(self, label: str, q_goal: Vector) -> None:
+        """Add the move to a configuration."""
         try:
             trajectory = plan_joint_move(self._q, q_goal, self._manipulator.limits)
         except MotionError as cause:
-            raise _NoSolutionError(label, str(cause), ik) from cause
-        proof = self._proven(label, trajectory)
-        self.steps.append(Move(label, trajectory, T_base_tip, ik, proof.nearest, proof))
-        self._q = q_goal
+            raise _NoSolutionError(label, str(cause)) from cause
+        self._move(label, trajectory)
+
+    def _answer(self, trajectory: Trajectory, T_base_tip: pin.SE3, seed_type: SeedType) -> IKResult:
+        """Where a trajectory ends, as the answer for a pose: a sample, or what follows from one."""
+        arm, q = self._manipulator.arm, trajectory.q_goal
+        errors = Tolerance().excess(T_base_tip, arm.T_base_tip(q))
+        return IKResult(arm.joint_names, q, seed_type, *errors)
+
+    def _move(
+        self,
+        label: str,
+        trajectory: Trajectory,
+        T_base_tip: pin.SE3 | None = None,
+        ik: IKResult | None = None,
+        *,
+        straight: bool = False,
+        free: bool = False,
+    ) -> None:
+        proof = self._proven(label, trajectory, free=free)
+        self.steps.append(
+            Move(label, trajectory, T_base_tip, ik, proof.nearest, proof, is_straight=straight)
+        )
+        self._q = trajectory.q_goal
 
     def grasp(self, label: str, task: PickAndPlace, body: Body) -> None:
         """Add the closing of the fingers around the body."""
         T_base_tip, T_base_place = task.T_base_pick, task.T_base_place
         grasp = self._manipulator.hand.grasp(T_base_tip, body, self._finger_m)
         if grasp is None:
-            raise _NoSolutionError(label, _miss(T_base_tip, body))
+            raise _NoSolutionError(label, _miss(T_base_tip, body), is_certain=True)
         self.grip(label, GripperAction.CLOSE, body.name)
         self._hold(body, grasp, T_base_place)
 
@@ -241,32 +362,43 @@ class _Draft:
             raise _NoSolutionError(
                 label,
                 f"{body.name} would fall: nothing is within {1e3 * LONGEST_DROP_M:.0f} mm below it",
+                is_certain=True,
             )
         self.grip(label, GripperAction.OPEN, body.name)
         self._scene, self._touchable = self._scene.with_body(body), body.name
-        self._held, self._checker = None, None
+        self._held = None
+        self._checkers.clear()
         self._finger_m = self._manipulator.hand.stroke_m
 
     def _hold(self, body: Body, grasp: Grasp, T_base_place: pin.SE3) -> None:
         self._scene, self._touchable = self._scene.without(body.name), None
         placed = body.at(T_base_place * grasp.T_tip_body)
         supports = touching(body, self._scene) | touching(placed, self._scene)
-        self._held, self._checker = Held(body, grasp.T_tip_body, supports), None
+        self._held = Held(body, grasp.T_tip_body, supports)
+        self._checkers.clear()
         self._finger_m = grasp.finger_m
 
-    def _proven(self, label: str, trajectory: Trajectory) -> SweptProof:
-        checker = self._checker = self._checker or ClearanceChecker(
-            self._manipulator.shapes,
-            self._manipulator.arm,
-            self._scene,
-            touchable=self._touchable,
-            held=self._held,
-        )
+    def _proven(self, label: str, trajectory: Trajectory, *, free: bool) -> SweptProof:
         others = next(self._manipulator.configurations(trajectory.q[:1], self._finger_m))
-        result = prove_clear(checker, trajectory, others)
+        result = prove_clear(self._checker(free=free), trajectory, others)
         if isinstance(result, SweptContact):
             raise _NoSolutionError(label, str(result))
         return result
+
+    def _checker(self, *, free: bool) -> ClearanceChecker:
+        """The present situation; with what is held free of its supports, or on them."""
+        if free not in self._checkers:
+            held = self._held
+            if held is not None and free:
+                held = replace(held, supports=frozenset())
+            self._checkers[free] = ClearanceChecker(
+                self._manipulator.shapes,
+                self._manipulator.arm,
+                self._scene,
+                touchable=self._touchable,
+                held=held,
+            )
+        return self._checkers[free]
 
 
 def _miss(T_base_tip: pin.SE3, body: Body) -> str:

@@ -32,6 +32,7 @@ class Move:
         ik: the answer that the move ends at; None for a move given in joint angles.
         clearance: the least distance that was met on the way, where it was checked.
         proof: that the whole way is clear, where it was proven.
+        is_straight: whether the tip moves along a straight line.
     """
 
     label: str
@@ -40,6 +41,7 @@ class Move:
     ik: IKResult | None = None
     clearance: Clearance | None = None
     proof: SweptProof | None = None
+    is_straight: bool = False
 
 
 class GripperAction(str, Enum):
@@ -75,11 +77,16 @@ class PlanFailure:
         stage: the label of the step that has no solution.
         reason: why, with names and numbers.
         ik: the answer that was invalid, when that was the reason.
+        tried: the failures of all ways that were tried, this one among them; empty for a single
+            one.
+        is_certain: whether no other way was worth trying.
     """
 
     stage: str
     reason: str
     ik: IKResult | None = None
+    tried: tuple[PlanFailure, ...] = ()
+    is_certain: bool = False
 
     def __str__(self) -> str:
         """Stage and reason."""
@@ -93,7 +100,8 @@ class Plan:
     Attributes:
         limb: "left" or "right".
         q_start: where the arm must stand before the first step, shape (7,), rad.
-        steps: moves and gripper actions; of an invalid plan, those before the failed one.
+        steps: moves and gripper actions; of an invalid plan, those before the failed one, or none
+            where a waypoint cannot be reached at all.
         failure: None, or why there is no plan.
         situation: the world it was made for; None when the maker did not say.
 

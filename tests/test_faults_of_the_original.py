@@ -16,7 +16,9 @@ from baxter_kin.demo import main
 from baxter_kin.frames import angle_between
 from planner import (
     Body,
+    Box,
     Manipulator,
+    Part,
     PickAndPlace,
     Scene,
     plan_pick_and_place,
@@ -111,10 +113,14 @@ def test_fault_no_restarts(ik: IKService, left: Arm) -> None:
 
 
 def test_fault_no_collision_check(manipulator: Manipulator, scene: Scene) -> None:
-    through_the_table = PickAndPlace("block", PICK, overhead(0.70, 0.0, -0.25))
-    plan = plan_pick_and_place(through_the_table, manipulator, scene, manipulator.arm.start)
+    """The way to a shelf below the table is refused because of the table, and of nothing else."""
+    shelf = Body("shelf", (Part(Box((0.1, 0.1, 0.01)), at(0.0, 0.0, 0.0)),), at(0.7, 0.0, -0.282))
+    onto_shelf = PickAndPlace("block", PICK, overhead(0.70, 0.0, -0.25))
+    start, without_table = manipulator.arm.start, scene.without("table").with_body(shelf)
+    plan = plan_pick_and_place(onto_shelf, manipulator, scene.with_body(shelf), start)
     assert not plan.is_valid
     assert "inside table" in str(plan.failure)
+    assert plan_pick_and_place(onto_shelf, manipulator, without_table, start).is_valid
 
 
 def test_fault_failed_ik_goes_on_and_grasps_air(manipulator: Manipulator, scene: Scene) -> None:

@@ -49,10 +49,12 @@ class Narrator(Observer):
         self.say(f"block: from {_point(totals.block_start_m)} to {_point(totals.block_final_m)}")
         clearance = totals.min_clearance_m
         nearest = "" if clearance is None else f", nearest approach {1e3 * clearance:.1f} mm"
+        ratio = totals.transfer_ratio
+        transfer = "" if ratio is None else f", grasp to release {ratio:.2f} times its bound"
         self.say(
             f"time: planning {totals.planning_time_s:.2f} s, motion {totals.motion_time_s:.2f} s, "
             f"one pick and place {totals.cycle_time_s:.2f} s, wall {totals.wall_time_s:.2f} s"
-            f"{nearest}"
+            f"{transfer}{nearest}"
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,6 +29,8 @@ class Totals:
         cycles_done: cycles that succeeded.
         motion_time_s: durations of the arm's moves, those to the start pose left out.
         simulated_s: simulated time of all successful cycles, gripper included.
+        transfer_s: time of their moves from grasp to release.
+        transfer_bound_s: what these would take at least.
         planning_time_s: wall time spent planning.
         wall_time_s: wall time of the run.
         min_clearance_m: the least distance of all plans, None before the first.
@@ -38,6 +41,8 @@ class Totals:
     cycles_done: int = 0
     motion_time_s: float = 0.0
     simulated_s: float = 0.0
+    transfer_s: float = 0.0
+    transfer_bound_s: float = 0.0
     planning_time_s: float = 0.0
     wall_time_s: float = 0.0
     min_clearance_m: float | None = None
@@ -49,8 +54,13 @@ class Totals:
         """Mean simulated time of one pick and place, gripper included; 0 before the first."""
         return self.simulated_s / self.cycles_done if self.cycles_done else 0.0
 
-    def add(self, plan: Plan, outcome: Outcome) -> None:
-        """Count an executed cycle."""
+    @property
+    def transfer_ratio(self) -> float | None:
+        """Time from grasp to release over its bound; None before the first."""
+        return _ratio(self.transfer_s, self.transfer_bound_s)
+
+    def add(self, plan: Plan, outcome: Outcome, bound_s: float) -> None:
+        """Count an executed cycle, whose way from grasp to release takes so long at least."""
         self.motion_time_s += plan.motion_time_s
         if plan.clearance is not None:
             least = plan.clearance.distance_m
@@ -59,6 +69,8 @@ class Totals:
         if outcome.is_success:
             self.cycles_done += 1
             self.simulated_s += outcome.duration_s
+            self.transfer_s += _transfer_s(plan)
+            self.transfer_bound_s += bound_s
 
 
 @dataclass(slots=True)
@@ -81,8 +93,18 @@ class Report(Observer):
         """Keep it."""
         self._events.append(event)
 
-    def add_cycle(self, number: int, poses_m: tuple[Point, Point], plan: Plan) -> Json:
-        """Note a planned cycle; returns its entry, to be completed."""
+    def add_cycle(
+        self, number: int, poses_m: tuple[Point, Point], plan: Plan, bound_s: float
+    ) -> Json:
+        """Note a planned cycle; returns its entry, to be completed.
+
+        Args:
+            number: which one.
+            poses_m: pick and place in base.
+            plan: what was planned, or why not.
+            bound_s: what the way from grasp to release takes at least, infinite where there is
+                none.
+        """
         entry: Json = {
             "cycle": number,
             "pick_m": poses_m[0],
@@ -91,6 +113,7 @@ class Report(Observer):
             "places": _grips(plan, GripperAction.OPEN),
             "waypoints": _waypoints(plan),
             "moves": [_move(move) for move in plan.moves],
+            **_transfer(plan, bound_s),
             "planned": plan.is_valid,
             "success": False,
             "failure": None if plan.failure is None else str(plan.failure),
@@ -166,7 +189,35 @@ def _move(move: Move) -> Json:
         "peak_acceleration_ratio": ratios.acceleration,
         "peak_jerk_ratio": ratios.jerk,
         "clearance_m": None if move.clearance is None else move.clearance.distance_m,
+        "proven_clearance_m": None if move.proof is None else move.proof.proven_m,
+        "is_straight": move.is_straight,
     }
+
+
+def _transfer(plan: Plan, bound_s: float) -> Json:
+    """How long the way from grasp to release takes, how long at least, and their quotient."""
+    time_s = _transfer_s(plan) if plan.is_valid else None
+    return {
+        "transfer_time_s": time_s,
+        "transfer_bound_s": bound_s if math.isfinite(bound_s) else None,
+        "transfer_ratio": None if time_s is None else _ratio(time_s, bound_s),
+    }
+
+
+def _transfer_s(plan: Plan) -> float:
+    """How long the moves take that are made with closed fingers."""
+    moved_s, is_closed = 0.0, False
+    for step in plan:
+        if not isinstance(step, Move):
+            is_closed = step.action is GripperAction.CLOSE
+        elif is_closed:
+            moved_s += step.trajectory.duration
+    return moved_s
+
+
+def _ratio(time_s: float, bound_s: float) -> float | None:
+    """None for a bound of 0, which is that of a place where the pick was."""
+    return time_s / bound_s if bound_s > 0.0 else None
 
 
 def _event(event: Event) -> Json:

@@ -27,6 +27,7 @@ from planner import (
     load_object,
     plan_pick_and_place,
     plan_start_move,
+    transfer_bound_s,
 )
 from sim import CsvRecorder, Observer, Recorder, RecordingError, Simulation, Snapshot, World
 
@@ -71,6 +72,7 @@ class _Demo:
         self._manipulator = Manipulator.of(
             self._robot, options.limb, speed_ratio=options.speed_ratio, q_others=self._world.q
         )
+        self._bounds_s: dict[tuple[bytes, bytes], float] = {}
 
     def run(self) -> str | None:
         """Everything; returns None, or why it failed. Outputs are written however it ends."""
@@ -125,11 +127,12 @@ class _Demo:
         plan = self._planned(
             lambda: plan_pick_and_place(task, self._manipulator, self._world.scene, self._arm_q())
         )
-        entry = self._report.add_cycle(number, (pick, place), plan)
+        bound_s = self._transfer_bound_s(task)
+        entry = self._report.add_cycle(number, (pick, place), plan, bound_s)
         if plan.failure is not None:
             return f"cycle {number}, {plan.failure}"
         outcome = simulation.execute(plan, f"cycle {number}, ")
-        self._report.totals.add(plan, outcome)
+        self._report.totals.add(plan, outcome, bound_s)
         entry["success"], entry["failure"] = outcome.is_success, outcome.failure
         entry["duration_s"], entry["block_m"] = outcome.duration_s, self._block_m()
         return None if outcome.is_success else f"cycle {number}, {outcome.failure}"
@@ -140,6 +143,16 @@ class _Demo:
             plan = make_plan()
         self._report.totals.planning_time_s += time.perf_counter() - started_s
         return plan
+
+    def _transfer_bound_s(self, task: PickAndPlace) -> float:
+        """What the way from grasp to release takes at least; the same for the same two poses."""
+        pick, place = task.T_base_pick, task.T_base_place
+        key = pick.homogeneous.tobytes(), place.homogeneous.tobytes()
+        if key not in self._bounds_s:
+            with self._interrupt.deferred():
+                arm = self._manipulator
+                self._bounds_s[key] = transfer_bound_s(arm.ik, arm.limits, pick, place)
+        return self._bounds_s[key]
 
     @contextmanager
     def _scene(self, simulation: Simulation) -> Iterator[None]:

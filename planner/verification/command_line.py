@@ -30,7 +30,7 @@ class Options:
         file: the saved plan.
         is_quiet: say nothing but what failed.
         is_json: print the certificate as JSON instead of a table.
-        straight: labels of the moves that shall be straight.
+        straight: labels of the moves that shall be straight although the plan does not say so.
     """
 
     file: str
@@ -73,7 +73,8 @@ def _options(argv: Sequence[str] | None) -> Options:
         metavar="LABEL",
         action="append",
         default=[],
-        help='a move that shall be straight, such as "pick: descend"; may be repeated',
+        help="another move that shall be straight, besides those that the plan says are; "
+        "may be repeated",
     )
     raw = parser.parse_args(argv)
     return Options(raw.file, raw.quiet, raw.json, tuple(raw.straight))

@@ -41,7 +41,7 @@ def verify(
     Args:
         plan: what to check.
         situation: the world before its first step; the plan's own when not given.
-        straight: labels of the moves that shall be straight.
+        straight: labels of more moves that shall be straight; those that say so are tested anyhow.
         tolerances: what is allowed; the toolkit's promises when not given.
         description: the robot's files; the installed ones when not given.
 

@@ -46,7 +46,10 @@ class LineDeviation:
 def tip_checks(
     plan: Plan, robot: UrdfRobot, q_standing: Vector, straight: Collection[str], allowed: Tolerances
 ) -> Iterator[Check]:
-    """Waypoints, grasps and releases against what was asked; straight moves against their lines."""
+    """Waypoints, grasps and releases against what was asked; straight moves against their lines.
+
+    Straight are the moves that say so and those whose label is given.
+    """
     yield from _poses("", _waypoints(plan), robot, q_standing, allowed)
     yield from _poses(" at grips", _grips(plan), robot, q_standing, allowed)
     yield from _lines(plan, robot, q_standing, straight, allowed)
@@ -74,7 +77,7 @@ def _lines(
 ) -> Iterator[Check]:
     off, turned = [], []
     for move in plan.moves:
-        if move.label in straight:
+        if move.is_straight or move.label in straight:
             found = line_deviation(move.trajectory, robot, q_standing)
             off.append(Worst(found.position_m, f"{move.label}, {found.position_time_s:.4f} s"))
             at_s = found.orientation_time_s

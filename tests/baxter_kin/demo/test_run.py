@@ -5,18 +5,33 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from baxter_kin import Baxter
 from baxter_kin.demo import main
+from planner import Manipulator, transfer_bound_s
+from tests.conftest import overhead
 
 RATIO = 1.0 + 1e-9
 RESIDUAL = 1e-6
 PLACED_WITHIN_M = 5e-3
 ON_TABLE_WITHIN_M = 1e-4
+
+SEEDS = {
+    "pick: approach": "Current Joint Angles",
+    "pick: descend": "Nullspace Setpoints",
+    "pick: retract": "Current Joint Angles",
+    "place: approach": "Current Joint Angles",
+    "place: descend": "Nullspace Setpoints",
+    "place: retract": "Current Joint Angles",
+}
+STRAIGHT = {"pick: descend", "pick: retract", "place: descend", "place: retract"}
+TRANSFER = {"pick: retract", "place: approach", "place: descend"}
 
 
 def report_of(folder: Path, *options: str, status: int = 0) -> dict[str, Any]:
@@ -87,6 +102,57 @@ def test_motion_time_is_the_sum_of_the_moves_from_the_start_pose_on(
     assert report["motion_time_s"] == pytest.approx(total)
 
 
+def test_moves_down_to_poses_and_up_from_them_are_straight(report: dict[str, Any]) -> None:
+    for cycle in report["cycles"]:
+        assert [move["label"] for move in cycle["moves"]] == list(SEEDS)
+        assert {move["label"] for move in cycle["moves"] if move["is_straight"]} == STRAIGHT
+
+
+def test_every_move_is_proven_clear_by_no_more_than_was_measured(report: dict[str, Any]) -> None:
+    for cycle in report["cycles"]:
+        for move in cycle["moves"]:
+            assert 0.0 < move["proven_clearance_m"] <= move["clearance_m"]
+
+
+def test_transfer_is_what_is_moved_from_grasp_to_release(report: dict[str, Any]) -> None:
+    for cycle in report["cycles"]:
+        durations = [m["duration_s"] for m in cycle["moves"] if m["label"] in TRANSFER]
+        assert cycle["transfer_time_s"] == pytest.approx(sum(durations), rel=1e-12)
+        ratio = cycle["transfer_time_s"] / cycle["transfer_bound_s"]
+        assert cycle["transfer_ratio"] == pytest.approx(ratio, rel=1e-12)
+        assert ratio >= 1.0
+
+
+@pytest.mark.parametrize("speed_ratio", [1.0, 0.1])
+def test_bound_is_that_of_the_poses_and_of_the_limits_in_use(
+    tmp_path: Path, robot: Baxter, speed_ratio: float
+) -> None:
+    arm = Manipulator.of(robot, "left", speed_ratio=speed_ratio)
+    report = report_of(tmp_path, "--speed", str(speed_ratio), "--cycles", "1")
+    pick, place = (overhead(*cycle_m) for cycle_m in report["block_poses"])
+    expected_s = transfer_bound_s(arm.ik, arm.limits, pick, place)
+    assert report["cycles"][0]["transfer_bound_s"] == pytest.approx(expected_s, rel=1e-12)
+
+
+@pytest.mark.parametrize(("z", "has_bound"), [("-0.14", True), ("5", False)])
+def test_a_failed_plan_has_no_transfer_and_its_bound_only_where_poses_are_reachable(
+    tmp_path: Path, z: str, *, has_bound: bool
+) -> None:
+    report = report_of(tmp_path, "--add-pose", "0.72", "0.075", z, status=1)
+    first, last = report["cycles"]
+    assert first["transfer_ratio"] >= 1.0
+    assert last["transfer_time_s"] is last["transfer_ratio"] is None
+    assert (last["transfer_bound_s"] is not None) is has_bound
+
+
+def test_a_place_that_is_the_pick_has_a_bound_of_0_and_no_ratio(tmp_path: Path) -> None:
+    report = report_of(tmp_path, "--add-pose", "0.75", "0", "-0.129", "--cycles", "2")
+    stay = report["cycles"][1]
+    assert stay["transfer_bound_s"] == 0.0
+    assert stay["transfer_time_s"] > 0.0
+    assert stay["transfer_ratio"] is None
+
+
 def test_fingers_pass_20_mm_above_the_table(report: dict[str, Any]) -> None:
     assert report["min_clearance_m"] == pytest.approx(0.0202, abs=1e-4)
 
@@ -132,6 +198,7 @@ def test_hover_is_where_the_approach_goes(tmp_path: Path) -> None:
     ("options", "words"),
     [
         ("--add-pose 2 0 0", "out of reach"),
+        ("--add-pose 0.7 0 -0.17", "block would be 41.0 mm inside table"),
         ("--add-pose 0.7 0 -0.4", "inside table"),
         ("--add-pose 0.72 0.075 -0.14", "block would be 11.0 mm inside table"),
         ("--hover 5", "out of reach"),
@@ -191,9 +258,30 @@ def test_summary_names_seeds_residuals_durations_and_times(
 ) -> None:
     assert main(["--headless"]) == 0
     said = capsys.readouterr().out
-    assert said.count("Current Joint Angles") == 12
+    rows = re.findall(r"^  ((?:pick|place): \w+) +(\S.*?)  .*e-\d+ rad +\d\.\d{3} s$", said, re.M)
+    assert rows == [*SEEDS.items()] * 2
     for word in ("residual", "move", "planning", "motion", "wall", "block: from"):
         assert word in said
+
+
+def test_summary_says_how_the_transfers_compare_with_their_bounds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "report.json"
+    main(["--headless", "--report", str(path)])
+    cycles = json.loads(path.read_text())["cycles"]
+    times_s, bounds_s = (
+        sum(cycle[f"transfer_{what}_s"] for cycle in cycles) for what in ("time", "bound")
+    )
+    said = capsys.readouterr().out.splitlines()[-1]
+    assert f", grasp to release {times_s / bounds_s:.2f} times its bound" in said
+
+
+def test_summary_without_a_transfer_compares_none(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--headless", "--hover", "5"]) == 1
+    said = capsys.readouterr().out
+    assert "time: planning" in said
+    assert "grasp to release" not in said
 
 
 def test_verbose_tells_every_event_and_quiet_none(capsys: pytest.CaptureFixture[str]) -> None:
