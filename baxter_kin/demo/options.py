@@ -24,7 +24,8 @@ class Options:
     Attributes:
         limb: "left" or "right".
         poses_m: block poses: tip positions in base, visited in turn.
-        hover_m: height of approach and retract above them.
+        hover_m: height above the place where a cycle ends; the arm moves sideways above 5 cm, or
+            above this where it is less.
         cycles: number of picks and places; None goes on until stopped.
         speed_ratio: scale of the velocity limits, in (0, 1].
         is_headless: without the live view, as fast as possible.
@@ -103,7 +104,8 @@ def _parser() -> argparse.ArgumentParser:
         type=_positive,
         default=DEFAULT_HOVER_M,
         metavar="M",
-        help="height of approach and retract above each pose (default %(default)s m)",
+        help="height above the place where a cycle ends (default %(default)s m); the arm moves "
+        "sideways above 5 cm, or above this if it is less",
     )
     parser.add_argument(
         "--cycles", type=_count, metavar="N", help="picks and places (default: one per block pose)"

@@ -188,10 +188,13 @@ def test_speed_scales_the_velocity_limits(tmp_path: Path) -> None:
     assert slow["motion_time_s"] > 1.1 * fast["motion_time_s"]  # most moves are short
 
 
-def test_hover_is_where_the_approach_goes(tmp_path: Path) -> None:
-    low = report_of(tmp_path, "--hover", "0.05", "--cycles", "1")
-    assert low["hover_distance_m"] == 0.05
+def test_hover_is_how_far_the_cycle_ends_above_the_place(tmp_path: Path) -> None:
+    low, high = (report_of(tmp_path, "--hover", h, "--cycles", "1") for h in ("0.05", "0.2"))
+    assert (low["hover_distance_m"], high["hover_distance_m"]) == (0.05, 0.2)
+    ends = [run["cycles"][0]["moves"][-1]["duration_s"] for run in (low, high)]
+    assert ends[0] < ends[1]
     assert low["success"]
+    assert high["success"]
 
 
 @pytest.mark.parametrize(
