@@ -1,0 +1,198 @@
+"""Draft: a plan while it is being made, step by step, with the situation after each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import IKResult, SeedType
+from baxter_kin.arrays import Vector
+from baxter_kin.ik import Tolerance
+from planner.collision import ClearanceChecker, Held
+from planner.contact import stands, touching
+from planner.errors import MotionError, TaskError
+from planner.hand import Grasp
+from planner.manipulator import Manipulator
+from planner.plan import Grip, GripperAction, Move, PlanFailure, Step
+from planner.scene import Body, Scene
+from planner.swept import prove_clear
+from planner.swept_result import SweptContact, SweptProof
+from planner.timing import plan_joint_move
+from planner.trajectory import Trajectory
+
+LONGEST_DROP_M = 0.01
+"""From how high above its support a body may be let go."""
+
+
+class NoSolutionError(Exception):
+    """Ends the drafting of a plan; becomes `Plan.failure`."""
+
+    def __init__(
+        self, stage: str, reason: str, ik: IKResult | None = None, *, is_certain: bool = False
+    ) -> None:
+        """Say where, why, and whether it is worth trying another way."""
+        self.failure = PlanFailure(stage, reason, ik, is_certain=is_certain)
+        super().__init__(str(self.failure))
+
+
+class Draft:
+    """A plan while it is being made: the steps so far, and the situation after them."""
+
+    def __init__(self, manipulator: Manipulator, scene: Scene, q_start: Vector) -> None:
+        """No steps yet: the arm stands somewhere, its hand open and empty."""
+        self.steps: list[Step] = []
+        self._manipulator = manipulator
+        self._q = q_start
+        self._scene = scene
+        self._finger_m = manipulator.hand.stroke_m
+        self._held: Held | None = None
+        self._touchable: str | None = None
+        self._checkers: dict[bool, ClearanceChecker] = {}
+
+    def refuse_wide(self, stage: str, T_base_tip: pin.SE3, body: Body) -> None:
+        """Stop here when the hand cannot open wide enough for the body."""
+        hand = self._manipulator.hand
+        width = hand.width_across_m(T_base_tip, body)
+        if width > hand.open_gap_m:
+            raise NoSolutionError(
+                stage,
+                f"{body.name} measures {1e3 * _least_width_m(body):.1f} mm, "
+                f"{1e3 * width:.1f} mm across the hand as it lies, but the {hand.side} hand opens "
+                f"only {1e3 * hand.open_gap_m:.1f} mm",
+                is_certain=True,
+            )
+        self._touchable = body.name
+        self._checkers.clear()
+
+    def grip(self, label: str, action: GripperAction, body: str | None = None) -> None:
+        """Add a gripper action."""
+        self.steps.append(Grip(label, action, body))
+
+    def body(self, name: str) -> Body:
+        """A body as it stands at this point."""
+        return self._scene[name]
+
+    def reach(self, label: str, T_base_tip: pin.SE3) -> IKResult:
+        """The IK result for a pose, from where the arm stands; it is there afterwards."""
+        ik = self._manipulator.ik.solve(T_base_tip, current=self._q)
+        if not ik.is_valid:
+            raise NoSolutionError(label, str(ik.failure), ik, is_certain=True)
+        self._q = ik.q
+        return ik
+
+    def pass_by(self, label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
+        """Add a move in joint space to where a line begins; nothing held may touch anything."""
+        ik = self._answer(trajectory, T_base_tip, SeedType.CURRENT)
+        self._move(label, trajectory, T_base_tip, ik, free=True)
+
+    def descend(self, label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
+        """Add a straight move to a chosen solution."""
+        ik = self._answer(trajectory, T_base_tip, SeedType.NS_MAP)
+        self._move(label, trajectory, T_base_tip, ik, straight=True)
+
+    def rise(self, label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
+        """Add a straight move away from a pose."""
+        ik = self._answer(trajectory, T_base_tip, SeedType.CURRENT)
+        self._move(label, trajectory, T_base_tip, ik, straight=True)
+
+    def move_joints(self, label: str, q_goal: Vector) -> None:
+        """Add the move to a configuration."""
+        try:
+            trajectory = plan_joint_move(self._q, q_goal, self._manipulator.limits)
+        except MotionError as cause:
+            raise NoSolutionError(label, str(cause)) from cause
+        self._move(label, trajectory)
+
+    def _answer(self, trajectory: Trajectory, T_base_tip: pin.SE3, seed_type: SeedType) -> IKResult:
+        """Where a trajectory ends, as the answer for a pose: a sample, or what follows from one."""
+        arm, q = self._manipulator.arm, trajectory.q_goal
+        errors = Tolerance().excess(T_base_tip, arm.T_base_tip(q))
+        return IKResult(arm.joint_names, q, seed_type, *errors)
+
+    def _move(
+        self,
+        label: str,
+        trajectory: Trajectory,
+        T_base_tip: pin.SE3 | None = None,
+        ik: IKResult | None = None,
+        *,
+        straight: bool = False,
+        free: bool = False,
+    ) -> None:
+        proof = self._proven(label, trajectory, free=free)
+        self.steps.append(
+            Move(label, trajectory, T_base_tip, ik, proof.nearest, proof, is_straight=straight)
+        )
+        self._q = trajectory.q_goal
+
+    def grasp(self, label: str, body: Body, T_base_tip: pin.SE3, T_base_place: pin.SE3) -> None:
+        """Add the closing of the fingers around a body that will be released at a place."""
+        grasp = self._manipulator.hand.grasp(T_base_tip, body, self._finger_m)
+        if grasp is None:
+            raise NoSolutionError(label, _miss(T_base_tip, body), is_certain=True)
+        self.grip(label, GripperAction.CLOSE, body.name)
+        self._hold(body, grasp, T_base_place)
+
+    def release(self, label: str, T_base_tip: pin.SE3) -> None:
+        """Add the opening of the fingers, which leaves the body where it is."""
+        if self._held is None:
+            raise TaskError("nothing is held, so nothing can be released")
+        body = self._held.body.at(T_base_tip * self._held.T_tip_body)
+        if not stands(body, self._scene, LONGEST_DROP_M):
+            raise NoSolutionError(
+                label,
+                f"{body.name} would fall: nothing is within {1e3 * LONGEST_DROP_M:.0f} mm below it",
+                is_certain=True,
+            )
+        self.grip(label, GripperAction.OPEN, body.name)
+        self._scene, self._touchable = self._scene.with_body(body), body.name
+        self._held = None
+        self._checkers.clear()
+        self._finger_m = self._manipulator.hand.stroke_m
+
+    def _hold(self, body: Body, grasp: Grasp, T_base_place: pin.SE3) -> None:
+        self._scene, self._touchable = self._scene.without(body.name), None
+        placed = body.at(T_base_place * grasp.T_tip_body)
+        supports = touching(body, self._scene) | touching(placed, self._scene)
+        self._held = Held(body, grasp.T_tip_body, supports)
+        self._checkers.clear()
+        self._finger_m = grasp.finger_m
+
+    def _proven(self, label: str, trajectory: Trajectory, *, free: bool) -> SweptProof:
+        others = next(self._manipulator.configurations(trajectory.q[:1], self._finger_m))
+        result = prove_clear(self._checker(free=free), trajectory, others)
+        if isinstance(result, SweptContact):
+            raise NoSolutionError(label, str(result))
+        return result
+
+    def _checker(self, *, free: bool) -> ClearanceChecker:
+        """The present situation; with what is held free of its supports, or on them."""
+        if free not in self._checkers:
+            held = self._held
+            if held is not None and free:
+                held = replace(held, supports=frozenset())
+            self._checkers[free] = ClearanceChecker(
+                self._manipulator.shapes,
+                self._manipulator.arm,
+                self._scene,
+                touchable=self._touchable,
+                held=held,
+            )
+        return self._checkers[free]
+
+
+def _miss(T_base_tip: pin.SE3, body: Body) -> str:
+    offset = T_base_tip.actInv(body.centre_base)
+    across = 1e3 * float(np.hypot(offset[0], offset[1]))
+    return (
+        f"the fingers would close on nothing: {body.name} is {across:.0f} mm beside the tip and "
+        f"{1e3 * offset[2]:.0f} mm ahead of it"
+    )
+
+
+def _least_width_m(body: Body) -> float:
+    """The narrowest of the body's three extents along its own axes."""
+    spans = [body.extent_m(axis) for axis in body.T_base_body.rotation.T]
+    return min(high - low for low, high in spans)
