@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKService, JointLimits
-from baxter_kin.arrays import Vector
+from baxter_kin.arrays import Indices, Vector
 from baxter_kin.ik import sample_solutions
 from planner.lines import Lines
 from planner.rest_time import rest_to_rest_s
@@ -36,27 +36,45 @@ class Choice:
     q_place: Vector
 
 
-def choices(ik: IKService, limits: JointLimits, q_start: Vector, lines: Lines) -> Iterator[Choice]:
-    """Pairs of solutions, those that promise the shortest cycle first.
+@dataclass(frozen=True, slots=True, eq=False)
+class Choices:
+    """Pairs of solutions, in the order of the times that they promise.
 
-    Args:
-        ik: the arm's.
-        limits: what its moves may use.
-        q_start: where it stands, shape (7,), rad.
-        lines: where the cycle leads the tip.
+    Attributes:
+        picks: solutions at the pick, shape (n, 7), rad.
+        places: solutions at the place from which the end is reached, shape (m, 7), rad.
+        order: pairs of both in order, i * m + j for picks i and places j, shape (n * m,).
     """
-    picks, places = (sample_solutions(ik, T) for T in (lines.T_base_pick, lines.T_base_place))
-    if not len(picks) or not len(places):
-        return
-    end = lines.T_base_end.homogeneous[None]
-    ends = ik.search.search(places, np.repeat(end, len(places), axis=0))
-    places, ends_q = places[ends.is_valid], ends.q[ends.is_valid]
-    there = rest_to_rest_s(picks - q_start, limits)[:, None]
-    across = rest_to_rest_s(places[None] - picks[:, None], limits)
-    away = rest_to_rest_s(ends_q - places, limits)[None]
-    for index in np.argsort(there + across + away, axis=None, kind="stable").tolist():
-        i, j = divmod(index, len(places))
-        yield Choice(picks[i], places[j])
+
+    picks: Vector
+    places: Vector
+    order: Indices
+
+    @classmethod
+    def of(cls, ik: IKService, limits: JointLimits, q_start: Vector, lines: Lines) -> Choices:
+        """All pairs of samples of both solution sets.
+
+        Args:
+            ik: the arm's.
+            limits: what its moves may use.
+            q_start: where it stands, shape (7,), rad.
+            lines: where the cycle leads the tip.
+        """
+        picks, places = (_solutions(ik, T) for T in (lines.T_base_pick, lines.T_base_place))
+        places, q_ends = _leading_to(ik, places, lines.T_base_end)
+        there = rest_to_rest_s(picks - q_start, limits)[:, None]
+        across = rest_to_rest_s(places[None] - picks[:, None], limits)
+        away = rest_to_rest_s(q_ends - places, limits)[None]
+        return cls(picks, places, np.argsort(there + across + away, axis=None, kind="stable"))
+
+    def pairs(self) -> Iterator[tuple[int, int]]:
+        """Numbers of a pick and a place; those first that promise the shortest cycle."""
+        for index in self.order.tolist():
+            yield divmod(index, len(self.places))
+
+    def at(self, pick: int, place: int) -> Choice:
+        """One pair by its numbers."""
+        return Choice(self.picks[pick], self.places[place])
 
 
 def transfer_bound_s(
@@ -72,3 +90,18 @@ def transfer_bound_s(
     )
     times = rest_to_rest_s(places[None] - picks[:, None], limits)
     return float(times.min(initial=np.inf))
+
+
+def _solutions(ik: IKService, T_base_tip: pin.SE3) -> Vector:
+    """Samples; where all of them miss a small solution set, the one that the service finds."""
+    samples = sample_solutions(ik, T_base_tip)
+    found = ik.solve(T_base_tip)
+    return found.q[None] if not len(samples) and found.is_valid else samples
+
+
+def _leading_to(ik: IKService, qs: Vector, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
+    """Those configurations from which the search reaches a pose, and where it arrives."""
+    if not len(qs):
+        return qs, qs
+    found = ik.search.search(qs, np.repeat(T_base_tip.homogeneous[None], len(qs), axis=0))
+    return qs[found.is_valid], found.q[found.is_valid]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Protocol
 
 import pinocchio as pin
 
@@ -13,25 +16,48 @@ from planner.errors import MotionError
 from planner.lines import Lines
 from planner.manipulator import Manipulator
 from planner.straight import plan_straight_move
+from planner.surroundings import Surroundings
 from planner.trajectory import Trajectory
 
 
-class UnreachableLineError(MotionError):
-    """A line that the arm cannot follow in this family of configurations.
+class StageError(MotionError):
+    """A motion that there is none for, with the stage that it belongs to.
 
     Attributes:
-        stage: whose line.
+        stage: label of the move.
     """
 
-    def __init__(self, stage: str, cause: MotionError) -> None:
+    def __init__(self, stage: str, reason: str) -> None:
         """At a stage."""
         self.stage = stage
-        super().__init__(str(cause))
+        super().__init__(reason)
+
+
+class Route(Protocol):
+    """Where the motions of a pick and place come from, stage by stage."""
+
+    @property
+    def up_from_place(self) -> Trajectory:
+        """From the place to where the cycle ends."""
+
+    def entry(self, around: Surroundings) -> tuple[Trajectory, Trajectory]:
+        """To the line above the pick, and down it; `around` is the situation before the grasp.
+
+        Raises:
+            StageError: when there is none.
+        """
+
+    def transfer(self, around: Surroundings) -> tuple[Trajectory, Trajectory, Trajectory]:
+        """Up, across, and down to the place; `around` is the situation with the body in the hand.
+
+        Raises:
+            StageError: when there is none.
+        """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cycle:
-    """The motions in order, from rest to rest where the gripper acts; see `planner.pick_place`.
+    """The direct route: the motions in order, from rest to rest where the gripper acts.
 
     Attributes:
         to_pick: to the line above the pick.
@@ -49,16 +75,43 @@ class Cycle:
     down_to_place: Trajectory
     up_from_place: Trajectory
 
+    def entry(self, around: Surroundings) -> tuple[Trajectory, Trajectory]:  # noqa: ARG002
+        """To the line above the pick, and down it, whatever stands around."""
+        return self.to_pick, self.down_to_pick
+
+    def transfer(
+        self,
+        around: Surroundings,  # noqa: ARG002
+    ) -> tuple[Trajectory, Trajectory, Trajectory]:
+        """Up, across, and down to the place, whatever stands around."""
+        return self.up_from_pick, self.to_place, self.down_to_place
+
+    @property
+    def by_stage(self) -> dict[str, Trajectory]:
+        """The motions by the labels of their moves."""
+        return {
+            "pick: approach": self.to_pick,
+            "pick: descend": self.down_to_pick,
+            "pick: retract": self.up_from_pick,
+            "place: approach": self.to_place,
+            "place: descend": self.down_to_place,
+            "place: retract": self.up_from_place,
+        }
+
+    @property
+    def q_pick(self) -> Vector:
+        """The configuration at the pick, shape (7,), rad."""
+        return self.down_to_pick.q_goal
+
+    @property
+    def q_place(self) -> Vector:
+        """The configuration at the place, shape (7,), rad."""
+        return self.down_to_place.q_goal
+
     @property
     def duration_s(self) -> float:
         """Of all of them."""
-        return sum(motion.duration for motion in self.motions)
-
-    @property
-    def motions(self) -> tuple[Trajectory, ...]:
-        """All of them, in order."""
-        before = self.to_pick, self.down_to_pick, self.up_from_pick
-        return *before, self.to_place, self.down_to_place, self.up_from_place
+        return sum(motion.duration for motion in self.by_stage.values())
 
 
 class Cycles:
@@ -75,28 +128,35 @@ class Cycles:
         """The motions for a choice of solutions.
 
         Raises:
-            UnreachableLineError: when the arm cannot follow a line from one of them.
-            MotionError: when no motion joins the lines under the limits.
+            StageError: when the arm cannot follow a line from one of them, or no motion joins the
+                lines under the limits.
         """
         lines, limits = self._lines, self._manipulator.limits
         pick = self._approach("pick: descend", choice.q_pick, lines.T_base_above_pick)
         place = self._approach("place: descend", choice.q_place, lines.T_base_above_place)
-        entry = plan_entry(self._q_start, pick, limits)
-        transfer = plan_transfer(pick, place, limits)
+        with _at("pick: approach"):
+            entry = plan_entry(self._q_start, pick, limits)
+        with _at("place: approach"):
+            transfer = plan_transfer(pick, place, limits)
         return Cycle(*entry, *transfer, self._end(place.q_target))
 
     def _approach(self, stage: str, q: Vector, T_base_above: pin.SE3) -> Approach:
         key = stage, q.tobytes()
         if key not in self._approaches:
-            try:
+            with _at(stage):
                 self._approaches[key] = Approach.of(self._manipulator, q, T_base_above)
-            except MotionError as cause:
-                raise UnreachableLineError(stage, cause) from cause
         return self._approaches[key]
 
     def _end(self, q_place: Vector) -> Trajectory:
         arm, limits = self._manipulator.arm, self._manipulator.limits
-        try:
+        with _at("place: retract"):
             return plan_straight_move(arm, q_place, self._lines.T_base_end, limits)
-        except MotionError as cause:
-            raise UnreachableLineError("place: retract", cause) from cause
+
+
+@contextmanager
+def _at(stage: str) -> Iterator[None]:
+    """Says which stage an impossible motion belongs to."""
+    try:
+        yield
+    except MotionError as cause:
+        raise StageError(stage, str(cause)) from cause

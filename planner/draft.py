@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -10,17 +11,21 @@ import pinocchio as pin
 from baxter_kin import IKResult, SeedType
 from baxter_kin.arrays import Vector
 from baxter_kin.ik import Tolerance
-from planner.collision import ClearanceChecker, Held
+from planner.collision import Held
 from planner.contact import stands, touching
-from planner.errors import MotionError, TaskError
+from planner.errors import TaskError
+from planner.free_move import MARGIN_M, plan_free_move
 from planner.hand import Grasp
 from planner.manipulator import Manipulator
 from planner.plan import Grip, GripperAction, Move, PlanFailure, Step
 from planner.scene import Body, Scene
-from planner.swept import prove_clear
+from planner.surroundings import Surroundings
 from planner.swept_result import SweptContact, SweptProof
-from planner.timing import plan_joint_move
 from planner.trajectory import Trajectory
+
+SituationKey: TypeAlias = tuple[int, str | None, bool]
+"""Tells the situations of one task apart: grasps and releases so far, the body that the fingers may
+touch, and whether what is held is free of its supports."""
 
 LONGEST_DROP_M = 0.01
 """From how high above its support a body may be let go."""
@@ -29,34 +34,55 @@ LONGEST_DROP_M = 0.01
 class NoSolutionError(Exception):
     """Ends the drafting of a plan; becomes `Plan.failure`."""
 
-    def __init__(
-        self, stage: str, reason: str, ik: IKResult | None = None, *, is_certain: bool = False
-    ) -> None:
-        """Say where, why, and whether it is worth trying another way."""
-        self.failure = PlanFailure(stage, reason, ik, is_certain=is_certain)
-        super().__init__(str(self.failure))
+    def __init__(self, failure: PlanFailure) -> None:
+        """Carry it."""
+        self.failure = failure
+        super().__init__(str(failure))
+
+    @classmethod
+    def at(cls, stage: str, reason: str, *, is_certain: bool = False) -> NoSolutionError:
+        """For a reason that is only words; `is_certain` says that no other way is worth trying."""
+        return cls(PlanFailure(stage, reason, is_certain=is_certain))
 
 
 class Draft:
     """A plan while it is being made: the steps so far, and the situation after them."""
 
-    def __init__(self, manipulator: Manipulator, scene: Scene, q_start: Vector) -> None:
-        """No steps yet: the arm stands somewhere, its hand open and empty."""
+    def __init__(
+        self,
+        manipulator: Manipulator,
+        scene: Scene,
+        q_start: Vector,
+        *,
+        margin_m: float = 0.0,
+        known: dict[SituationKey, Surroundings] | None = None,
+    ) -> None:
+        """No steps yet: the arm stands somewhere, its hand open and empty.
+
+        Args:
+            manipulator: the arm and its hand.
+            scene: all bodies.
+            q_start: where the arm stands, shape (7,), rad.
+            margin_m: distance that every move keeps.
+            known: the surroundings that drafts of the same task have met; more are added.
+        """
         self.steps: list[Step] = []
         self._manipulator = manipulator
         self._q = q_start
         self._scene = scene
+        self._margin_m = margin_m
         self._finger_m = manipulator.hand.stroke_m
         self._held: Held | None = None
         self._touchable: str | None = None
-        self._checkers: dict[bool, ClearanceChecker] = {}
+        self._grips = 0  # grasps and releases so far
+        self._known = {} if known is None else known
 
     def refuse_wide(self, stage: str, T_base_tip: pin.SE3, body: Body) -> None:
         """Stop here when the hand cannot open wide enough for the body."""
         hand = self._manipulator.hand
         width = hand.width_across_m(T_base_tip, body)
         if width > hand.open_gap_m:
-            raise NoSolutionError(
+            raise NoSolutionError.at(
                 stage,
                 f"{body.name} measures {1e3 * _least_width_m(body):.1f} mm, "
                 f"{1e3 * width:.1f} mm across the hand as it lies, but the {hand.side} hand opens "
@@ -64,7 +90,6 @@ class Draft:
                 is_certain=True,
             )
         self._touchable = body.name
-        self._checkers.clear()
 
     def grip(self, label: str, action: GripperAction, body: str | None = None) -> None:
         """Add a gripper action."""
@@ -78,7 +103,7 @@ class Draft:
         """The IK result for a pose, from where the arm stands; it is there afterwards."""
         ik = self._manipulator.ik.solve(T_base_tip, current=self._q)
         if not ik.is_valid:
-            raise NoSolutionError(label, str(ik.failure), ik, is_certain=True)
+            raise NoSolutionError(PlanFailure(label, str(ik.failure), ik, is_certain=True))
         self._q = ik.q
         return ik
 
@@ -97,13 +122,54 @@ class Draft:
         ik = self._answer(trajectory, T_base_tip, SeedType.CURRENT)
         self._move(label, trajectory, T_base_tip, ik, straight=True)
 
-    def move_joints(self, label: str, q_goal: Vector) -> None:
-        """Add the move to a configuration."""
-        try:
-            trajectory = plan_joint_move(self._q, q_goal, self._manipulator.limits)
-        except MotionError as cause:
-            raise NoSolutionError(label, str(cause)) from cause
-        self._move(label, trajectory)
+    def move_free(self, label: str, q_goal: Vector) -> None:
+        """Add the move to a configuration, around what is in the way."""
+        self.refuse_blocked(label, self._q, "where it stands")
+        self.refuse_blocked(label, q_goal, "where it shall go")
+        around = self.surroundings()
+        found = plan_free_move(
+            self._q,
+            q_goal,
+            self._manipulator.limits,
+            around.space,
+            around.is_clear,
+            margin_m=around.margin_m + MARGIN_M,
+        )
+        if found.trajectory is None:
+            raise NoSolutionError.at(label, str(found.failure))
+        self._move(label, found.trajectory)
+
+    def refuse_blocked(self, label: str, q: Vector, where: str) -> None:
+        """Stop here when the arm is too close to something at a configuration."""
+        around = self.surroundings()
+        if around.is_free(q):
+            return
+        near = around.clearance(q)
+        if near.distance_m <= 0.0:
+            what = f"{near.first} is {-1e3 * near.distance_m:.1f} mm inside {near.second}"
+        else:
+            what = (
+                f"{near.first} is {1e3 * near.distance_m:.1f} mm from {near.second}, and "
+                f"{1e3 * around.margin_m:.1f} mm are asked for"
+            )
+        raise NoSolutionError.at(label, f"the arm is blocked {where}: {what}", is_certain=True)
+
+    def surroundings(self, *, free: bool = False) -> Surroundings:
+        """The present situation; with what is held on its supports, or free of them."""
+        held = self._held
+        if held is not None and free:
+            held = replace(held, supports=frozenset())
+        key = self._grips, self._touchable, free and held is not None
+        if key not in self._known:
+            self._known[key] = Surroundings(
+                self._manipulator,
+                self._scene,
+                finger_m=self._finger_m,
+                touchable=self._touchable,
+                held=held,
+                margin_m=self._margin_m,
+            )
+        return self._known[key]
 
     def _answer(self, trajectory: Trajectory, T_base_tip: pin.SE3, seed_type: SeedType) -> IKResult:
         """Where a trajectory ends, as the answer for a pose: a sample, or what follows from one."""
@@ -131,7 +197,7 @@ class Draft:
         """Add the closing of the fingers around a body that will be released at a place."""
         grasp = self._manipulator.hand.grasp(T_base_tip, body, self._finger_m)
         if grasp is None:
-            raise NoSolutionError(label, _miss(T_base_tip, body), is_certain=True)
+            raise NoSolutionError.at(label, _miss(T_base_tip, body), is_certain=True)
         self.grip(label, GripperAction.CLOSE, body.name)
         self._hold(body, grasp, T_base_place)
 
@@ -141,7 +207,7 @@ class Draft:
             raise TaskError("nothing is held, so nothing can be released")
         body = self._held.body.at(T_base_tip * self._held.T_tip_body)
         if not stands(body, self._scene, LONGEST_DROP_M):
-            raise NoSolutionError(
+            raise NoSolutionError.at(
                 label,
                 f"{body.name} would fall: nothing is within {1e3 * LONGEST_DROP_M:.0f} mm below it",
                 is_certain=True,
@@ -149,7 +215,7 @@ class Draft:
         self.grip(label, GripperAction.OPEN, body.name)
         self._scene, self._touchable = self._scene.with_body(body), body.name
         self._held = None
-        self._checkers.clear()
+        self._grips += 1
         self._finger_m = self._manipulator.hand.stroke_m
 
     def _hold(self, body: Body, grasp: Grasp, T_base_place: pin.SE3) -> None:
@@ -157,30 +223,14 @@ class Draft:
         placed = body.at(T_base_place * grasp.T_tip_body)
         supports = touching(body, self._scene) | touching(placed, self._scene)
         self._held = Held(body, grasp.T_tip_body, supports)
-        self._checkers.clear()
+        self._grips += 1
         self._finger_m = grasp.finger_m
 
     def _proven(self, label: str, trajectory: Trajectory, *, free: bool) -> SweptProof:
-        others = next(self._manipulator.configurations(trajectory.q[:1], self._finger_m))
-        result = prove_clear(self._checker(free=free), trajectory, others)
+        result = self.surroundings(free=free).prove(trajectory)
         if isinstance(result, SweptContact):
-            raise NoSolutionError(label, str(result))
+            raise NoSolutionError(PlanFailure(label, str(result), contact=result))
         return result
-
-    def _checker(self, *, free: bool) -> ClearanceChecker:
-        """The present situation; with what is held free of its supports, or on them."""
-        if free not in self._checkers:
-            held = self._held
-            if held is not None and free:
-                held = replace(held, supports=frozenset())
-            self._checkers[free] = ClearanceChecker(
-                self._manipulator.shapes,
-                self._manipulator.arm,
-                self._scene,
-                touchable=self._touchable,
-                held=held,
-            )
-        return self._checkers[free]
 
 
 def _miss(T_base_tip: pin.SE3, body: Body) -> str:

@@ -17,7 +17,8 @@ from baxter_kin.model import LIMBS
 from planner.collision import Clearance, least
 from planner.errors import TaskError, expect_all
 from planner.situation import Situation
-from planner.swept_result import SweptProof
+from planner.swept_result import SweptContact, SweptProof
+from planner.tally import Tally
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
 
@@ -80,6 +81,9 @@ class PlanFailure:
         tried: the failures of all ways that were tried, this one among them; empty for a single
             one.
         is_certain: whether no other way was worth trying.
+        contact: what would collide on the way, when that was the reason.
+        tallies: how many solutions of the pick and of the place collide, and with what, where any
+            does.
     """
 
     stage: str
@@ -87,6 +91,8 @@ class PlanFailure:
     ik: IKResult | None = None
     tried: tuple[PlanFailure, ...] = ()
     is_certain: bool = False
+    contact: SweptContact | None = None
+    tallies: tuple[Tally, ...] = ()
 
     def __str__(self) -> str:
         """Stage and reason."""

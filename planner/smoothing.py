@@ -10,6 +10,7 @@ where no shortcut across it was found.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,7 +20,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, float_array
 from baxter_kin.errors import expect
-from planner.errors import MotionError
+from planner.errors import MotionError, TrajectoryError, expect_all
 from planner.screening import IsFree, looks_clear
 from planner.splicing import joined, nearest_cut, section
 from planner.timing import least_duration_s, plan_joint_move
@@ -79,8 +80,35 @@ def smoothed(
             no NumPy generator.
         ConfigurationError: when a corner is not finite or outside the limits.
     """
+    return blended(_legs(corners, limits), is_free, rng, tries=tries, step_rad=step_rad)
+
+
+def blended(
+    pieces: Iterable[Trajectory],
+    is_free: IsFree,
+    rng: np.random.Generator,
+    *,
+    tries: int = SHORTCUT_TRIES,
+    step_rad: float = SCREENING_STEP_RAD,
+) -> Trajectory:
+    """Motions one after another, cut short where they meet, so that none of them need stop there.
+
+    It begins in the state where the first piece begins, and ends in that where the last one ends.
+    As in `smoothed`, shortcuts are looked at in samples and the pieces are taken for clear.
+
+    Args:
+        pieces: each begins in the state where the one before ends.
+        is_free: whether a configuration is free.
+        rng: chooses the shortcuts; the same numbers make the same motion.
+        tries: how many to try.
+        step_rad: farthest that a joint moves between two looks.
+
+    Raises:
+        TrajectoryError: when there is no piece, or q, v or a jump from one to the next.
+        MotionError: when `rng` is no NumPy generator.
+    """
     expect(rng, np.random.Generator, "rng", MotionError)
-    motion = _Stitched.of(_legs(corners, limits))
+    motion = _Stitched.of(pieces)
     for _ in range(tries):
         if not motion.seams_s.size:
             break  # one time-optimal piece; nothing is shorter
@@ -106,10 +134,11 @@ class _Stitched:
     seams_s: Vector
 
     @classmethod
-    def of(cls, pieces: list[Trajectory]) -> _Stitched:
-        ends = np.cumsum([piece.duration for piece in pieces])
-        inner = (ends > 0.0) & (ends < ends[-1])
-        return cls(joined(pieces), np.unique(ends[inner]))
+    def of(cls, pieces: Iterable[Trajectory]) -> _Stitched:
+        checked = expect_all(pieces, Trajectory, "the pieces", TrajectoryError)
+        ends = np.cumsum([piece.duration for piece in checked])
+        inner = (ends > 0.0) & (ends < ends[-1:])
+        return cls(joined(checked), np.unique(ends[inner]))
 
     def window(self, rng: np.random.Generator) -> tuple[float, float]:
         """A random time on either side of a random seam."""

@@ -80,9 +80,20 @@ def prove_clear(
     expect(checker, ClearanceChecker, "checker", SceneError)
     expect(trajectory, Trajectory, "trajectory", TrajectoryError)
     _check_joints(trajectory, checker)
-    if finite_scalar(margin_m, "margin_m", MotionError) < 0.0:
-        raise MotionError(f"a safety margin is not negative, got {margin_m} m")
+    margin_m = checked_margin_m(margin_m)
     return _Search(checker, trajectory, checker.configuration(q), margin_m).run()
+
+
+def checked_margin_m(margin_m: float) -> float:
+    """A safety margin, if it is one.
+
+    Raises:
+        MotionError: when it is no number, or negative.
+    """
+    checked = finite_scalar(margin_m, "margin_m", MotionError)
+    if checked < 0.0:
+        raise MotionError(f"a safety margin is not negative, got {checked:g} m")
+    return checked
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -26,24 +26,30 @@ class Options:
         poses_m: block poses: tip positions in base, visited in turn.
         hover_m: height above the place where a cycle ends; the arm moves sideways above 5 cm, or
             above this where it is less.
+        obstacles_m: boxes in the way: centre in base and size, x, y, z each.
+        margin_m: distance that is kept from everything, contacts on purpose left out.
         cycles: number of picks and places; None goes on until stopped.
         speed_ratio: scale of the velocity limits, in (0, 1].
         is_headless: without the live view, as fast as possible.
         html: where to write the replay, or None.
         csv: where to write the RSDK's CSV, or None.
         report: where to write the JSON report, or None.
+        plan: where to save the plan of the first cycle, or None.
         verbosity: 0 quiet, 1 normal, 2 with every event.
     """
 
     limb: str
     poses_m: tuple[tuple[float, float, float], ...]
     hover_m: float
+    obstacles_m: tuple[tuple[float, ...], ...]
+    margin_m: float
     cycles: int | None
     speed_ratio: float
     is_headless: bool
     html: Path | None
     csv: Path | None
     report: Path | None
+    plan: Path | None
     verbosity: int
 
 
@@ -53,9 +59,13 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
     raw = parser.parse_args(argv)
     if raw.forever and raw.cycles is not None:
         parser.error("--forever and --cycles exclude each other; give one of them")
-    targets = [path.resolve() for path in (raw.html, raw.csv, raw.report) if path is not None]
+    files = raw.html, raw.csv, raw.report, raw.plan
+    targets = [path.resolve() for path in files if path is not None]
     if len(set(targets)) < len(targets):
-        parser.error("--html, --csv and --report must go to different files")
+        parser.error("--html, --csv, --report and --plan must go to different files")
+    for obstacle in raw.obstacle:
+        if min(obstacle[3:]) <= 0.0:
+            parser.error(f"the size of an obstacle must be above zero, got {obstacle[3:]} m")
     sign = 1.0 if raw.limb == "left" else -1.0
     poses = [(x, sign * y, z) for x, y, z in DEFAULT_POSES_M]
     poses += [(x, y, z) for x, y, z in raw.add_pose]
@@ -64,12 +74,15 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
         limb=raw.limb,
         poses_m=tuple(poses),
         hover_m=raw.hover,
+        obstacles_m=tuple(tuple(obstacle) for obstacle in raw.obstacle),
+        margin_m=raw.margin,
         cycles=cycles,
         speed_ratio=raw.speed,
         is_headless=raw.headless,
         html=raw.html,
         csv=raw.csv,
         report=raw.report,
+        plan=raw.plan,
         verbosity=raw.verbosity,
     )
 
@@ -108,6 +121,23 @@ def _parser() -> argparse.ArgumentParser:
         "sideways above 5 cm, or above this if it is less",
     )
     parser.add_argument(
+        "--obstacle",
+        type=_coordinate,
+        nargs=6,
+        action="append",
+        default=[],
+        metavar=("X", "Y", "Z", "DX", "DY", "DZ"),
+        help="a box to go around: its centre and its size, in m (repeatable)",
+    )
+    parser.add_argument(
+        "--margin",
+        type=_distance,
+        default=0.0,
+        metavar="M",
+        help="distance to keep from everything but what is grasped and what it stands on "
+        "(default %(default)s m)",
+    )
+    parser.add_argument(
         "--cycles", type=_count, metavar="N", help="picks and places (default: one per block pose)"
     )
     parser.add_argument("--forever", action="store_true", help="go on until Ctrl-C")
@@ -122,6 +152,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--html", type=_target, metavar="FILE", help="write a replay page")
     parser.add_argument("--csv", type=_target, metavar="FILE", help="write joints as the RSDK does")
     parser.add_argument("--report", type=_target, metavar="FILE", help="write a JSON report")
+    parser.add_argument(
+        "--plan",
+        type=_target,
+        metavar="FILE",
+        help="save the plan of the first cycle; python -m planner.verification FILE checks it",
+    )
     amount = parser.add_mutually_exclusive_group()
     amount.add_argument(
         "-v",
@@ -159,6 +195,13 @@ def _positive(text: str) -> float:
     number = _number(text)
     if not 0.0 < number <= FARTHEST_M:
         raise argparse.ArgumentTypeError(f"{text} is not above zero and at most {FARTHEST_M:g} m")
+    return number
+
+
+def _distance(text: str) -> float:
+    number = _number(text)
+    if not 0.0 <= number <= FARTHEST_M:
+        raise argparse.ArgumentTypeError(f"{text} is not from 0 to {FARTHEST_M:g} m")
     return number
 
 

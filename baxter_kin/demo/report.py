@@ -128,6 +128,8 @@ class Report(Observer):
             "limb": self.options.limb,
             "hover_distance_m": self.options.hover_m,
             "speed_ratio": self.options.speed_ratio,
+            "margin_m": self.options.margin_m,
+            "obstacles_m": [list(obstacle) for obstacle in self.options.obstacles_m],
             "block_poses": [list(pose) for pose in self.options.poses_m],
             "cycles": list(self._cycles),
             "cycles_done": totals.cycles_done,

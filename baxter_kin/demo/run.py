@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import count
 from pathlib import Path
@@ -21,12 +21,15 @@ from baxter_kin.frames import T_world_base, pose_from_quaternion
 from baxter_kin.model import Baxter
 from planner import (
     Body,
+    Box,
     Manipulator,
+    Part,
     PickAndPlace,
     Plan,
     load_object,
     plan_pick_and_place,
     plan_start_move,
+    save_plan,
     transfer_bound_s,
 )
 from sim import CsvRecorder, Observer, Recorder, RecordingError, Simulation, Snapshot, World
@@ -40,6 +43,7 @@ BLOCK_WORLD_M = (0.6725, 0.1265, 0.7825)
 
 BLOCK = "block"
 BLOCK_EDGE_M = 0.05
+OBSTACLE_RGBA = (0.35, 0.42, 0.5, 1.0)
 WAIT_FOR_BROWSER_S = 15.0
 REPLAY_SNAPSHOTS = 12_000
 """The replay shows the last two minutes; only --forever ever has more."""
@@ -103,7 +107,11 @@ class _Demo:
         simulation.enable()
         start = self._planned(
             lambda: plan_start_move(
-                self._manipulator, self._world.scene, self._arm_q(), self._arm.start
+                self._manipulator,
+                self._world.scene,
+                self._arm_q(),
+                self._arm.start,
+                margin_m=self._options.margin_m,
             )
         )
         if start.failure is not None:
@@ -125,8 +133,16 @@ class _Demo:
         self._narrator.start_cycle(number, pick, place)
         task = PickAndPlace(BLOCK, _overhead(pick), _overhead(place), self._options.hover_m)
         plan = self._planned(
-            lambda: plan_pick_and_place(task, self._manipulator, self._world.scene, self._arm_q())
+            lambda: plan_pick_and_place(
+                task,
+                self._manipulator,
+                self._world.scene,
+                self._arm_q(),
+                margin_m=self._options.margin_m,
+            )
         )
+        if number == 1 and self._options.plan is not None:
+            save_plan(plan, self._options.plan)
         bound_s = self._transfer_bound_s(task)
         entry = self._report.add_cycle(number, (pick, place), plan, bound_s)
         if plan.failure is not None:
@@ -158,7 +174,10 @@ class _Demo:
     def _scene(self, simulation: Simulation) -> Iterator[None]:
         """Table and block are there while the demo runs, and gone when it ends, however it ends."""
         try:
-            for body in demo_bodies(self._options.limb):
+            for body in (
+                *obstacles(self._options.obstacles_m),
+                *demo_bodies(self._options.limb),
+            ):
                 simulation.spawn(body)
             self._report.totals.block_start_m = self._block_m()
             yield
@@ -242,6 +261,14 @@ def demo_bodies(limb: str) -> tuple[Body, Body]:
         load_object("table", _in_base(TABLE_WORLD_M)),
         load_object(BLOCK, _in_base((x, y, z)), is_movable=True),
     )
+
+
+def obstacles(boxes_m: Sequence[tuple[float, ...]]) -> Iterator[Body]:
+    """Boxes that stand in the way, each given by centre in base and size."""
+    for number, (x, y, z, dx, dy, dz) in enumerate(boxes_m, start=1):
+        centre = pin.SE3(np.eye(3), np.array([x, y, z]))
+        part = Part(Box((dx, dy, dz)), pin.SE3.Identity(), OBSTACLE_RGBA)
+        yield Body(f"obstacle {number}", (part,), centre)
 
 
 def _in_base(position_world_m: Point) -> pin.SE3:

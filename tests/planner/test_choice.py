@@ -1,12 +1,10 @@
 from __future__ import annotations
 
-from itertools import islice
-
 import numpy as np
 import pytest
 
 from planner import Manipulator
-from planner.choice import choices
+from planner.choice import Choices
 from planner.lines import Lines
 from tests.conftest import at, overhead
 
@@ -17,9 +15,10 @@ REACHED_M = 1e-6
 
 def test_choices_reach_both_poses_inside_the_limits(manipulator: Manipulator) -> None:
     arm = manipulator.arm
-    found = list(choices(manipulator.ik, manipulator.limits, arm.start, LINES))
-    assert len(found) > 100
-    for choice in found[::50]:
+    choices = Choices.of(manipulator.ik, manipulator.limits, arm.start, LINES)
+    pairs = list(choices.pairs())
+    assert len(pairs) > 100
+    for choice in (choices.at(*pair) for pair in pairs[::50]):
         for q, T in ((choice.q_pick, LINES.T_base_pick), (choice.q_place, LINES.T_base_place)):
             assert np.linalg.norm(arm.T_base_tip(q).translation - T.translation) <= REACHED_M
             assert not arm.limits.violations(q)
@@ -27,10 +26,9 @@ def test_choices_reach_both_poses_inside_the_limits(manipulator: Manipulator) ->
 
 def test_the_same_request_is_answered_the_same(manipulator: Manipulator) -> None:
     request = manipulator.ik, manipulator.limits, manipulator.arm.start, LINES
-    first, again = (list(islice(choices(*request), 20)) for _ in range(2))
-    for one, other in zip(first, again, strict=True):
-        np.testing.assert_array_equal(one.q_pick, other.q_pick)
-        np.testing.assert_array_equal(one.q_place, other.q_place)
+    first, again = (Choices.of(*request) for _ in range(2))
+    for name in ("picks", "places", "order"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
 
 
 @pytest.mark.parametrize("swapped", [False, True])
@@ -39,4 +37,5 @@ def test_a_pose_out_of_reach_leaves_no_choice(manipulator: Manipulator, swapped:
     poses = (far, LINES.T_base_place) if swapped else (LINES.T_base_pick, far)
     lines = Lines(*poses, 0.05, 0.15)
     start = manipulator.arm.start
-    assert list(choices(manipulator.ik, manipulator.limits, start, lines)) == []
+    choices = Choices.of(manipulator.ik, manipulator.limits, start, lines)
+    assert list(choices.pairs()) == []

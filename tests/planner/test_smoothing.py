@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, ConfigurationError
-from planner import MotionError, plan_joint_move
+from planner import MotionError, TrajectoryError, plan_joint_move
 from planner.screening import sample_times
-from planner.smoothing import SCREENING_STEP_RAD, smoothed, stopping_at
+from planner.smoothing import SCREENING_STEP_RAD, blended, smoothed, stopping_at
+from planner.splicing import joined, section
 from planner.timing import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
 from tests.planner.toy_world import AROUND_DISC, DISC, LEFT, LIMITS, RIGHT, least_distance
 
@@ -113,6 +114,26 @@ def test_does_not_stop_on_its_way(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_saves_a_quarter_of_the_time_of_stopping_at_three_legs(seed: int) -> None:
     assert around(seed).duration < 0.75 * stopping_at(CORNERS, LIMITS).duration
+
+
+def test_blending_keeps_the_states_at_both_ends() -> None:
+    legs = [plan_joint_move(q, q_next, LIMITS) for q, q_next in pairwise(CORNERS)]
+    whole = joined(legs)
+    moving = section(whole, 0.2, whole.duration - 0.3)
+    pieces = [section(moving, 0.0, 1.0), section(moving, 1.0, moving.duration)]
+    rng = np.random.default_rng(1)
+    motion = blended(pieces, AROUND_DISC.is_free, rng)
+    for time_s, wanted_s in ((0.0, 0.0), (motion.duration, moving.duration)):
+        for found, wanted in zip(motion.sample(time_s), moving.sample(wanted_s), strict=True):
+            np.testing.assert_allclose(found, wanted, atol=RATIO_TOLERANCE)
+    assert motion.duration <= moving.duration
+
+
+def test_pieces_that_do_not_meet_are_not_blended() -> None:
+    apart = [plan_joint_move(LEFT, CORNERS[1], LIMITS), plan_joint_move(LEFT, RIGHT, LIMITS)]
+    for pieces in (apart, [], None, ["piece"]):
+        with pytest.raises(TrajectoryError):
+            blended(pieces, everywhere, np.random.default_rng(1))  # type: ignore[arg-type]
 
 
 def test_stops_where_no_shortcut_is_clear() -> None:

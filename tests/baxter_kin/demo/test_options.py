@@ -54,6 +54,11 @@ def test_forever_has_no_number_of_cycles() -> None:
         ("--csv x --report x", "must go to different files"),
         ("--add-pose 1e308 0 0", "--add-pose: 1e308 is not within 10 m of the robot"),
         ("-v -q", "not allowed with"),
+        ("--obstacle 0 0 0 1 1", "--obstacle: expected 6 arguments"),
+        ("--obstacle 0 0 0 1 1 0", "the size of an obstacle must be above zero"),
+        ("--obstacle 0 0 0 1 1 nan", "'nan' is not a finite number"),
+        ("--margin -0.01", "--margin: -0.01 is not from 0 to 10 m"),
+        ("--plan /no/such/folder/x", "the folder of /no/such/folder/x does not exist"),
         ("--gazebo", "unrecognized arguments: --gazebo"),
     ],
 )

@@ -14,7 +14,7 @@ import pytest
 
 from baxter_kin import Baxter
 from baxter_kin.demo import main
-from planner import Manipulator, transfer_bound_s
+from planner import Manipulator, load_plan, transfer_bound_s, verify
 from tests.conftest import overhead
 
 RATIO = 1.0 + 1e-9
@@ -197,13 +197,29 @@ def test_hover_is_how_far_the_cycle_ends_above_the_place(tmp_path: Path) -> None
     assert high["success"]
 
 
+def test_obstacles_are_gone_around_and_the_plan_is_saved(tmp_path: Path) -> None:
+    wall, file = ["0.72", "0.075", "-0.055", "0.3", "0.02", "0.2"], tmp_path / "plan.json"
+    options = ["--obstacle", *wall, "--cycles", "1", "--plan", str(file), "--margin", "0.001"]
+    report = report_of(tmp_path, *options)
+    assert report["success"]
+    assert report["obstacles_m"] == [[float(number) for number in wall]]
+    assert report["margin_m"] == 0.001
+    assert report["min_clearance_m"] >= 0.001
+    assert {event["text"] for event in report["events"]} >= {"obstacle 1 spawned"}
+    plan = load_plan(file)
+    assert verify(plan).is_valid
+    assert plan.situation is not None
+    assert "obstacle 1" in plan.situation.scene.bodies
+    assert plan.motion_time_s == pytest.approx(report["motion_time_s"])
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         ("--add-pose 2 0 0", "out of reach"),
-        ("--add-pose 0.7 0 -0.17", "block would be 41.0 mm inside table"),
-        ("--add-pose 0.7 0 -0.4", "inside table"),
-        ("--add-pose 0.72 0.075 -0.14", "block would be 11.0 mm inside table"),
+        ("--add-pose 0.7 0 -0.17", "block with table, at best 41.0 mm deep"),
+        ("--add-pose 0.7 0 -0.4", "with table, at best"),
+        ("--add-pose 0.72 0.075 -0.14", "block with table, at best 11.0 mm deep"),
         ("--hover 5", "out of reach"),
         ("--limb right", "the right hand opens only 48.2 mm"),
         ("--limb right", "block measures 50.0 mm"),
