@@ -3,19 +3,32 @@
 from sim.errors import RecordingError, SimulationError, ViewerError
 from sim.events import Event, EventKind, Observer, Snapshot
 from sim.gripper import Gripper, GripperState
-from sim.recording import CsvRecorder, Recorder, Recording
+from sim.log_reading import read_log
+from sim.mcap_file import McapRecorder
+from sim.recorded_motion import ArmMotion, RecordedMove
+from sim.recorder import Recorder
+from sim.recording import NotedRecording, Recording
+from sim.recording_log import LogRecorder
+from sim.retelling import retell
+from sim.rsdk_csv import CsvRecorder
+from sim.rsdk_reading import read_rsdk_csv
 from sim.simulation import Dwell, Outcome, Simulation
 from sim.world import World
 
 __all__ = [
+    "ArmMotion",
     "CsvRecorder",
     "Dwell",
     "Event",
     "EventKind",
     "Gripper",
     "GripperState",
+    "LogRecorder",
+    "McapRecorder",
+    "NotedRecording",
     "Observer",
     "Outcome",
+    "RecordedMove",
     "Recorder",
     "Recording",
     "RecordingError",
@@ -24,4 +37,7 @@ __all__ = [
     "Snapshot",
     "ViewerError",
     "World",
+    "read_log",
+    "read_rsdk_csv",
+    "retell",
 ]

@@ -4,7 +4,8 @@
 BaxterError
 └── SimulationError       an order that the world cannot follow
     ├── ViewerError       the live view cannot be served
-    └── RecordingError    a recording that is none, or cannot be written    (also ValueError)
+    └── RecordingError    a recording that is none, or cannot be read or written
+                          (also ValueError)
 ```
 
 A missed grasp is an `Outcome`, not an exception.
@@ -24,4 +25,4 @@ class ViewerError(SimulationError):
 
 
 class RecordingError(SimulationError, ValueError):
-    """A recording that is malformed, or cannot be written."""
+    """A recording that is malformed, or cannot be read or written."""

@@ -1,30 +1,42 @@
-"""Recording: what happened, as data, and the CSV of the RSDK's recorder.
+"""Recording: what happened, as data.
 
-The CSV is what `joint_recorder.py` of the Rethink SDK writes and `joint_position_file_playback.py`
-reads: header and 17 columns, time in seconds with six decimals, angles in rad, grippers 0..100.
+Files: npz by `Recording.save`, the RSDK's CSV by `Recording.write_csv`, MCAP by
+`Recording.write_mcap`; while the simulation runs, `LogRecorder`, `CsvRecorder` and `McapRecorder`
+write to disk as they go.
 """
 
 from __future__ import annotations
 
-import sys
-from collections import deque
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from types import MappingProxyType, TracebackType
-from typing import TextIO
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from baxter_kin import Baxter, quaternion_xyzw
+from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
-from baxter_kin.errors import expect
-from baxter_kin.model import JOINTS, LIMBS
+from baxter_kin.errors import UnknownNameError
+from baxter_kin.model import LIMBS
 from planner import Body, Scene
 from planner.errors import expect_all
+from sim.disk import PathLike
 from sim.errors import RecordingError
-from sim.events import Event, Observer, Snapshot
+from sim.events import Event
+from sim.recorded_motion import ArmMotion, RecordedMove, arm_joints, arm_motion
+from sim.rsdk_csv import CsvFile, CsvRecorder, arm_indices, csv_header
+
+if TYPE_CHECKING:  # drawing is an extra
+    from matplotlib.figure import Figure
+
+__all__ = [  # the names of the CSV can be had here too
+    "CsvFile",
+    "CsvRecorder",
+    "NotedRecording",
+    "RecordedMove",
+    "Recording",
+    "csv_header",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +53,7 @@ class Recording:
             while it is not in the world.
         captions: (time in s, text) wherever the caption changed.
         events: everything that happened.
+        moves: the commands: every move of an arm with its exact motion, in order.
 
     Raises:
         RecordingError: when shapes do not fit, times do not increase, or there is no snapshot.
@@ -54,13 +67,14 @@ class Recording:
     body_poses: Mapping[str, Vector]
     captions: tuple[tuple[float, str], ...]
     events: tuple[Event, ...]
+    moves: tuple[RecordedMove, ...] = ()
 
     def __post_init__(self) -> None:
         """Check and freeze."""
         count = float_array(self.times_s, "times_s", RecordingError).size
         if count == 0:
             raise RecordingError("the recording is empty: nothing was simulated")
-        for name, kind in (("joint_names", str), ("captions", tuple), ("events", Event)):
+        for name, kind in _PARTS.items():
             items = expect_all(getattr(self, name), kind, name, RecordingError)
             object.__setattr__(self, name, items)
         shapes = {
@@ -81,13 +95,92 @@ class Recording:
         """From the first snapshot to the last."""
         return float(self.times_s[-1] - self.times_s[0])
 
-    def write_csv(self, path: str | Path) -> None:
+    @classmethod
+    def load(cls, path: PathLike) -> Recording:
+        """The recording in a file that `save` wrote.
+
+        Raises:
+            RecordingError: when the file cannot be read, is truncated, damaged or edited, or holds
+                no recording; says which.
+        """
+        from sim.recording_file import load_recording  # noqa: PLC0415 - it makes recordings
+
+        return load_recording(path)
+
+    def save(self, path: PathLike) -> None:
+        """Write all of it to an npz file; `sim.recording_file` describes the format.
+
+        Raises:
+            RecordingError: when the file cannot be written.
+        """
+        from sim.recording_file import save_recording  # noqa: PLC0415 - it makes recordings
+
+        save_recording(self, path)
+
+    def motion(self, limb: str, *, with_knots: bool = False) -> ArmMotion:
+        """Position, velocity, acceleration and jerk of an arm.
+
+        They are exact where a move was recorded, and differences of the positions elsewhere.
+
+        Args:
+            limb: "left" or "right".
+            with_knots: whether to add the times where the jerk of a move changes.
+
+        Raises:
+            UnknownNameError: when there is no such limb.
+            RecordingError: when its joints were not recorded.
+        """
+        if not isinstance(limb, str) or limb not in LIMBS:
+            raise UnknownNameError("limb", limb, LIMBS)
+        names = arm_joints(limb)
+        missing = [name for name in names if name not in self.joint_names]
+        if missing:
+            raise RecordingError(f"the recording lacks {', '.join(missing)}")
+        q = self.q[:, [self.joint_names.index(name) for name in names]]
+        moves = [move for move in self.moves if move.limb == limb]
+        return arm_motion(names, self.times_s, q, moves, with_knots=with_knots)
+
+    def plot(self, limb: str | None = None, *, limits: JointLimits | None = None) -> Figure:
+        """Position, velocity, acceleration and jerk of each joint against its limits.
+
+        Args:
+            limb: "left" or "right"; when not given, those that moved.
+            limits: of that arm; when not given, those of the recorded moves, or else the robot's.
+
+        Returns:
+            A figure of Matplotlib; nothing is opened, `figure.savefig("motion.png")` keeps it.
+
+        Raises:
+            UnknownNameError: when there is no such limb.
+            RecordingError: when Matplotlib is missing, or the limits are not those of one arm.
+        """
+        try:
+            from sim.recording_plot import plot_recording  # noqa: PLC0415 - drawing is an extra
+        except ImportError as cause:
+            raise RecordingError(
+                "drawing needs the package matplotlib; run: pip install 'baxter-kin[plot]'"
+            ) from cause
+        figure: Figure = plot_recording(self, limb, limits)
+        return figure
+
+    def write_mcap(self, path: PathLike) -> None:
+        """Write ROS 1 messages to an MCAP file; `sim.mcap_file` describes them.
+
+        Raises:
+            RecordingError: when the package `mcap` is missing, a time is negative, or the file
+                cannot be written.
+        """
+        from sim.mcap_file import write_mcap  # noqa: PLC0415 - an extra
+
+        write_mcap(self, path)
+
+    def write_csv(self, path: PathLike) -> None:
         """Write the RSDK's CSV.
 
         Raises:
             RecordingError: when the file cannot be written.
         """
-        indices = _arm_indices(self.joint_names)
+        indices = arm_indices(self.joint_names)
         with CsvFile(path) as file:
             for time_s, q, percent in zip(self.times_s, self.q, self.gripper_percent, strict=True):
                 file.write(float(time_s), q[indices], percent)
@@ -109,182 +202,21 @@ class Recording:
         return MappingProxyType(poses)
 
 
-class Recorder(Observer):
-    """Collects snapshots and events in memory; `recording()` makes data of them."""
+class NotedRecording(NamedTuple):
+    """A recording read from a file that may be damaged or odd, and what was odd about it.
 
-    def __init__(self, robot: Baxter, *, keep: int | None = None) -> None:
-        """Start empty.
+    Attributes:
+        recording: what was read.
+        notes: a sentence for each oddity; empty when there was none.
+    """
 
-        Args:
-            robot: whose joints are recorded.
-            keep: how many snapshots, and as many events, to keep; all when not given.
-
-        Raises:
-            RecordingError: when `keep` is not a whole number above zero.
-        """
-        if keep is not None and not 1 <= expect(keep, int, "keep", RecordingError) <= sys.maxsize:
-            raise RecordingError(f"keep must be from 1 to {sys.maxsize}, got {keep}")
-        self._joint_names = expect(robot, Baxter, "robot", RecordingError).joint_names
-        self._snapshots: deque[Snapshot] = deque(maxlen=keep)
-        self._events: deque[Event] = deque(maxlen=keep)
-        self._bodies: dict[str, Body] = {}
-
-    @property
-    def has_snapshots(self) -> bool:
-        """Whether there is anything to make a recording of."""
-        return bool(self._snapshots)
-
-    def remember(self, scene: Scene) -> None:
-        """Note the shapes of bodies that were in the world before the simulation began.
-
-        Those that it spawns are noted as they appear; snapshots carry only their poses.
-
-        Raises:
-            RecordingError: when it is no scene.
-        """
-        self._bodies.update(expect(scene, Scene, "scene", RecordingError).bodies)
-
-    def on_snapshot(self, snapshot: Snapshot) -> None:
-        """Keep it."""
-        self._snapshots.append(snapshot)
-
-    def on_event(self, event: Event) -> None:
-        """Keep it, and the shapes of a body that appeared."""
-        self._events.append(event)
-        if event.body is not None:
-            self._bodies[event.body.name] = event.body
-
-    def recording(self) -> Recording:
-        """All so far.
-
-        Raises:
-            RecordingError: when there is no snapshot yet.
-        """
-        shots = self._snapshots
-        return Recording(
-            joint_names=self._joint_names,
-            times_s=np.array([shot.time_s for shot in shots]),
-            q=np.array([shot.q for shot in shots]),
-            gripper_percent=np.array(
-                [[shot.grippers[side].percent for side in LIMBS] for shot in shots]
-            ),
-            bodies=self._bodies,
-            body_poses={name: self._track(name) for name in self._bodies},
-            captions=self._captions(),
-            events=tuple(self._events),
-        )
-
-    def _track(self, name: str) -> Vector:
-        absent = np.full(7, np.nan)
-        poses = (shot.T_base_bodies.get(name) for shot in self._snapshots)
-        return np.array(
-            [absent if T is None else [*T.translation, *quaternion_xyzw(T)] for T in poses]
-        )
-
-    def _captions(self) -> tuple[tuple[float, str], ...]:
-        captions: list[tuple[float, str]] = []
-        for shot in self._snapshots:
-            if not captions or captions[-1][1] != shot.caption:
-                captions.append((shot.time_s, shot.caption))
-        return tuple(captions)
+    recording: Recording
+    notes: tuple[str, ...]
 
 
-class CsvFile:
-    """The RSDK's CSV while it is being written; use it as a context manager."""
-
-    def __init__(self, path: str | Path) -> None:
-        """Open the file and write the header.
-
-        Raises:
-            RecordingError: when the file cannot be opened.
-        """
-        if not isinstance(path, (str, Path)):
-            raise RecordingError(f"a path must be text or a Path, got {type(path).__name__}")
-        self._path = path
-        with self._explained():
-            self._file: TextIO = open(path, "w", encoding="ascii", newline="\n")  # noqa: SIM115
-        self._file.write(",".join(csv_header()) + "\n")
-
-    def __enter__(self) -> CsvFile:
-        """The open file."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close it."""
-        self.close()
-
-    def write(self, time_s: float, arms: Vector, percent: Vector) -> None:
-        """One row.
-
-        Args:
-            time_s: time.
-            arms: left, then right arm, shape (14,), rad.
-            percent: left and right gripper, shape (2,).
-
-        Raises:
-            RecordingError: when the file cannot be written.
-        """
-        left = ",".join(f"{value:.12g}" for value in [*arms[:7], percent[0]])
-        right = ",".join(f"{value:.12g}" for value in [*arms[7:], percent[1]])
-        with self._explained():
-            self._file.write(f"{time_s:.6f},{left},{right}\n")
-
-    def close(self) -> None:
-        """Write what is left and close.
-
-        Raises:
-            RecordingError: when the file cannot be written.
-        """
-        with self._explained():
-            self._file.close()
-
-    @contextmanager
-    def _explained(self) -> Iterator[None]:
-        try:
-            yield
-        except (OSError, ValueError) as cause:  # ValueError: no path, or a closed file
-            reason = getattr(cause, "strerror", None) or str(cause)
-            raise RecordingError(f"cannot write {self._path}: {reason}") from cause
-
-
-class CsvRecorder(Observer):
-    """Writes the RSDK's CSV while the simulation runs, so that a run cut short keeps its rows."""
-
-    def __init__(self, path: str | Path, robot: Baxter) -> None:
-        """Open the file.
-
-        Raises:
-            RecordingError: when it cannot be opened.
-        """
-        self._indices = _arm_indices(expect(robot, Baxter, "robot", RecordingError).joint_names)
-        self._csv = CsvFile(path)
-
-    def on_snapshot(self, snapshot: Snapshot) -> None:
-        """Write a row."""
-        percent = np.array([snapshot.grippers[side].percent for side in LIMBS])
-        self._csv.write(snapshot.time_s, snapshot.q[self._indices], percent)
-
-    def close(self) -> None:
-        """Write what is left and close."""
-        self._csv.close()
-
-
-def csv_header() -> list[str]:
-    """The 17 column names."""
-    columns = ["time"]
-    for side in LIMBS:
-        columns += [*(f"{side}_{joint}" for joint in JOINTS), f"{side}_gripper"]
-    return columns
-
-
-def _arm_indices(joint_names: tuple[str, ...]) -> list[int]:
-    wanted = [f"{side}_{joint}" for side in LIMBS for joint in JOINTS]
-    missing = [name for name in wanted if name not in joint_names]
-    if missing:
-        raise RecordingError(f"the recording lacks {', '.join(missing)}, which the CSV needs")
-    return [joint_names.index(name) for name in wanted]
+_PARTS: Mapping[str, type[object]] = {
+    "joint_names": str,
+    "captions": tuple,
+    "events": Event,
+    "moves": RecordedMove,
+}

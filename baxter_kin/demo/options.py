@@ -13,6 +13,7 @@ from typing import NoReturn
 DEFAULT_HOVER_M = 0.15
 FARTHEST_M = 10.0
 SLOWEST = 0.001
+RECORD_SUFFIXES = (".jsonl", ".mcap", ".npz")
 DEFAULT_POSES_M = ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
 """Block poses of the original demo, for its left arm; y is mirrored for the right one."""
 
@@ -33,6 +34,8 @@ class Options:
         is_headless: without the live view, as fast as possible.
         html: where to write the replay, or None.
         csv: where to write the RSDK's CSV, or None.
+        record: where to write everything that happened, or None; the format by its suffix, one of
+            `RECORD_SUFFIXES`.
         report: where to write the JSON report, or None.
         plan: where to save the plan of the first cycle, or None.
         verbosity: 0 quiet, 1 normal, 2 with every event.
@@ -48,6 +51,7 @@ class Options:
     is_headless: bool
     html: Path | None
     csv: Path | None
+    record: Path | None
     report: Path | None
     plan: Path | None
     verbosity: int
@@ -57,15 +61,7 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
     """Read the command line; exits with status 2 and one sentence when it makes no sense."""
     parser = _parser()
     raw = parser.parse_args(argv)
-    if raw.forever and raw.cycles is not None:
-        parser.error("--forever and --cycles exclude each other; give one of them")
-    files = raw.html, raw.csv, raw.report, raw.plan
-    targets = [path.resolve() for path in files if path is not None]
-    if len(set(targets)) < len(targets):
-        parser.error("--html, --csv, --report and --plan must go to different files")
-    for obstacle in raw.obstacle:
-        if min(obstacle[3:]) <= 0.0:
-            parser.error(f"the size of an obstacle must be above zero, got {obstacle[3:]} m")
+    _check_together(parser, raw)
     sign = 1.0 if raw.limb == "left" else -1.0
     poses = [(x, sign * y, z) for x, y, z in DEFAULT_POSES_M]
     poses += [(x, y, z) for x, y, z in raw.add_pose]
@@ -81,10 +77,26 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
         is_headless=raw.headless,
         html=raw.html,
         csv=raw.csv,
+        record=raw.record,
         report=raw.report,
         plan=raw.plan,
         verbosity=raw.verbosity,
     )
+
+
+def _check_together(parser: argparse.ArgumentParser, raw: argparse.Namespace) -> None:
+    """What no option shows alone."""
+    if raw.forever and raw.cycles is not None:
+        parser.error("--forever and --cycles exclude each other; give one of them")
+    if raw.forever and raw.record is not None and raw.record.suffix == ".npz":
+        parser.error("--record keeps .npz in memory until the end; with --forever use .jsonl")
+    files = raw.html, raw.csv, raw.record, raw.report, raw.plan
+    targets = [path.resolve() for path in files if path is not None]
+    if len(set(targets)) < len(targets):
+        parser.error("--html, --csv, --record, --report and --plan must go to different files")
+    for obstacle in raw.obstacle:
+        if min(obstacle[3:]) <= 0.0:
+            parser.error(f"the size of an obstacle must be above zero, got {obstacle[3:]} m")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -102,6 +114,26 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Exit status: 0 all picked and placed; 1 a pick or place failed; 2 wrong usage; 130 "
         "stopped by Ctrl-C. Positions are metres in the robot's base frame.",
     )
+    _add_task(parser)
+    _add_outputs(parser)
+    amount = parser.add_mutually_exclusive_group()
+    amount.add_argument(
+        "-v",
+        "--verbose",
+        dest="verbosity",
+        action="store_const",
+        const=2,
+        default=1,
+        help="tell every event",
+    )
+    amount.add_argument(
+        "-q", "--quiet", dest="verbosity", action="store_const", const=0, help="tell only errors"
+    )
+    return parser
+
+
+def _add_task(parser: argparse.ArgumentParser) -> None:
+    """What is done."""
     parser.add_argument("--limb", choices=("left", "right"), default="left", help="which arm")
     parser.add_argument(
         "--add-pose",
@@ -148,9 +180,20 @@ def _parser() -> argparse.ArgumentParser:
         metavar="RATIO",
         help="scale of the joint velocity limits, from 0.001 to 1 (default %(default)s)",
     )
+
+
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
+    """Where it is shown and written."""
     parser.add_argument("--headless", action="store_true", help="no live view, no real time")
     parser.add_argument("--html", type=_target, metavar="FILE", help="write a replay page")
     parser.add_argument("--csv", type=_target, metavar="FILE", help="write joints as the RSDK does")
+    parser.add_argument(
+        "--record",
+        type=_record_target,
+        metavar="FILE",
+        help="write all that happens: .jsonl (a log, complete even when killed), .mcap (for "
+        "Foxglove) or .npz (at the end)",
+    )
     parser.add_argument("--report", type=_target, metavar="FILE", help="write a JSON report")
     parser.add_argument(
         "--plan",
@@ -158,20 +201,6 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="save the plan of the first cycle; python -m planner.verification FILE checks it",
     )
-    amount = parser.add_mutually_exclusive_group()
-    amount.add_argument(
-        "-v",
-        "--verbose",
-        dest="verbosity",
-        action="store_const",
-        const=2,
-        default=1,
-        help="tell every event",
-    )
-    amount.add_argument(
-        "-q", "--quiet", dest="verbosity", action="store_const", const=0, help="tell only errors"
-    )
-    return parser
 
 
 def _number(text: str) -> float:
@@ -240,4 +269,12 @@ def _target(text: str) -> Path:
         raise argparse.ArgumentTypeError(f"{text} is no ordinary file")
     if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
         raise argparse.ArgumentTypeError(f"{text} cannot be written: permission denied")
+    return path
+
+
+def _record_target(text: str) -> Path:
+    path = _target(text)
+    if path.suffix not in RECORD_SUFFIXES:
+        known = ", ".join(RECORD_SUFFIXES)
+        raise argparse.ArgumentTypeError(f"{text} must end in one of {known}, which say the format")
     return path

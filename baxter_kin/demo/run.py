@@ -32,7 +32,17 @@ from planner import (
     save_plan,
     transfer_bound_s,
 )
-from sim import CsvRecorder, Observer, Recorder, RecordingError, Simulation, Snapshot, World
+from sim import (
+    CsvRecorder,
+    LogRecorder,
+    McapRecorder,
+    Observer,
+    Recorder,
+    RecordingError,
+    Simulation,
+    Snapshot,
+    World,
+)
 
 OVERHEAD_XYZW = (-0.0249590815779, 0.999649402929, 0.00737916180073, 0.00486450832011)
 """The original demo's tool orientation: pointing down, tilted by 1 degree."""
@@ -193,6 +203,8 @@ class _Demo:
             csv = CsvRecorder(self._options.csv, self._robot)
             cleanup.callback(csv.close)
             observers.append(csv)
+        if self._options.record is not None:
+            observers.append(self._recorder(self._options.record, cleanup))
         if self._options.html is not None:
             recorder = Recorder(self._robot, keep=REPLAY_SNAPSHOTS)
             cleanup.callback(self._write_replay, self._options.html, recorder)
@@ -200,6 +212,17 @@ class _Demo:
         if not self._options.is_headless:
             observers.append(self._live(cleanup))
         return observers
+
+    def _recorder(self, path: Path, cleanup: ExitStack) -> Observer:
+        """What writes everything that happens, in the format that the suffix says."""
+        if path.suffix == ".npz":
+            recorder = Recorder(self._robot)
+            cleanup.callback(_save, recorder, path)
+            return recorder
+        make = LogRecorder if path.suffix == ".jsonl" else McapRecorder
+        stream = make(path, self._robot)
+        cleanup.callback(stream.close)
+        return stream
 
     def _live(self, cleanup: ExitStack) -> LiveView:
         from sim.viewer import Viewer  # noqa: PLC0415 - a headless run needs no web server
@@ -246,6 +269,11 @@ class _StopWatch(Observer):
 
     def on_snapshot(self, snapshot: Snapshot) -> None:  # noqa: ARG002 - only its coming matters
         self._interrupt.check()
+
+
+def _save(recorder: Recorder, path: Path) -> None:
+    if recorder.has_snapshots:
+        recorder.recording().save(path)
 
 
 def _overhead(position_m: Point) -> pin.SE3:

@@ -17,10 +17,11 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
 from baxter_kin import Baxter
-from planner import Body
+from planner import Body, Manipulator, PickAndPlace, plan_pick_and_place, plan_start_move
 from planner.scene import Box, Part
+from sim import Event, Recorder, Simulation, World
 from sim.recording import Recording
-from tests.conftest import at
+from tests.conftest import at, overhead
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 SWITCHES = (
@@ -126,6 +127,56 @@ def recording(robot: Baxter, table: Body, green_block: Body) -> Recording:
         captions=((0.0, "start <here>"), (1.0, "pick 1: descend")),
         events=(),
     )
+
+
+@pytest.fixture(scope="session")
+def picked(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> Recording:
+    """A real run: the start move, one pick and place, and the block taken away at the end."""
+    world, recorder = World(robot), Recorder(robot)
+    simulation = Simulation(world, [recorder])
+    simulation.spawn(table)
+    simulation.wait(0.05)
+    simulation.spawn(block)
+    start = manipulator.arm.start
+    simulation.execute(plan_start_move(manipulator, world.scene, world.arm_q("left"), start))
+    task = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
+    simulation.execute(
+        plan_pick_and_place(task, manipulator, world.scene, world.arm_q("left")), "demo, "
+    )
+    simulation.delete("block")
+    simulation.wait(0.1)
+    return recorder.recording()
+
+
+POSE = 1e-12
+"""A pose that went through a quaternion and back: rounding of numbers of order 1."""
+
+
+def assert_same(found: Recording, wanted: Recording, pose: float = 0.0) -> None:
+    """Equal to the bit, but for the steps of events, and for body poses by no more than `pose`."""
+    assert found.joint_names == wanted.joint_names
+    for name in ("times_s", "q", "gripper_percent"):
+        assert getattr(found, name).tobytes() == getattr(wanted, name).tobytes()
+    assert found.captions == wanted.captions
+    assert list(found.bodies) == list(wanted.bodies)
+    for name, body in wanted.bodies.items():
+        np.testing.assert_allclose(
+            found.body_poses[name], wanted.body_poses[name], rtol=0.0, atol=pose
+        )
+        assert found.bodies[name].T_base_body == body.T_base_body
+        assert [part.shape for part in found.bodies[name].parts] == [p.shape for p in body.parts]
+    assert [told(event) for event in found.events] == [told(event) for event in wanted.events]
+    assert [move.label for move in found.moves] == [move.label for move in wanted.moves]
+    for ours, theirs in zip(found.moves, wanted.moves, strict=True):
+        assert ours.start_s == theirs.start_s
+        for name in ("knots_s", "q", "v", "a", "j"):
+            one, other = (getattr(move.trajectory, name) for move in (ours, theirs))
+            assert one.tobytes() == other.tobytes()
+
+
+def told(event: Event) -> tuple[Any, ...]:
+    """What files keep of an event."""
+    return event.time_s, event.kind, event.text, event.body.name if event.body else None
 
 
 def red_pixels(picture: NDArray[np.int16]) -> int:

@@ -52,6 +52,9 @@ def test_forever_has_no_number_of_cycles() -> None:
         ("--html /dev/null", "/dev/null is no ordinary file"),
         (f"--html {'a' * 300}", "is no file name"),
         ("--csv x --report x", "must go to different files"),
+        ("--csv x.npz --record x.npz", "must go to different files"),
+        ("--record run.bag", "--record: run.bag must end in one of .jsonl, .mcap, .npz"),
+        ("--record run.npz --forever", "with --forever use .jsonl"),
         ("--add-pose 1e308 0 0", "--add-pose: 1e308 is not within 10 m of the robot"),
         ("-v -q", "not allowed with"),
         ("--obstacle 0 0 0 1 1", "--obstacle: expected 6 arguments"),
@@ -71,6 +74,12 @@ def test_wrong_usage_is_one_sentence_and_status_2(
     assert stopped.value.code == 2
     assert words in said
     assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("suffix", [".jsonl", ".mcap", ".npz"])
+def test_a_recording_may_have_any_known_format(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run{suffix}"
+    assert parse_options(["--record", str(path)]).record == path
 
 
 def test_output_may_go_to_a_new_file(tmp_path: Path) -> None:

@@ -12,6 +12,8 @@ from pathlib import Path
 import psutil
 import pytest
 
+from sim import EventKind, read_log
+
 DEMO = [sys.executable, "-m", "baxter_kin.demo"]
 DEADLINE_S = 60.0
 
@@ -105,6 +107,18 @@ def test_being_killed_leaves_no_process(number: signal.Signals) -> None:
         process.send_signal(number)
         process.communicate(timeout=DEADLINE_S)
     assert process.returncode == -number
+
+
+def test_being_killed_leaves_the_recording_up_to_then(tmp_path: Path) -> None:
+    path = tmp_path / "run.jsonl"
+    command = [*DEMO, "--headless", "--forever", "--record", str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        read_until(process, "cycle 2")
+        process.kill()
+        process.communicate(timeout=DEADLINE_S)
+    found, notes = read_log(path)
+    assert "the run was cut short" in notes[-1]
+    assert any(event.kind is EventKind.RELEASED for event in found.events)
 
 
 def test_reader_of_a_pipe_may_leave_early() -> None:

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import pytest
 from baxter_kin import Baxter
 from baxter_kin.demo import main
 from planner import Manipulator, load_plan, transfer_bound_s, verify
+from sim import Recording, read_log
 from tests.conftest import overhead
 
 RATIO = 1.0 + 1e-9
@@ -264,6 +266,30 @@ def test_csv_is_the_recorders_of_the_rsdk(tmp_path: Path) -> None:
     times = np.array([float(row[0]) for row in rows[1:]])
     np.testing.assert_allclose(np.diff(times), 0.01, atol=1e-6)
     assert all(math.isfinite(float(value)) for row in rows[1:] for value in row)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "load"),
+    [(".npz", Recording.load), (".jsonl", lambda path: read_log(path).recording)],
+)
+def test_everything_that_happens_is_recorded(
+    tmp_path: Path, suffix: str, load: Callable[[Path], Recording]
+) -> None:
+    path = tmp_path / f"run{suffix}"
+    report = report_of(tmp_path, "--record", str(path), "--cycles", "1")
+    found = load(path)
+    assert [event.text for event in found.events][: len(report["events"])] == [
+        event["text"] for event in report["events"]
+    ]
+    labels = [move["label"] for move in report["cycles"][0]["moves"]]
+    assert all(label in move.label for label, move in zip(labels, found.moves[1:], strict=True))
+    assert set(found.bodies) == {"table", "block"}
+
+
+def test_recording_for_foxglove_is_a_complete_file(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    report_of(tmp_path, "--record", str(path), "--cycles", "1")
+    assert path.read_bytes()[-8:] == path.read_bytes()[:8] == b"\x89MCAP0\r\n"
 
 
 def test_html_is_one_file_of_at_most_5_mb(tmp_path: Path) -> None:

@@ -1,0 +1,208 @@
+"""The motion of a recorded arm: what was commanded, and so position, velocity, acceleration, jerk.
+
+A kinematic simulation follows its commands to the bit, so where a move was recorded its exact cubic
+tells all four. Elsewhere, as in a recording of the real robot, central differences of the recorded
+positions do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.errors import expect
+from baxter_kin.model import JOINTS, LIMBS
+from planner import Move, Trajectory
+from sim.errors import RecordingError
+from sim.events import Event
+
+AGREEMENT_RAD = 1e-6
+"""How far recorded positions may be from a recorded move that still explains them: rounding."""
+
+ROUNDING_S = 1e-9
+"""How far a tick may be outside a move by rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedMove:
+    """A move of an arm as it was commanded.
+
+    Attributes:
+        start_s: when it began, in the recording's time.
+        label: what it was for, such as "cycle 1, pick: approach (IK: Current Joint Angles)".
+        trajectory: the exact motion; its limits name the joints.
+
+    Raises:
+        RecordingError: when a part is of another type, or the joints are not those of one arm.
+    """
+
+    start_s: float
+    label: str
+    trajectory: Trajectory
+
+    def __post_init__(self) -> None:
+        """Check."""
+        start = finite_scalar(self.start_s, "start_s of a move", RecordingError)
+        object.__setattr__(self, "start_s", start)
+        expect(self.label, str, "the label of a move", RecordingError)
+        expect(self.trajectory, Trajectory, "the trajectory of a move", RecordingError)
+        if limb_of(self.trajectory) is None:
+            names = ", ".join(self.joint_names)
+            raise RecordingError(f"a move must be of the joints of one arm, got {names}")
+
+    @property
+    def limb(self) -> str:
+        """The arm's side, "left" or "right"."""
+        return str(limb_of(self.trajectory))
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints that it moves."""
+        return self.trajectory.limits.names
+
+    @property
+    def end_s(self) -> float:
+        """When it ends, in the recording's time."""
+        return self.start_s + self.trajectory.duration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmMotion:
+    """An arm at n times.
+
+    Attributes:
+        joint_names: its seven joints.
+        times_s: shape (n,), not decreasing.
+        q: positions, shape (n, 7), rad.
+        v: velocities, shape (n, 7), rad/s.
+        a: accelerations, shape (n, 7), rad/s^2.
+        j: jerks from each time to the next, shape (n, 7), rad/s^3.
+        is_exact: whether v, a and j are those of a recorded move, shape (n,); else differences.
+    """
+
+    joint_names: tuple[str, ...]
+    times_s: Vector
+    q: Vector
+    v: Vector
+    a: Vector
+    j: Vector
+    is_exact: NDArray[np.bool_]
+
+
+def recorded_move(event: Event) -> RecordedMove | None:
+    """The move that began; None for other events, and for moves that name no arm's joints."""
+    if not isinstance(event.step, Move) or limb_of(event.step.trajectory) is None:
+        return None
+    return RecordedMove(event.time_s, event.text, event.step.trajectory)
+
+
+def limb_of(trajectory: Trajectory) -> str | None:
+    """The arm that a trajectory moves, by the names of its joints; None when it is of no arm."""
+    names = sorted(trajectory.limits.names)
+    return next((side for side in LIMBS if names == sorted(arm_joints(side))), None)
+
+
+def arm_joints(side: str) -> tuple[str, ...]:
+    """The seven joints of that arm, from shoulder to wrist."""
+    return tuple(f"{side}_{joint}" for joint in JOINTS)
+
+
+def arm_motion(
+    joint_names: tuple[str, ...],
+    times_s: Vector,
+    q: Vector,
+    moves: Sequence[RecordedMove],
+    *,
+    with_knots: bool = False,
+) -> ArmMotion:
+    """The motion of an arm at the recorded times.
+
+    Args:
+        joint_names: its seven joints.
+        times_s: shape (n,), increasing.
+        q: shape (n, 7), rad.
+        moves: all moves of that arm, as they were recorded.
+        with_knots: whether to add the times where the jerk of a move changes, so that every
+            extreme of the acceleration is there.
+    """
+    pieces, is_left = [], np.ones(len(times_s), dtype=bool)
+    for move in moves:
+        rows = _explained_rows(move, joint_names, times_s, q)
+        rows = rows[is_left[rows]]  # at the time where two moves meet, the first has it
+        if rows.size:
+            is_left[rows] = False
+            times = times_s[rows]
+            pieces.append(
+                _of_move(move, joint_names, _knotted(move, times) if with_knots else times)
+            )
+    pieces += [_of_samples(joint_names, times_s[run], q[run]) for run in _runs(is_left)]
+    pieces.sort(key=lambda piece: float(piece.times_s[0]))
+    return _joined(joint_names, pieces)
+
+
+def _joined(joint_names: tuple[str, ...], pieces: Sequence[ArmMotion]) -> ArmMotion:
+    return ArmMotion(
+        joint_names,
+        times_s=np.concatenate([piece.times_s for piece in pieces]),
+        q=np.concatenate([piece.q for piece in pieces]),
+        v=np.concatenate([piece.v for piece in pieces]),
+        a=np.concatenate([piece.a for piece in pieces]),
+        j=np.concatenate([piece.j for piece in pieces]),
+        is_exact=np.concatenate([piece.is_exact for piece in pieces]),
+    )
+
+
+def _explained_rows(
+    move: RecordedMove, joint_names: tuple[str, ...], times_s: Vector, q: Vector
+) -> NDArray[np.intp]:
+    """The rows that the move explains, up to the first that it does not: it was cut short there."""
+    inside = (times_s >= move.start_s - ROUNDING_S) & (times_s <= move.end_s + ROUNDING_S)
+    rows = np.flatnonzero(inside)
+    off = np.abs(_of_move(move, joint_names, times_s[rows]).q - q[rows]).max(axis=1, initial=0.0)
+    wrong = np.flatnonzero(off > AGREEMENT_RAD)
+    return rows[: wrong[0]] if wrong.size else rows
+
+
+def _knotted(move: RecordedMove, times: Vector) -> Vector:
+    """Those times, and the knots of the move between them and at its ends, if it came to them."""
+    knots = move.start_s + move.trajectory.knots_s
+    step = np.diff(times).max(initial=ROUNDING_S) + ROUNDING_S
+    reached = (knots >= times[0] - step) & (knots <= times[-1] + step)
+    return np.union1d(times, knots[reached])
+
+
+def _of_move(move: RecordedMove, joint_names: tuple[str, ...], times: Vector) -> ArmMotion:
+    trajectory = move.trajectory
+    order = [move.joint_names.index(name) for name in joint_names]
+    t = np.clip(times - move.start_s, 0.0, trajectory.duration)
+    q, v, a = (x[:, order] for x in trajectory.sample(t))
+    jerks = np.concatenate([trajectory.j, np.zeros((1, len(order)))])
+    j = jerks[np.searchsorted(trajectory.knots_s, t, side="right") - 1][:, order]
+    return ArmMotion(joint_names, times, q, v, a, j, np.ones(len(times), dtype=bool))
+
+
+def _of_samples(joint_names: tuple[str, ...], times: Vector, q: Vector) -> ArmMotion:
+    v = _differences(times, q)
+    a = _differences(times, v)
+    exact = np.zeros(len(times), dtype=bool)
+    return ArmMotion(joint_names, times, q, v, a, _differences(times, a), exact)
+
+
+def _differences(times: Vector, values: Vector) -> Vector:
+    """Central differences by time; zero for a single sample."""
+    if len(times) < 2:
+        return np.zeros_like(values)
+    moved = values - values[0]  # exactly zero, and so are its slopes, where nothing moves
+    slopes: Vector = np.gradient(moved, times, axis=0)
+    return slopes
+
+
+def _runs(chosen: NDArray[np.bool_]) -> Iterator[slice]:
+    """Where `chosen` holds without a break."""
+    edges = np.flatnonzero(np.diff(chosen, prepend=False, append=False))
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        yield slice(int(start), int(end))
