@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
 import numpy as np
@@ -49,7 +50,7 @@ def finite_scalar(value: object, what: str, error: type[BaxterError]) -> float:
         number = float(value)
     except OverflowError:
         raise error(f"{what} is too large a number") from None
-    if not np.isfinite(number):
+    if not math.isfinite(number):
         raise error(f"{what} must be a finite number, got {number}")
     return number
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,6 +106,10 @@ class JointLimits:
             ConfigurationError: when the shape is wrong, a number is not finite, or a joint is
                 outside its range by more than `tolerance`.
         """
+        if self._is_inside(q):
+            inside = q.copy()
+            inside.setflags(write=False)
+            return inside
         array = finite_array(q, (len(self.names),), what, ConfigurationError)
         violations = self.violations(array, tolerance)
         if violations:
@@ -112,6 +117,15 @@ class JointLimits:
         clamped = np.clip(array, self.q_min, self.q_max)
         clamped.setflags(write=False)
         return clamped
+
+    def _is_inside(self, q: ArrayLike) -> TypeGuard[Vector]:
+        """Whether it is an array inside the limits, so that nothing else need be asked of it."""
+        return (
+            isinstance(q, np.ndarray)
+            and q.dtype == np.float64
+            and q.shape == self.q_min.shape
+            and bool(((q >= self.q_min) & (q <= self.q_max)).all())
+        )
 
     def _check_ranges(self) -> None:
         for i, name in enumerate(self.names):

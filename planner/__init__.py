@@ -13,10 +13,11 @@ from planner.errors import (
 )
 from planner.free_move import FreeMove, FreeMoveFailure, plan_free_move
 from planner.free_space import FreeSpace
-from planner.hand import Grasp, Hand
+from planner.grasp import Grasp, Miss, MissKind
+from planner.hand import Hand
 from planner.manipulator import Manipulator
 from planner.mesh import Mesh
-from planner.objects import load_object
+from planner.objects import load_object, make_block
 from planner.path_timing import plan_path_move
 from planner.pick_place import PickAndPlace, plan_pick_and_place, plan_start_move
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure
@@ -50,6 +51,8 @@ __all__ = [
     "JointState",
     "Manipulator",
     "Mesh",
+    "Miss",
+    "MissKind",
     "MotionError",
     "Move",
     "Part",
@@ -76,6 +79,7 @@ __all__ = [
     "TrajectoryError",
     "load_object",
     "load_plan",
+    "make_block",
     "plan_free_move",
     "plan_joint_move",
     "plan_path_move",

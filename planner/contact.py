@@ -94,6 +94,27 @@ def _travel(moving: _Placed, still: _Placed, along: Vector, room_m: float) -> fl
     return travel
 
 
+def gap_m(first: Part, second: Part) -> float:
+    """Distance of two shapes placed in one frame; negative inside each other."""
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    gaps = []
+    for one, other in product(_pieces(first), _pieces(second)):
+        result.clear()
+        gaps.append(coal.distance(*one, *other, request, result))
+    return float(min(gaps))
+
+
+def contact_point(first: Part, second: Part) -> Vector:
+    """The point of a shape that is nearest to another, both placed in one frame, shape (3,), m."""
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    found = []
+    for one, other in product(_pieces(first), _pieces(second)):
+        result.clear()
+        gap = float(coal.distance(*one, *other, request, result))
+        found.append((gap, np.array(result.getNearestPoint1())))
+    return min(found, key=lambda pair: pair[0])[1]
+
+
 def touching(body: Body, scene: Scene) -> frozenset[str]:
     """Names of the other bodies that a body touches within `PRESSING_TOLERANCE_M`."""
     return frozenset(
@@ -158,6 +179,11 @@ def convex_pieces(shape: Shape) -> tuple[coal.ShapeBase, ...]:
         )
     both_sides = np.array([[0, 1, 2], [0, 2, 1]])
     return tuple(_convex(corners, both_sides) for corners in shape.corners)
+
+
+def has_depth(geometry: coal.CollisionGeometry) -> bool:
+    """Whether coal knows how deep something is inside a shape: not inside one made of triangles."""
+    return isinstance(geometry, coal.ShapeBase)
 
 
 def coal_pose(T: pin.SE3) -> coal.Transform3s:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TypeAlias
 
-import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKResult, SeedType
@@ -15,7 +14,7 @@ from planner.collision import Held
 from planner.contact import stands, touching
 from planner.errors import TaskError
 from planner.free_move import MARGIN_M, plan_free_move
-from planner.hand import Grasp
+from planner.grasp import Grasp, Miss
 from planner.manipulator import Manipulator
 from planner.plan import Grip, GripperAction, Move, PlanFailure, Step
 from planner.scene import Body, Scene
@@ -195,9 +194,9 @@ class Draft:
 
     def grasp(self, label: str, body: Body, T_base_tip: pin.SE3, T_base_place: pin.SE3) -> None:
         """Add the closing of the fingers around a body that will be released at a place."""
-        grasp = self._manipulator.hand.grasp(T_base_tip, body, self._finger_m)
-        if grasp is None:
-            raise NoSolutionError.at(label, _miss(T_base_tip, body), is_certain=True)
+        grasp = self._manipulator.hand.close_on(T_base_tip, body, self._finger_m)
+        if isinstance(grasp, Miss):
+            raise NoSolutionError.at(label, f"the fingers would miss: {grasp}", is_certain=True)
         self.grip(label, GripperAction.CLOSE, body.name)
         self._hold(body, grasp, T_base_place)
 
@@ -231,15 +230,6 @@ class Draft:
         if isinstance(result, SweptContact):
             raise NoSolutionError(PlanFailure(label, str(result), contact=result))
         return result
-
-
-def _miss(T_base_tip: pin.SE3, body: Body) -> str:
-    offset = T_base_tip.actInv(body.centre_base)
-    across = 1e3 * float(np.hypot(offset[0], offset[1]))
-    return (
-        f"the fingers would close on nothing: {body.name} is {across:.0f} mm beside the tip and "
-        f"{1e3 * offset[2]:.0f} mm ahead of it"
-    )
 
 
 def _least_width_m(body: Body) -> float:

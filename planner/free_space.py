@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.errors import ConfigurationError, expect
 from planner.collision import Clearance, ClearanceChecker
-from planner.contact import PRESSING_TOLERANCE_M
+from planner.contact import PRESSING_TOLERANCE_M, has_depth
 from planner.errors import SceneError
 from planner.manipulator import Manipulator
 
@@ -55,7 +55,7 @@ class FreeSpace:
             raise SceneError(f"the checker is for the {checker.arm.side} arm, not the {arm.side}")
         self._q_full = next(manipulator.configurations(arm.neutral[None], finger_m))
         self._where = np.array(manipulator.robot.indices(arm.joint_names))
-        self._touches = _Touches(checker)
+        self._touches = Touches(checker)
 
     def is_free(self, q: ArrayLike) -> bool:
         """Whether the arm touches nothing at `q`, shape (7,), rad.
@@ -88,9 +88,9 @@ class FreeSpace:
         if finite_scalar(margin_m, "margin_m", SceneError) < 0.0:
             raise SceneError(f"margin_m must not be negative, got {margin_m}")
         full_ends = [self._full(q).copy() for q in ends]
-        touches = _Touches(self._checker, margin_m)
+        touches = Touches(self._checker, margin_m)
         if any(touches(end) for end in full_ends):
-            touches = _Touches(self._checker, margin_m, self._nearest(full_ends))
+            touches = Touches(self._checker, margin_m, self._nearest(full_ends))
         return GuardedSpace(self, touches)
 
     def _full(self, q: ArrayLike) -> Vector:
@@ -119,7 +119,7 @@ def _is_near(q: ArrayLike) -> bool:
 class GuardedSpace:
     """A free space whose configurations keep a distance; made by `FreeSpace.with_margin`."""
 
-    def __init__(self, space: FreeSpace, touches: _Touches) -> None:
+    def __init__(self, space: FreeSpace, touches: Touches) -> None:
         """Remember both."""
         self._space = space
         self._touches = touches
@@ -133,21 +133,26 @@ class GuardedSpace:
         return not self._touches(self._space._full(q))
 
 
-class _Touches:
+class Touches:
     """Whether any pair of shapes is nearer than its own margin.
 
     The geometry is the checker's; data and broad phase are made anew for every use, because the
-    broad phase keeps bare pointers into both and none may change under it.
+    broad phase keeps bare pointers into both and none may change under it. A margin below zero is
+    how deep shapes may be inside each other before they count; where coal does not know a depth, in
+    meshes that are not convex, any contact does.
     """
 
     def __init__(
         self, checker: ClearanceChecker, margin_m: float = 0.0, nearest_m: Vector | None = None
     ) -> None:
+        """For all pairs of a checker, and what distance they were at somewhere else, if given."""
         self._model, self._geometry = checker.robot, checker.geometry
         self._data, self._results = self._model.createData(), self._geometry.createData()
         margins_m = np.full(len(self._geometry.collisionPairs), margin_m)
         if nearest_m is not None:
             margins_m = np.minimum(margins_m, KEPT_SHARE * np.maximum(nearest_m, 0.0))
+        if margin_m < 0.0:
+            margins_m[~self._with_depth(checker)] = 0.0
         margins_m[checker.may_touch] = -PRESSING_TOLERANCE_M
         for request, margin in zip(self._results.collisionRequests, margins_m, strict=True):
             request.security_margin = float(margin)
@@ -159,3 +164,10 @@ class _Touches:
         """At a full configuration, checked, shape (19,)."""
         found = pin.computeCollisions(self._model, self._data, self._broad_phase, q_full, True)
         return bool(found)
+
+    def _with_depth(self, checker: ClearanceChecker) -> NDArray[np.bool_]:
+        """Of which pairs it is known how deep they are inside each other, shape (pairs,)."""
+        known = np.array([has_depth(shape.geometry) for shape in self._geometry.geometryObjects])
+        first, second = checker.pairs.T
+        of_pairs: NDArray[np.bool_] = np.logical_and(known[first], known[second])
+        return of_pairs

@@ -2,7 +2,7 @@
 
 The closing axis is y of the gripper frame. The left finger slides along +y by the finger position
 `x`, 0 .. stroke, the right one mirrors it. Every shape of a finger moves along; the pads are the
-finger tips.
+finger tips. The model of closing, and its limits, are on `planner.grasp`.
 """
 
 from __future__ import annotations
@@ -13,34 +13,29 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.arrays import finite_scalar
 from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.collision import RobotShapes
-from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
+from planner.contact import PRESSING_TOLERANCE_M, gap_m, travel_to_contact
 from planner.errors import SceneError
+from planner.grasp import LEAST_PAD_M, Grasp, Miss, MissKind, Overlap, centre_off_m, extent
 from planner.scene import Body, Part
+
+__all__ = ["Grasp", "Hand"]
 
 ROUNDING_M = 1e-9
 """How far a finger position may be outside 0 .. stroke by rounding."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Grasp:
-    """Both pads touch a body.
+FINGER_PARTS = ("tip_0", "0", "1")
+"""The collision shapes of a finger, its pad first."""
 
-    Attributes:
-        finger_m: finger position, 0 .. stroke.
-        T_tip_body: the body's pose seen from the tip once both pads touch it.
-        width_m: distance between the pads.
-        push_m: how far the first pad pushed the body along the closing axis before the second
-            touched; positive along y of the gripper.
-    """
+CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
+"""Along which the fingers move, seen from the tip."""
 
-    finger_m: float
-    T_tip_body: pin.SE3
-    width_m: float
-    push_m: float
+AS_NEAR_M = 1e-6
+"""Parts of a body this much farther from a pad than the nearest touch it too."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +48,7 @@ class Hand:
         stroke_m: finger position when fully open.
         closed_gap_m: distance between the pads when fully closed.
         pads: both pads seen from the tip with the fingers closed, +y one first.
+        fingers: all shapes of both fingers, likewise.
     """
 
     side: str
@@ -60,6 +56,7 @@ class Hand:
     stroke_m: float
     closed_gap_m: float
     pads: tuple[Part, Part]
+    fingers: tuple[tuple[Part, ...], tuple[Part, ...]]
 
     @classmethod
     def of(cls, robot: Baxter, arm: Arm, shapes: RobotShapes) -> Hand:
@@ -75,10 +72,15 @@ class Hand:
         names = (f"{letter}_gripper_l_finger_joint", f"{letter}_gripper_r_finger_joint")
         index = robot.indices(names)[0]
         stroke = float(robot.model.upperPositionLimit[index])
-        tips = tuple(f"{letter}_gripper_{finger}_finger_tip_0" for finger in "lr")
-        left, right = (shapes.part_at_tip(name, arm) for name in tips)
-        gap = -_extent(left, -1.0) - _extent(right, +1.0)
-        return cls(arm.side, names, stroke, gap, (left, right))
+        left, right = (
+            tuple(
+                shapes.part_at_tip(f"{letter}_gripper_{finger}_finger_{part}", arm)
+                for part in FINGER_PARTS
+            )
+            for finger in "lr"
+        )
+        gap = extent(left[0], 1)[0] - extent(right[0], 1)[1]
+        return cls(arm.side, names, stroke, gap, (left[0], right[0]), (left, right))
 
     @property
     def open_gap_m(self) -> float:
@@ -115,32 +117,78 @@ class Hand:
         return high - low
 
     def grasp(self, T_base_tip: PoseLike, body: Body, finger_m: float) -> Grasp | None:
+        """The grasp that `close_on` leads to, or None for a miss.
+
+        Raises:
+            PoseError: when the pose is none.
+            ConfigurationError: when the finger position is outside 0 .. stroke.
+        """
+        found = self.close_on(T_base_tip, body, finger_m)
+        return found if isinstance(found, Grasp) else None
+
+    def close_on(self, T_base_tip: PoseLike, body: Body, finger_m: float) -> Grasp | Miss:
         """What happens when the fingers close from `finger_m` around a body that can slide.
 
         The pad that touches first pushes the body along the closing axis until the other touches;
-        the body keeps its orientation. None when they close without both touching it, or when it
-        does not fit between them: it is too wide, or reaches into a pad by more than
-        `PRESSING_TOLERANCE_M` before they close.
+        the body keeps its orientation. A miss when they close without both touching it, when less
+        than `LEAST_PAD_M` of a pad is on it, or when it does not fit between them: it is too wide,
+        or reaches into a pad by more than `PRESSING_TOLERANCE_M` before they close.
 
         Raises:
             PoseError: when the pose is none.
             ConfigurationError: when the finger position is outside 0 .. stroke.
         """
         self._check_finger(finger_m)
-        if self.width_across_m(T_base_tip, body) > self.closed_gap_m + 2 * finger_m:
-            return None
+        width, opening = self.width_across_m(T_base_tip, body), self.closed_gap_m + 2 * finger_m
         T_tip_body = checked_pose(T_base_tip).inverse() * body.T_base_body
-        parts = [Part(p.shape, T_tip_body * p.T_body_part) for p in body.parts]
+        seen = body.at(T_tip_body)
+        if width > opening:
+            return _too_wide(body.name, width, opening)
+        travels = self._travels(seen, finger_m)
+        if isinstance(travels, Miss):
+            return travels
+        first_m, second_m = travels
+        push = (first_m - second_m) / 2
+        moved = seen.at(_along_y(push) * T_tip_body)
+        closed_m = finger_m - (first_m + second_m) / 2
+        return self._held(moved, closed_m, push)
+
+    def _travels(self, seen: Body, finger_m: float) -> tuple[float, float] | Miss:
+        """How far each pad moves until it touches a body seen from the tip."""
+        parts = _parts(seen)
         room = 2 * finger_m
         first, second = self.pads
         first_m = _travel(_shifted(first, finger_m), -1.0, parts, room)
         second_m = _travel(_shifted(second, -finger_m), +1.0, parts, room)
+        if any(m is not None and m <= -PRESSING_TOLERANCE_M for m in (first_m, second_m)):
+            text = f"{seen.name} reaches into a finger before they close"
+            return Miss(MissKind.NOT_BETWEEN, text, seen.name)
         if first_m is None or second_m is None or first_m + second_m > room:
-            return None
-        width = self.closed_gap_m + room - first_m - second_m
-        push = (first_m - second_m) / 2
-        moved = pin.SE3(np.eye(3), np.array([0.0, push, 0.0])) * T_tip_body
-        return Grasp((width - self.closed_gap_m) / 2, moved, width, push)
+            return self._untouched(seen)
+        return first_m, second_m
+
+    def _untouched(self, seen: Body) -> Miss:
+        """Why the pads do not touch a body seen from the tip: too thin for them, or beside them."""
+        width = sum(seen.extent_m(sign * CLOSING_AXIS)[1] for sign in (1, -1))
+        is_between = centre_off_m(self.pads, seen) == 0.0 and width < self.closed_gap_m
+        return _too_thin(seen, width, self.closed_gap_m) if is_between else _beside(seen)
+
+    def _held(self, moved: Body, finger_m: float, push_m: float) -> Grasp | Miss:
+        """The grasp of a body, seen from the tip, that both pads touch, if they hold it."""
+        pads = [_shifted(p, sign * finger_m) for p, sign in zip(self.pads, (1, -1), strict=True)]
+        overlaps = [Overlap.of(pad, _touched(pad, _parts(moved))) for pad in pads]
+        worst = min(overlaps, key=lambda overlap: overlap.least_m)
+        if not all(overlap.is_enough for overlap in overlaps):
+            return _slips(moved.name, worst.least_m)
+        return Grasp(
+            finger_m=finger_m,
+            T_tip_body=moved.T_base_body,
+            width_m=self.closed_gap_m + 2 * finger_m,
+            push_m=push_m,
+            pad_m=worst.least_m,
+            centre_off_m=centre_off_m(pads, moved),
+            is_near_edge=any(overlap.is_near_edge for overlap in overlaps),
+        )
 
     def _check_finger(self, finger_m: float) -> None:
         x = finite_scalar(finger_m, "finger position", ConfigurationError)
@@ -160,16 +208,57 @@ def _travel(pad: Part, direction: float, parts: list[Part], room_m: float) -> fl
     begin = _shifted(pad, -direction * PRESSING_TOLERANCE_M)
     room_m += PRESSING_TOLERANCE_M
     hits = [travel_to_contact(begin, along, part, room_m) for part in parts]
-    least = min((hit for hit in hits if hit is not None), default=0.0)
-    return least - PRESSING_TOLERANCE_M if least > 0.0 else None
+    least = min((hit for hit in hits if hit is not None), default=None)
+    return None if least is None else least - PRESSING_TOLERANCE_M
+
+
+def _touched(pad: Part, parts: list[Part]) -> list[Part]:
+    """Those of some shapes that a pad touches: the nearest, and what is as near."""
+    gaps = [gap_m(pad, part) for part in parts]
+    return [part for part, gap in zip(parts, gaps, strict=True) if gap <= min(gaps) + AS_NEAR_M]
+
+
+def _parts(body: Body) -> list[Part]:
+    return [Part(part.shape, body.T_base_body * part.T_body_part) for part in body.parts]
+
+
+def _too_wide(name: str, width_m: float, opening_m: float) -> Miss:
+    text = (
+        f"{name} measures {1e3 * width_m:.1f} mm across the hand, whose pads are "
+        f"{1e3 * opening_m:.1f} mm apart"
+    )
+    return Miss(MissKind.TOO_WIDE, text, name, width_m)
+
+
+def _too_thin(seen: Body, width_m: float, gap_m: float) -> Miss:
+    text = (
+        f"{seen.name} measures {1e3 * width_m:.1f} mm across the hand, whose closed pads are "
+        f"{1e3 * gap_m:.1f} mm apart"
+    )
+    return Miss(MissKind.TOO_THIN, text, seen.name, width_m)
+
+
+def _beside(seen: Body) -> Miss:
+    x, y, z = seen.centre_base
+    across = float(np.hypot(x, y))
+    text = (
+        f"{seen.name} is {1e3 * across:.0f} mm beside the tip and {1e3 * z:.0f} mm ahead of it, "
+        "not between the pads"
+    )
+    return Miss(MissKind.NOTHING, text, seen.name, across)
+
+
+def _slips(name: str, pad_m: float) -> Miss:
+    text = (
+        f"only {1e3 * pad_m:.1f} mm of a pad on {name}; less than {1e3 * LEAST_PAD_M:.1f} mm "
+        "slip off"
+    )
+    return Miss(MissKind.EDGE, text, name, pad_m)
+
+
+def _along_y(y: float) -> pin.SE3:
+    return pin.SE3(np.eye(3), np.array([0.0, y, 0.0]))
 
 
 def _shifted(pad: Part, y: float) -> Part:
-    return Part(pad.shape, pin.SE3(np.eye(3), np.array([0.0, y, 0.0])) * pad.T_body_part)
-
-
-def _extent(pad: Part, sign: float) -> float:
-    """How far a pad reaches along sign * y of the gripper."""
-    axis: Vector = np.array([0.0, sign, 0.0])
-    T = pad.T_body_part
-    return float(axis @ T.translation) + pad.shape.support_m(T.rotation.T @ axis)
+    return Part(pad.shape, _along_y(y) * pad.T_body_part)

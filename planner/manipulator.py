@@ -50,6 +50,9 @@ class Manipulator:
     ) -> Manipulator:
         """Everything for one limb, its velocity limits scaled by `speed_ratio` in (0, 1].
 
+        Where `q_others` is not given, the other arm is in neutral and its hand open, as in a new
+        world.
+
         Raises:
             UnknownNameError: when `limb` is neither "left" nor "right".
             LimitsError: when the ratio is outside (0, 1].
@@ -64,7 +67,7 @@ class Manipulator:
             hand=Hand.of(robot, arm, shapes),
             shapes=shapes,
             limits=arm.limits.scaled(speed_ratio),
-            q_others=robot.configuration() if q_others is None else q_others,
+            q_others=_at_rest(robot, shapes) if q_others is None else q_others,
         )
 
     def configurations(self, qs: ArrayLike, finger_m: float) -> Iterator[Vector]:
@@ -82,3 +85,10 @@ class Manipulator:
         for q in finite_array(qs, (count, 7), "qs", ConfigurationError):
             full[where] = q
             yield full.copy()
+
+
+def _at_rest(robot: Baxter, shapes: RobotShapes) -> Vector:
+    """Both arms in neutral, both hands open."""
+    hands = [Hand.of(robot, arm, shapes) for arm in robot.arms.values()]
+    fingers = [hand.finger_joints(hand.stroke_m) for hand in hands]
+    return robot.configuration({name: x for joints in fingers for name, x in joints.items()})

@@ -1,17 +1,82 @@
-"""Objects of the scene, read from the URDF files in `urdf/`."""
+"""Objects of the scene: blocks of any size and colour, and those of the URDF files in `urdf/`."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
+import numpy as np
 import pinocchio as pin
 
+from baxter_kin.arrays import finite_array
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.contact import shape_of
 from planner.errors import SceneError
-from planner.scene import Body, Part
+from planner.scene import GREY, Body, Box, Part
 
 URDF_FOLDER = Path(__file__).resolve().parents[1] / "urdf"
+
+BLOCK_EDGE_M = 0.05
+"""Edge of the demo's block."""
+
+COLOURS: Mapping[str, tuple[float, float, float, float]] = MappingProxyType(
+    {
+        "red": (0.85, 0.08, 0.06, 1.0),
+        "green": (0.10, 0.60, 0.18, 1.0),
+        "blue": (0.10, 0.25, 0.80, 1.0),
+        "yellow": (0.95, 0.80, 0.10, 1.0),
+        "orange": (0.95, 0.45, 0.05, 1.0),
+        "purple": (0.50, 0.15, 0.65, 1.0),
+        "white": (0.95, 0.95, 0.95, 1.0),
+        "black": (0.05, 0.05, 0.05, 1.0),
+        "grey": GREY,
+    }
+)
+"""Colours by name; red is that of the demo's block."""
+
+
+def make_block(
+    name: str,
+    T_base_centre: PoseLike,
+    *,
+    edge_m: float | Sequence[float] = BLOCK_EDGE_M,
+    colour: str | Sequence[float] | None = None,
+    is_movable: bool = True,
+) -> Body:
+    """A cuboid.
+
+    Args:
+        name: its name in the scene, such as "red".
+        T_base_centre: where its centre goes, seen from base.
+        edge_m: its edge, or its three edges along x, y and z, each above zero.
+        colour: one of `COLOURS`, or red, green, blue and opacity in 0..1; when not given, the
+            colour of that name, or grey.
+        is_movable: whether a gripper may carry it.
+
+    Raises:
+        SceneError: when the name is empty, an edge is none, or there is no such colour.
+        PoseError: when the pose is none.
+    """
+    is_cube = np.ndim(edge_m) == 0
+    x, y, z = finite_array([edge_m] * 3 if is_cube else edge_m, (3,), "edge_m", SceneError)
+    rgba = _rgba(colour, name)
+    part = Part(Box((float(x), float(y), float(z))), pin.SE3.Identity(), rgba)
+    return Body(name, (part,), checked_pose(T_base_centre), is_movable)
+
+
+def _rgba(colour: str | Sequence[float] | None, name: str) -> tuple[float, float, float, float]:
+    if colour is None:
+        return COLOURS.get(name, GREY) if isinstance(name, str) else GREY
+    if isinstance(colour, str):
+        if colour not in COLOURS:
+            raise SceneError(f"no colour {colour!r}; use one of: {', '.join(COLOURS)}, or rgba")
+        return COLOURS[colour]
+    values = finite_array(colour, (4,), "colour", SceneError)
+    if values.min() < 0.0 or values.max() > 1.0:
+        raise SceneError(f"a colour is red, green, blue, opacity in 0..1, got {values.tolist()}")
+    red, green, blue, opacity = values.tolist()
+    return red, green, blue, opacity
 
 
 def load_object(

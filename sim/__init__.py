@@ -1,10 +1,14 @@
 """Executes plans on a kinematic world, records what happens, and shows it."""
 
+from sim.closing import Closing
+from sim.contacts import Contact
 from sim.errors import RecordingError, SimulationError, ViewerError
 from sim.events import Event, EventKind, Observer, Snapshot
+from sim.falling import Rest
 from sim.gripper import Gripper, GripperState
 from sim.log_reading import read_log
 from sim.mcap_file import McapRecorder
+from sim.outcome import Dwell, Outcome
 from sim.recorded_motion import ArmMotion, RecordedMove
 from sim.recorder import Recorder
 from sim.recording import NotedRecording, Recording
@@ -12,11 +16,14 @@ from sim.recording_log import LogRecorder
 from sim.retelling import retell
 from sim.rsdk_csv import CsvRecorder
 from sim.rsdk_reading import read_rsdk_csv
-from sim.simulation import Dwell, Outcome, Simulation
+from sim.simulation import Simulation
+from sim.squeeze import Push
 from sim.world import World
 
 __all__ = [
     "ArmMotion",
+    "Closing",
+    "Contact",
     "CsvRecorder",
     "Dwell",
     "Event",
@@ -28,10 +35,12 @@ __all__ = [
     "NotedRecording",
     "Observer",
     "Outcome",
+    "Push",
     "RecordedMove",
     "Recorder",
     "Recording",
     "RecordingError",
+    "Rest",
     "Simulation",
     "SimulationError",
     "Snapshot",

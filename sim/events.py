@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TypeAlias
 
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from planner import Body
+from planner import Body, Grasp
+from planner.grasp import Miss
 from planner.plan import Step
+from sim.contacts import Contact
+from sim.falling import Rest
 from sim.gripper import GripperState
+from sim.squeeze import Push
 
 
 class EventKind(str, Enum):
@@ -21,11 +26,17 @@ class EventKind(str, Enum):
     DELETED = "deleted"
     ENABLED = "enabled"
     MOVE_STARTED = "move started"
+    HIT = "hit"
     OPENED = "gripper opened"
+    PUSHED = "pushed"
     GRASPED = "grasped"
     MISSED = "missed"
     RELEASED = "released"
     SETTLED = "settled"
+
+
+Detail: TypeAlias = Contact | Push | Grasp | Miss | Rest
+"""The facts of a hit, a push, a grasp, a miss, or of coming to rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +49,7 @@ class Event:
         text: one readable phrase.
         step: the step of a plan that began, if that is what happened.
         body: the body that appeared or disappeared, if that is what happened.
+        detail: the facts behind the text, where there are some.
     """
 
     time_s: float
@@ -45,6 +57,7 @@ class Event:
     text: str
     step: Step | None = None
     body: Body | None = field(default=None, compare=False)
+    detail: Detail | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

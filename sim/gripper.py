@@ -10,9 +10,11 @@ from dataclasses import dataclass
 
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.errors import expect
-from planner import Body, Grasp
+from sim.closing import Closing, closing_of
 from sim.errors import SimulationError
 from sim.world import World
+
+__all__ = ["FINGER_SPEED_M_S", "Closing", "Gripper", "GripperState"]
 
 FINGER_SPEED_M_S = 0.05
 """Speed of each finger: the whole stroke of 20.8 mm takes 0.42 s. The URDF's 5 m/s is a placeholder
@@ -34,21 +36,6 @@ class GripperState:
     has_missed: bool
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Closing:
-    """How a close will end.
-
-    Attributes:
-        finger_m: finger position at the end.
-        body: the body between the pads; None for a miss.
-        grasp: where it is then; None for a miss.
-    """
-
-    finger_m: float
-    body: str | None = None
-    grasp: Grasp | None = None
-
-
 class Gripper:
     """The gripper of one hand in a world."""
 
@@ -58,15 +45,18 @@ class Gripper:
         self._side = world.robot.arm(side).side
         self._hand = world.hands[self._side]
         self._has_missed = False
+        self._last: tuple[float, bool, bool] | None = None
+        self._state = GripperState(100.0, is_gripping=False, has_missed=False)
 
     @property
     def state(self) -> GripperState:
         """What the gripper reports now."""
-        return GripperState(
-            percent=self._hand.percent(self._world.finger_m(self._side)),
-            is_gripping=self._world.holding(self._side) is not None,
-            has_missed=self._has_missed,
-        )
+        is_gripping = self._world.holding(self._side) is not None
+        now = self._world.finger_m(self._side), is_gripping, self._has_missed
+        if now != self._last:  # it is asked at every tick, and mostly nothing has changed
+            self._last = now
+            self._state = GripperState(self._hand.percent(now[0]), *now[1:])
+        return self._state
 
     @property
     def open_m(self) -> float:
@@ -87,23 +77,34 @@ class Gripper:
         finger_m = finite_scalar(finger_m, "finger position", SimulationError)
         return abs(finger_m - self._world.finger_m(self._side)) / FINGER_SPEED_M_S
 
-    def closing(self) -> Closing:
-        """What a close would find now: of all bodies between the pads the widest, or nothing.
+    def closing(self, wanted: str | None = None) -> Closing:
+        """What a close would do now: see `sim.closing`. Nothing moves.
+
+        Args:
+            wanted: name of the body that it is about; a miss tells of that one.
 
         Raises:
-            SimulationError: when the hand already holds something.
+            SimulationError: when the hand already holds something, or the name is none.
         """
+        if wanted is not None:
+            expect(wanted, str, "the name of the wanted body", SimulationError)
         held = self._world.holding(self._side)
         if held is not None:
             raise SimulationError(
                 f"the {self._side} hand is closed on {held.body!r}; open it first"
             )
-        found = [
-            Closing(grasp.finger_m, body.name, grasp)
-            for body in self._world.scene
-            if body.is_movable and (grasp := self._grasp(body)) is not None
-        ]
-        return max(found, key=lambda closing: closing.finger_m, default=Closing(0.0))
+        return closing_of(self._world, self._side, wanted)
+
+    def close_to(self, closing: Closing, finger_m: float) -> None:
+        """Put the fingers at a position on their way, and what they push where it is then.
+
+        Raises:
+            SimulationError: when the position is outside 0 .. stroke, or `closing` is none.
+        """
+        expect(closing, Closing, "closing", SimulationError)
+        self._world.set_fingers(self._side, finger_m)
+        for push in closing.pushes:
+            self._world.slide(push.body, push.pose(finger_m))
 
     def finish(self, closing: Closing) -> None:
         """The fingers have arrived: hold the body, or report a miss.
@@ -112,7 +113,7 @@ class Gripper:
             SimulationError: when `closing` is none.
         """
         expect(closing, Closing, "closing", SimulationError)
-        self._world.set_fingers(self._side, closing.finger_m)
+        self.close_to(closing, closing.finger_m)
         self._has_missed = closing.grasp is None
         if closing.body is not None and closing.grasp is not None:
             self._world.attach(self._side, closing.body, closing.grasp.T_tip_body)
@@ -121,7 +122,3 @@ class Gripper:
         """The fingers begin to open: name of the body that is free now, or None."""
         self._has_missed = False
         return self._world.detach(self._side)
-
-    def _grasp(self, body: Body) -> Grasp | None:
-        T_base_tip = self._world.T_base_tip(self._side)
-        return self._hand.grasp(T_base_tip, body, self._world.finger_m(self._side))

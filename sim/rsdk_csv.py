@@ -19,6 +19,9 @@ from sim.disk import LineFile, PathLike
 from sim.errors import RecordingError
 from sim.events import Observer, Snapshot
 
+_ROW = ",".join(["{:.6f}", *["{:.12g}"] * 16])
+"""Time, and both arms with their grippers."""
+
 
 class CsvFile:
     """The RSDK's CSV while it is being written; use it as a context manager."""
@@ -56,9 +59,8 @@ class CsvFile:
         Raises:
             RecordingError: when the file cannot be written.
         """
-        left = ",".join(f"{value:.12g}" for value in [*arms[:7], percent[0]])
-        right = ",".join(f"{value:.12g}" for value in [*arms[7:], percent[1]])
-        self._file.write(f"{time_s:.6f},{left},{right}")
+        joints, (left, right) = arms.tolist(), percent.tolist()
+        self._file.write(_ROW.format(time_s, *joints[:7], left, *joints[7:], right))
 
     def close(self) -> None:
         """Close the file.

@@ -4,76 +4,43 @@ Time is exact: moves and finger travels take what they take, and snapshots are g
 ticks, so nothing is rounded to the tick and the same plans give the same snapshots every time.
 There are no blind waits: after a grasp the next step begins as soon as the pads are on the body,
 plus the dwell that was asked for.
+
+Moves are looked at for contacts (`sim.contacts`) unless the plan proves them clear and the world is
+as the plan has it: as its `situation` says before the first step, and changed since then only by
+grasps that went as planned. A release may let a body fall a little, so proofs count until then.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
-from baxter_kin.arrays import finite_scalar, positive_scalar
+from baxter_kin.arrays import finite_scalar
 from baxter_kin.errors import expect
 from planner import Body, Grip, GripperAction, Move, Plan
 from planner.errors import expect_all
 from planner.plan import Step
+from sim import sentences
+from sim.clock import DEFAULT_TICK_S, SHORTEST_TICK_S, Clock
+from sim.closing import Closing
+from sim.contacts import Contact, ContactWatch, is_as_planned
 from sim.errors import SimulationError
-from sim.events import Event, EventKind, Observer, Snapshot
-from sim.gripper import Closing, Gripper
+from sim.events import Detail, Event, EventKind, Observer, Snapshot
+from sim.falling import GRAVITY_M_S2, Rest
+from sim.gripper import Gripper
+from sim.outcome import Dwell, Outcome
 from sim.world import World
 
-DEFAULT_TICK_S = 0.01
-"""100 Hz, the rate of the original's commands and of its recorder."""
-
-SHORTEST_TICK_S = 1e-6
-"""Shorter ticks only fill memory."""
-
-GRAVITY_M_S2 = 9.81
+__all__ = ["DEFAULT_TICK_S", "GRAVITY_M_S2", "SHORTEST_TICK_S", "Dwell", "Outcome", "Simulation"]
 
 LONGEST_WAIT_S = 86_400.0
 
 START_TOLERANCE_RAD = 1e-6
 """How far an arm may stand from where a plan starts."""
 
-
-@dataclass(frozen=True, slots=True)
-class Dwell:
-    """Pauses after gripper actions; none by default, where the original waits a second.
-
-    Attributes:
-        after_grasp_s: once both pads are on the body.
-        after_release_s: once the fingers are open.
-    """
-
-    after_grasp_s: float = 0.0
-    after_release_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check both."""
-        for name in ("after_grasp_s", "after_release_s"):
-            if finite_scalar(getattr(self, name), name, SimulationError) < 0.0:
-                raise SimulationError(f"{name} must not be negative, got {getattr(self, name)}")
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """How the execution of a plan ended.
-
-    Attributes:
-        failure: None, or why it stopped early, as one sentence.
-        duration_s: simulated time it took.
-    """
-
-    failure: str | None
-    duration_s: float
-
-    @property
-    def is_success(self) -> bool:
-        """Whether every step was done."""
-        return self.failure is None
+MOVED_M = 1e-6
+"""A body pushed or fallen by less was not; contacts are found to 1e-8 m."""
 
 
 class Simulation:
@@ -81,7 +48,6 @@ class Simulation:
 
     Attributes:
         world: what is moved.
-        time_s: simulated time since the start.
         grippers: left and right gripper by side.
     """
 
@@ -92,6 +58,7 @@ class Simulation:
         *,
         tick_s: float = DEFAULT_TICK_S,
         dwell: Dwell | None = None,
+        check_contacts: bool = True,
     ) -> None:
         """At time zero.
 
@@ -100,18 +67,27 @@ class Simulation:
             observers: who is told, in this order.
             tick_s: time between snapshots, at least `SHORTEST_TICK_S`.
             dwell: pauses after gripper actions.
+            check_contacts: whether moves without a valid proof are looked at; without, the arm
+                passes through everything.
 
         Raises:
-            SimulationError: when `tick_s` is not such a number.
+            SimulationError: when `tick_s` is not such a number, or another argument is of another
+                class.
         """
         self.world = expect(world, World, "world", SimulationError)
-        self.time_s = 0.0
         self.grippers = {side: Gripper(world, side) for side in world.hands}
         self._observers = expect_all(observers, Observer, "the observers", SimulationError)
-        self._tick_s = _checked_tick(tick_s)
+        self._clock = Clock(tick_s)
         self._dwell = Dwell() if dwell is None else expect(dwell, Dwell, "dwell", SimulationError)
-        self._next_tick = 0
+        self._checks = expect(check_contacts, bool, "check_contacts", SimulationError)
+        self._watch = ContactWatch(world)
+        self._is_as_planned = False
         self._caption = ""
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the start."""
+        return self._clock.time_s
 
     def enable(self) -> None:
         """Switch the robot on, as the original does before it moves."""
@@ -163,12 +139,18 @@ class Simulation:
         self._check_start(expect(plan, Plan, "plan", SimulationError))
         started = self.time_s
         failure = None
+        self._is_as_planned = is_as_planned(self.world, plan)
         for step in plan:
             self._caption = f"{title}{step.label}"
             failure = self._do(plan.limb, step)
             if failure is not None:
                 break
         return Outcome(failure, self.time_s - started)
+
+    def finish(self) -> None:
+        """Show the world as it is now, unless the last tick did; a run ends between two ticks."""
+        if self._clock.is_past_tick:
+            self._show()
 
     def _check_start(self, plan: Plan) -> None:
         if plan.failure is not None:
@@ -181,50 +163,85 @@ class Simulation:
             )
 
     def _do(self, limb: str, step: Step) -> str | None:
-        """One step; returns why it failed, or None. Only a close can fail."""
-        if isinstance(step, Grip) and step.action is GripperAction.CLOSE:
-            return self._close(limb, step)
+        """One step; returns why it failed, or None."""
         if isinstance(step, Move):
-            self._move(limb, step)
-        else:
-            self._open(limb)
+            return self._move(limb, step)
+        if step.action is GripperAction.CLOSE:
+            return self._close(limb, step)
+        self._open(limb)
         return None
 
-    def _move(self, limb: str, move: Move) -> None:
+    def _move(self, limb: str, move: Move) -> str | None:
         if move.ik is not None:
             self._caption += f" (IK: {move.ik.label})"
         self._tell(EventKind.MOVE_STARTED, self._caption, move)
-        duration_s = move.trajectory.duration
-        ticks = self._tick_s * np.array(self._ticks_within(duration_s), dtype=np.float64)
-        times = np.clip(np.append(ticks - self.time_s, duration_s), 0.0, duration_s)
+        begin_s, end_s = self.time_s, move.trajectory.duration
+        for contact in self._contacts(limb, move):
+            end_s = contact.free_s if contact.stops else contact.time_s
+            self._follow(limb, move, begin_s, end_s)
+            self._tell(EventKind.HIT, sentences.of_contact(contact, limb), detail=contact)
+            if contact.stops:
+                return f"{move.label}: {sentences.of_stop(contact, limb)}"
+        self._follow(limb, move, begin_s, move.trajectory.duration)
+        return None
+
+    def _contacts(self, limb: str, move: Move) -> list[Contact]:
+        is_proven = self._is_as_planned and move.proof is not None
+        return [] if is_proven or not self._checks else self._watch.along(limb, move.trajectory)
+
+    def _follow(self, limb: str, move: Move, begin_s: float, end_s: float) -> None:
+        """Follow a move that began at a time, until so long after."""
+        duration_s = begin_s + end_s - self.time_s
+        ticks = self._clock.ticks_until(self.time_s + duration_s)
+        times = np.clip(np.append(ticks - begin_s, end_s), 0.0, end_s)
         path = iter(move.trajectory.sample(times).q)
         self._advance(duration_s, lambda _: self.world.move_arm(limb, next(path)))
 
     def _close(self, limb: str, grip: Grip) -> str | None:
         gripper = self.grippers[limb]
-        closing = gripper.closing()
-        self._slide(limb, closing.finger_m)
+        closing = gripper.closing(grip.body)
+        self._slide(limb, closing.finger_m, lambda _: self._push(limb, closing))
         gripper.finish(closing)
+        self._pushed(limb, closing)
         if closing.grasp is None:
-            return self._missed(limb, grip)
+            return self._missed(limb, grip, closing)
         self._grasped(closing, gripper.state.percent)
         self.wait(self._dwell.after_grasp_s)
         if grip.body is not None and closing.body != grip.body:
             return f"{grip.label}: grasped {closing.body} instead of {grip.body}"
         return None
 
-    def _grasped(self, closing: Closing, percent: float) -> None:
-        width = 0.0 if closing.grasp is None else closing.grasp.width_m
-        self._tell(
-            EventKind.GRASPED,
-            f"{closing.body} grasped, {1e3 * width:.1f} mm between the pads ({percent:.0f} % open)",
-        )
+    def _push(self, limb: str, closing: Closing) -> None:
+        self.grippers[limb].close_to(closing, self.world.finger_m(limb))
 
-    def _missed(self, limb: str, grip: Grip) -> str:
-        gap = 1e3 * self.grippers[limb].gap_m
-        wanted = f" on {grip.body}" if grip.body else ""
-        text = f"missed: the fingers closed fully{wanted}, {gap:.1f} mm apart, and hold nothing"
-        self._tell(EventKind.MISSED, text)
+    def _pushed(self, limb: str, closing: Closing) -> None:
+        """Tell what was pushed; what is not held comes to rest."""
+        for push in closing.pushes:
+            if push.distance_m > MOVED_M and not push.is_riding:
+                self._tell(EventKind.PUSHED, sentences.of_push(push, limb), detail=push)
+            if push.body != closing.body and not push.is_riding:
+                self._is_as_planned = False
+                self._settle(push.body)
+
+    def _settle(self, name: str) -> None:
+        """Let a body come to rest at once, and tell when that moved it."""
+        rest = self.world.settle(name)
+        if rest.fall_m > MOVED_M:
+            self._settled(name, rest)
+
+    def _settled(self, name: str, rest: Rest) -> None:
+        self._tell(EventKind.SETTLED, sentences.of_rest(name, rest), detail=rest)
+
+    def _grasped(self, closing: Closing, percent: float) -> None:
+        if closing.body is not None and closing.grasp is not None:
+            self._is_as_planned &= not self.world.riders(closing.body)
+            text = sentences.of_grasp(closing.body, closing.grasp, percent)
+            self._tell(EventKind.GRASPED, text, detail=closing.grasp)
+
+    def _missed(self, limb: str, grip: Grip, closing: Closing) -> str:
+        gap_m, is_closed = self.grippers[limb].gap_m, closing.finger_m == 0.0
+        text = sentences.of_miss(closing.miss, grip.body, gap_m, is_closed=is_closed)
+        self._tell(EventKind.MISSED, text, detail=closing.miss)
         return f"{grip.label}: {text}"
 
     def _open(self, limb: str) -> None:
@@ -240,20 +257,16 @@ class Simulation:
 
     def _let_go(self, limb: str, name: str) -> None:
         """Open the fingers while the body falls to its rest."""
+        self._is_as_planned = False
         rest = self.world.rest(name)
-        T_from = self.world.body(name).T_base_body
-        fall_s = math.sqrt(2 * rest.fall_m / GRAVITY_M_S2)
-
-        def fall(t: float) -> None:
-            if t < fall_s:
-                drop = np.array([0.0, 0.0, GRAVITY_M_S2 * t * t / 2])
-                self.world.place_body(name, pin.SE3(T_from.rotation, T_from.translation - drop))
-            else:
-                self.world.place_body(name, rest.T_base_body)
-
-        self._slide(limb, self.grippers[limb].open_m, fall, at_least_s=fall_s)
-        support = self.world.settle(name).support
-        self._tell(EventKind.SETTLED, f"{name} at rest on {support}")
+        self._slide(
+            limb,
+            self.grippers[limb].open_m,
+            lambda t: self.world.carry(name, rest.pose(t)),
+            at_least_s=rest.duration_s,
+        )
+        self.world.settle(name)
+        self._settled(name, rest)
 
     def _slide(
         self,
@@ -276,19 +289,7 @@ class Simulation:
 
     def _advance(self, duration_s: float, update: Callable[[float], None]) -> None:
         """Let time pass: bring the world to each tick, show it, and end exactly at the end."""
-        begin_s = self.time_s
-        for tick in self._ticks_within(duration_s):
-            self.time_s = tick * self._tick_s
-            self._next_tick = tick + 1
-            update(self.time_s - begin_s)
-            self._show()
-        update(duration_s)
-        self.time_s = begin_s + duration_s
-
-    def _ticks_within(self, duration_s: float) -> range:
-        """Numbers of the ticks from now until then."""
-        last = math.floor((self.time_s + duration_s) / self._tick_s)
-        return range(self._next_tick, last + 1)
+        self._clock.advance(duration_s, update, self._show)
 
     def _show(self) -> None:
         snapshot = Snapshot(
@@ -302,15 +303,13 @@ class Simulation:
             observer.on_snapshot(snapshot)
 
     def _tell(
-        self, kind: EventKind, text: str, step: Step | None = None, body: Body | None = None
+        self,
+        kind: EventKind,
+        text: str,
+        step: Step | None = None,
+        body: Body | None = None,
+        detail: Detail | None = None,
     ) -> None:
-        event = Event(self.time_s, kind, text, step, body)
+        event = Event(self.time_s, kind, text, step, body, detail)
         for observer in self._observers:
             observer.on_event(event)
-
-
-def _checked_tick(tick_s: float) -> float:
-    checked = positive_scalar(tick_s, "tick_s", SimulationError)
-    if checked < SHORTEST_TICK_S:
-        raise SimulationError(f"tick_s must be at least {SHORTEST_TICK_S:g} s, got {checked:g}")
-    return checked

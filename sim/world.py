@@ -1,8 +1,7 @@
 """World: the one place where things move. Robot, fingers, bodies, what supports and holds what.
 
-Kinematic: bodies have no mass and do not tip. A body let go turns its most level face down and
-falls straight until it touches something. The model's limits: it may come to rest on an edge where
-a real block would topple, and nothing is ever pushed but by closing fingers.
+Kinematic: bodies have no mass. What stands on a body goes where that goes, however fast. How bodies
+fall is on `sim.falling`, how closing fingers push them on `sim.closing`; nothing else pushes them.
 """
 
 from __future__ import annotations
@@ -17,15 +16,14 @@ from numpy.typing import ArrayLike
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.errors import expect
-from baxter_kin.frames import BASE_HEIGHT_M, PoseLike, checked_pose
-from planner import Body, Hand, Part, RobotShapes, Scene
-from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
+from baxter_kin.frames import PoseLike, checked_pose
+from planner import Body, Hand, RobotShapes, Scene
+from planner.contact import PRESSING_TOLERANCE_M
 from planner.errors import SceneError
 from sim.errors import SimulationError
+from sim.falling import FLOOR, FLOOR_Z_M, Rest, come_to_rest
 
-FLOOR_Z_M = -BASE_HEIGHT_M
-FLOOR = "floor"
-UP = np.array([0.0, 0.0, 1.0])
+__all__ = ["FLOOR", "FLOOR_Z_M", "Holding", "Rest", "World"]
 
 ROUNDING_RAD = 1e-9
 """How far a trajectory may leave the joint limits by rounding."""
@@ -42,21 +40,6 @@ class Holding:
 
     body: str
     T_tip_body: pin.SE3
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Rest:
-    """Where a body comes to rest.
-
-    Attributes:
-        T_base_body: its pose there.
-        support: the body below, or the floor.
-        fall_m: how far it falls, not negative.
-    """
-
-    T_base_body: pin.SE3
-    support: str
-    fall_m: float
 
 
 class World:
@@ -78,7 +61,9 @@ class World:
         self._bodies: dict[str, Body] = {}  # as they were spawned
         self._poses: dict[str, pin.SE3] = {}  # where they are now
         self._held: dict[str, Holding] = {}
-        self._arm_indices = {s: list(robot.indices(a.joint_names)) for s, a in robot.arms.items()}
+        self._arm_indices = {
+            s: np.array(robot.indices(a.joint_names)) for s, a in robot.arms.items()
+        }
         self._finger_indices = {
             s: list(robot.indices(h.joint_names)) for s, h in self.hands.items()
         }
@@ -172,13 +157,44 @@ class World:
         Raises:
             SceneError: when it is not there.
         """
-        del self._bodies[self._known(name)], self._poses[name]
+        loose = self.riders(name)
+        del self._bodies[name], self._poses[name]
         self.supports.pop(name, None)
         self._held = {side: held for side, held in self._held.items() if held.body != name}
-        self._drop_from(name)
+        for rider in loose:
+            self.supports.pop(rider)
+        for rider in loose:
+            self.settle(rider)
 
     def place_body(self, name: str, T_base_body: PoseLike) -> None:
-        """Put a body somewhere, as it is.
+        """Put a body somewhere, as it is; what stands on it goes along.
+
+        It stands on what it touches below it then, and hangs in the air when that is nothing.
+
+        Raises:
+            SceneError: when it is not there.
+            PoseError: when the pose is none.
+            SimulationError: when a hand holds it.
+        """
+        self.carry(name, T_base_body)
+        self.supports.pop(name, None)
+        rest = self.rest(name)
+        if rest.fall_m <= PRESSING_TOLERANCE_M:
+            self.supports[name] = rest.support
+
+    def carry(self, name: str, T_base_body: PoseLike) -> None:
+        """Put a body somewhere on its way, what stands on it with it; nobody asks what is below.
+
+        Raises:
+            SceneError: when it is not there.
+            PoseError: when the pose is none.
+            SimulationError: when a hand holds it.
+        """
+        self._refuse_held(self._known(name))
+        self._put(name, checked_pose(T_base_body))
+
+    def slide(self, name: str, T_base_body: PoseLike) -> None:
+        """Put one body somewhere on its way, and nothing else.
 
         Raises:
             SceneError: when it is not there.
@@ -188,33 +204,38 @@ class World:
         self._refuse_held(self._known(name))
         self._poses[name] = checked_pose(T_base_body)
 
+    def riders(self, name: str) -> tuple[str, ...]:
+        """Names of the bodies that stand on a body, and on these, from below up.
+
+        Raises:
+            SceneError: when it is not there.
+        """
+        found = [self._known(name)]
+        for below in found:  # grows: what stands on a rider rides too
+            found += [n for n, s in self.supports.items() if s == below and n not in found]
+        return tuple(found[1:])
+
     def rest(self, name: str) -> Rest:
         """Where a body would come to rest if let go where it is.
 
         Raises:
             SceneError: when it is not there.
         """
-        body = _levelled(self.body(name))
-        lifted = body.at(_raised(body.T_base_body, PRESSING_TOLERANCE_M))
-        drop, support = lifted.extent_m(UP)[0] - FLOOR_Z_M, FLOOR
-        for other in self.scene:
-            if other.name != name:
-                travel = _fall(lifted, other, drop)
-                if travel is not None and travel < drop:
-                    drop, support = travel, other.name
-        T_rest = _raised(lifted.T_base_body, -drop)
-        return Rest(T_rest, support, max(0.0, drop - PRESSING_TOLERANCE_M))
+        along = {self._known(name), *self.riders(name)}
+        return come_to_rest(self.body(name), [b for b in self.scene if b.name not in along])
 
     def settle(self, name: str) -> Rest:
-        """Let a body come to rest, at once.
+        """Let a body come to rest, at once; what stands on it goes along and settles after it.
 
         Raises:
             SceneError: when it is not there.
             SimulationError: when a hand holds it.
         """
         rest = self.rest(name)
-        self.place_body(name, rest.T_base_body)
+        self.carry(name, rest.T_base_body)
         self.supports[name] = rest.support
+        for rider in [n for n, below in self.supports.items() if below == name]:
+            self.settle(rider)
         return rest
 
     def attach(self, side: str, name: str, T_tip_body: PoseLike) -> None:
@@ -231,7 +252,7 @@ class World:
             raise SimulationError(f"the {side} hand already holds {self._held[side].body!r}")
         self._refuse_held(name)
         self._held[side] = Holding(name, checked_pose(T_tip_body))
-        self.supports.pop(name, None)
+        self.supports.pop(name, None)  # what stands on it still does, and is carried along
         self._carry(side)
 
     def detach(self, side: str) -> str | None:
@@ -253,50 +274,15 @@ class World:
             if held.body == name:
                 raise SimulationError(f"{name!r} is in the {side} hand; open it first")
 
-    def _drop_from(self, support: str) -> None:
-        """Let fall what stood on a body, and what stood on that."""
-        loose = [support]
-        for below in loose:  # grows: what stands on a loose body is loose too
-            loose += [n for n, s in self.supports.items() if s == below and n not in loose]
-        for name in loose[1:]:
-            self.settle(name)
-
     def _carry(self, side: str) -> None:
         held = self._held.get(side)
         if held is not None:
-            self._poses[held.body] = self.T_base_tip(side) * held.T_tip_body
+            self._put(held.body, self.T_base_tip(side) * held.T_tip_body)
 
-
-def _raised(T_base_body: pin.SE3, height_m: float) -> pin.SE3:
-    lift = np.array([0.0, 0.0, height_m])
-    return pin.SE3(T_base_body.rotation, T_base_body.translation + lift)
-
-
-def _levelled(body: Body) -> Body:
-    """The body turned about its centre, by the least angle that makes one of its axes vertical.
-
-    A long one rises as much as its turning would otherwise push it down.
-    """
-    R = body.T_base_body.rotation
-    axis = int(np.abs(R[2]).argmax())
-    up = R[:, axis] * np.sign(R[2, axis])
-    turn = pin.Quaternion.FromTwoVectors(up, UP).toRotationMatrix()
-    centre = body.centre_base
-    shifted = centre + turn @ (body.T_base_body.translation - centre)
-    turned = body.at(pin.SE3(turn @ R, shifted))
-    sunk_m = body.extent_m(UP)[0] - turned.extent_m(UP)[0]
-    return turned.at(_raised(turned.T_base_body, max(0.0, sunk_m)))
-
-
-def _fall(body: Body, other: Body, room_m: float) -> float | None:
-    """How far a body falls until it touches another one; None if it passes."""
-    travels = (
-        travel_to_contact(_in_base(body, part), -UP, _in_base(other, below), room_m)
-        for part in body.parts
-        for below in other.parts
-    )
-    return min((travel for travel in travels if travel is not None), default=None)
-
-
-def _in_base(body: Body, part: Part) -> Part:
-    return Part(part.shape, body.T_base_body * part.T_body_part)
+    def _put(self, name: str, T_base_body: pin.SE3) -> None:
+        riders = self.riders(name)
+        if riders:
+            motion = T_base_body * self._poses[name].inverse()
+            for rider in riders:
+                self._poses[rider] = motion * self._poses[rider]
+        self._poses[name] = T_base_body

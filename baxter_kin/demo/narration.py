@@ -58,7 +58,7 @@ class Narrator(Observer):
         )
 
 
-_TOLD = {EventKind.GRASPED, EventKind.RELEASED, EventKind.MISSED}
+_TOLD = {EventKind.GRASPED, EventKind.RELEASED, EventKind.MISSED, EventKind.HIT}
 
 
 def _row(move: Move) -> str:

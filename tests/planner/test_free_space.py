@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from baxter_kin import ConfigurationError
 from planner import Body, ClearanceChecker, Manipulator, Scene, SceneError
 from planner.collision import Held
-from planner.contact import PRESSING_TOLERANCE_M
-from planner.free_space import FreeSpace
+from planner.contact import PRESSING_TOLERANCE_M, has_depth
+from planner.free_space import FreeSpace, Touches
 from tests.conftest import at, overhead
 from tests.planner.walls import Room, wall
 
@@ -65,6 +65,23 @@ def test_a_margin_is_kept_exactly_where_the_clearance_is_above_it(
 
     if abs(distance - margin_m) > DISTANCE_TOLERANCE_M:
         assert space.with_margin(margin_m).is_free(q) == (distance > margin_m)
+
+
+@settings(max_examples=60)
+@given(seeds, st.sampled_from([-PRESSING_TOLERANCE_M, -0.02]))
+def test_below_a_margin_of_zero_shapes_may_be_so_deep_inside_each_other(
+    room: Room, seed: int, margin_m: float
+) -> None:
+    full = next(room.manipulator.configurations(near(room, seed)[None], 0.02))
+    checker = ClearanceChecker(room.manipulator.shapes, room.manipulator.arm, Scene.of([wall()]))
+    shapes = checker.geometry.geometryObjects
+    distances = np.array(checker.distances_m(full, range(len(checker.pairs))))
+    deep = [
+        distance < (margin_m if all(has_depth(shapes[i].geometry) for i in pair) else 0.0)
+        for distance, pair in zip(distances, checker.pairs.tolist(), strict=True)
+    ]
+    if np.abs(distances[:, None] - [margin_m, 0.0]).min() > DISTANCE_TOLERANCE_M:
+        assert Touches(checker, margin_m)(full) == any(deep)
 
 
 @settings(max_examples=30)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from baxter_kin import PoseError
-from planner import Body, Box, SceneError, load_object
-from planner.objects import URDF_FOLDER
+from planner import Body, Box, SceneError, load_object, make_block
+from planner.objects import COLOURS, URDF_FOLDER
 from tests.conftest import at
 
 ROUNDING_M = 1e-12
@@ -86,3 +86,49 @@ def test_refuses_a_name_that_is_none(name: Any) -> None:
 def test_refuses_a_pose_that_is_none(pose: Any) -> None:
     with pytest.raises(PoseError):
         load_object("block", pose)
+
+
+class TestBlocks:
+    """Blocks of any size and colour."""
+
+    def test_a_block_is_a_movable_cube_of_5_cm_about_its_centre(self) -> None:
+        block = make_block("b", at(0.7, 0.1, 0.0))
+        assert block.parts[0].shape == Box((0.05, 0.05, 0.05))
+        assert block.centre_base == pytest.approx([0.7, 0.1, 0.0], abs=ROUNDING_M)
+        assert block.is_movable
+
+    def test_a_block_may_have_three_edges(self) -> None:
+        block = make_block("b", at(0.0, 0.0, 0.0), edge_m=(0.02, 0.03, 0.04))
+        assert block.parts[0].shape == Box((0.02, 0.03, 0.04))
+
+    @pytest.mark.parametrize("colour", sorted(COLOURS))
+    def test_a_block_named_after_a_colour_has_it(self, colour: str) -> None:
+        named = make_block(colour, at(0.0, 0.0, 0.0))
+        asked = make_block("b", at(0.0, 0.0, 0.0), colour=colour)
+        assert named.parts[0].rgba == asked.parts[0].rgba == COLOURS[colour]
+
+    def test_a_block_of_another_name_is_grey(self) -> None:
+        assert make_block("b", at(0.0, 0.0, 0.0)).parts[0].rgba == COLOURS["grey"]
+
+    def test_red_is_the_red_of_the_demos_block(self) -> None:
+        theirs = load_object("block", at(0.0, 0.0, 0.0)).parts[0].rgba
+        assert make_block("red", at(0.0, 0.0, 0.0)).parts[0].rgba == pytest.approx(theirs, abs=1e-6)
+
+    def test_a_colour_may_be_given_in_numbers(self) -> None:
+        block = make_block("b", at(0.0, 0.0, 0.0), colour=(0.1, 0.2, 0.3, 0.4))
+        assert block.parts[0].rgba == (0.1, 0.2, 0.3, 0.4)
+
+    @pytest.mark.parametrize("edge_m", [0.0, -0.05, np.nan, None, "5 cm", (0.05, 0.05), [], 99.0])
+    def test_an_edge_that_is_none_is_refused(self, edge_m: Any) -> None:
+        with pytest.raises(SceneError, match="edge"):
+            make_block("b", at(0.0, 0.0, 0.0), edge_m=edge_m)
+
+    @pytest.mark.parametrize("colour", ["pink", "", 5, (1.0, 0.0, 0.0), (2.0, 0, 0, 1), [None] * 4])
+    def test_a_colour_that_is_none_is_refused(self, colour: Any) -> None:
+        with pytest.raises(SceneError, match="colour"):
+            make_block("b", at(0.0, 0.0, 0.0), colour=colour)
+
+    @pytest.mark.parametrize("name", ["", None, 5, ["red"]])
+    def test_a_block_without_a_name_is_refused(self, name: Any) -> None:
+        with pytest.raises(SceneError, match="needs a name"):
+            make_block(name, at(0.0, 0.0, 0.0))

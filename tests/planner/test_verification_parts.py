@@ -256,12 +256,12 @@ def test_a_tolerance_is_a_number_not_below_zero(value: Any) -> None:
         Tolerances(tip_m=value)
 
 
-def test_a_situation_has_the_fingers_of_the_arm_open(
+def test_a_situation_has_the_fingers_of_both_hands_open_as_a_new_world_has(
     manipulator: Manipulator, scene: Scene
 ) -> None:
     joints = Situation.of(manipulator, scene).joints
     assert joints["l_gripper_l_finger_joint"] == manipulator.hand.stroke_m
-    assert joints["r_gripper_l_finger_joint"] == 0.0
+    assert joints["r_gripper_l_finger_joint"] == manipulator.hand.stroke_m
     assert list(joints) == list(manipulator.robot.joint_names)
 
 

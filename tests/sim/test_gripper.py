@@ -185,6 +185,12 @@ def test_a_closing_that_is_none_is_refused(gripper: Gripper, closing: Any) -> No
         gripper.finish(closing)
 
 
+@pytest.mark.parametrize("wanted", [5, ["block"], {}])
+def test_a_wanted_body_that_is_no_name_is_refused(gripper: Gripper, wanted: Any) -> None:
+    with pytest.raises(SimulationError, match="wanted body"):
+        gripper.closing(wanted)
+
+
 @pytest.mark.parametrize("side", ["middle", "", None, 5, ["left"]])
 def test_an_unknown_side_is_refused(world: World, side: Any) -> None:
     with pytest.raises(UnknownNameError, match="use one of: left, right"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ from sim import (
     EventKind,
     Observer,
     Outcome,
+    Push,
     Simulation,
     SimulationError,
     Snapshot,
@@ -144,6 +146,7 @@ class TestCycle:
             EventKind.OPENED,
             EventKind.MOVE_STARTED,
             EventKind.MOVE_STARTED,
+            EventKind.PUSHED,
             EventKind.GRASPED,
             EventKind.MOVE_STARTED,
             EventKind.MOVE_STARTED,
@@ -225,15 +228,40 @@ class TestCycle:
         for offset in offsets:
             assert offset == pytest.approx(offsets[0], abs=RIGID)
 
-    def test_the_block_rests_until_it_is_grasped(self, cycle: tuple[Run, Outcome]) -> None:
+    def test_the_block_rests_until_a_finger_touches_it(self, cycle: tuple[Run, Outcome]) -> None:
         run, _ = cycle
-        grasped_s = next(e.time_s for e in run.witness.events if e.kind is EventKind.GRASPED)
         poses = [
             snapshot.T_base_bodies["block"].homogeneous.tolist()
             for snapshot in run.witness.snapshots
-            if snapshot.time_s <= grasped_s
+            if snapshot.time_s <= self.touched_s(run)
         ]
+        assert len(poses) > 100
         assert all(pose == poses[0] for pose in poses)
+
+    def test_the_block_slides_with_the_finger_until_the_other_touches(
+        self, cycle: tuple[Run, Outcome]
+    ) -> None:
+        run, _ = cycle
+        begin_s, end_s = self.touched_s(run), self.grasped_s(run)
+        slides = [
+            (shot.time_s, shot.T_base_bodies["block"].translation)
+            for shot in run.witness.snapshots
+            if begin_s <= shot.time_s <= end_s
+        ]
+        assert len(slides) > 2
+        for (before_s, before), (after_s, after) in pairwise(slides):
+            speed = np.linalg.norm(after - before) / (after_s - before_s)
+            assert speed == pytest.approx(FINGER_SPEED_M_S, abs=1e-6)
+
+    @staticmethod
+    def grasped_s(run: Run) -> float:
+        return next(e.time_s for e in run.witness.events if e.kind is EventKind.GRASPED)
+
+    def touched_s(self, run: Run) -> float:
+        """When the first pad touches."""
+        push = next(e.detail for e in run.witness.events if e.kind is EventKind.PUSHED)
+        assert isinstance(push, Push)
+        return self.grasped_s(run) - push.distance_m / FINGER_SPEED_M_S
 
     def test_the_table_never_moves(self, cycle: tuple[Run, Outcome], table: Body) -> None:
         for snapshot in cycle[0].witness.snapshots:
@@ -362,7 +390,7 @@ class TestMiss:
         assert not outcome.is_success
         assert outcome.failure == (
             "pick: close: missed: the fingers closed fully on block, 16.0 mm apart, and hold "
-            "nothing"
+            "nothing: block is 395 mm beside the tip and -2 mm ahead of it, not between the pads"
         )
 
     def test_the_gripper_reports_it(self, missed: tuple[Run, Outcome]) -> None:
@@ -630,3 +658,24 @@ class TestWaiting:
         for _ in range(3):
             run.simulation.wait(0.0)
         assert [snapshot.time_s for snapshot in run.witness.snapshots] == [0.0]
+
+
+class TestFinishing:
+    """A run ends between two ticks; its end can be shown."""
+
+    def test_the_end_is_shown_once(self, run: Run) -> None:
+        run.simulation.wait(0.123)
+        run.simulation.finish()
+        assert [shot.time_s for shot in run.witness.snapshots][-2:] == [0.12, 0.123]
+
+    def test_an_end_that_a_tick_has_shown_is_not_shown_again(self, run: Run) -> None:
+        run.simulation.wait(0.0)
+        run.simulation.finish()
+        assert [shot.time_s for shot in run.witness.snapshots] == [0.0]
+
+    def test_ticks_go_on_as_before(self, run: Run) -> None:
+        run.simulation.wait(0.015)
+        run.simulation.finish()
+        run.simulation.wait(0.015)
+        times = [shot.time_s for shot in run.witness.snapshots]
+        assert times == pytest.approx([0.0, 0.01, 0.015, 0.02, 0.03], abs=TIME_S)

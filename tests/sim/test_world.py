@@ -119,8 +119,12 @@ class TestSettling:
         heights = [lowest(world, name) - TABLE_Z_M for name in "abc"]
         assert heights == pytest.approx([0.0, 0.05, 0.10], abs=3 * REST_M)
 
-    def test_a_body_over_an_edge_rests_on_it(self, world: World) -> None:
-        assert world.spawn(cube("b", 0.5435 - 0.024, 0.0, 0.0)) == "table"
+    def test_a_body_whose_centre_is_on_the_table_rests_at_its_edge(self, world: World) -> None:
+        assert world.spawn(cube("b", 0.5435 + 1e-4, 0.0, 0.0)) == "table"
+
+    def test_a_body_whose_centre_is_beyond_the_edge_falls_off(self, world: World) -> None:
+        assert world.spawn(cube("b", 0.5435 - 1e-4, 0.0, 0.0)) == FLOOR
+        assert lowest(world, "b") == pytest.approx(FLOOR_Z_M, abs=REST_M)
 
     @pytest.mark.parametrize("gap", [1e-5, 1e-4, 5e-4, 2e-3])
     def test_a_body_falls_past_another_that_it_does_not_touch(
@@ -284,6 +288,57 @@ class TestSpawnAndDelete:
         world.q[:] = 99.0
         assert world.body("block").T_base_body.translation.any()
         assert world.q.max() < 99.0
+
+
+class TestRiders:
+    """What stands on a body goes where that goes."""
+
+    @pytest.fixture
+    def tower(self, world: World) -> World:
+        """Three cubes on each other."""
+        for name in "abc":
+            world.spawn(cube(name, 0.7, 0.1, 0.3))
+        return world
+
+    def test_a_body_put_elsewhere_takes_along_what_stands_on_it(self, tower: World) -> None:
+        tower.place_body("a", at(0.9, -0.2, TABLE_Z_M + 0.025))
+        centres = [tower.body(name).centre_base for name in "abc"]
+        for centre, height in zip(centres, (0.025, 0.075, 0.125), strict=True):
+            assert centre == pytest.approx([0.9, -0.2, TABLE_Z_M + height], abs=3 * REST_M)
+        assert tower.supports == {"a": "table", "b": "a", "c": "b"}
+
+    def test_a_body_taken_off_a_tower_is_no_rider_any_more(self, tower: World) -> None:
+        tower.place_body("b", at(0.9, -0.2, TABLE_Z_M + 0.025))
+        assert tower.supports == {"a": "table", "b": "table", "c": "b"}
+        before = tower.body("b").T_base_body
+        tower.place_body("a", at(0.6, 0.2, TABLE_Z_M + 0.025))
+        assert tower.body("b").T_base_body == before
+
+    def test_a_body_put_into_the_air_stands_on_nothing(self, tower: World) -> None:
+        tower.place_body("c", at(0.9, -0.2, 0.3))
+        assert "c" not in tower.supports
+        assert tower.body("c").centre_base[2] == 0.3
+
+    def test_a_hand_carries_what_stands_on_the_held_body(self, tower: World) -> None:
+        T_tip_a = tower.T_base_tip("left").inverse() * tower.body("a").T_base_body
+        tower.attach("left", "a", T_tip_a)
+        before = {
+            name: tower.T_base_tip("left").actInv(tower.body(name).centre_base) for name in "abc"
+        }
+        tower.move_arm("left", tower.robot.arm("left").start)
+        for name, seen in before.items():
+            now = tower.T_base_tip("left").actInv(tower.body(name).centre_base)
+            assert now == pytest.approx(seen, abs=1e-9)
+
+    def test_riders_are_told_from_below_up(self, tower: World) -> None:
+        assert tower.riders("a") == ("b", "c")
+        assert tower.riders("c") == ()
+
+    def test_a_tower_let_go_settles_as_one(self, tower: World) -> None:
+        tower.carry("a", at(0.8, 0.0, TABLE_Z_M + 0.1))
+        tower.settle("a")
+        heights = [lowest(tower, name) - TABLE_Z_M for name in "abc"]
+        assert heights == pytest.approx([0.0, 0.05, 0.10], abs=3 * REST_M)
 
 
 class TestHolding:

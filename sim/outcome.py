@@ -1,0 +1,45 @@
+"""What the execution of a plan is given, and what it gives: dwells, and an outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from baxter_kin.arrays import finite_scalar
+from sim.errors import SimulationError
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell:
+    """Pauses after gripper actions; none by default, where the original waits a second.
+
+    Attributes:
+        after_grasp_s: once both pads are on the body.
+        after_release_s: once the fingers are open.
+    """
+
+    after_grasp_s: float = 0.0
+    after_release_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check both."""
+        for name in ("after_grasp_s", "after_release_s"):
+            if finite_scalar(getattr(self, name), name, SimulationError) < 0.0:
+                raise SimulationError(f"{name} must not be negative, got {getattr(self, name)}")
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How the execution of a plan ended.
+
+    Attributes:
+        failure: None, or why it stopped early, as one sentence.
+        duration_s: simulated time it took.
+    """
+
+    failure: str | None
+    duration_s: float
+
+    @property
+    def is_success(self) -> bool:
+        """Whether every step was done."""
+        return self.failure is None
