@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
 from sim.keyframes import frame_samples, telling_samples
-from sim.meshcat_commands import Command, set_property
+from sim.meshcat_commands import Command, set_property, short_numbers
 from sim.recording import Recording
 from sim.scenegraph import RobotTree, body_path
 
@@ -19,6 +19,9 @@ JOINT_TOLERANCE = 2e-4
 
 POSE_TOLERANCE = 2e-4
 """How far a replayed body may be off: metres, and parts of a unit quaternion."""
+
+VALUE_STEP = 2.0**-15
+"""Values are rounded to this, metres or parts of a unit quaternion: a sixth of the tolerances."""
 
 _TYPES = {"position": "vector", "quaternion": "quaternion", "visible": "bool"}
 """What three.js calls the values of a property."""
@@ -59,7 +62,7 @@ class Track:
             "times": self.times_s.astype(np.float32),
             "values": [bool(value) for value in values]
             if self.key == "visible"
-            else values.astype(np.float32),
+            else short_numbers(values, VALUE_STEP),
         }
 
 

@@ -7,13 +7,14 @@ the scene, and reading it in order always gives the present scene.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import TypeAlias
 
 from sim.meshcat_commands import Command, packed
 
 Message: TypeAlias = "str | bytes"
-"""Bytes are a command of Meshcat, text is the caption."""
+"""Bytes are a command of Meshcat; text is JSON for the page: a topic and its value."""
 
 _DELETE = "delete"
 
@@ -39,9 +40,9 @@ class Letter:
         return cls(command["path"], topic, packed(command))
 
     @classmethod
-    def with_caption(cls, text: str) -> Letter:
-        """A letter with the caption."""
-        return cls("", "caption", text)
+    def for_page(cls, topic: str, value: object) -> Letter:
+        """A letter to the page itself: a topic it knows, such as "caption", and a value of JSON."""
+        return cls("", topic, json.dumps([topic, value]))
 
 
 class Mailbox:

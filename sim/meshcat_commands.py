@@ -75,13 +75,24 @@ def material(rgb: Rgb, *, opacity: float = 1.0, gloss: float = 0.16) -> Command:
     }
 
 
+def painted(*, gloss: float) -> Command:
+    """A lit surface in the colours of its geometry, which may have gaps to see through."""
+    white = material((1.0, 1.0, 1.0), gloss=gloss)
+    return white | {"vertexColors": True, "transparent": True}
+
+
 def glowing(rgb: Rgb) -> Command:
     """A surface of the same colour in light and shadow."""
     return {"type": "MeshBasicMaterial", "color": _hex(rgb), "side": _BOTH_SIDES}
 
 
 def triangles(
-    vertices: NDArray[Any], faces: NDArray[Any], normals: NDArray[Any] | None = None, **names: str
+    vertices: NDArray[Any],
+    faces: NDArray[Any],
+    normals: NDArray[Any] | None = None,
+    *,
+    colours: NDArray[Any] | None = None,
+    uuid: str | None = None,
 ) -> Command:
     """A geometry of triangles.
 
@@ -89,14 +100,28 @@ def triangles(
         vertices: shape (n, 3), int16 or float32.
         faces: shape (m, 3), uint16 or uint32.
         normals: shape (n, 3), of any length; int8 or float32.
-        **names: `uuid`, for a geometry drawn more than once.
+        colours: shape (n, 4), red, green, blue and opacity, 0 .. 1; float32.
+        uuid: a name, for a geometry drawn more than once.
     """
     attributes = {"position": _attribute(vertices)}
     if normals is not None:
         attributes["normal"] = _attribute(normals)
+    if colours is not None:
+        attributes["color"] = _attribute(colours)
     index = {"type": _array_name(faces), "array": faces.reshape(-1), "itemSize": 1}
     data = {"attributes": attributes, "index": index}
-    return {"type": "BufferGeometry", "data": data, **names}
+    geometry = {"type": "BufferGeometry", "data": data}
+    return geometry if uuid is None else geometry | {"uuid": uuid}
+
+
+def compact(faces: NDArray[Any]) -> NDArray[Any]:
+    """The same faces in 16 bits where these are enough, else in 32."""
+    return faces.astype(np.uint16 if faces.max(initial=0) < 2**16 else np.uint32)
+
+
+def short_numbers(values: NDArray[Any], step: float) -> NDArray[np.float32]:
+    """The values rounded to a step, a power of two: their last bits are 0, which gzip likes."""
+    return (np.round(values / step) * step).astype(np.float32)
 
 
 def packed(command: object) -> bytes:

@@ -1,39 +1,82 @@
-"""One self-contained HTML file that replays a recording: no network, no server, no installation.
+"""One self-contained HTML page that replays a recording: no network, no server, no installation.
 
 Meshcat's viewer, the robot, the bodies and their motion are all inside. Motion is kept as keyframes
-of joints and bodies, so a page of a minute weighs little more than the robot it shows.
+of joints and bodies, so a page of a minute weighs little more than the robot it shows. It goes to a
+file with `write_replay`, or into a notebook with `Replay`.
 """
 
 from __future__ import annotations
 
 import base64
 import html
+import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
-import numpy as np
-import pinocchio as pin
-
 from baxter_kin import Baxter
-from baxter_kin.arrays import Vector
+from baxter_kin.arrays import positive_scalar
 from sim.animation import animation_commands, recorded_tracks
 from sim.appearance import Appearance
 from sim.errors import RecordingError
-from sim.keyframes import frame_samples, telling_samples
-from sim.meshcat_commands import Command, Rgb, packed
+from sim.events import EventKind
+from sim.gripper_story import GripperPhase, gripper_timelines
+from sim.meshcat_commands import Command, packed
 from sim.recording import Recording
 from sim.scenegraph import RobotTree, body_commands, line_command, stage_commands
+from sim.tip_path import AHEAD_RGB, PATH_RADIUS_M, PathPiece, line_rgb, recorded_paths
 from sim.webpage import inside_script, page, viewer_bundle
 
 TITLE = "Baxter: pick and place"
 
-PATH_TOLERANCE_M = 1e-3
-PATH_RADIUS_M = 3e-3
-PATH_RGB: Rgb = (0.10, 0.48, 0.74)
+FRAME_HEIGHT_PX = 520
+"""Height of a replay in a notebook."""
 
-STILL_M = 5e-3
-"""A tip that moves no farther than this gets no line."""
+MARKS = {EventKind.GRASPED: "grasp", EventKind.RELEASED: "release", EventKind.MISSED: "miss"}
+"""Events that are marked above the time slider, and how they are called there."""
+
+
+class Replay:
+    """A replay that shows itself where a notebook prints it.
+
+    The page is in the notebook, as the `srcdoc` of a frame: it needs no file and no server beside
+    it, so it also plays in notebooks exported to HTML and with kernels on other machines.
+
+    Attributes:
+        html: the page, as `replay_html` gives it.
+        height_px: how high the frame is; it is as wide as the cell.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        robot: Baxter,
+        *,
+        height_px: int = FRAME_HEIGHT_PX,
+        title: str = TITLE,
+    ) -> None:
+        """Make the page.
+
+        Args:
+            recording: what happened.
+            robot: the robot it happened to.
+            height_px: how high the frame shall be.
+            title: shown on the page.
+
+        Raises:
+            RecordingError: when there is nothing to replay, the recording is of another robot, or
+                the height is not a positive number.
+        """
+        self.height_px = math.ceil(positive_scalar(height_px, "height_px", RecordingError))
+        self.html = replay_html(recording, robot, title=title)
+
+    def _repr_html_(self) -> str:
+        """The page in a frame, where it runs scripts but reaches neither notebook nor server."""
+        escaped = self.html.replace("&", "&amp;").replace('"', "&quot;")
+        return (
+            f'<iframe srcdoc="{escaped}" width="100%" height="{self.height_px}" '
+            'style="border: 0" sandbox="allow-scripts" title="Replay"></iframe>'
+        )
 
 
 def write_replay(
@@ -87,20 +130,24 @@ def _check(recording: Recording, robot: Baxter) -> None:
 
 
 def _content(recording: Recording, robot: Baxter, tree: RobotTree) -> Command:
-    """What the page decodes: commands in their order, the geometries they share, captions."""
-    start_s = float(recording.times_s[0])
+    """What the page decodes: commands in their order, the geometries they share, and the story."""
+    phases = gripper_timelines(recording)
+    pieces = {
+        f"/path/{number}": piece
+        for number, piece in enumerate(recorded_paths(recording, robot, phases))
+    }
     commands = [
         *stage_commands(),
         *tree.commands(),
         *(command for body in recording.bodies.values() for command in body_commands(body)),
-        *_tip_paths(recording, robot),
+        *(line for path, piece in pieces.items() for line in _lines(path, piece)),
         *animation_commands(recorded_tracks(recording, tree), recording.duration_s),
     ]
     return {
         "geometries": _shared_geometries(commands),
         "commands": commands,
-        "captions": [[float(time) - start_s, text] for time, text in recording.captions],
         "duration": recording.duration_s,
+        **_story(recording, phases, pieces),
     }
 
 
@@ -115,33 +162,41 @@ def _shared_geometries(commands: Iterable[Command]) -> dict[str, Command]:
     return shared
 
 
-def _tip_paths(recording: Recording, robot: Baxter) -> Iterator[Command]:
-    """A line for each arm's tip that moves."""
-    frames = frame_samples(recording.times_s)
-    for side, arm in robot.arms.items():
-        points = _tip_points(robot, arm.tip_frame, recording.q[frames])
-        if np.ptp(points, axis=0).max() > STILL_M:
-            yield line_command(f"/path/{side}", _thinned(points), PATH_RADIUS_M, PATH_RGB)
+def _lines(path: str, piece: PathPiece) -> tuple[Command, Command]:
+    """A piece of a tip's way twice: as it is drawn ahead of the tip, and behind it."""
+    rgb = line_rgb(piece.is_holding)
+    return (
+        line_command(f"{path}/ahead", piece.points_base, PATH_RADIUS_M, AHEAD_RGB, uuid=path),
+        line_command(f"{path}/behind", piece.points_base, PATH_RADIUS_M, rgb, uuid=path),
+    )
 
 
-def _tip_points(robot: Baxter, frame: str, q: Vector) -> Vector:
-    """Where a frame is at configurations (n, 19): points in base, shape (n, 3), metres."""
-    model, data = robot.model, robot.model.createData()
-    frame_id = model.getFrameId(frame)
-    points = np.empty((len(q), 3))
-    for row, configuration in enumerate(q):
-        pin.forwardKinematics(model, data, configuration)
-        points[row] = pin.updateFramePlacement(model, data, frame_id).translation
-    return points
-
-
-def _thinned(points: Vector) -> Vector:
-    """The points (n, 3) without those on the line between their neighbours, and without rests."""
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    travelled = np.concatenate([[0.0], np.cumsum(steps)])
-    moved = np.concatenate([[True], steps > 0.0])
-    points, travelled = points[moved], travelled[moved]
-    return points[telling_samples(travelled, points, PATH_TOLERANCE_M)]
+def _story(
+    recording: Recording,
+    phases: dict[str, list[tuple[float, GripperPhase]]],
+    pieces: dict[str, PathPiece],
+) -> Command:
+    """What the page says and marks, and when, in seconds from its beginning."""
+    start_s = float(recording.times_s[0])
+    moved = {piece.side for piece in pieces.values()}
+    active = [side for side in phases if side in moved or len(phases[side]) > 1]
+    return {
+        "captions": [[float(time) - start_s, text] for time, text in recording.captions],
+        "grippers": {
+            side: [[time - start_s, *phase.for_page()] for time, phase in phases[side]]
+            for side in active or phases
+        },
+        "marks": [
+            [event.time_s - start_s, MARKS[event.kind], event.text]
+            for event in recording.events
+            if event.kind in MARKS and start_s <= event.time_s <= start_s + recording.duration_s
+        ],
+        "paths": [
+            {"path": path, "times": (piece.times_s - start_s).tolist()}
+            for path, piece in pieces.items()
+        ],
+        "sides": active,
+    }
 
 
 def _replace_file(link: Path, text: str) -> None:

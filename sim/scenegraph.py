@@ -25,16 +25,26 @@ from sim.errors import SimulationError
 from sim.meshcat_commands import (
     Command,
     Rgb,
+    compact,
     glowing,
     material,
+    painted,
     set_object,
     set_property,
     set_transform,
+    short_numbers,
     triangles,
 )
 
-FLOOR_RADIUS_M = 2.6
-FLOOR_RGB: Rgb = (0.74, 0.76, 0.78)
+FLOOR_RADII_M = (0.0, 1.6, 2.4, 3.2)
+FLOOR_OPACITIES = (1.0, 1.0, 0.45, 0.0)
+"""The floor fades into the background, so that it has no edge."""
+
+TUBE_STEP_M = 2.0**-12
+"""Corners of tubes are rounded to this, a quarter of a millimetre."""
+
+FLOOR_SEGMENTS = 72
+FLOOR_RGB: Rgb = (0.80, 0.82, 0.84)
 
 _LIGHTS: tuple[tuple[str, str, object], ...] = (
     ("AmbientLight", "intensity", 0.56),
@@ -114,8 +124,7 @@ def stage_commands() -> Iterator[Command]:
     for light, key, value in _LIGHTS:
         yield set_property(f"/Lights/{light}/<object>", key, value)
     yield set_property("/Lights/SpotLight", "visible", True)
-    disc = {"type": "CircleGeometry", "radius": FLOOR_RADIUS_M, "segments": 96}
-    yield set_object("/floor", disc, material(FLOOR_RGB, gloss=0.0))
+    yield set_object("/floor", _fading_disc(), painted(gloss=0.0))
     yield set_transform("/floor", pin.SE3(np.eye(3), np.array([0.0, 0.0, -BASE_HEIGHT_M])))
 
 
@@ -140,13 +149,23 @@ def pose_commands(path: str, T_base_node: pin.SE3) -> Iterator[Command]:
     yield set_property(path, "quaternion", xyz_xyzw[3:])
 
 
-def line_command(path: str, points_base: Vector, radius_m: float, rgb: Rgb) -> Command:
+def line_command(
+    path: str, points_base: Vector, radius_m: float, rgb: Rgb, *, uuid: str | None = None
+) -> Command:
     """A line through points, shape (n, 3), metres, drawn as a thin tube.
 
-    Lines proper are one pixel wide, and are lost where there is no graphics card.
+    Lines proper are one pixel wide, and are lost where there is no graphics card. The tube has
+    eight triangles for each stretch, in the line's order.
+
+    Args:
+        path: the node.
+        points_base: at least two.
+        radius_m: of the tube.
+        rgb: its colour, the same in light and shadow.
+        uuid: a name, for a line drawn more than once.
     """
     vertices, faces = _tube(points_base, radius_m)
-    return set_object(path, triangles(vertices, faces), glowing(rgb))
+    return set_object(path, triangles(vertices, compact(faces), uuid=uuid), glowing(rgb))
 
 
 def _moving_nodes(model: pin.Model) -> dict[str, str]:
@@ -214,6 +233,24 @@ def _T_part_geometry(part: Part) -> pin.SE3:
     return pin.SE3.Identity()
 
 
+def _fading_disc() -> Command:
+    """Rings around the origin, upwards, each with its opacity."""
+    angles = np.linspace(0.0, 2 * math.pi, FLOOR_SEGMENTS, endpoint=False)
+    circle = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
+    vertices = np.concatenate([radius * circle for radius in FLOOR_RADII_M])
+    colours = [[*FLOOR_RGB, opacity] for opacity in FLOOR_OPACITIES for _ in angles]
+    a = np.arange((len(FLOOR_RADII_M) - 1) * FLOOR_SEGMENTS)
+    b = a - a % FLOOR_SEGMENTS + (a + 1) % FLOOR_SEGMENTS
+    c, d = a + FLOOR_SEGMENTS, b + FLOOR_SEGMENTS
+    faces = np.concatenate([np.column_stack([a, c, d]), np.column_stack([a, d, b])])
+    return triangles(
+        vertices.astype(np.float32),
+        compact(faces),
+        np.tile(np.array([0, 0, 127], np.int8), (len(vertices), 1)),
+        colours=np.array(colours, np.float32),
+    )
+
+
 def _tube(points: Vector, radius_m: float) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     """A square prism along each stretch of the line: vertices (8 n, 3) and faces (8 n, 3)."""
     along = np.diff(points, axis=0)
@@ -229,4 +266,4 @@ def _tube(points: Vector, radius_m: float) -> tuple[NDArray[np.float32], NDArray
     other = np.array([[(i + 1) % 4, (i + 1) % 4 + 4, i + 4] for i in range(4)])
     first = 8 * np.arange(len(along))[:, None, None]
     faces = (first + np.concatenate([side, other])).reshape(-1, 3)
-    return vertices.reshape(-1, 3).astype(np.float32), faces.astype(np.uint32)
+    return short_numbers(vertices.reshape(-1, 3), TUBE_STEP_M), faces.astype(np.uint32)

@@ -1,4 +1,4 @@
-"""The live view: robot, bodies and a caption in the browser, while the program runs.
+"""The live view: robot, bodies, tip paths and a caption in the browser, while the program runs.
 
 Meshcat's viewer draws, fed by a small server of our own in this process (`sim.live_server`).
 Showing a frame only notes what changed; sending is the server's business, so a slow browser, or
@@ -7,6 +7,7 @@ none, never holds the program up.
 
 from __future__ import annotations
 
+import html
 from collections.abc import Iterator, Mapping
 from types import TracebackType
 
@@ -21,10 +22,13 @@ from planner import Body
 from sim.appearance import Appearance
 from sim.audience import Audience
 from sim.errors import ViewerError
+from sim.gripper_story import GripperPhase
 from sim.live_server import ADDRESS, LiveServer
 from sim.mailbox import Letter
 from sim.meshcat_commands import Command, delete, set_property
 from sim.scenegraph import RobotTree, body_commands, body_path, pose_commands, stage_commands
+from sim.tip_path import TipTracker
+from sim.trail import Trail
 from sim.webpage import page, viewer_bundle
 
 JOINT_STEP = 1e-5
@@ -35,9 +39,18 @@ LONGEST_WAIT_S = 86_400.0
 POSE_STEP = 1e-6
 """The same for bodies: metres, and parts of a unit quaternion."""
 
+TITLE = "Baxter, live"
+
+FRAME_HEIGHT_PX = 520
+"""Height of the view in a notebook."""
+
 
 class Viewer:
     """A live view, served from its creation until `close`; use it as a context manager.
+
+    As the last value of a notebook's cell it shows itself there. That needs a browser on the
+    machine where the program runs, or the port forwarded to the same number; a `sim.replay.Replay`
+    does not.
 
     Attributes:
         url: where to look.
@@ -57,9 +70,15 @@ class Viewer:
         self._audience = Audience()
         self._q = np.full(len(self._tree.paths), np.nan)
         self._poses: dict[str, Vector] = {}
-        self._caption = ""
+        self._told: dict[str, object] = {}
+        self._grippers: dict[str, GripperPhase] = {}
+        self._tracker = TipTracker(robot)
+        self._trails = {side: Trail(side) for side in robot.arms}
         script = ("text/javascript; charset=utf-8", viewer_bundle())
-        files = {"/": ("text/html; charset=utf-8", page("live.html")), "/main.min.js": script}
+        files = {
+            "/": ("text/html; charset=utf-8", page("live.html", title=TITLE)),
+            "/main.min.js": script,
+        }
         self._server = LiveServer(self._audience, files, port)
         self.url = f"http://{ADDRESS}:{self._server.port}/"
         self._publish([*stage_commands(), *self._tree.commands()])
@@ -77,6 +96,18 @@ class Viewer:
     ) -> None:
         """Stop serving."""
         self.close()
+
+    def _repr_html_(self) -> str:
+        """The view as a frame of a notebook."""
+        return (
+            f'<iframe src="{html.escape(self.url)}" width="100%" height="{FRAME_HEIGHT_PX}" '
+            'style="border: 0" title="Baxter, live"></iframe>'
+        )
+
+    @property
+    def q(self) -> Vector:
+        """The full configuration shown, shape (19,), rad and m; a copy."""
+        return self._q.copy()
 
     @property
     def has_client(self) -> bool:
@@ -115,22 +146,34 @@ class Viewer:
         self._publish([delete(body_path(name))])
         del self._poses[name]
 
-    def show(self, q: ArrayLike, T_base_bodies: Mapping[str, pin.SE3], caption: str = "") -> None:
+    def show(
+        self,
+        q: ArrayLike,
+        T_base_bodies: Mapping[str, pin.SE3],
+        caption: str = "",
+        *,
+        grippers: Mapping[str, GripperPhase] | None = None,
+    ) -> None:
         """Show one frame: only what changed is sent, and nothing is waited for.
 
         Args:
             q: full configuration, shape (19,), rad and m.
             T_base_bodies: by name, the poses of bodies seen from base; others stay where they are.
-            caption: what is going on.
+            caption: what is going on; an ending such as " (IK: Current Joint Angles)" is shown
+                apart, as the seed type.
+            grippers: by side, what each gripper does; None for no change.
 
         Raises:
-            ViewerError: when `q` has another shape or is not finite, a body is not in the view, or
-                the view is closed.
+            ViewerError: when `q` has another shape or is not finite, a body is not in the view, a
+                gripper does not exist, or the view is closed.
         """
         configuration = finite_array(q, self._q.shape, "q", ViewerError)
         expect(T_base_bodies, Mapping, "T_base_bodies", ViewerError)  # type: ignore[type-abstract]
         commands = [*self._joint_commands(configuration), *self._moved(T_base_bodies)]
-        self._publish(commands, caption)
+        self._note_grippers({} if grippers is None else grippers)
+        commands += self._trail_commands(configuration)
+        shown = {side: phase.for_page() for side, phase in self._grippers.items()}
+        self._publish(commands, caption=caption, grippers=shown)
 
     def close(self) -> None:
         """Stop serving and free the port. A second call does nothing."""
@@ -142,6 +185,18 @@ class Viewer:
             key, value = self._tree.motion(joint, float(q[joint]))
             yield set_property(self._tree.paths[joint], key, value)
         self._q[moved] = q[moved]
+
+    def _note_grippers(self, phases: Mapping[str, GripperPhase]) -> None:
+        for side, phase in phases.items():
+            if side not in self._trails:
+                raise ViewerError(f"no gripper {side!r}; there are: {', '.join(self._trails)}")
+            self._grippers[side] = expect(phase, GripperPhase, f"{side} gripper", ViewerError)
+
+    def _trail_commands(self, q: Vector) -> Iterator[Command]:
+        for side, point in self._tracker.points(q).items():
+            phase = self._grippers.get(side)
+            is_holding = phase is not None and phase.is_holding
+            yield from self._trails[side].advance(point, is_holding=is_holding)
 
     def _moved(self, T_base_bodies: Mapping[str, pin.SE3]) -> Iterator[Command]:
         for name, T_base_body in T_base_bodies.items():
@@ -156,13 +211,15 @@ class Viewer:
             raise ViewerError(f"the view has no body {name!r}; it shows: {shown}")
         return self._poses[name]
 
-    def _publish(self, commands: list[Command], caption: str | None = None) -> None:
+    def _publish(self, commands: list[Command], **news: object) -> None:
+        """Send commands, and to the page itself what is new of each topic."""
         if self._server.is_closed:
             raise ViewerError("the viewer is closed")
         letters = [Letter.with_command(command) for command in commands]
-        if caption is not None and caption != self._caption:
-            letters.append(Letter.with_caption(caption))
-            self._caption = caption
+        for topic, value in news.items():
+            if value != self._told.get(topic):
+                letters.append(Letter.for_page(topic, value))
+                self._told[topic] = value
         if letters:
             self._audience.publish(letters)
             self._server.notify()

@@ -11,6 +11,15 @@ from sim.errors import ViewerError
 
 _BUNDLE = Path("viewer", "dist", "main.min.js")
 _SLOT = re.compile(r"\{\{(\w+)\}\}")
+_PARTS = {
+    "card": "card.html",
+    "legend": "legend.html",
+    "live": "live.js",
+    "player": "player.js",
+    "stage": "stage.js",
+    "style": "style.css",
+}
+"""What pages are put together from, by slot."""
 
 
 def viewer_bundle() -> str:
@@ -31,13 +40,15 @@ def viewer_bundle() -> str:
 def page(template: str, **texts: str) -> str:
     """A page of `sim/pages` with its slots, such as `{{title}}`, filled.
 
-    Slots named after a script or style sheet of that folder take the file; the others take the
-    keyword of their name, as it is.
+    Slots named after a file of that folder take the file, whose slots are filled too; the others
+    take the keyword of their name, as it is.
     """
-    shared = {"style": "style.css", "stage": "stage.js", "player": "player.js"}
-    source = _file(template)
-    inserts = {slot: _file(name) for slot, name in shared.items()} | texts
-    return _SLOT.sub(lambda match: inserts[match[1]], source)
+
+    def insert(slot: re.Match[str]) -> str:
+        name = _PARTS.get(slot[1])
+        return texts[slot[1]] if name is None else page(name, **texts)
+
+    return _SLOT.sub(insert, _file(template))
 
 
 def inside_script(code: str) -> str:

@@ -6,12 +6,21 @@ import time
 from typing import TYPE_CHECKING
 
 from sim import Event, EventKind, Observer, Snapshot
+from sim.gripper_story import GripperStory
 
 if TYPE_CHECKING:  # a headless run needs no web server
     from sim.viewer import Viewer
 
 FRAME_S = 1.0 / 60.0
 """Shortest time between two frames that are sent."""
+
+PAUSE_S = 0.1
+"""When more time than this passes before an event, somebody was planning. The clock stands still
+meanwhile, so that nothing rushes."""
+
+LATEST_S = 1.0
+"""A snapshot that is less late, as on a busy machine, is caught up with, so that the clock does not
+drift; one that is later comes after a pause too."""
 
 
 class LiveView(Observer):
@@ -20,23 +29,41 @@ class LiveView(Observer):
     def __init__(self, viewer: Viewer) -> None:
         """Show in that viewer; the clock starts with the first snapshot."""
         self._viewer = viewer
+        self._story = GripperStory()
         self._zero_s: float | None = None
+        self._last_s = 0.0
         self._next_frame_s = 0.0
 
     def on_event(self, event: Event) -> None:
-        """A body appears or disappears."""
+        """A body appears or disappears, or a gripper does something."""
+        self._stand_still()
+        self._story.hear(event)
         if event.body is not None and event.kind is EventKind.SPAWNED:
             self._viewer.add_body(event.body)
-        elif event.body is not None:
+        elif event.body is not None and event.kind is EventKind.DELETED:
             self._viewer.remove_body(event.body.name)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
-        """Wait until it is due, then show it; planning pauses count as time, so nothing rushes."""
-        now = time.perf_counter()
-        planned = now if self._zero_s is None else self._zero_s + snapshot.time_s
-        due = max(planned, now)  # late, as after planning: go on from here
-        self._zero_s = due - snapshot.time_s
-        time.sleep(due - now)
+        """Wait until it is due, then show it."""
+        self._story.see({side: state.percent for side, state in snapshot.grippers.items()})
+        time.sleep(self._until(snapshot.time_s))
         if snapshot.time_s >= self._next_frame_s:
-            self._viewer.show(snapshot.q, snapshot.T_base_bodies, snapshot.caption)
+            self._viewer.show(
+                snapshot.q, snapshot.T_base_bodies, snapshot.caption, grippers=self._story.phases
+            )
             self._next_frame_s = snapshot.time_s + FRAME_S
+        self._last_s = time.perf_counter()
+
+    def _stand_still(self) -> None:
+        """Take the time since the last snapshot off the clock, if it was a pause."""
+        now = time.perf_counter()
+        if self._zero_s is not None and now - self._last_s > PAUSE_S:
+            self._zero_s += now - self._last_s
+        self._last_s = now
+
+    def _until(self, time_s: float) -> float:
+        """How long to wait for a simulated time; the clock is set back when it is long past."""
+        now = time.perf_counter()
+        if self._zero_s is None or now - (self._zero_s + time_s) > LATEST_S:
+            self._zero_s = now - time_s
+        return max(self._zero_s + time_s - now, 0.0)

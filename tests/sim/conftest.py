@@ -21,6 +21,7 @@ from planner import Body, Manipulator, PickAndPlace, plan_pick_and_place, plan_s
 from planner.scene import Box, Part
 from sim import Event, Recorder, Simulation, World
 from sim.recording import Recording
+from sim.tip_path import HOLDING_RGB
 from tests.conftest import at, overhead
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -177,6 +178,27 @@ def assert_same(found: Recording, wanted: Recording, pose: float = 0.0) -> None:
 def told(event: Event) -> tuple[Any, ...]:
     """What files keep of an event."""
     return event.time_s, event.kind, event.text, event.body.name if event.body else None
+
+
+@pytest.fixture(scope="session")
+def executed(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> Recording:
+    """The left arm picks the block up and puts it down elsewhere, as planned and simulated."""
+    world, recorder = World(robot), Recorder(robot)
+    simulation = Simulation(world, [recorder])
+    simulation.spawn(table)
+    simulation.spawn(block)
+    start = manipulator.arm.start
+    plan = plan_start_move(manipulator, world.scene, world.arm_q("left"), start)
+    simulation.execute(plan)
+    task = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
+    plan = plan_pick_and_place(task, manipulator, world.scene, start)
+    assert simulation.execute(plan).is_success
+    return recorder.recording()
+
+
+def orange_pixels(picture: NDArray[np.int16]) -> int:
+    """How much of the picture is of the line that a laden hand leaves."""
+    return int((np.abs(picture - 255 * np.array(HOLDING_RGB)).max(axis=-1) < 12).sum())
 
 
 def red_pixels(picture: NDArray[np.int16]) -> int:

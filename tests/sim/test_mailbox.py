@@ -21,7 +21,7 @@ def test_a_newer_letter_takes_the_place_of_an_older() -> None:
 
 def test_letters_on_different_topics_stay_in_order() -> None:
     mailbox = Mailbox(keeps_deletions=True)
-    letters = [moved("/a", 1.0), Letter.with_caption("pick"), moved("/b", 1.0)]
+    letters = [moved("/a", 1.0), Letter.for_page("caption", "pick"), moved("/b", 1.0)]
     for letter in letters:
         mailbox.put(letter)
     assert mailbox.letters() == letters

@@ -14,13 +14,15 @@ from playwright.sync_api import Browser
 
 from baxter_kin import Baxter
 from sim.errors import RecordingError
+from sim.events import EventKind
 from sim.recording import Recording
-from sim.replay import replay_html, write_replay
+from sim.replay import Replay, replay_html, write_replay
 from tests.sim.conftest import (
     APPEARS_S,
     DURATION_S,
     Watched,
     green_centre,
+    orange_pixels,
     red_pixels,
     watched_page,
 )
@@ -170,6 +172,126 @@ def test_stops_at_the_end_when_not_looping(replay: Watched) -> None:
     replay.run("replay.play()")
     replay.page.wait_for_function("!replay.playing")
     assert replay.run("replay.time") == pytest.approx(DURATION_S)
+
+
+def test_home_and_end_keys_go_to_both_ends(replay: Watched) -> None:
+    replay.page.keyboard.press("End")
+    assert replay.run("replay.time") == pytest.approx(DURATION_S)
+    replay.page.keyboard.press("Home")
+    assert replay.run("replay.time") == 0
+
+
+def stage_starts(executed: Recording, stage: str) -> float:
+    return next(time for time, text in executed.captions if text.startswith(stage))
+
+
+@pytest.fixture(scope="module")
+def story(
+    browser: Browser, tmp_path_factory: pytest.TempPathFactory, robot: Baxter, executed: Recording
+) -> Iterator[Watched]:
+    """The page of a pick and place that was planned and simulated."""
+    path = tmp_path_factory.mktemp("story") / "replay.html"
+    write_replay(path, executed, robot)
+    with watched_page(browser) as watched:
+        watched.page.goto(path.as_uri())
+        watched.page.wait_for_function("replay.ready")
+        watched.run("replay.pause()")
+        yield watched
+
+
+def test_says_stage_and_seed_type_apart(story: Watched, executed: Recording) -> None:
+    seek(story, stage_starts(executed, "pick: approach") + 0.1)
+    assert story.page.inner_text("#caption") == "pick: approach"
+    assert story.page.inner_text("#seed") == "IK seed: Current Joint Angles"
+
+
+def test_says_nothing_of_a_seed_where_none_was_used(story: Watched) -> None:
+    seek(story, 0.5)
+    assert story.page.inner_text("#caption") == "move to start"
+    assert not story.page.is_visible("#seed")
+
+
+def test_says_what_the_gripper_holds(story: Watched, executed: Recording) -> None:
+    seek(story, stage_starts(executed, "place: approach"))
+    assert story.page.inner_text("#left-gripper") == "left gripper: holding block"
+    seek(story, 0.5)
+    assert story.page.inner_text("#left-gripper") == "left gripper: open"
+
+
+def test_says_nothing_of_a_hand_that_does_nothing(story: Watched) -> None:
+    assert not story.page.is_visible("#right-gripper")
+
+
+def test_marks_grasp_and_release(story: Watched) -> None:
+    assert story.page.locator("#marks button").all_inner_texts() == ["grasp", "release"]
+
+
+def test_a_mark_leads_to_its_moment(story: Watched, executed: Recording) -> None:
+    story.page.click("#marks button.release")
+    released = next(event for event in executed.events if event.kind is EventKind.RELEASED)
+    assert story.run("replay.time") == pytest.approx(released.time_s)
+
+
+def test_marks_stand_where_the_slider_is_at_their_time(story: Watched) -> None:
+    mark = story.page.locator("#marks button.grasp")
+    mark.click()
+    place, track = mark.bounding_box(), story.page.locator("#scrub").bounding_box()
+    assert place is not None
+    assert track is not None
+    share = story.run("replay.time / replay.duration")
+    thumb = track["x"] + 8 + share * (track["width"] - 16)
+    assert place["x"] + place["width"] / 2 == pytest.approx(thumb, abs=1.0)
+
+
+def test_the_line_behind_the_tip_grows(story: Watched, executed: Recording) -> None:
+    seek(story, stage_starts(executed, "place: approach"))
+    before = orange_pixels(story.picture())
+    seek(story, stage_starts(executed, "place: open"))
+    assert orange_pixels(story.picture()) > before + 50
+
+
+def test_the_line_is_whole_at_the_end(story: Watched, executed: Recording) -> None:
+    seek(story, executed.duration_s)
+    ahead = story.run("lines.map(({ahead}) => ahead.index.count - ahead.drawRange.start)")
+    assert ahead
+    assert not any(ahead)
+
+
+def test_fits_a_phone(watched: Watched, replay_file: Path) -> None:
+    watched.page.set_viewport_size({"width": 390, "height": 760})
+    watched.page.goto(replay_file.as_uri())
+    watched.page.wait_for_function("replay.ready")
+    for control in ("#play", "#scrub", "#time", "#speed", "#loop", "#title"):
+        box = watched.page.locator(control).bounding_box()
+        assert box is not None
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= 390
+
+
+def test_says_that_webgl_is_missing(watched: Watched, replay_file: Path) -> None:
+    watched.page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+    watched.page.goto(replay_file.as_uri())
+    watched.page.wait_for_selector("#problem:visible")
+    assert "WebGL" in watched.page.inner_text("#problem")
+    assert not watched.page.is_visible("#controls")
+    assert watched.errors == []
+
+
+def test_plays_inside_a_notebook(watched: Watched, robot: Baxter, recording: Recording) -> None:
+    shown = Replay(recording, robot, height_px=400, title='"Pick" & <place>')
+    watched.page.set_content(shown._repr_html_())
+    (frame,) = watched.page.main_frame.child_frames
+    frame.wait_for_function("replay.ready && replay.time > 0.1")
+    assert frame.title() == '"Pick" & <place>'
+    assert frame.evaluate("window.innerHeight") == 400
+    assert watched.errors == []
+    assert [url for url in watched.requests if not url.startswith(("data:", "about:"))] == []
+
+
+@pytest.mark.parametrize("height", [0, -1, float("nan"), "tall"])
+def test_refuses_a_frame_without_height(robot: Baxter, recording: Recording, height: Any) -> None:
+    with pytest.raises(RecordingError, match="height_px"):
+        Replay(recording, robot, height_px=height)
 
 
 def test_starts_by_itself(watched: Watched, replay_file: Path) -> None:

@@ -8,7 +8,15 @@ from baxter_kin import Baxter
 from planner.scene import Body, Box, Cylinder, Part, Sphere
 from sim.appearance import Appearance
 from sim.meshcat_commands import packed
-from sim.scenegraph import RobotTree, body_commands, body_path, line_command
+from sim.scenegraph import (
+    FLOOR_RADII_M,
+    TUBE_STEP_M,
+    RobotTree,
+    body_commands,
+    body_path,
+    line_command,
+    stage_commands,
+)
 from tests.conftest import at
 from tests.planner.conftest import mesh_of
 
@@ -90,7 +98,7 @@ def test_a_line_is_as_thick_as_asked() -> None:
     command = line_command("/path", points, 0.01, (0.0, 0.0, 1.0))
     position = command["object"]["geometries"][0]["data"]["attributes"]["position"]
     across = np.linalg.norm(position["array"].reshape(-1, 3)[:, 1:], axis=1)
-    assert across == pytest.approx(0.01)
+    assert across == pytest.approx(0.01, abs=TUBE_STEP_M)
 
 
 def test_a_line_may_go_straight_up() -> None:
@@ -98,4 +106,14 @@ def test_a_line_may_go_straight_up() -> None:
     command = line_command("/path", points, 0.01, (0.0, 0.0, 1.0))
     position = command["object"]["geometries"][0]["data"]["attributes"]["position"]
     across = np.linalg.norm(position["array"].reshape(-1, 3)[:, :2], axis=1)
-    assert across == pytest.approx(0.01)
+    assert across == pytest.approx(0.01, abs=TUBE_STEP_M)
+
+
+def test_the_floor_fades_out_and_faces_up() -> None:
+    (floor,) = (c["object"] for c in stage_commands() if c["type"] == "set_object")
+    data = floor["geometries"][0]["data"]
+    corners = data["attributes"]["position"]["array"].reshape(-1, 3)
+    opacities = data["attributes"]["color"]["array"].reshape(-1, 4)[:, 3]
+    a, b, c = corners[data["index"]["array"].reshape(-1, 3)].transpose(1, 0, 2)
+    assert (np.cross(b - a, c - a)[:, 2] > -1e-9).all()
+    assert np.linalg.norm(corners[opacities == 0.0], axis=1) == pytest.approx(FLOOR_RADII_M[-1])

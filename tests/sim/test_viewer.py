@@ -18,6 +18,7 @@ from playwright.sync_api import Browser
 from baxter_kin import Baxter
 from planner import Body
 from sim.errors import ViewerError
+from sim.gripper_story import GripperMood, GripperPhase
 from sim.viewer import Viewer
 from tests.conftest import at
 from tests.sim.conftest import (
@@ -25,6 +26,7 @@ from tests.sim.conftest import (
     BLOCK_AT_START,
     Watched,
     green_centre,
+    orange_pixels,
     red_pixels,
     watched_page,
 )
@@ -130,6 +132,41 @@ def test_shows_the_caption_as_text(shown: tuple[Viewer, Watched], robot: Baxter)
     viewer, watched = shown
     viewer.show(robot.configuration(), {}, "pick 1: <b>descend")
     wait_for(watched, "document.getElementById('caption').textContent === 'pick 1: <b>descend'")
+
+
+def test_shows_the_seed_type_apart(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
+    viewer, watched = shown
+    viewer.show(robot.configuration(), {}, "pick: descend (IK: User Provided Seed)")
+    wait_for(watched, "element('seed').textContent === 'IK seed: User Provided Seed'")
+    assert watched.page.inner_text("#caption") == "pick: descend"
+
+
+def test_shows_what_a_gripper_does(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
+    viewer, watched = shown
+    missed = GripperPhase("missed", GripperMood.MISSED)
+    viewer.show(robot.configuration(), {}, grippers={"right": missed})
+    wait_for(watched, "element('right-gripper').textContent === 'right gripper: missed'")
+
+
+def test_draws_the_way_of_the_tip(viewer: Viewer, watched: Watched, robot: Baxter) -> None:
+    held = {"left": GripperPhase("holding block", GripperMood.HOLDING)}
+    for angle in np.linspace(0.0, 0.8, 60):
+        viewer.show(robot.configuration({"left_s0": angle}), {}, grippers=held)
+    watched.page.goto(viewer.url)
+    wait_for(watched, "viewer && 'path' in viewer.scene_tree.children")
+    wait_for(watched, "element('left-gripper').textContent")
+    assert orange_pixels(watched.picture()) > 200
+
+
+def test_says_which_configuration_it_shows(viewer: Viewer, robot: Baxter) -> None:
+    q = robot.configuration({"left_s0": 0.3})
+    viewer.show(q, {})
+    assert np.array_equal(viewer.q, q)
+
+
+def test_shows_itself_in_a_notebook(viewer: Viewer, watched: Watched) -> None:
+    watched.page.set_content(viewer._repr_html_())
+    assert viewer.wait_for_client(10.0)
 
 
 def test_shows_a_removed_body_no_more(shown: tuple[Viewer, Watched], green_block: Body) -> None:
@@ -299,6 +336,18 @@ def test_refuses_a_configuration_that_is_not_finite(viewer: Viewer) -> None:
 def test_refuses_to_move_an_unknown_body(viewer: Viewer, robot: Baxter) -> None:
     with pytest.raises(ViewerError, match="no body 'ghost'"):
         viewer.show(robot.configuration(), {"ghost": at(0.0, 0.0, 0.0)})
+
+
+def test_refuses_an_unknown_gripper(viewer: Viewer, robot: Baxter) -> None:
+    phase = GripperPhase("open", GripperMood.EMPTY)
+    with pytest.raises(ViewerError, match="no gripper 'third'"):
+        viewer.show(robot.configuration(), {}, grippers={"third": phase})
+
+
+def test_refuses_a_gripper_in_bare_words(viewer: Viewer, robot: Baxter) -> None:
+    wrong: Any = {"left": "open"}
+    with pytest.raises(ViewerError, match="left gripper must be of class GripperPhase"):
+        viewer.show(robot.configuration(), {}, grippers=wrong)
 
 
 def test_refuses_to_remove_an_unknown_body(viewer: Viewer) -> None:
