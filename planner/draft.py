@@ -11,10 +11,11 @@ from baxter_kin import IKResult, SeedType
 from baxter_kin.arrays import Vector
 from baxter_kin.ik import Tolerance
 from planner.collision import Held
-from planner.contact import stands, touching
+from planner.contact import drop_m, touching
 from planner.errors import TaskError
 from planner.free_move import MARGIN_M, plan_free_move
 from planner.grasp import Grasp, Miss
+from planner.lines import raised
 from planner.manipulator import Manipulator
 from planner.plan import Grip, GripperAction, Move, PlanFailure, Step
 from planner.scene import Body, Scene
@@ -201,18 +202,20 @@ class Draft:
         self._hold(body, grasp, T_base_place)
 
     def release(self, label: str, T_base_tip: pin.SE3) -> None:
-        """Add the opening of the fingers, which leaves the body where it is."""
+        """Add the opening of the fingers: the body falls straight onto what is just below it."""
         if self._held is None:
             raise TaskError("nothing is held, so nothing can be released")
         body = self._held.body.at(T_base_tip * self._held.T_tip_body)
-        if not stands(body, self._scene, LONGEST_DROP_M):
+        fall_m = drop_m(body, self._scene, LONGEST_DROP_M)
+        if fall_m is None:
             raise NoSolutionError.at(
                 label,
                 f"{body.name} would fall: nothing is within {1e3 * LONGEST_DROP_M:.0f} mm below it",
                 is_certain=True,
             )
         self.grip(label, GripperAction.OPEN, body.name)
-        self._scene, self._touchable = self._scene.with_body(body), body.name
+        resting = body.at(raised(body.T_base_body, -fall_m))
+        self._scene, self._touchable = self._scene.with_body(resting), body.name
         self._held = None
         self._grips += 1
         self._finger_m = self._manipulator.hand.stroke_m

@@ -219,7 +219,7 @@ def _touched(pad: Part, parts: list[Part]) -> list[Part]:
 
 
 def _parts(body: Body) -> list[Part]:
-    return [Part(part.shape, body.T_base_body * part.T_body_part) for part in body.parts]
+    return [part.at(body.T_base_body * part.T_body_part) for part in body.parts]
 
 
 def _too_wide(name: str, width_m: float, opening_m: float) -> Miss:
@@ -261,4 +261,4 @@ def _along_y(y: float) -> pin.SE3:
 
 
 def _shifted(pad: Part, y: float) -> Part:
-    return Part(pad.shape, _along_y(y) * pad.T_body_part)
+    return pad.at(_along_y(y) * pad.T_body_part)

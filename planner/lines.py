@@ -40,7 +40,7 @@ class Lines:
         return raised(self.T_base_place, self.hover_m)
 
 
-def raised(T_base_tip: pin.SE3, height_m: float) -> pin.SE3:
-    """The same pose so much higher."""
+def raised(T_base: pin.SE3, height_m: float) -> pin.SE3:
+    """The same pose, seen from base, so much higher."""
     lift = np.array([0.0, 0.0, height_m])
-    return pin.SE3(T_base_tip.rotation, T_base_tip.translation + lift)
+    return pin.SE3(T_base.rotation, T_base.translation + lift)

@@ -113,6 +113,17 @@ class Part:
         r, g, b, a = np.clip(finite_array(self.rgba, (4,), "rgba", SceneError), 0, 1).tolist()
         object.__setattr__(self, "rgba", (r, g, b, a))
 
+    def at(self, T_body_part: pin.SE3) -> Part:
+        """The same shape elsewhere, quickly: the place is taken as given, without a check."""
+        moved = object.__new__(Part)
+        for name, value in (
+            ("shape", self.shape),
+            ("T_body_part", T_body_part),
+            ("rgba", self.rgba),
+        ):
+            object.__setattr__(moved, name, value)
+        return moved
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:

@@ -15,14 +15,17 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
 from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
 from planner.collision import Held
 from planner.contact import PRESSING_TOLERANCE_M
+from planner.draft import LONGEST_DROP_M
 from planner.free_space import Touches
 from sim.errors import SimulationError
+from sim.falling import Rest
 from sim.world import World
 
 CHECK_S = 0.01
@@ -182,6 +185,15 @@ def is_as_planned(world: World, plan: Plan) -> bool:
         and situation.scene.bodies.keys() == world.scene.bodies.keys()
         and all(_is_same(world.body(body.name), body) for body in situation.scene)
     )
+
+
+def falls_as_planned(world: World, name: str, rest: Rest) -> bool:
+    """Whether a body that a hand lets go comes to rest as a plan expects: straight below."""
+    T_from, T_to = world.body(name).T_base_body, rest.T_base_body
+    way = T_to.translation - T_from.translation
+    straight = pin.SE3(T_from.rotation, T_from.translation + np.array([0.0, 0.0, way[2]]))
+    is_alone = not world.riders(name)
+    return is_alone and way[2] >= -LONGEST_DROP_M and bool(T_to.isApprox(straight, AS_PLANNED))
 
 
 def _is_same(body: Body, planned: Body) -> bool:

@@ -69,11 +69,11 @@ class LineFile:
         Raises:
             RecordingError: when it cannot be written; the file is closed then.
         """
-        with self._explained():
-            try:
-                self._stream.write(line.encode() + b"\n")
-                self._stream.flush()
-            except OSError:
+        try:
+            self._stream.write(line.encode() + b"\n")
+            self._stream.flush()
+        except (OSError, ValueError):
+            with self._explained():
                 with suppress(OSError):
                     self._stream.close()
                 raise

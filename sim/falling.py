@@ -162,7 +162,7 @@ def _landing(body: Body, others: Iterable[Body]) -> _Landing:
     met.sort(key=lambda meeting: meeting[0])
     names = [name for *_, name in met]
     areas = [
-        touched_area(Part(part.shape, _raised(part.T_body_part, -travel)), below)
+        touched_area(part.at(_raised(part.T_body_part, -travel)), below)
         for travel, part, below, _ in met
     ]
     if room_m <= travel_m + LEVEL_M:
@@ -193,7 +193,7 @@ def _is_inside(body: Body, other: Body) -> bool:
 
 def _parts(body: Body) -> list[Part]:
     """A body's shapes, placed in base."""
-    return [Part(part.shape, body.T_base_body * part.T_body_part) for part in body.parts]
+    return [part.at(body.T_base_body * part.T_body_part) for part in body.parts]
 
 
 def _raised(T_base_body: pin.SE3, height_m: float) -> pin.SE3:

@@ -80,7 +80,8 @@ class CsvRecorder(Observer):
         Raises:
             RecordingError: when it cannot be written.
         """
-        self._indices = arm_indices(expect(robot, Baxter, "robot", RecordingError).joint_names)
+        joint_names = expect(robot, Baxter, "robot", RecordingError).joint_names
+        self._indices = np.array(arm_indices(joint_names))
         self._csv = CsvFile(path)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:

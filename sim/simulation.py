@@ -24,7 +24,7 @@ from planner.plan import Step
 from sim import sentences
 from sim.clock import DEFAULT_TICK_S, SHORTEST_TICK_S, Clock
 from sim.closing import Closing
-from sim.contacts import Contact, ContactWatch, is_as_planned
+from sim.contacts import Contact, ContactWatch, falls_as_planned, is_as_planned
 from sim.errors import SimulationError
 from sim.events import Detail, Event, EventKind, Observer, Snapshot
 from sim.falling import GRAVITY_M_S2, Rest
@@ -257,15 +257,15 @@ class Simulation:
 
     def _let_go(self, limb: str, name: str) -> None:
         """Open the fingers while the body falls to its rest."""
-        self._is_as_planned = False
         rest = self.world.rest(name)
+        self._is_as_planned &= falls_as_planned(self.world, name, rest)
         self._slide(
             limb,
             self.grippers[limb].open_m,
             lambda t: self.world.carry(name, rest.pose(t)),
             at_least_s=rest.duration_s,
         )
-        self.world.settle(name)
+        self.world.put_to_rest(name, rest)
         self._settled(name, rest)
 
     def _slide(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import pinocchio as pin
 
@@ -142,7 +142,7 @@ class Squeeze:
 
     def _mover(self, body: Body) -> Mover:
         T_tip_body = self.T_base_tip.inverse() * body.T_base_body
-        parts = [Part(part.shape, T_tip_body * part.T_body_part) for part in body.parts]
+        parts = [part.at(T_tip_body * part.T_body_part) for part in body.parts]
         is_held = any(
             held is not None and held.body == body.name
             for held in map(self.world.holding, self.world.hands)
@@ -259,4 +259,4 @@ def _gap_along_y(
 
 def _moved(part: Part, way: Vector) -> Part:
     T = part.T_body_part
-    return replace(part, T_body_part=pin.SE3(T.rotation, T.translation + way))
+    return part.at(pin.SE3(T.rotation, T.translation + way))

@@ -92,7 +92,7 @@ class World:
 
     def arm_q(self, side: str) -> Vector:
         """Where an arm stands, shape (7,), rad."""
-        q: Vector = self._q[self._arm_indices[self.robot.arm(side).side]]
+        q: Vector = self._q[self._arm_indices[self._side(side)]]
         return q
 
     def T_base_tip(self, side: str) -> pin.SE3:
@@ -101,11 +101,11 @@ class World:
 
     def finger_m(self, side: str) -> float:
         """Finger position of a hand, 0 closed .. stroke."""
-        return float(self._q[self._finger_indices[self.robot.arm(side).side][0]])
+        return float(self._q[self._finger_indices[self._side(side)][0]])
 
     def holding(self, side: str) -> Holding | None:
         """What a hand holds, or None."""
-        return self._held.get(self.robot.arm(side).side)
+        return self._held.get(self._side(side))
 
     def move_arm(self, side: str, q: ArrayLike) -> None:
         """Put an arm somewhere; what its hand holds comes along.
@@ -127,7 +127,7 @@ class World:
         Raises:
             SimulationError: when the position is outside 0 .. stroke.
         """
-        hand = self.hands[self.robot.arm(side).side]
+        hand = self.hands[self._side(side)]
         x = finite_scalar(finger_m, "finger position", SimulationError)
         if not -1e-12 <= x <= hand.stroke_m + 1e-12:
             raise SimulationError(
@@ -232,11 +232,20 @@ class World:
             SimulationError: when a hand holds it.
         """
         rest = self.rest(name)
+        self.put_to_rest(name, rest)
+        return rest
+
+    def put_to_rest(self, name: str, rest: Rest) -> None:
+        """Put a body where it comes to rest, as `rest` said; what stands on it settles after it.
+
+        Raises:
+            SceneError: when it is not there.
+            SimulationError: when a hand holds it.
+        """
         self.carry(name, rest.T_base_body)
         self.supports[name] = rest.support
         for rider in [n for n, below in self.supports.items() if below == name]:
             self.settle(rider)
-        return rest
 
     def attach(self, side: str, name: str, T_tip_body: PoseLike) -> None:
         """From now on a body moves with a hand.
@@ -257,7 +266,7 @@ class World:
 
     def detach(self, side: str) -> str | None:
         """Let go of what a hand holds: its name, or None. It hangs in the air until settled."""
-        held = self._held.pop(self.robot.arm(side).side, None)
+        held = self._held.pop(self._side(side), None)
         return None if held is None else held.body
 
     def body_poses(self) -> Mapping[str, pin.SE3]:
@@ -268,6 +277,11 @@ class World:
         if not isinstance(name, str) or name not in self._bodies:
             _ = self.scene[name]  # says what there is
         return name
+
+    def _side(self, side: str) -> str:
+        """The side, if it is one."""
+        is_known = type(side) is str and side in self.hands
+        return side if is_known else self.robot.arm(side).side
 
     def _refuse_held(self, name: str) -> None:
         for side, held in self._held.items():

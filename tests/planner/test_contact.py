@@ -20,8 +20,8 @@ from planner.contact import (
     coal_pose,
     coal_shape,
     convex_pieces,
+    drop_m,
     shape_of,
-    stands,
     touching,
     travel_to_contact,
 )
@@ -261,8 +261,8 @@ def test_a_shape_travels_to_a_mesh_by_the_gap_between_them(moving: Any, still: A
 def test_a_body_stands_on_a_mesh(still: Mesh) -> None:
     cube = Body("cube", (Part(CUBE, ORIGIN),), at(0.01, 0.0, 0.129))
     scene = Scene.of([Body("mesh", (Part(still, ORIGIN),), ORIGIN)])
-    assert stands(cube, scene, 0.005)
-    assert not stands(cube, scene, 0.003)
+    assert drop_m(cube, scene, 0.005) == pytest.approx(0.004, abs=CONTACT_TOLERANCE_M)
+    assert drop_m(cube, scene, 0.003) is None
 
 
 def test_an_open_mesh_of_many_triangles_cannot_be_touched_on_purpose() -> None:

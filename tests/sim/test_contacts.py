@@ -27,7 +27,7 @@ from planner import (
 )
 from planner.contact import PRESSING_TOLERANCE_M
 from sim import Contact, Event, EventKind, Observer, Outcome, Simulation, SimulationError, World
-from sim.contacts import CHECK_S, ContactWatch, is_as_planned
+from sim.contacts import CHECK_S, ContactWatch, falls_as_planned, is_as_planned
 from tests.conftest import at, overhead
 
 PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.72, -0.15, -0.129)
@@ -228,9 +228,26 @@ class TestProofs:
         monkeypatch.setattr(ContactWatch, "along", noted)
         return found
 
-    def test_only_the_way_back_from_a_release_is_looked_at(
-        self, bench: Bench, looks: list[Any]
+    def test_none_of_them_is(self, bench: Bench, looks: list[Any]) -> None:
+        assert bench.simulation.execute(bench.plan).is_success
+        assert looks == []
+
+    @pytest.mark.parametrize(
+        ("height_m", "tilt_rad", "straight"),
+        [(0.005, 0, True), (0.02, 0, False), (0.005, 0.1, False)],
+    )
+    def test_a_release_is_as_planned_when_the_body_falls_straight_and_not_far(
+        self, bench: Bench, height_m: float, tilt_rad: float, straight: bool
     ) -> None:
+        T = at(0.8, 0.2, TABLE_Z_M + 0.025 + height_m)
+        bench.world.slide("red", T * pin.SE3(pin.rpy.rpyToMatrix(tilt_rad, 0.0, 0.0), np.zeros(3)))
+        rest = bench.world.rest("red")
+        assert falls_as_planned(bench.world, "red", rest) == straight
+
+    def test_the_way_back_from_another_release_is(
+        self, bench: Bench, looks: list[Any], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("sim.simulation.falls_as_planned", lambda *_: False)
         assert bench.simulation.execute(bench.plan).is_success
         assert looks == [bench.plan.moves[-1].trajectory]
 
