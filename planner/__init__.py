@@ -19,7 +19,12 @@ from planner.manipulator import Manipulator
 from planner.mesh import Mesh
 from planner.objects import load_object, make_block
 from planner.path_timing import plan_path_move
-from planner.pick_place import PickAndPlace, plan_pick_and_place, plan_start_move
+from planner.pick_place import (
+    PickAndPlace,
+    plan_pick_and_place,
+    plan_retract,
+    plan_start_move,
+)
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure
 from planner.plan_file import load_plan, save_plan
 from planner.scene import Body, Box, Cylinder, Part, Scene, Sphere
@@ -84,6 +89,7 @@ __all__ = [
     "plan_joint_move",
     "plan_path_move",
     "plan_pick_and_place",
+    "plan_retract",
     "plan_start_move",
     "plan_straight_move",
     "plan_straight_path",

@@ -12,13 +12,14 @@ from baxter_kin.arrays import Vector
 from baxter_kin.ik import Tolerance
 from planner.collision import Held
 from planner.contact import drop_m, touching
-from planner.errors import TaskError
+from planner.errors import MotionError, TaskError
 from planner.free_move import MARGIN_M, plan_free_move
 from planner.grasp import Grasp, Miss
 from planner.lines import raised
 from planner.manipulator import Manipulator
 from planner.plan import Grip, GripperAction, Move, PlanFailure, Step
 from planner.scene import Body, Scene
+from planner.straight import plan_straight_move
 from planner.surroundings import Surroundings
 from planner.swept_result import SweptContact, SweptProof
 from planner.trajectory import Trajectory
@@ -121,6 +122,17 @@ class Draft:
         """Add a straight move away from a pose."""
         ik = self._answer(trajectory, T_base_tip, SeedType.CURRENT)
         self._move(label, trajectory, T_base_tip, ik, straight=True)
+
+    def rise_by(self, label: str, height_m: float) -> None:
+        """Add a straight move up from where the arm stands."""
+        self.refuse_blocked(label, self._q, "where it stands")
+        arm, limits = self._manipulator.arm, self._manipulator.limits
+        T_base_goal = raised(arm.T_base_tip(self._q), height_m)
+        try:
+            trajectory = plan_straight_move(arm, self._q, T_base_goal, limits)
+        except MotionError as cause:
+            raise NoSolutionError.at(label, str(cause)) from cause
+        self.rise(label, trajectory, T_base_goal)
 
     def move_free(self, label: str, q_goal: Vector) -> None:
         """Add the move to a configuration, around what is in the way."""

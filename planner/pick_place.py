@@ -16,13 +16,14 @@ there (`planner.cycle_search`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import positive_scalar
+from baxter_kin.arrays import Vector, positive_scalar
 from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose
 from planner.cycle_search import CycleSearch
@@ -142,11 +143,66 @@ def plan_start_move(
     now = manipulator.arm.limits.check(q_now, "q_now")
     checked_goal = manipulator.arm.limits.check(goal, "q_start")
     draft = Draft(manipulator, scene, now, margin_m=checked_margin_m(margin_m))
-    failure = None
-    try:
+
+    def steps() -> None:
         draft.move_free("move to start", checked_goal)
         draft.grip("open", GripperAction.OPEN)
+
+    return _drafted(draft, manipulator, scene, now, steps)
+
+
+def plan_retract(
+    manipulator: Manipulator,
+    scene: Scene,
+    q_now: ArrayLike,
+    height_m: float,
+    *,
+    margin_m: float = 0.0,
+) -> Plan:
+    """Open the fingers, and rise straight up from where the arm stands.
+
+    After a miss, say: leave the body that was missed out of the scene, as nobody knows where it is.
+
+    Args:
+        manipulator: the arm and its hand, which is empty.
+        scene: all bodies that must not be touched.
+        q_now: where the arm stands, shape (7,), rad.
+        height_m: how far to rise, above zero.
+        margin_m: distance that is proven to be kept from everything; not negative.
+
+    Returns:
+        A plan; when there is no way up, an invalid one that says why.
+
+    Raises:
+        ConfigurationError: when `q_now` is malformed or outside the limits.
+        TaskError: when the height is not a number above zero.
+        MotionError: when the margin is no number, or negative.
+    """
+    expect(manipulator, Manipulator, "manipulator", TaskError)
+    expect(scene, Scene, "scene", SceneError)
+    now = manipulator.arm.limits.check(q_now, "q_now")
+    rise_m = positive_scalar(height_m, "height_m", TaskError)
+    draft = Draft(manipulator, scene, now, margin_m=checked_margin_m(margin_m))
+
+    def steps() -> None:
+        draft.grip("open", GripperAction.OPEN)
+        draft.rise_by("retract", rise_m)
+
+    return _drafted(draft, manipulator, scene, now, steps)
+
+
+def _drafted(
+    draft: Draft,
+    manipulator: Manipulator,
+    scene: Scene,
+    q_start: Vector,
+    steps: Callable[[], None],
+) -> Plan:
+    """The plan of some steps, or of those before the first that has no solution."""
+    failure = None
+    try:
+        steps()
     except NoSolutionError as stop:
         failure = stop.failure
     situation = Situation.of(manipulator, scene)
-    return Plan(manipulator.arm.side, now, tuple(draft.steps), failure, situation)
+    return Plan(manipulator.arm.side, q_start, tuple(draft.steps), failure, situation)

@@ -19,7 +19,7 @@ import numpy as np
 
 from baxter_kin import Baxter, pose_from_quaternion
 from baxter_kin.demo.options import DEFAULT_POSES_M
-from baxter_kin.demo.run import OVERHEAD_XYZW, demo_bodies
+from baxter_kin.demo.scene import OVERHEAD_XYZW, demo_bodies
 from planner import Manipulator, PickAndPlace, plan_pick_and_place, plan_start_move
 from sim import CsvRecorder, Recorder, Simulation, World
 

@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter, pose_from_quaternion
-from baxter_kin.demo.run import OVERHEAD_XYZW, demo_bodies
+from baxter_kin.demo.scene import OVERHEAD_XYZW, demo_bodies
 from planner import (
     Body,
     Box,

@@ -13,6 +13,8 @@ from typing import NoReturn
 DEFAULT_HOVER_M = 0.15
 FARTHEST_M = 10.0
 SLOWEST = 0.001
+MOST_NOISE_MM, MOST_NOISE_DEG = 1000.0, 180.0
+DEFAULT_RETRIES = 3
 RECORD_SUFFIXES = (".jsonl", ".mcap", ".npz")
 DEFAULT_POSES_M = ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
 """Block poses of the original demo, for its left arm; y is mirrored for the right one."""
@@ -29,6 +31,10 @@ class Options:
             above this where it is less.
         obstacles_m: boxes in the way: centre in base and size, x, y, z each.
         margin_m: distance that is kept from everything, contacts on purpose left out.
+        noise_m: standard deviation of where the block is seen, along each axis of base.
+        noise_rad: standard deviation of the yaw that it is seen with.
+        retries: how many attempts follow a missed one; None goes by the scene as it is, in one.
+        seed: of the noise.
         cycles: number of picks and places; None goes on until stopped.
         speed_ratio: scale of the velocity limits, in (0, 1].
         is_headless: without the live view, as fast as possible.
@@ -46,6 +52,10 @@ class Options:
     hover_m: float
     obstacles_m: tuple[tuple[float, ...], ...]
     margin_m: float
+    noise_m: float
+    noise_rad: float
+    retries: int | None
+    seed: int
     cycles: int | None
     speed_ratio: float
     is_headless: bool
@@ -55,6 +65,11 @@ class Options:
     report: Path | None
     plan: Path | None
     verbosity: int
+
+    @property
+    def is_closed_loop(self) -> bool:
+        """Whether the block is looked for before every pick, and picked again when missed."""
+        return self.retries is not None
 
 
 def parse_options(argv: Sequence[str] | None = None) -> Options:
@@ -72,6 +87,10 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
         hover_m=raw.hover,
         obstacles_m=tuple(tuple(obstacle) for obstacle in raw.obstacle),
         margin_m=raw.margin,
+        noise_m=raw.noise_mm / 1e3,
+        noise_rad=math.radians(raw.noise_deg),
+        retries=_retries(raw),
+        seed=raw.seed,
         cycles=cycles,
         speed_ratio=raw.speed,
         is_headless=raw.headless,
@@ -82,6 +101,13 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
         plan=raw.plan,
         verbosity=raw.verbosity,
     )
+
+
+def _retries(raw: argparse.Namespace) -> int | None:
+    """As many as asked for; noise asks for some by itself."""
+    is_noisy = raw.noise_mm > 0.0 or raw.noise_deg > 0.0
+    retries: int | None = raw.retries
+    return DEFAULT_RETRIES if retries is None and is_noisy else retries
 
 
 def _check_together(parser: argparse.ArgumentParser, raw: argparse.Namespace) -> None:
@@ -170,6 +196,30 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
         "(default %(default)s m)",
     )
     parser.add_argument(
+        "--noise-mm",
+        type=_noise_mm,
+        default=0.0,
+        metavar="MM",
+        help="see the block off its place by so much (standard deviation along each axis), notice "
+        "misses by the fingers and try again",
+    )
+    parser.add_argument(
+        "--noise-deg",
+        type=_noise_deg,
+        default=0.0,
+        metavar="DEG",
+        help="see it turned by so much (standard deviation)",
+    )
+    parser.add_argument(
+        "--retries",
+        type=_natural,
+        metavar="N",
+        help=f"attempts after a missed one (default with noise: {DEFAULT_RETRIES})",
+    )
+    parser.add_argument(
+        "--seed", type=_natural, default=0, metavar="N", help="of the noise (default %(default)s)"
+    )
+    parser.add_argument(
         "--cycles", type=_count, metavar="N", help="picks and places (default: one per block pose)"
     )
     parser.add_argument("--forever", action="store_true", help="go on until Ctrl-C")
@@ -228,9 +278,13 @@ def _positive(text: str) -> float:
 
 
 def _distance(text: str) -> float:
+    return _within(text, FARTHEST_M, "m")
+
+
+def _within(text: str, most: float, unit: str) -> float:
     number = _number(text)
-    if not 0.0 <= number <= FARTHEST_M:
-        raise argparse.ArgumentTypeError(f"{text} is not from 0 to {FARTHEST_M:g} m")
+    if not 0.0 <= number <= most:
+        raise argparse.ArgumentTypeError(f"{text} is not from 0 to {most:g} {unit}")
     return number
 
 
@@ -241,14 +295,30 @@ def _ratio(text: str) -> float:
     return number
 
 
+def _noise_mm(text: str) -> float:
+    return _within(text, MOST_NOISE_MM, "mm")
+
+
+def _noise_deg(text: str) -> float:
+    return _within(text, MOST_NOISE_DEG, "deg")
+
+
 def _count(text: str) -> int:
+    return _whole(text, 1)
+
+
+def _natural(text: str) -> int:
+    return _whole(text, 0)
+
+
+def _whole(text: str, least: int) -> int:
     try:
-        count = int(text)
+        number = int(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
-    if count < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not at least 1")
-    return count
+    if number < least:
+        raise argparse.ArgumentTypeError(f"{text} is not at least {least}")
+    return number
 
 
 def _target(text: str) -> Path:

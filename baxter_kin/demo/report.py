@@ -129,6 +129,7 @@ class Report(Observer):
             "hover_distance_m": self.options.hover_m,
             "speed_ratio": self.options.speed_ratio,
             "margin_m": self.options.margin_m,
+            "noise": _noise(self.options),
             "obstacles_m": [list(obstacle) for obstacle in self.options.obstacles_m],
             "block_poses": [list(pose) for pose in self.options.poses_m],
             "cycles": list(self._cycles),
@@ -151,6 +152,18 @@ class Report(Observer):
             OSError: when the file cannot be written.
         """
         path.write_text(json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n", "utf-8")
+
+
+def _noise(options: Options) -> Json | None:
+    """How badly the block is seen; None when the demo goes by the scene as it is."""
+    if not options.is_closed_loop:
+        return None
+    return {
+        "position_m": options.noise_m,
+        "yaw_rad": options.noise_rad,
+        "retries": options.retries,
+        "seed": options.seed,
+    }
 
 
 def _grips(plan: Plan, action: GripperAction) -> list[Json]:

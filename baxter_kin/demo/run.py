@@ -2,58 +2,54 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.arrays import Vector
 from baxter_kin.demo.interrupt import Interrupt
 from baxter_kin.demo.live import LiveView
 from baxter_kin.demo.narration import Narrator
 from baxter_kin.demo.options import Options
-from baxter_kin.demo.report import Point, Report
+from baxter_kin.demo.report import Json, Point, Report
+from baxter_kin.demo.scene import BLOCK, centred_below, demo_bodies, obstacles, overhead
 from baxter_kin.errors import BaxterError
-from baxter_kin.frames import T_world_base, pose_from_quaternion
 from baxter_kin.model import Baxter
 from planner import (
-    Body,
-    Box,
     Manipulator,
-    Part,
     PickAndPlace,
     Plan,
-    load_object,
+    Scene,
     plan_pick_and_place,
     plan_start_move,
     save_plan,
     transfer_bound_s,
 )
 from sim import (
+    ClosedLoop,
     CsvRecorder,
     LogRecorder,
     McapRecorder,
+    Noise,
+    NoisyPoses,
     Observer,
+    Outcome,
     Recorder,
     RecordingError,
     Simulation,
     Snapshot,
+    Transfer,
+    TruePoses,
     World,
 )
 
-OVERHEAD_XYZW = (-0.0249590815779, 0.999649402929, 0.00737916180073, 0.00486450832011)
-"""The original demo's tool orientation: pointing down, tilted by 1 degree."""
-
-TABLE_WORLD_M = (1.0, 0.0, 0.0)
-BLOCK_WORLD_M = (0.6725, 0.1265, 0.7825)
-"""Where the original spawns table and block, for its left arm; the block drops 7.5 mm."""
-
-BLOCK = "block"
-BLOCK_EDGE_M = 0.05
-OBSTACLE_RGBA = (0.35, 0.42, 0.5, 1.0)
 WAIT_FOR_BROWSER_S = 15.0
 REPLAY_SNAPSHOTS = 12_000
 """The replay shows the last two minutes; only --forever ever has more."""
@@ -87,6 +83,12 @@ class _Demo:
             self._robot, options.limb, speed_ratio=options.speed_ratio, q_others=self._world.q
         )
         self._bounds_s: dict[tuple[bytes, bytes], float] = {}
+        self._is_plan_saved = False
+        self._truth = TruePoses(self._world)
+        rng = np.random.default_rng(options.seed)
+        noise = Noise(options.noise_m, options.noise_rad)
+        self._eyes = NoisyPoses(self._truth, noise, rng)
+        self._T_block_tip: pin.SE3 | None = None
 
     def run(self) -> str | None:
         """Everything; returns None, or why it failed. Outputs are written however it ends."""
@@ -139,29 +141,71 @@ class _Demo:
     def _cycle(self, number: int, simulation: Simulation) -> str | None:
         """One pick and place; returns why it failed, or None."""
         poses = self._options.poses_m
-        pick, place = poses[(number - 1) % len(poses)], poses[number % len(poses)]
-        self._narrator.start_cycle(number, pick, place)
-        task = PickAndPlace(BLOCK, _overhead(pick), _overhead(place), self._options.hover_m)
+        ends_m = poses[(number - 1) % len(poses)], poses[number % len(poses)]
+        self._narrator.start_cycle(number, *ends_m)
+        cycle = _Cycle(number, ends_m, self._options.hover_m)
+        done = self._closed_cycle if self._options.is_closed_loop else self._open_cycle
+        return done(cycle, simulation)
+
+    def _open_cycle(self, cycle: _Cycle, simulation: Simulation) -> str | None:
+        """Plan for where everything is, and execute."""
+        world = self._world
+        plan = self._planned_cycle(cycle, cycle.task, world.scene, self._arm_q())
+        if plan.failure is not None:
+            return f"{cycle.title}{plan.failure}"
+        outcome = simulation.execute(plan, cycle.title)
+        return self._ended(cycle, plan, outcome)
+
+    def _closed_cycle(self, cycle: _Cycle, simulation: Simulation) -> str | None:
+        """Plan for where everything seems to be, execute, and try again after a miss."""
+        numbers, most = count(1), 1 + (self._options.retries or 0)
+
+        def plan(task: PickAndPlace, _: Manipulator, scene: Scene, q: Vector) -> Plan:
+            if (number := next(numbers)) > 1:
+                self._narrator.say(f"  looks again, attempt {number} of {most}")
+            return self._planned_cycle(cycle, task, scene, q)
+
+        loop = ClosedLoop(simulation, self._manipulator, self._eyes, retries=most - 1, plan=plan)
+        started_s = simulation.time_s
+        result = loop.pick_and_place(self._transfer(cycle), cycle.title)
+        last, outcome = result.plan, Outcome(result.failure, simulation.time_s - started_s)
+        if last is None:
+            return f"{cycle.title}{result.failure}"
+        return self._ended(cycle, last, outcome)
+
+    def _transfer(self, cycle: _Cycle) -> Transfer:
+        """The cycle's task by the block: grasped at its middle, put down with its middle there."""
+        block, task = self._world.body(BLOCK), cycle.task
+        if self._T_block_tip is None:
+            self._T_block_tip = centred_below(block, task.T_base_pick).inverse() * task.T_base_pick
+            self._upright = block
+        goal = centred_below(self._upright, task.T_base_place)
+        return Transfer(BLOCK, self._T_block_tip, goal, task.hover_m, task.clear_m)
+
+    def _planned_cycle(
+        self, cycle: _Cycle, task: PickAndPlace, scene: Scene, q_start: Vector
+    ) -> Plan:
+        """The plan of a cycle, noted in the report, and saved when it is the first."""
+        options = self._options
         plan = self._planned(
             lambda: plan_pick_and_place(
-                task,
-                self._manipulator,
-                self._world.scene,
-                self._arm_q(),
-                margin_m=self._options.margin_m,
+                task, self._manipulator, scene, q_start, margin_m=options.margin_m
             )
         )
-        if number == 1 and self._options.plan is not None:
-            save_plan(plan, self._options.plan)
-        bound_s = self._transfer_bound_s(task)
-        entry = self._report.add_cycle(number, (pick, place), plan, bound_s)
-        if plan.failure is not None:
-            return f"cycle {number}, {plan.failure}"
-        outcome = simulation.execute(plan, f"cycle {number}, ")
-        self._report.totals.add(plan, outcome, bound_s)
+        if options.plan is not None and not self._is_plan_saved:
+            save_plan(plan, options.plan)
+            self._is_plan_saved = True
+        cycle.bound_s = self._transfer_bound_s(task)
+        cycle.entry = self._report.add_cycle(cycle.number, cycle.ends_m, plan, cycle.bound_s)
+        return plan
+
+    def _ended(self, cycle: _Cycle, plan: Plan, outcome: Outcome) -> str | None:
+        """Note what came of a cycle; returns why it failed, or None."""
+        self._report.totals.add(plan, outcome, cycle.bound_s)
+        entry = cycle.entry
         entry["success"], entry["failure"] = outcome.is_success, outcome.failure
         entry["duration_s"], entry["block_m"] = outcome.duration_s, self._block_m()
-        return None if outcome.is_success else f"cycle {number}, {outcome.failure}"
+        return None if outcome.is_success else f"{cycle.title}{outcome.failure}"
 
     def _planned(self, make_plan: Callable[[], Plan]) -> Plan:
         started_s = time.perf_counter()
@@ -198,7 +242,12 @@ class _Demo:
 
     def _observers(self, cleanup: ExitStack) -> list[Observer]:
         """Who watches: the watch for Ctrl-C first, the live view, which waits, last."""
-        observers: list[Observer] = [_StopWatch(self._interrupt), self._narrator, self._report]
+        observers: list[Observer] = [
+            _StopWatch(self._interrupt),
+            self._narrator,
+            self._report,
+            self._truth,
+        ]
         if self._options.csv is not None:
             csv = CsvRecorder(self._options.csv, self._robot)
             cleanup.callback(csv.close)
@@ -261,6 +310,36 @@ class _Demo:
         return tuple(self._world.body(BLOCK).centre_base.tolist())
 
 
+@dataclass(slots=True, eq=False)
+class _Cycle:
+    """One pick and place of the demo.
+
+    Attributes:
+        number: which one.
+        ends_m: where the tip picks and places, in base.
+        hover_m: height above the place where it ends.
+        bound_s: what the way from grasp to release takes at least.
+        entry: its latest entry in the report.
+    """
+
+    number: int
+    ends_m: tuple[Point, Point]
+    hover_m: float
+    bound_s: float = math.inf
+    entry: Json = field(default_factory=dict)
+
+    @property
+    def title(self) -> str:
+        """Put before captions and failures."""
+        return f"cycle {self.number}, "
+
+    @property
+    def task(self) -> PickAndPlace:
+        """As the original has it: poses of the tip."""
+        pick, place = (overhead(position) for position in self.ends_m)
+        return PickAndPlace(BLOCK, pick, place, self.hover_m)
+
+
 class _StopWatch(Observer):
     """Looks at every tick whether Ctrl-C was pressed."""
 
@@ -274,30 +353,3 @@ class _StopWatch(Observer):
 def _save(recorder: Recorder, path: Path) -> None:
     if recorder.has_snapshots:
         recorder.recording().save(path)
-
-
-def _overhead(position_m: Point) -> pin.SE3:
-    return pose_from_quaternion(position_m, OVERHEAD_XYZW)
-
-
-def demo_bodies(limb: str) -> tuple[Body, Body]:
-    """Table and block, as spawned; the block on the side of the arm."""
-    x, y, z = BLOCK_WORLD_M
-    if limb == "right":  # the mirror image of a block whose origin is its corner
-        y = -y - BLOCK_EDGE_M
-    return (
-        load_object("table", _in_base(TABLE_WORLD_M)),
-        load_object(BLOCK, _in_base((x, y, z)), is_movable=True),
-    )
-
-
-def obstacles(boxes_m: Sequence[tuple[float, ...]]) -> Iterator[Body]:
-    """Boxes that stand in the way, each given by centre in base and size."""
-    for number, (x, y, z, dx, dy, dz) in enumerate(boxes_m, start=1):
-        centre = pin.SE3(np.eye(3), np.array([x, y, z]))
-        part = Part(Box((dx, dy, dz)), pin.SE3.Identity(), OBSTACLE_RGBA)
-        yield Body(f"obstacle {number}", (part,), centre)
-
-
-def _in_base(position_world_m: Point) -> pin.SE3:
-    return T_world_base().inverse() * pin.SE3(np.eye(3), np.array(position_world_m))
