@@ -123,6 +123,7 @@ class Cycles:
         self._q_start = q_start
         self._lines = lines
         self._approaches: dict[tuple[str, bytes], Approach] = {}
+        self._ends: dict[bytes, Trajectory] = {}
 
     def of(self, choice: Choice) -> Cycle:
         """The motions for a choice of solutions.
@@ -148,9 +149,12 @@ class Cycles:
         return self._approaches[key]
 
     def _end(self, q_place: Vector) -> Trajectory:
-        arm, limits = self._manipulator.arm, self._manipulator.limits
-        with _at("place: retract"):
-            return plan_straight_move(arm, q_place, self._lines.T_base_end, limits)
+        arm, limits, key = self._manipulator.arm, self._manipulator.limits, q_place.tobytes()
+        if key not in self._ends:
+            with _at("place: retract"):
+                T_base_end = self._lines.T_base_end
+                self._ends[key] = plan_straight_move(arm, q_place, T_base_end, limits)
+        return self._ends[key]
 
 
 @contextmanager

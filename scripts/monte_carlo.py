@@ -26,6 +26,12 @@ import numpy as np
 from tqdm import tqdm
 
 from baxter_kin import Baxter
+from baxter_kin.command_line import (
+    OneSentenceParser,
+    file_to_write,
+    number_within,
+    whole_number,
+)
 from baxter_kin.demo.options import DEFAULT_POSES_M
 from baxter_kin.demo.scene import BLOCK, centred_below, demo_bodies, overhead
 from planner import Manipulator
@@ -197,17 +203,24 @@ def _plot(levels: Sequence[Level], path: Path, retries: int) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description="Success against noise, open and closed loop.")
-    parser.add_argument("--runs", type=int, default=100, help="at each noise (default %(default)s)")
+    parser = OneSentenceParser(description="Success against noise, open and closed loop.")
+    some, any_number = whole_number(1), whole_number(0)
+    millimetres, degrees = number_within(0.0, 100.0, "mm"), number_within(0.0, 180.0, "deg")
+    parser.add_argument("--runs", type=some, default=100, help="at each noise (default 100)")
     parser.add_argument(
-        "--noise-mm", type=float, nargs="+", default=[1.0, 2.0, 3.0, 4.0, 5.0], metavar="MM"
+        "--noise-mm",
+        type=millimetres,
+        nargs="+",
+        default=[1.0, 2.0, 3.0, 4.0, 5.0],
+        metavar="MM",
+        help="standard deviations of the position, along each axis (default 1 2 3 4 5)",
     )
-    parser.add_argument("--noise-deg", type=float, default=0.0, metavar="DEG", help="of yaw")
-    parser.add_argument("--retries", type=int, default=3)
-    parser.add_argument("--seed", type=int, default=0, help="of the first run")
-    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--plot", type=Path, metavar="FILE")
-    parser.add_argument("--json", type=Path, metavar="FILE")
+    parser.add_argument("--noise-deg", type=degrees, default=0.0, metavar="DEG", help="of the yaw")
+    parser.add_argument("--retries", type=any_number, default=3, help="(default 3)")
+    parser.add_argument("--seed", type=any_number, default=0, help="of the first run (default 0)")
+    parser.add_argument("--processes", type=some, default=os.cpu_count() or 1)
+    parser.add_argument("--plot", type=file_to_write, metavar="FILE", help="draw the success rates")
+    parser.add_argument("--json", type=file_to_write, metavar="FILE", help="write all counts")
     return parser
 
 

@@ -7,10 +7,10 @@ import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
 
 from baxter_kin.benchmark.entrants import ENTRANTS
 from baxter_kin.benchmark.poses import Scenario
+from baxter_kin.command_line import OneSentenceParser, file_to_write, whole_number
 from baxter_kin.model import LIMBS
 
 DEFAULT_COUNT = 1000
@@ -64,15 +64,8 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
     )
 
 
-class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one sentence."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message} (--help lists the options)\n")
-
-
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = OneSentenceParser(
         prog="python -m baxter_kin.benchmark",
         description="Measures IK solvers on Baxter's arms: how often they find joint angles, and "
         "how fast. Every answer is verified by Pinocchio. Prints markdown.",
@@ -92,14 +85,14 @@ def _add_what_to_measure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--count",
-        type=_positive_int,
+        type=whole_number(1),
         default=DEFAULT_COUNT,
         metavar="N",
         help="poses in each set (default %(default)s)",
     )
     parser.add_argument(
         "--seed",
-        type=_natural_int,
+        type=whole_number(0),
         default=0,
         metavar="N",
         help="of the random poses (default %(default)s)",
@@ -124,41 +117,14 @@ def _add_what_to_measure(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--json", type=_target, metavar="FILE", help="write every number")
+    parser.add_argument("--json", type=file_to_write, metavar="FILE", help="write every number")
     parser.add_argument(
-        "--plot", type=_target, metavar="FILE", help="draw time against solve rate (png, svg, pdf)"
+        "--plot",
+        type=file_to_write,
+        metavar="FILE",
+        help="draw time against solve rate (png, svg, pdf)",
     )
     parser.add_argument("-q", "--quiet", action="store_true", help="show no progress bar")
-
-
-def _natural_int(text: str) -> int:
-    try:
-        number = int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
-    if number < 0:
-        raise argparse.ArgumentTypeError(f"{text} is below zero")
-    return number
-
-
-def _positive_int(text: str) -> int:
-    number = _natural_int(text)
-    if number == 0:
-        raise argparse.ArgumentTypeError("0 is not at least 1")
-    return number
-
-
-def _target(text: str) -> Path:
-    """A file that can be written; whether it can is tried now, before hours of work."""
-    path = Path(text)
-    is_new = not path.exists()
-    try:
-        path.open("ab").close()
-    except OSError as cause:
-        raise argparse.ArgumentTypeError(f"cannot write {text}: {cause.strerror}") from None
-    if is_new:
-        path.unlink()
-    return path
 
 
 def _check_plot(parser: argparse.ArgumentParser, path: Path) -> None:

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+
+from baxter_kin.command_line import (
+    OneSentenceParser,
+    file_to_write,
+    number,
+    number_within,
+    whole_number,
+)
 
 DEFAULT_HOVER_M = 0.15
 FARTHEST_M = 10.0
@@ -125,15 +131,8 @@ def _check_together(parser: argparse.ArgumentParser, raw: argparse.Namespace) ->
             parser.error(f"the size of an obstacle must be above zero, got {obstacle[3:]} m")
 
 
-class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one sentence."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message} (--help lists the options)\n")
-
-
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = OneSentenceParser(
         prog="baxter-demo",
         description="Baxter picks a block up and puts it down: inverse kinematics, time-optimal "
         "moves, kinematic simulation, live in the browser.",
@@ -172,7 +171,7 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--hover",
-        type=_positive,
+        type=_height,
         default=DEFAULT_HOVER_M,
         metavar="M",
         help="height above the place where a cycle ends (default %(default)s m); the arm moves "
@@ -189,7 +188,7 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--margin",
-        type=_distance,
+        type=number_within(0.0, FARTHEST_M, "m"),
         default=0.0,
         metavar="M",
         help="distance to keep from everything but what is grasped and what it stands on "
@@ -197,7 +196,7 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--noise-mm",
-        type=_noise_mm,
+        type=number_within(0.0, MOST_NOISE_MM, "mm"),
         default=0.0,
         metavar="MM",
         help="see the block off its place by so much (standard deviation along each axis), notice "
@@ -205,22 +204,29 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--noise-deg",
-        type=_noise_deg,
+        type=number_within(0.0, MOST_NOISE_DEG, "deg"),
         default=0.0,
         metavar="DEG",
         help="see it turned by so much (standard deviation)",
     )
     parser.add_argument(
         "--retries",
-        type=_natural,
+        type=whole_number(0),
         metavar="N",
         help=f"attempts after a missed one (default with noise: {DEFAULT_RETRIES})",
     )
     parser.add_argument(
-        "--seed", type=_natural, default=0, metavar="N", help="of the noise (default %(default)s)"
+        "--seed",
+        type=whole_number(0),
+        default=0,
+        metavar="N",
+        help="of the noise (default %(default)s)",
     )
     parser.add_argument(
-        "--cycles", type=_count, metavar="N", help="picks and places (default: one per block pose)"
+        "--cycles",
+        type=whole_number(1),
+        metavar="N",
+        help="picks and places (default: one per block pose)",
     )
     parser.add_argument("--forever", action="store_true", help="go on until Ctrl-C")
     parser.add_argument(
@@ -235,8 +241,10 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
     """Where it is shown and written."""
     parser.add_argument("--headless", action="store_true", help="no live view, no real time")
-    parser.add_argument("--html", type=_target, metavar="FILE", help="write a replay page")
-    parser.add_argument("--csv", type=_target, metavar="FILE", help="write joints as the RSDK does")
+    parser.add_argument("--html", type=file_to_write, metavar="FILE", help="write a replay page")
+    parser.add_argument(
+        "--csv", type=file_to_write, metavar="FILE", help="write joints as the RSDK does"
+    )
     parser.add_argument(
         "--record",
         type=_record_target,
@@ -244,106 +252,38 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
         help="write all that happens: .jsonl (a log, complete even when killed), .mcap (for "
         "Foxglove) or .npz (at the end)",
     )
-    parser.add_argument("--report", type=_target, metavar="FILE", help="write a JSON report")
+    parser.add_argument("--report", type=file_to_write, metavar="FILE", help="write a JSON report")
     parser.add_argument(
         "--plan",
-        type=_target,
+        type=file_to_write,
         metavar="FILE",
         help="save the plan of the first cycle; python -m planner.verification FILE checks it",
     )
 
 
-def _number(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
-    if not math.isfinite(number):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
-    return number
-
-
 def _coordinate(text: str) -> float:
-    number = _number(text)
-    if abs(number) > FARTHEST_M:
+    value = number(text)
+    if abs(value) > FARTHEST_M:
         raise argparse.ArgumentTypeError(f"{text} is not within {FARTHEST_M:g} m of the robot")
-    return number
+    return value
 
 
-def _positive(text: str) -> float:
-    number = _number(text)
-    if not 0.0 < number <= FARTHEST_M:
+def _height(text: str) -> float:
+    value = number(text)
+    if not 0.0 < value <= FARTHEST_M:
         raise argparse.ArgumentTypeError(f"{text} is not above zero and at most {FARTHEST_M:g} m")
-    return number
-
-
-def _distance(text: str) -> float:
-    return _within(text, FARTHEST_M, "m")
-
-
-def _within(text: str, most: float, unit: str) -> float:
-    number = _number(text)
-    if not 0.0 <= number <= most:
-        raise argparse.ArgumentTypeError(f"{text} is not from 0 to {most:g} {unit}")
-    return number
+    return value
 
 
 def _ratio(text: str) -> float:
-    number = _number(text)
-    if not SLOWEST <= number <= 1.0:
+    value = number(text)
+    if not SLOWEST <= value <= 1.0:
         raise argparse.ArgumentTypeError(f"{text} is not in [{SLOWEST:g}, 1]")
-    return number
-
-
-def _noise_mm(text: str) -> float:
-    return _within(text, MOST_NOISE_MM, "mm")
-
-
-def _noise_deg(text: str) -> float:
-    return _within(text, MOST_NOISE_DEG, "deg")
-
-
-def _count(text: str) -> int:
-    return _whole(text, 1)
-
-
-def _natural(text: str) -> int:
-    return _whole(text, 0)
-
-
-def _whole(text: str, least: int) -> int:
-    try:
-        number = int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
-    if number < least:
-        raise argparse.ArgumentTypeError(f"{text} is not at least {least}")
-    return number
-
-
-def _target(text: str) -> Path:
-    if not text:
-        raise argparse.ArgumentTypeError("the file name is empty")
-    path = Path(text)
-    try:
-        is_folder, has_folder = path.is_dir(), path.absolute().parent.is_dir()
-        is_file_or_new = path.is_file() or not path.exists()
-    except (OSError, ValueError) as cause:
-        reason = getattr(cause, "strerror", None) or cause
-        raise argparse.ArgumentTypeError(f"{text[:60]}... is no file name: {reason}") from None
-    if is_folder:
-        raise argparse.ArgumentTypeError(f"{text} is a folder; give a file")
-    if not has_folder:
-        raise argparse.ArgumentTypeError(f"the folder of {text} does not exist; make it first")
-    if not is_file_or_new:
-        raise argparse.ArgumentTypeError(f"{text} is no ordinary file")
-    if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
-        raise argparse.ArgumentTypeError(f"{text} cannot be written: permission denied")
-    return path
+    return value
 
 
 def _record_target(text: str) -> Path:
-    path = _target(text)
+    path = file_to_write(text)
     if path.suffix not in RECORD_SUFFIXES:
         known = ", ".join(RECORD_SUFFIXES)
         raise argparse.ArgumentTypeError(f"{text} must end in one of {known}, which say the format")

@@ -8,16 +8,15 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from itertools import count
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
 from baxter_kin.demo.interrupt import Interrupt
-from baxter_kin.demo.live import LiveView
 from baxter_kin.demo.narration import Narrator
 from baxter_kin.demo.options import Options
+from baxter_kin.demo.outputs import outputs
 from baxter_kin.demo.report import Json, Point, Report
 from baxter_kin.demo.scene import BLOCK, centred_below, demo_bodies, obstacles, overhead
 from baxter_kin.errors import BaxterError
@@ -34,14 +33,10 @@ from planner import (
 )
 from sim import (
     ClosedLoop,
-    CsvRecorder,
-    LogRecorder,
-    McapRecorder,
     Noise,
     NoisyPoses,
     Observer,
     Outcome,
-    Recorder,
     RecordingError,
     Simulation,
     Snapshot,
@@ -49,10 +44,6 @@ from sim import (
     TruePoses,
     World,
 )
-
-WAIT_FOR_BROWSER_S = 15.0
-REPLAY_SNAPSHOTS = 12_000
-"""The replay shows the last two minutes; only --forever ever has more."""
 
 
 def run_demo(options: Options, interrupt: Interrupt) -> int:
@@ -195,7 +186,7 @@ class _Demo:
         if options.plan is not None and not self._is_plan_saved:
             save_plan(plan, options.plan)
             self._is_plan_saved = True
-        cycle.bound_s = self._transfer_bound_s(task)
+        cycle.bound_s = self._transfer_bound_s(cycle.task)
         cycle.entry = self._report.add_cycle(cycle.number, cycle.ends_m, plan, cycle.bound_s)
         return plan
 
@@ -242,53 +233,8 @@ class _Demo:
 
     def _observers(self, cleanup: ExitStack) -> list[Observer]:
         """Who watches: the watch for Ctrl-C first, the live view, which waits, last."""
-        observers: list[Observer] = [
-            _StopWatch(self._interrupt),
-            self._narrator,
-            self._report,
-            self._truth,
-        ]
-        if self._options.csv is not None:
-            csv = CsvRecorder(self._options.csv, self._robot)
-            cleanup.callback(csv.close)
-            observers.append(csv)
-        if self._options.record is not None:
-            observers.append(self._recorder(self._options.record, cleanup))
-        if self._options.html is not None:
-            recorder = Recorder(self._robot, keep=REPLAY_SNAPSHOTS)
-            cleanup.callback(self._write_replay, self._options.html, recorder)
-            observers.append(recorder)
-        if not self._options.is_headless:
-            observers.append(self._live(cleanup))
-        return observers
-
-    def _recorder(self, path: Path, cleanup: ExitStack) -> Observer:
-        """What writes everything that happens, in the format that the suffix says."""
-        if path.suffix == ".npz":
-            recorder = Recorder(self._robot)
-            cleanup.callback(_save, recorder, path)
-            return recorder
-        make = LogRecorder if path.suffix == ".jsonl" else McapRecorder
-        stream = make(path, self._robot)
-        cleanup.callback(stream.close)
-        return stream
-
-    def _live(self, cleanup: ExitStack) -> LiveView:
-        from sim.viewer import Viewer  # noqa: PLC0415 - a headless run needs no web server
-
-        viewer = cleanup.enter_context(Viewer(self._robot))
-        viewer.show(self._world.q, {}, "ready")
-        self._narrator.say(f"open {viewer.url} in a browser to watch")
-        self._narrator.say(f"(starts when the page is open, or in {WAIT_FOR_BROWSER_S:.0f} s)")
-        viewer.wait_for_client(WAIT_FOR_BROWSER_S)
-        return LiveView(viewer)
-
-    def _write_replay(self, path: Path, recorder: Recorder) -> None:
-        from sim.replay import write_replay  # noqa: PLC0415 - only when asked for
-
-        if recorder.has_snapshots:
-            write_replay(path, recorder.recording(), self._robot)
-            self._narrator.say(f"replay: {path}")
+        first = _StopWatch(self._interrupt), self._narrator, self._report, self._truth
+        return [*first, *outputs(self._options, self._world, self._narrator, cleanup)]
 
     def _write_report(self) -> None:
         totals = self._report.totals
@@ -348,8 +294,3 @@ class _StopWatch(Observer):
 
     def on_snapshot(self, snapshot: Snapshot) -> None:  # noqa: ARG002 - only its coming matters
         self._interrupt.check()
-
-
-def _save(recorder: Recorder, path: Path) -> None:
-    if recorder.has_snapshots:
-        recorder.recording().save(path)

@@ -155,12 +155,15 @@ def test_both_means_either_arm() -> None:
     [
         (["--count", "0"], "0 is not at least 1"),
         (["--count", "many"], "'many' is not a whole number"),
-        (["--seed", "-1"], "-1 is below zero"),
+        (["--seed", "-1"], "-1 is not at least 0"),
         (["--limb", "middle"], "invalid choice: 'middle'"),
         (["--scenario", "easy"], "invalid choice: 'easy'"),
         (["--solvers", "oracle"], "invalid choice: 'oracle'"),
-        (["--json", "/no/such/folder/a.json"], "cannot write /no/such/folder/a.json"),
-        (["--json", "/"], "cannot write /: Is a directory"),
+        (
+            ["--json", "/no/such/folder/a.json"],
+            "does not exist; make it first",
+        ),
+        (["--json", "/"], "/ is a folder; give a file"),
         (["--plot", "times.txt"], "cannot draw 'times.txt'"),
         (["--plot", "times"], "cannot draw 'times'"),
         (["--json", "a.svg", "--plot", "a.svg"], "name the same file"),

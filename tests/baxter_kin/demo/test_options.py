@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from baxter_kin.demo.options import parse_options
+from baxter_kin.demo.options import DEFAULT_RETRIES, parse_options
 
 
 def test_default_is_the_original_demo() -> None:
@@ -61,6 +61,10 @@ def test_forever_has_no_number_of_cycles() -> None:
         ("--obstacle 0 0 0 1 1 0", "the size of an obstacle must be above zero"),
         ("--obstacle 0 0 0 1 1 nan", "'nan' is not a finite number"),
         ("--margin -0.01", "--margin: -0.01 is not from 0 to 10 m"),
+        ("--noise-mm -1", "--noise-mm: -1 is not from 0 to 1000 mm"),
+        ("--noise-deg 181", "--noise-deg: 181 is not from 0 to 180 deg"),
+        ("--retries -1", "--retries: -1 is not at least 0"),
+        ("--seed 0.5", "--seed: '0.5' is not a whole number"),
         ("--plan /no/such/folder/x", "the folder of /no/such/folder/x does not exist"),
         ("--gazebo", "unrecognized arguments: --gazebo"),
     ],
@@ -84,3 +88,10 @@ def test_a_recording_may_have_any_known_format(tmp_path: Path, suffix: str) -> N
 
 def test_output_may_go_to_a_new_file(tmp_path: Path) -> None:
     assert parse_options(["--csv", str(tmp_path / "x.csv")]).csv == tmp_path / "x.csv"
+
+
+def test_noise_asks_for_retries_by_itself() -> None:
+    assert not parse_options([]).is_closed_loop
+    assert parse_options(["--noise-mm", "1"]).retries == DEFAULT_RETRIES
+    assert parse_options(["--noise-deg", "1", "--retries", "0"]).retries == 0
+    assert parse_options(["--retries", "2"]).is_closed_loop

@@ -215,6 +215,37 @@ def test_obstacles_are_gone_around_and_the_plan_is_saved(tmp_path: Path) -> None
     assert plan.motion_time_s == pytest.approx(report["motion_time_s"])
 
 
+def test_with_noise_it_tries_again_until_the_block_is_placed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "report.json"
+    noise = ["--noise-mm", "3", "--noise-deg", "1", "--retries", "5", "--seed", "4"]
+    assert main(["--headless", "--cycles", "3", "--report", str(path), *noise]) == 0
+    report, said = json.loads(path.read_text()), capsys.readouterr().out
+    assert report["success"]
+    assert report["cycles_done"] == 3
+    assert report["noise"]["position_m"] == 0.003
+    assert report["noise"]["retries"] == 5
+    assert len(report["cycles"]) > 3  # one entry for each attempt
+    assert "looks again, attempt 2 of 6" in said
+    events = [event["kind"] for event in report["events"]]
+    assert events.count("missed") == len(report["cycles"]) - 3
+    assert abs(report["block"]["final_m"][2] + 0.130) <= ON_TABLE_WITHIN_M
+
+
+def test_without_retries_a_miss_ends_the_demo(tmp_path: Path) -> None:
+    noise = ["--noise-mm", "3", "--retries", "0", "--seed", "4", "--cycles", "9"]
+    report = report_of(tmp_path, *noise, status=1)
+    assert "block was not placed in one attempt; the last: pick: close: missed" in report["failure"]
+
+
+def test_exact_eyes_are_as_good_as_none(tmp_path: Path) -> None:
+    report = report_of(tmp_path, "--retries", "0", "--cycles", "2")
+    assert report["success"]
+    assert report["noise"] == {"position_m": 0.0, "yaw_rad": 0.0, "retries": 0, "seed": 0}
+    assert report["block"]["final_m"] == pytest.approx([0.70, 0.15, -0.13], abs=1e-4)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -1,0 +1,81 @@
+"""What the command lines share: a parser that complains in one sentence, and types of arguments.
+
+Each type is given to argparse as `type=...`; it says what came and what is allowed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+
+class OneSentenceParser(argparse.ArgumentParser):
+    """Says what is wrong in one sentence, and exits with status 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """End here."""
+        self.exit(2, f"{self.prog}: {message} (--help lists the options)\n")
+
+
+def number(text: str) -> float:
+    """A finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+    return value
+
+
+def number_within(least: float, most: float, unit: str) -> Callable[[str], float]:
+    """The type of numbers from `least` to `most`, which have a unit."""
+
+    def checked(text: str) -> float:
+        value = number(text)
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"{text} is not from {least:g} to {most:g} {unit}")
+        return value
+
+    return checked
+
+
+def whole_number(least: int) -> Callable[[str], int]:
+    """The type of whole numbers from `least` on."""
+
+    def checked(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+        if value < least:
+            raise argparse.ArgumentTypeError(f"{text} is not at least {least}")
+        return value
+
+    return checked
+
+
+def file_to_write(text: str) -> Path:
+    """A file that can be written, as far as can be told before it is."""
+    if not text:
+        raise argparse.ArgumentTypeError("the file name is empty")
+    path = Path(text)
+    try:
+        is_folder, has_folder = path.is_dir(), path.absolute().parent.is_dir()
+        is_file_or_new = path.is_file() or not path.exists()
+    except (OSError, ValueError) as cause:
+        reason = getattr(cause, "strerror", None) or cause
+        raise argparse.ArgumentTypeError(f"{text[:60]}... is no file name: {reason}") from None
+    if is_folder:
+        raise argparse.ArgumentTypeError(f"{text} is a folder; give a file")
+    if not has_folder:
+        raise argparse.ArgumentTypeError(f"the folder of {text} does not exist; make it first")
+    if not is_file_or_new:
+        raise argparse.ArgumentTypeError(f"{text} is no ordinary file")
+    if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
+        raise argparse.ArgumentTypeError(f"{text} cannot be written: permission denied")
+    return path

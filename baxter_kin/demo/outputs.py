@@ -1,0 +1,83 @@
+"""Where the demo is shown and written to, as its options say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+from baxter_kin import Baxter
+from baxter_kin.demo.live import LiveView
+from baxter_kin.demo.narration import Narrator
+from baxter_kin.demo.options import Options
+from sim import CsvRecorder, LogRecorder, McapRecorder, Observer, Recorder, World
+
+WAIT_FOR_BROWSER_S = 15.0
+REPLAY_SNAPSHOTS = 12_000
+"""The replay shows the last two minutes; only --forever ever has more."""
+
+
+def outputs(
+    options: Options, world: World, narrator: Narrator, cleanup: ExitStack
+) -> Iterator[Observer]:
+    """Who writes what happens, and the live view, which waits, last.
+
+    Args:
+        options: what the user asked for.
+        world: what is shown.
+        narrator: tells where to look.
+        cleanup: finishes files and closes the view.
+
+    Raises:
+        RecordingError: when a file cannot be written.
+        ViewerError: when the live view cannot be served.
+    """
+    robot = world.robot
+    if options.csv is not None:
+        csv = CsvRecorder(options.csv, robot)
+        cleanup.callback(csv.close)
+        yield csv
+    if options.record is not None:
+        yield _recorder(options.record, robot, cleanup)
+    if options.html is not None:
+        recorder = Recorder(robot, keep=REPLAY_SNAPSHOTS)
+        cleanup.callback(_write_replay, options.html, recorder, robot, narrator)
+        yield recorder
+    if not options.is_headless:
+        yield _live(world, narrator, cleanup)
+
+
+def _recorder(path: Path, robot: Baxter, cleanup: ExitStack) -> Observer:
+    """What writes everything that happens, in the format that the suffix says."""
+    if path.suffix == ".npz":
+        recorder = Recorder(robot)
+        cleanup.callback(_save, recorder, path)
+        return recorder
+    make = LogRecorder if path.suffix == ".jsonl" else McapRecorder
+    stream = make(path, robot)
+    cleanup.callback(stream.close)
+    return stream
+
+
+def _save(recorder: Recorder, path: Path) -> None:
+    if recorder.has_snapshots:
+        recorder.recording().save(path)
+
+
+def _live(world: World, narrator: Narrator, cleanup: ExitStack) -> LiveView:
+    from sim.viewer import Viewer  # noqa: PLC0415 - a headless run needs no web server
+
+    viewer = cleanup.enter_context(Viewer(world.robot))
+    viewer.show(world.q, {}, "ready")
+    narrator.say(f"open {viewer.url} in a browser to watch")
+    narrator.say(f"(starts when the page is open, or in {WAIT_FOR_BROWSER_S:.0f} s)")
+    viewer.wait_for_client(WAIT_FOR_BROWSER_S)
+    return LiveView(viewer)
+
+
+def _write_replay(path: Path, recorder: Recorder, robot: Baxter, narrator: Narrator) -> None:
+    from sim.replay import write_replay  # noqa: PLC0415 - only when asked for
+
+    if recorder.has_snapshots:
+        write_replay(path, recorder.recording(), robot)
+        narrator.say(f"replay: {path}")

@@ -1,0 +1,74 @@
+"""The Monte-Carlo script: its counting, and one small run of all of it."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+SCRIPT = Path(__file__).parents[1] / "scripts" / "monte_carlo.py"
+
+
+@pytest.fixture(scope="module")
+def script() -> Any:
+    """The script as a module that its processes find again."""
+    spec = importlib.util.spec_from_file_location("monte_carlo", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["monte_carlo"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_it_counts_prints_and_draws(
+    script: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    numbers, picture = tmp_path / "rates.json", tmp_path / "rates.png"
+    outputs = ["--json", str(numbers), "--plot", str(picture), "--processes", "1"]
+    assert script.main(["--runs", "4", "--noise-mm", "0", "4", *outputs]) == 0
+    exact, noisy = json.loads(numbers.read_text())
+    assert (exact["runs"], exact["open_loop"], exact["closed_loop"]) == (4, 4, 4)
+    assert exact["attempts"] == 1.0
+    assert exact["worst_mm"] < 0.001
+    assert noisy["open_loop"] <= noisy["closed_loop"] <= 4
+    assert noisy["attempts"] > 1.0
+    assert picture.stat().st_size > 10_000
+    said = capsys.readouterr().out
+    assert "0 mm      4  100.0 %" in said
+    assert "8 runs in" in said
+
+
+def test_a_run_depends_on_its_seed_alone(script: Any) -> None:
+    noise = script.Noise(0.004)
+    first, again, other = (script.run_once(seed, noise, 1) for seed in (3, 3, 5))
+    assert first == again
+    assert first.off_m != other.off_m
+
+
+@given(st.integers(1, 1000), st.floats(0.0, 1.0))
+def test_the_interval_holds_the_rate(script: Any, runs: int, share: float) -> None:
+    count = round(share * runs)
+    low, high = script.wilson(count, runs)
+    assert 0.0 <= low <= count / runs <= high <= 1.0
+    assert high > low
+
+
+def test_more_runs_make_the_interval_smaller(script: Any) -> None:
+    widths = [high - low for low, high in (script.wilson(n // 2, n) for n in (10, 100, 1000))]
+    assert widths == sorted(widths, reverse=True)
+    assert script.wilson(500, 1000) == pytest.approx((0.469, 0.531), abs=5e-4)
+
+
+@pytest.mark.parametrize("bad", ["--runs 0", "--noise-mm -1", "--retries x", "--plot /no/such/x"])
+def test_wrong_usage_is_status_2(script: Any, bad: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        script.main(bad.split())
+    assert stopped.value.code == 2
+    assert capsys.readouterr().err.count("\n") == 1
