@@ -124,32 +124,6 @@ def touching(body: Body, scene: Scene) -> frozenset[str]:
     )
 
 
-def drop_m(body: Body, scene: Scene, most_m: float) -> float | None:
-    """How far a body is above the highest other body of a scene below it; None beyond `most_m`.
-
-    What presses in by up to `PRESSING_TOLERANCE_M` is negative.
-    """
-    down = np.array([0.0, 0.0, -1.0])
-    above = [_raised(body, part) for part in body.parts]
-    below = [
-        part.at(other.T_base_body * part.T_body_part)
-        for other in scene
-        if other.name != body.name
-        for part in other.parts
-    ]
-    room_m = most_m + PRESSING_TOLERANCE_M
-    falls = (travel_to_contact(part, down, other, room_m) for part in above for other in below)
-    least = min((fall for fall in falls if fall is not None), default=None)
-    return None if least is None else least - PRESSING_TOLERANCE_M
-
-
-def _raised(body: Body, part: Part) -> Part:
-    """A part in base, lifted by what a contact may press in, so that its fall meets the support."""
-    lift = np.array([0.0, 0.0, PRESSING_TOLERANCE_M])
-    T = body.T_base_body * part.T_body_part
-    return part.at(pin.SE3(T.rotation, T.translation + lift))
-
-
 def coal_shape(shape: Shape) -> coal.CollisionGeometry:
     """Our shape as coal's."""
     if isinstance(shape, Box):

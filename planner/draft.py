@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TypeAlias
 
+import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKResult, SeedType
 from baxter_kin.arrays import Vector
 from baxter_kin.ik import Tolerance
 from planner.collision import Held
-from planner.contact import drop_m, touching
+from planner.contact import touching
 from planner.errors import MotionError, TaskError
 from planner.free_move import MARGIN_M, plan_free_move
 from planner.grasp import Grasp, Miss
+from planner.landing import Landing, land, levelled
 from planner.lines import raised
 from planner.manipulator import Manipulator
 from planner.plan import Grip, GripperAction, Move, PlanFailure, Step
@@ -218,19 +220,27 @@ class Draft:
         if self._held is None:
             raise TaskError("nothing is held, so nothing can be released")
         body = self._held.body.at(T_base_tip * self._held.T_tip_body)
-        fall_m = drop_m(body, self._scene, LONGEST_DROP_M)
-        if fall_m is None:
-            raise NoSolutionError.at(
-                label,
-                f"{body.name} would fall: nothing is within {1e3 * LONGEST_DROP_M:.0f} mm below it",
-                is_certain=True,
-            )
+        landing = land(levelled(body), self._scene)
+        self._refuse_fall(label, body, landing)
         self.grip(label, GripperAction.OPEN, body.name)
-        resting = body.at(raised(body.T_base_body, -fall_m))
-        self._scene, self._touchable = self._scene.with_body(resting), body.name
+        self._scene, self._touchable = self._scene.with_body(landing.body), body.name
         self._held = None
         self._grips += 1
         self._finger_m = self._manipulator.hand.stroke_m
+
+    def _refuse_fall(self, label: str, body: Body, landing: Landing) -> None:
+        """Stop here when a body would fall far, or tip off what it lands on."""
+        on, way = " and ".join(landing.supports), landing.beside
+        if landing.drop_m > LONGEST_DROP_M:
+            reason = (
+                f"{body.name} would fall: nothing is within {1e3 * LONGEST_DROP_M:.0f} mm below "
+                f"it, and {on} is {1e3 * landing.drop_m:.0f} mm below"
+            )
+            raise NoSolutionError.at(label, reason, is_certain=True)
+        if way is not None:
+            beside_mm = 1e3 * float(np.linalg.norm(way))
+            reason = f"{body.name} would tip: its centre is {beside_mm:.1f} mm beside {on}"
+            raise NoSolutionError.at(label, reason, is_certain=True)
 
     def _hold(self, body: Body, grasp: Grasp, T_base_place: pin.SE3) -> None:
         self._scene, self._touchable = self._scene.without(body.name), None

@@ -15,7 +15,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
@@ -188,12 +187,9 @@ def is_as_planned(world: World, plan: Plan) -> bool:
 
 
 def falls_as_planned(world: World, name: str, rest: Rest) -> bool:
-    """Whether a body that a hand lets go comes to rest as a plan expects: straight below."""
-    T_from, T_to = world.body(name).T_base_body, rest.T_base_body
-    way = T_to.translation - T_from.translation
-    straight = pin.SE3(T_from.rotation, T_from.translation + np.array([0.0, 0.0, way[2]]))
-    is_alone = not world.riders(name)
-    return is_alone and way[2] >= -LONGEST_DROP_M and bool(T_to.isApprox(straight, AS_PLANNED))
+    """Whether a body that is let go rests as a plan expects: level, on what is just below it."""
+    stands = len(rest.legs) == 1 and rest.beside_m == 0.0
+    return stands and rest.fall_m <= LONGEST_DROP_M and not world.riders(name)
 
 
 def _is_same(body: Body, planned: Body) -> bool:

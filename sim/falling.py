@@ -10,25 +10,19 @@ in the way of tipping off, it leans where it is.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from baxter_kin.frames import BASE_HEIGHT_M
 from planner import Body, Part
-from planner.contact import PRESSING_TOLERANCE_M, gap_m, travel_to_contact
-from sim.footing import beside, bottom_area, touched_area
+from planner.contact import PRESSING_TOLERANCE_M, gap_m
+from planner.landing import Landing, land, levelled
+from planner.lines import raised
 
-FLOOR_Z_M = -BASE_HEIGHT_M
-FLOOR = "floor"
-UP = np.array([0.0, 0.0, 1.0])
 GRAVITY_M_S2 = 9.81
-
-LEVEL_M = 1e-5
-"""Supports whose heights differ by less carry a body together."""
 
 SIDESTEP_M = 1e-3
 """How far a body that tipped off passes its former support."""
@@ -84,23 +78,9 @@ class Rest:
         """Where the body is so long after it was let go."""
         for leg in self.legs:
             if time_s < leg.duration_s:
-                return _raised(leg.T_base_body, -GRAVITY_M_S2 * time_s * time_s / 2)
+                return raised(leg.T_base_body, -GRAVITY_M_S2 * time_s * time_s / 2)
             time_s -= leg.duration_s
         return self.T_base_body
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Landing:
-    """The end of a straight fall: the body there, what it touches, and where."""
-
-    body: Body
-    drop_m: float
-    supports: tuple[str, ...]
-    areas: tuple[Vector, ...]
-
-    @property
-    def beside(self) -> Vector | None:
-        return beside(self.body.centre_base[:2], self.areas)
 
 
 def come_to_rest(body: Body, others: Sequence[Body]) -> Rest:
@@ -110,14 +90,14 @@ def come_to_rest(body: Body, others: Sequence[Body]) -> Rest:
         body: what falls.
         others: all bodies that stand still.
     """
-    landing = _landing(levelled(body), others)
+    landing = land(levelled(body), others)
     legs, fell_off = [Leg(body.T_base_body, landing.drop_m)], list[str]()
     while (way := landing.beside) is not None and len(legs) < MOST_TIPS:
         tipped = _beside_its_footing(landing, way)
         if any(_is_inside(tipped, other) for other in others):
             break
         fell_off += landing.supports
-        landing = _landing(tipped, others)
+        landing = land(tipped, others)
         legs.append(Leg(tipped.T_base_body, landing.drop_m))
     return Rest(
         T_base_body=landing.body.T_base_body,
@@ -129,50 +109,7 @@ def come_to_rest(body: Body, others: Sequence[Body]) -> Rest:
     )
 
 
-def levelled(body: Body) -> Body:
-    """The body turned about its centre, by the least angle that makes one of its axes vertical.
-
-    A long one rises as much as its turning would otherwise push it down.
-    """
-    R = body.T_base_body.rotation
-    axis = int(np.abs(R[2]).argmax())
-    up = R[:, axis] * np.sign(R[2, axis])
-    turn = pin.Quaternion.FromTwoVectors(up, UP).toRotationMatrix()
-    centre = body.centre_base
-    shifted = centre + turn @ (body.T_base_body.translation - centre)
-    turned = body.at(pin.SE3(turn @ R, shifted))
-    sunk_m = body.extent_m(UP)[0] - turned.extent_m(UP)[0]
-    return turned.at(_raised(turned.T_base_body, max(0.0, sunk_m)))
-
-
-def _landing(body: Body, others: Iterable[Body]) -> _Landing:
-    """Where a level body lands that falls straight."""
-    lifted = body.at(_raised(body.T_base_body, PRESSING_TOLERANCE_M))
-    room_m = lifted.extent_m(UP)[0] - FLOOR_Z_M
-    meetings = [
-        (travel, part, below, other.name)
-        for other in others
-        for part in _parts(lifted)
-        for below in _parts(other)
-        if (travel := travel_to_contact(part, -UP, below, room_m)) is not None
-    ]
-    travel_m = min((room_m, *(travel for travel, *_ in meetings)))
-    landed = lifted.at(_raised(lifted.T_base_body, -travel_m))
-    met = [meeting for meeting in meetings if meeting[0] <= travel_m + LEVEL_M]
-    met.sort(key=lambda meeting: meeting[0])
-    names = [name for *_, name in met]
-    areas = [
-        touched_area(part.at(_raised(part.T_body_part, -travel)), below)
-        for travel, part, below, _ in met
-    ]
-    if room_m <= travel_m + LEVEL_M:
-        names.append(FLOOR)
-        areas.append(bottom_area(_parts(landed)))
-    drop_m = max(0.0, travel_m - PRESSING_TOLERANCE_M)
-    return _Landing(landed, drop_m, tuple(dict.fromkeys(names)), tuple(areas))
-
-
-def _beside_its_footing(landing: _Landing, way: Vector) -> Body:
+def _beside_its_footing(landing: Landing, way: Vector) -> Body:
     """The body moved sideways until nothing of it is above its footing."""
     along = way / np.linalg.norm(way)
     reach = max(float((area @ along).max()) for area in landing.areas)
@@ -194,7 +131,3 @@ def _is_inside(body: Body, other: Body) -> bool:
 def _parts(body: Body) -> list[Part]:
     """A body's shapes, placed in base."""
     return [part.at(body.T_base_body * part.T_body_part) for part in body.parts]
-
-
-def _raised(T_base_body: pin.SE3, height_m: float) -> pin.SE3:
-    return pin.SE3(T_base_body.rotation, T_base_body.translation + height_m * UP)

@@ -12,7 +12,7 @@ from planner import Body, Grasp, Hand, Part
 from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
 from planner.grasp import extent
 from planner.hand import CLOSING_AXIS
-from sim.falling import UP
+from planner.landing import UP
 from sim.world import World
 
 

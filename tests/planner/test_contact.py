@@ -20,7 +20,6 @@ from planner.contact import (
     coal_pose,
     coal_shape,
     convex_pieces,
-    drop_m,
     shape_of,
     touching,
     travel_to_contact,
@@ -255,14 +254,6 @@ def test_what_is_inside_a_solid_mesh_is_deep_in_it() -> None:
 def test_a_shape_travels_to_a_mesh_by_the_gap_between_them(moving: Any, still: Any) -> None:
     travel = travel_to_contact(placed(moving, 0.01, 0.02, 0.4), -Z, placed(still, 0.0), 1.0)
     assert travel == pytest.approx(0.4 - 0.1 - 0.025, abs=CONTACT_TOLERANCE_M)
-
-
-@pytest.mark.parametrize("still", [SOLID, OPEN])
-def test_a_body_stands_on_a_mesh(still: Mesh) -> None:
-    cube = Body("cube", (Part(CUBE, ORIGIN),), at(0.01, 0.0, 0.129))
-    scene = Scene.of([Body("mesh", (Part(still, ORIGIN),), ORIGIN)])
-    assert drop_m(cube, scene, 0.005) == pytest.approx(0.004, abs=CONTACT_TOLERANCE_M)
-    assert drop_m(cube, scene, 0.003) is None
 
 
 def test_an_open_mesh_of_many_triangles_cannot_be_touched_on_purpose() -> None:

@@ -500,6 +500,17 @@ class TestImpossible:
         plan = planned(task, manipulator, scene.with_body(other))
         assert plan.is_valid, str(plan.failure)
 
+    def test_a_place_that_the_body_would_tip_off_is_refused_with_how_far(
+        self, manipulator: Manipulator, scene: Scene
+    ) -> None:
+        """The table begins at x = 0.5435 m; the block's middle comes to lie 3.4 mm outside."""
+        task = PickAndPlace("block", PICK, overhead(0.5425, 0.15, -0.129))
+        plan = planned(task, manipulator, scene)
+        assert plan.failure is not None
+        assert plan.failure.stage == "place: open"
+        assert "block would tip: its centre is 3.4 mm beside table" in plan.failure.reason
+        assert plan.failure.is_certain
+
     def test_a_body_wider_than_the_hand_fails_with_both_widths(
         self, manipulator: Manipulator, table: Body
     ) -> None:

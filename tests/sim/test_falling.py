@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner import Body, Cylinder, Part, Sphere, make_block
-from sim.falling import FLOOR, FLOOR_Z_M, GRAVITY_M_S2, SIDESTEP_M, come_to_rest
+from planner.landing import FLOOR, FLOOR_Z_M
+from sim.falling import GRAVITY_M_S2, SIDESTEP_M, come_to_rest
 from tests.conftest import at
 
 REST_M = 1e-7

@@ -14,8 +14,9 @@ from itertools import product
 import numpy as np
 
 from baxter_kin.arrays import Vector
-from planner import Box, Cylinder, Mesh, Part, Sphere
 from planner.contact import contact_point
+from planner.mesh import Mesh
+from planner.scene import Box, Cylinder, Part, Sphere
 
 SLICE_M = 1e-5
 """Points this far from the lowest or highest of a shape lie in the same plane."""
