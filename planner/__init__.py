@@ -18,6 +18,7 @@ from planner.hand import Hand
 from planner.manipulator import Manipulator
 from planner.mesh import Mesh
 from planner.objects import load_object, make_block
+from planner.overhead import overhead_grasp
 from planner.path_timing import plan_path_move
 from planner.pick_place import (
     PickAndPlace,
@@ -85,6 +86,7 @@ __all__ = [
     "load_object",
     "load_plan",
     "make_block",
+    "overhead_grasp",
     "plan_free_move",
     "plan_joint_move",
     "plan_path_move",

@@ -29,7 +29,7 @@ ROUNDING_M = 1e-9
 
 
 FINGER_PARTS = ("tip_0", "0", "1")
-"""The collision shapes of a finger, its pad first."""
+"""The collision shapes of a finger, its pad first, its base at the palm last."""
 
 CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
 """Along which the fingers move, seen from the tip."""
@@ -48,7 +48,7 @@ class Hand:
         stroke_m: finger position when fully open.
         closed_gap_m: distance between the pads when fully closed.
         pads: both pads seen from the tip with the fingers closed, +y one first.
-        fingers: all shapes of both fingers, likewise.
+        fingers: all shapes of both fingers, likewise; the pad first, the base at the palm last.
     """
 
     side: str

@@ -1,0 +1,45 @@
+"""Six blocks sorted by colour, with both arms.
+
+Red ones go to the left side, blue ones to the right, each carried by the arm that needs the least
+motion. While one arm works, the other stands beside the table, and plans treat it as an obstacle.
+The right hand opens only 48.2 mm, so no block is wider than 4 cm.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+
+from examples.workbench import SIDES, Workbench, on_table, play, scattered
+
+EDGES_M = (0.030, 0.035, 0.040)
+MIDDLE_M = (0.65, 0.00)
+"""Around this x and y in base the blocks are scattered."""
+ROW_X_M = (0.58, 0.68, 0.78)
+ROW_Y_M = {"red": 0.33, "blue": -0.33}
+"""Where the sorted blocks stand in rows, in base."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run it; returns the exit status."""
+    return play(argv, __doc__, sort, is_random=True)
+
+
+def sort(bench: Workbench, rng: np.random.Generator) -> None:
+    """Scatter the blocks, then bring each to its row, the colours in turn."""
+    places = iter(scattered(rng, 6, MIDDLE_M))
+    for number, edge_m in enumerate(EDGES_M, start=1):
+        for colour in ROW_Y_M:
+            x, y, yaw = next(places)
+            bench.add_block(f"{colour} {number}", x, y, edge_m, colour, yaw_rad=yaw)
+    for number, (edge_m, x_m) in enumerate(zip(EDGES_M, ROW_X_M, strict=True), start=1):
+        for colour, y_m in ROW_Y_M.items():
+            bench.carry(SIDES, f"{colour} {number}", on_table(x_m, y_m, edge_m))
+            for side in SIDES:
+                bench.withdraw(side)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

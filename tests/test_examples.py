@@ -1,0 +1,312 @@
+"""The examples, each run as its command would; what they say is checked in what was recorded."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baxter_kin import Baxter, IKService, pose_from_quaternion
+from baxter_kin.arrays import Vector
+from examples import right_arm, sorting, three_poses, tower
+from examples.workbench import SIDES, TABLE_Z_M, Workbench, on_table, play, scattered
+from planner import make_block, verify
+from sim import EventKind, Recording
+from tests.closeness import Closeness
+
+EXAMPLES = {
+    module.__name__.rpartition(".")[2]: module
+    for module in (three_poses, tower, sorting, right_arm)
+}
+BLOCKS = {"three_poses": 3, "tower": 3, "sorting": 6, "right_arm": 2}
+"""Blocks that each example carries, counted as often as they are."""
+
+PLACED_WITHIN_M = 0.003
+PRESSING_M = 1e-6
+"""What touches on purpose may press in by that; contacts are found to 1e-8 m."""
+
+LARGEST_PAGE = 5e6
+WAY_OF_LEFT_M = (0.804, 0.063, 0.04)
+"""Here the right hand stands between two places of the left arm's, and leaves room around it."""
+ON_THE_PLACE_M = (0.70, 0.00, -0.05)
+
+
+@dataclass(frozen=True)
+class Run:
+    """What an example left behind."""
+
+    status: int
+    said: str
+    folder: Path
+
+    @property
+    def recording(self) -> Recording:
+        return Recording.load(self.folder / "run.npz")
+
+    def centre(self, block: str) -> Vector:
+        """Where a block ended: the centre of a cube is its origin."""
+        return self.recording.body_poses[block][-1, :3]
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Run]:
+    """Runs an example with both outputs, the first time that it is asked for."""
+    known: dict[str, Run] = {}
+
+    def run(name: str) -> Run:
+        if name not in known:
+            known[name] = run_of(EXAMPLES[name], tmp_path_factory.mktemp(name))
+        return known[name]
+
+    return run
+
+
+def run_of(module: ModuleType, folder: Path) -> Run:
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        status = module.main(
+            ["--html", str(folder / "run.html"), "--record", str(folder / "run.npz")]
+        )
+    return Run(status, said.getvalue(), folder)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_all_tasks_are_done_and_every_plan_verified(runs: Callable[[str], Run], name: str) -> None:
+    run = runs(name)
+    assert run.status == 0, run.said
+    assert run.said.count("verified, ") == BLOCKS[name]
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_replay_is_one_whole_page(runs: Callable[[str], Run], name: str) -> None:
+    folder = runs(name).folder
+    assert sorted(path.name for path in folder.iterdir()) == ["run.html", "run.npz"]
+    page = folder / "run.html"
+    assert page.stat().st_size <= LARGEST_PAGE
+    assert page.read_text().rstrip().endswith("</html>")
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_nothing_is_hit_pushed_or_missed(runs: Callable[[str], Run], name: str) -> None:
+    kinds = {event.kind for event in runs(name).recording.events}
+    assert kinds.isdisjoint({EventKind.HIT, EventKind.PUSHED, EventKind.MISSED})
+
+
+def test_the_block_visits_the_three_poses(runs: Callable[[str], Run]) -> None:
+    recording = runs("three_poses").recording
+    path = recording.body_poses["block"][:, :3]
+    released = [e.time_s for e in recording.events if e.kind is EventKind.SETTLED]
+    stops = path[np.searchsorted(recording.times_s, released)]
+    wanted = [(0.75, 0.00, -0.13), (0.72, 0.075, -0.13), (0.70, 0.15, -0.13)]
+    np.testing.assert_allclose(stops, wanted, atol=PLACED_WITHIN_M)
+    np.testing.assert_allclose(path[-1], path[0], atol=PLACED_WITHIN_M)
+
+
+def test_the_tower_stands(runs: Callable[[str], Run]) -> None:
+    run, height_m = runs("tower"), 0.0
+    for name, edge_m, _ in tower.BLOCKS:
+        wanted = [*tower.TOWER_M, TABLE_Z_M + height_m + edge_m / 2]
+        np.testing.assert_allclose(run.centre(name), wanted, atol=PLACED_WITHIN_M)
+        height_m += edge_m
+
+
+def test_the_tower_is_straight(runs: Callable[[str], Run]) -> None:
+    run = runs("tower")
+    for name, _, _ in tower.BLOCKS:
+        quat_xyzw = run.recording.body_poses[name][-1, 3:]
+        np.testing.assert_allclose(np.abs(quat_xyzw), [0.0, 0.0, 0.0, 1.0], atol=1e-6)
+
+
+def test_blocks_are_sorted_into_rows(runs: Callable[[str], Run]) -> None:
+    run = runs("sorting")
+    for number, (x, edge_m) in enumerate(zip(sorting.ROW_X_M, sorting.EDGES_M, strict=True), 1):
+        for colour, y in sorting.ROW_Y_M.items():
+            centre = run.centre(f"{colour} {number}")
+            np.testing.assert_allclose(centre, [x, y, TABLE_Z_M + edge_m / 2], atol=PLACED_WITHIN_M)
+
+
+def test_both_arms_sort(runs: Callable[[str], Run]) -> None:
+    grasped = [e for e in runs("sorting").recording.events if e.kind is EventKind.GRASPED]
+    moves = runs("sorting").recording.moves
+    assert len(grasped) == 6
+    assert {move.limb for move in moves if "pick: descend" in move.label} == set(SIDES)
+
+
+def test_one_arm_waits_in_neutral_while_the_other_moves(
+    runs: Callable[[str], Run], robot: Baxter
+) -> None:
+    recording = runs("sorting").recording
+    stands = []
+    for arm in robot.arms.values():
+        q = recording.q[:, list(robot.indices(arm.joint_names))]
+        stands.append(np.abs(q - arm.neutral).max(axis=1) < 1e-9)
+    assert np.logical_or(*stands).all()
+
+
+def test_the_right_hand_refuses_the_wide_block(runs: Callable[[str], Run]) -> None:
+    run = runs("right_arm")
+    assert "wide measures 50.0 mm" in run.said
+    assert "the right hand opens only 48.2 mm" in run.said
+    assert {move.limb for move in run.recording.moves} == {"right"}
+    np.testing.assert_allclose(run.centre("block")[:2], right_arm.HERE_M, atol=PLACED_WITHIN_M)
+
+
+@pytest.fixture(scope="module")
+def closeness(runs: Callable[[str], Run], robot: Baxter) -> Mapping[tuple[str, str], float]:
+    """The least distance of every pair while blocks are sorted, looked at 100 times a second."""
+    recording = runs("sorting").recording
+    assert np.diff(recording.times_s).max() <= 0.01 + 1e-9
+    return Closeness(robot, recording.bodies.values()).along(recording)
+
+
+def test_the_arms_never_touch_each_other(closeness: Mapping[tuple[str, str], float]) -> None:
+    between = {
+        pair: distance
+        for pair, distance in closeness.items()
+        if {side_of(link) for link in pair} == {"left", "right"}
+    }
+    assert len(between) > 160  # 13 links of each arm, less what the SRDF rules out
+    assert min(between.values()) > 0.0
+
+
+def test_arms_that_touch_would_be_noticed(bench: Workbench) -> None:
+    stand(bench, ON_THE_PLACE_M)
+    left = IKService(bench.robot.arm("left"))
+    at_the_same_place = pose_from_quaternion(ON_THE_PLACE_M, (0, 1, 0, 0))
+    bench.world.move_arm("left", left.solve(at_the_same_place).q)
+    bench.simulation.wait(0.02)
+    recording = bench.recorder.recording()
+    found = Closeness(bench.robot, recording.bodies.values()).along(recording)
+    assert found["left_wrist", "right_wrist"] < 0.0
+
+
+def test_the_robot_touches_blocks_with_its_pads_only(
+    closeness: Mapping[tuple[str, str], float],
+) -> None:
+    touching = {pair for pair, distance in closeness.items() if distance <= PRESSING_M}
+    of_robot = {pair for pair in touching if not all(map(is_body, pair))}
+    assert of_robot
+    assert all("finger_tip" in link and is_body(other) for link, other in of_robot)
+    assert not any("table" in pair for pair in of_robot)
+
+
+def test_nothing_is_ever_inside_another(closeness: Mapping[tuple[str, str], float]) -> None:
+    assert min(closeness.values()) > -PRESSING_M
+
+
+def is_body(name: str) -> bool:
+    return name.startswith(("table", "red", "blue"))
+
+
+def side_of(link: str) -> str:
+    if is_body(link):
+        return ""
+    return {"l": "left", "r": "right"}.get(link.partition("_")[0][0], "") if "_" in link else ""
+
+
+@pytest.fixture
+def bench() -> Workbench:
+    """A block that the left arm can bring across."""
+    bench = Workbench()
+    bench.add_block("block", 0.62, 0.22, 0.04, "red")
+    return bench
+
+
+def stand(bench: Workbench, tip_m: tuple[float, float, float]) -> None:
+    """Put the right arm somewhere, pointing down."""
+    ik = IKService(bench.robot.arm("right"))
+    bench.world.move_arm("right", ik.solve(pose_from_quaternion(tip_m, (0, 1, 0, 0))).q)
+
+
+def test_an_arm_in_the_way_is_gone_around(bench: Workbench) -> None:
+    goal = on_table(0.70, 0.0, 0.04)
+    direct = bench.plan("left", "block", goal)
+    stand(bench, WAY_OF_LEFT_M)
+    around = bench.plan("left", "block", goal)
+    assert around.motion_time_s > direct.motion_time_s
+    assert around.clearance is not None
+    assert around.clearance.second.startswith("right_")
+    assert verify(around).is_valid
+    assert bench.execute(around, "")[1]
+
+
+def test_a_plan_that_did_not_know_of_the_other_arm_stops_before_it(bench: Workbench) -> None:
+    unaware = bench.plan("left", "block", on_table(0.70, 0.0, 0.04))
+    stand(bench, WAY_OF_LEFT_M)
+    outcome, is_done = bench.execute(unaware, "")
+    assert not is_done
+    assert "right_" in outcome
+
+
+def test_an_arm_on_the_place_is_named(bench: Workbench) -> None:
+    stand(bench, ON_THE_PLACE_M)
+    plan = bench.plan("left", "block", on_table(0.70, 0.0, 0.04))
+    assert not plan.is_valid
+    assert "right_wrist" in str(plan.failure)
+
+
+def test_what_is_refused_is_told_with_its_reason(capsys: pytest.CaptureFixture[str]) -> None:
+    def story(bench: Workbench, _rng: np.random.Generator) -> None:
+        bench.add_block("far", 1.30, 0.0, 0.04, "red")
+        bench.add_block("near", 0.65, 0.2, 0.04, "blue")
+        bench.carry(SIDES, "far", on_table(0.65, 0.0, 0.04))
+        bench.carry(SIDES, "near", on_table(0.65, 0.0, 0.04))
+
+    assert play([], "Two blocks.", story) == 1
+    said = capsys.readouterr().out
+    assert "far      -" in said
+    assert "refused: left arm, pick: approach: the pose" in said
+    assert "right arm, pick: approach: the pose" in said
+    assert said.count("verified") == 1
+
+
+def test_a_replay_that_cannot_be_written_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "no" / "run.html"
+    assert play(["--html", str(page)], "Nothing.", lambda bench, _: bench.simulation.wait(0.1)) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_seed_is_for_what_is_random(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        three_poses.main(["--seed", "1"])
+    assert stopped.value.code == 2
+    assert "unrecognized arguments: --seed" in capsys.readouterr().err
+
+
+@given(seed=st.integers(0, 2**32))
+def test_scattered_blocks_leave_room_for_a_hand(seed: int) -> None:
+    places = [(x, y) for x, y, _ in scattered(np.random.default_rng(seed), 6, (0.65, 0.0))]
+    apart = [np.hypot(x - u, y - v) for (x, y), (u, v) in combinations(places, 2)]
+    assert min(apart) >= 0.10
+
+
+def test_the_readme_names_every_example() -> None:
+    text = (Path(__file__).parents[1] / "README.md").read_text("utf-8")
+    for name in EXAMPLES:
+        assert f"-m examples.{name}" in text
+
+
+def test_an_arm_that_cannot_go_back_is_told(bench: Workbench) -> None:
+    left = bench.robot.arm("left")
+    beside = left.T_base_tip(left.neutral)
+    bench.world.move_arm("left", left.start)
+    bench.simulation.spawn(make_block("post", beside, edge_m=0.1, is_movable=False))
+    assert not bench.withdraw("left")
+    assert "post" in bench.tasks[-1].verdict
+    assert not bench.tasks[-1].is_done
+
+
+def test_an_arm_that_stands_beside_the_table_stays_there(bench: Workbench) -> None:
+    assert bench.withdraw("left")
+    assert bench.motion_s == 0.0
