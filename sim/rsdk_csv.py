@@ -59,7 +59,15 @@ class CsvFile:
         Raises:
             RecordingError: when the file cannot be written.
         """
-        joints, (left, right) = arms.tolist(), percent.tolist()
+        self.write_row(time_s, arms.tolist(), percent.tolist())
+
+    def write_row(self, time_s: float, joints: list[float], percent: list[float]) -> None:
+        """The same from plain numbers, 14 and 2.
+
+        Raises:
+            RecordingError: when the file cannot be written.
+        """
+        left, right = percent
         self._file.write(_ROW.format(time_s, *joints[:7], left, *joints[7:], right))
 
     def close(self) -> None:
@@ -86,8 +94,8 @@ class CsvRecorder(Observer):
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
         """Write a row."""
-        percent = np.array([snapshot.grippers[side].percent for side in LIMBS])
-        self._csv.write(snapshot.time_s, snapshot.q[self._indices], percent)
+        percent = [snapshot.grippers[side].percent for side in LIMBS]
+        self._csv.write_row(snapshot.time_s, snapshot.q[self._indices].tolist(), percent)
 
     def close(self) -> None:
         """Close the file."""

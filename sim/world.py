@@ -62,6 +62,7 @@ class World:
         self._bodies: dict[str, Body] = {}  # as they were spawned
         self._poses: dict[str, pin.SE3] = {}  # where they are now
         self._held: dict[str, Holding] = {}
+        self._limits = {side: arm.limits for side, arm in robot.arms.items()}
         self._arm_indices = {
             s: np.array(robot.indices(a.joint_names)) for s, a in robot.arms.items()
         }
@@ -118,7 +119,7 @@ class World:
         Raises:
             ConfigurationError: when `q` is malformed or outside the limits.
         """
-        limits = self.robot.arm(side).limits
+        limits = self._limits[self._side(side)]
         self._q[self._arm_indices[side]] = limits.check(q, "q", tolerance=ROUNDING_RAD)
         self._carry(side)
 

@@ -14,8 +14,8 @@ from baxter_kin.ik import IKResult
 from planner import GripperAction, Move, Plan
 from sim import Event, Observer, Outcome
 
-KEPT = 1000
-"""How many of the last cycles and events a report keeps; only --forever ever has more."""
+KEPT_CYCLES, KEPT_EVENTS = 100, 1000
+"""How many of the last ones a report keeps; a run with --forever soon has more."""
 
 Json: TypeAlias = dict[str, Any]
 Point: TypeAlias = tuple[float, ...]
@@ -86,8 +86,8 @@ class Report(Observer):
     options: Options
     totals: Totals = field(default_factory=Totals)
     failure: str | None = "it did not finish"
-    _cycles: deque[Json] = field(default_factory=lambda: deque(maxlen=KEPT))
-    _events: deque[Event] = field(default_factory=lambda: deque(maxlen=KEPT))
+    _cycles: deque[Json] = field(default_factory=lambda: deque(maxlen=KEPT_CYCLES))
+    _events: deque[Event] = field(default_factory=lambda: deque(maxlen=KEPT_EVENTS))
 
     def on_event(self, event: Event) -> None:
         """Keep it."""
