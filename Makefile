@@ -1,4 +1,5 @@
-# `make demo` and `make test` set everything up themselves, in .venv, and start at once the second time.
+# `make demo`, `make notebooks` and `make test` set everything up themselves, in .venv, and start at
+# once the second time.
 # Arguments pass through: make demo ARGS="--headless", make test ARGS="-k ik".
 
 PYTHON ?= python3
@@ -6,10 +7,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 
-.PHONY: demo test check clean
+.PHONY: demo notebooks test check clean
 
 demo: $(VENV)/.demo
 	$(BIN)/python -m baxter_kin.demo $(ARGS)
+
+notebooks: $(VENV)/.notebook
+	$(BIN)/python -m jupyterlab --notebook-dir notebooks $(ARGS)
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest $(ARGS)
@@ -34,6 +38,10 @@ $(BIN)/python:
 $(VENV)/.demo: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --editable .
 	touch $@
+
+$(VENV)/.notebook: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --editable '.[notebook]'
+	touch $@ $(VENV)/.demo
 
 $(VENV)/.dev: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'

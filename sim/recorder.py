@@ -27,8 +27,8 @@ class Recorder(Observer):
 
         Args:
             robot: whose joints are recorded.
-            keep: how many snapshots, and as many events, to keep, and the moves of that time; all
-                when not given.
+            keep: how many snapshots to keep, and the events and moves of that time; all when not
+                given.
 
         Raises:
             RecordingError: when `keep` is not a whole number above zero.
@@ -37,7 +37,7 @@ class Recorder(Observer):
             raise RecordingError(f"keep must be from 1 to {sys.maxsize}, got {keep}")
         self._joint_names = expect(robot, Baxter, "robot", RecordingError).joint_names
         self._snapshots: deque[Snapshot] = deque(maxlen=keep)
-        self._events: deque[Event] = deque(maxlen=keep)
+        self._events: deque[Event] = deque()
         self._moves: deque[RecordedMove] = deque()
         self._bodies: dict[str, Body] = {}
 
@@ -67,8 +67,8 @@ class Recorder(Observer):
             self._bodies[event.body.name] = event.body
         move = recorded_move(event)
         if move is not None:
-            self._forget_moves()
             self._moves.append(move)
+        self._forget_the_past()
 
     def recording(self) -> Recording:
         """All so far.
@@ -77,7 +77,7 @@ class Recorder(Observer):
             RecordingError: when there is no snapshot yet.
         """
         shots = self._snapshots
-        self._forget_moves()
+        self._forget_the_past()
         return Recording(
             joint_names=self._joint_names,
             times_s=np.array([shot.time_s for shot in shots]),
@@ -92,10 +92,15 @@ class Recorder(Observer):
             moves=tuple(self._moves),
         )
 
-    def _forget_moves(self) -> None:
-        """Those that ended before the first snapshot that is kept."""
-        while self._snapshots and self._moves and self._moves[0].end_s < self._snapshots[0].time_s:
+    def _forget_the_past(self) -> None:
+        """What ended before the first snapshot that is kept, once others were dropped."""
+        if len(self._snapshots) != self._snapshots.maxlen:
+            return
+        first_s = self._snapshots[0].time_s
+        while self._moves and self._moves[0].end_s < first_s:
             self._moves.popleft()
+        while self._events and self._events[0].time_s < first_s:
+            self._events.popleft()
 
     def _track(self, name: str) -> Vector:
         absent = np.full(7, np.nan)
