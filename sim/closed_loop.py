@@ -144,8 +144,8 @@ class ClosedLoop:
         """Work in a simulated world.
 
         Args:
-            simulation: the world in time. Of its bodies, the immovable ones are known; where the
-                others are is only believed.
+            simulation: the world in time. Of its bodies, the immovable ones are known, and what a
+                hand holds is felt; where the others are is only believed.
             manipulator: the arm and its hand.
             eyes: sees the movable bodies.
             retries: how many attempts may follow the first.
@@ -247,9 +247,11 @@ class ClosedLoop:
     def _believed(self, wanted: str) -> Scene | None:
         """The scene as it is believed to be; None when the wanted body is not seen."""
         world = self._simulation.world
-        scene = Scene.of(body for body in world.scene if not body.is_movable)
-        movable = [body.name for body in world.scene if body.is_movable]
-        seen = [body for name in movable if (body := self._seen(name)) is not None]
+        held = {holding.body for side in world.hands if (holding := world.holding(side))}
+        known = [body for body in world.scene if not body.is_movable or body.name in held]
+        scene = Scene.of(known)
+        names = [body.name for body in world.scene if body.name not in scene.bodies]
+        seen = [body for name in names if (body := self._seen(name)) is not None]
         for body in sorted(seen, key=lambda each: float(each.centre_base[2])):
             scene = scene.with_body(_standing(body, scene))
         return scene if wanted in scene.bodies else None

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from planner import Body, Grasp, Hand, Part
+from planner import Body, Box, Grasp, Hand, Part
 from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
 from planner.grasp import extent
 from planner.hand import CLOSING_AXIS
@@ -247,7 +248,11 @@ def _is_worth_it(first: Mover, second: Mover) -> bool:
 
 def _extents(part: Part) -> list[tuple[float, float]]:
     """Where a shape begins and ends along x, y and z of the tip, m."""
-    return [extent(part, axis) for axis in range(3)]
+    if not isinstance(part.shape, Box):
+        return [extent(part, axis) for axis in range(3)]
+    T, half = part.T_body_part, np.array(part.shape.size_m) / 2
+    middle, reach = T.translation, np.abs(T.rotation) @ half
+    return list(zip((middle - reach).tolist(), (middle + reach).tolist(), strict=True))
 
 
 def _gap_along_y(

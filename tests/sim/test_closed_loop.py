@@ -9,7 +9,17 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
-from planner import Body, Box, Manipulator, Part, Plan, Scene, plan_pick_and_place, verify
+from planner import (
+    Body,
+    Box,
+    Manipulator,
+    Part,
+    Plan,
+    Scene,
+    make_block,
+    plan_pick_and_place,
+    verify,
+)
 from sim import (
     ClosedLoop,
     Event,
@@ -216,6 +226,21 @@ def test_what_is_seen_stands_on_the_table_whatever_height_it_is_seen_at(bench: B
     seen = result.attempts[0].seen
     assert seen is not None
     assert seen.extent_m((0, 0, 1))[0] == pytest.approx(-0.155, abs=1e-6)
+
+
+def test_what_the_other_hand_holds_is_where_that_hand_is(bench: Bench) -> None:
+    cube = make_block("cube", at(0.6, -0.5, 0.3), edge_m=0.04)
+    bench.world.spawn(cube)
+    T = bench.world.T_base_tip("right")
+    bench.world.attach("right", "cube", at(0.0, 0.0, 0.0))
+    believed: list[Scene] = []
+
+    def plan(task: Any, manipulator: Manipulator, scene: Scene, q: Any) -> Plan:
+        believed.append(scene)
+        return plan_pick_and_place(task, manipulator, scene, q)
+
+    assert bench.run(plan=plan).is_success
+    assert believed[0]["cube"].T_base_body.translation == pytest.approx(T.translation)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
