@@ -16,7 +16,7 @@ notebooks: $(VENV)/.notebook
 	$(BIN)/python -m jupyterlab --notebook-dir notebooks $(ARGS)
 
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n auto $(ARGS)
 
 check: $(VENV)/.dev
 	$(BIN)/ruff format --check .

@@ -172,7 +172,8 @@ def wilson(count: int, runs: int) -> tuple[float, float]:
     share, z2 = count / runs, Z_95**2 / runs
     middle = share + z2 / 2
     half = Z_95 * math.sqrt(share * (1.0 - share) / runs + z2 / (4 * runs))
-    return max(0.0, (middle - half) / (1.0 + z2)), min(1.0, (middle + half) / (1.0 + z2))
+    low, high = (middle - half) / (1.0 + z2), (middle + half) / (1.0 + z2)
+    return max(0.0, min(low, share)), min(1.0, max(high, share))  # against rounding at both ends
 
 
 def _plot(levels: Sequence[Level], path: Path, retries: int) -> None:
