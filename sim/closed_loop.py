@@ -3,14 +3,16 @@
 One attempt looks at every movable body, plans in the scene that it believes in, and executes the
 plan up to the closing of the fingers. Whether they hold the body is told by their position alone,
 as on the robot: less or more apart than the body is wide means a miss. After a miss the arm opens
-its hand, rises, and looks again. What is held is placed, and looked at once more.
+its hand, rises, and looks again, once more often than before: it believes in the mean of what it
+then sees. What was seen before a miss is forgotten, as the miss may have moved the body. What is
+held is placed, and looked at once more.
 
 What is seen is taken to stand level on what is below it, which is better than any measured height.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -178,16 +180,16 @@ class ClosedLoop:
         while len(attempts) <= self._retries:
             if attempts:
                 self._rise(transfer, title)
-            attempts.append(self._attempt(transfer, title))
+            attempts.append(self._attempt(transfer, title, looks=len(attempts) + 1))
             if attempts[-1].failure is None:
                 return self._looked_after(transfer, tuple(attempts))
         tried = f"{len(attempts)} attempts" if len(attempts) > 1 else "one attempt"
         failure = f"{transfer.body} was not placed in {tried}; the last: {attempts[-1].failure}"
         return LoopResult(tuple(attempts), failure)
 
-    def _attempt(self, transfer: Transfer, title: str) -> Attempt:
+    def _attempt(self, transfer: Transfer, title: str, *, looks: int) -> Attempt:
         """Look, plan, pick, feel, place."""
-        scene = self._believed(transfer.body)
+        scene = self._believed(transfer.body, looks)
         if scene is None:
             return Attempt(None, None, f"{transfer.body} was not seen in {LOOKS} looks")
         seen = scene[transfer.body]
@@ -237,34 +239,60 @@ class ClosedLoop:
 
     def _looked_after(self, transfer: Transfer, attempts: tuple[Attempt, ...]) -> LoopResult:
         """The result of a placed body, by one more look."""
-        seen = self._seen(transfer.body)
+        seen = self._seen(transfer.body, 1)
         if seen is None:
             return LoopResult(attempts, None)
         goal = seen.at(transfer.T_base_goal)
         off_m = float(np.linalg.norm(seen.centre_base[:2] - goal.centre_base[:2]))
         return LoopResult(attempts, None, seen, off_m)
 
-    def _believed(self, wanted: str) -> Scene | None:
-        """The scene as it is believed to be; None when the wanted body is not seen."""
+    def _believed(self, wanted: str, looks: int) -> Scene | None:
+        """The scene as so many looks have it; None when the wanted body is not seen."""
         world = self._simulation.world
         held = {holding.body for side in world.hands if (holding := world.holding(side))}
         known = [body for body in world.scene if not body.is_movable or body.name in held]
         scene = Scene.of(known)
         names = [body.name for body in world.scene if body.name not in scene.bodies]
-        seen = [body for name in names if (body := self._seen(name)) is not None]
+        seen = [body for name in names if (body := self._seen(name, looks)) is not None]
         for body in sorted(seen, key=lambda each: float(each.centre_base[2])):
             scene = scene.with_body(_standing(body, scene))
         return scene if wanted in scene.bodies else None
 
-    def _seen(self, name: str) -> Body | None:
-        """A body where it seems to be; looks again for a while when it is not seen."""
-        for look in range(LOOKS):
+    def _seen(self, name: str, looks: int) -> Body | None:
+        """A body where it seems to be, by the mean of so many sightings.
+
+        Looks again for a while when it is not seen; of too few sightings, the mean of those.
+        """
+        found: list[Body] = []
+        for look in range(LOOKS + looks - 1):
             if look:
                 self._simulation.wait(LOOK_AGAIN_S)
             sighting = self._eyes.look(name, self._simulation.time_s)
             if sighting is not None:
-                return sighting.body
-        return None
+                found.append(sighting.body)
+            if len(found) == looks:
+                break
+        return mean_of(found) if found else None
+
+
+def mean_of(bodies: Sequence[Body]) -> Body:
+    """One body, where the mean of several sightings has its centre and its orientation.
+
+    The mean of the orientations is taken on the tangent space at the first one, which is exact for
+    turns about one axis.
+
+    Raises:
+        SimulationError: when there is none.
+    """
+    if not bodies:
+        raise SimulationError("the mean of no sightings is nowhere; give at least one")
+    first = bodies[0].T_base_body
+    turns = [pin.log3(first.rotation.T @ body.T_base_body.rotation) for body in bodies]
+    rotation = first.rotation @ pin.exp3(np.mean(turns, axis=0))
+    turned = bodies[0].at(pin.SE3(rotation, first.translation))
+    centre = np.mean([body.centre_base for body in bodies], axis=0)
+    shift = centre - turned.centre_base
+    return turned.at(pin.SE3(rotation, first.translation + shift))
 
 
 def split_at_close(plan: Plan) -> tuple[Plan, Plan]:

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from planner import (
@@ -35,7 +37,7 @@ from sim import (
     TruePoses,
     World,
 )
-from sim.closed_loop import LOOKS, WIDTH_TOLERANCE_M, split_at_close
+from sim.closed_loop import LOOKS, WIDTH_TOLERANCE_M, mean_of, split_at_close
 from sim.noisy_poses import displaced
 from tests.conftest import at
 
@@ -122,7 +124,8 @@ def test_with_exact_eyes_the_first_attempt_succeeds(bench: Bench) -> None:
 
 @pytest.mark.parametrize("misses", [1, 3])
 def test_after_misses_it_looks_again_and_succeeds(bench: Bench, misses: int) -> None:
-    result = bench.run(Mistaken(bench.truth, [0.012] * misses))
+    looks = sum(range(1, misses + 1))
+    result = bench.run(Mistaken(bench.truth, [0.012] * looks))
     assert result.is_success, result.failure
     assert [attempt.failure is None for attempt in result.attempts] == [False] * misses + [True]
     assert bench.diary.count(EventKind.MISSED) == misses
@@ -261,6 +264,39 @@ def test_the_same_noise_gives_the_same_run(
         bench.run(NoisyPoses(bench.truth, Noise(0.005), np.random.default_rng(11)))
         ends.append((bench.simulation.time_s, bench.world.q.tolist(), bench.off_m))
     assert ends[0] == ends[1]
+
+
+class TestMean:
+    @given(
+        st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)), min_size=1, max_size=5),
+        st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5),
+    )
+    def test_centre_and_yaw_are_those_of_the_mean(
+        self, block: Body, shifts: list[tuple[float, float]], yaws: list[float]
+    ) -> None:
+        pairs = list(zip(shifts, yaws, strict=False))
+        seen = [displaced(block, np.array([*shift, 0.0]), yaw) for shift, yaw in pairs]
+        mean = mean_of(seen)
+        centre = block.centre_base + np.array([*np.mean(shifts, axis=0), 0.0])
+        assert mean.centre_base == pytest.approx(centre, abs=1e-9)
+        R = mean.T_base_body.rotation
+        assert np.arctan2(R[1, 0], R[0, 0]) == pytest.approx(np.mean(yaws[: len(pairs)]), abs=1e-9)
+        assert R[2, 2] == pytest.approx(1.0)
+
+    def test_of_one_it_is_that_one(self, block: Body) -> None:
+        assert mean_of([block]).T_base_body.isApprox(block.T_base_body, 1e-12)
+
+    def test_of_none_there_is_none(self) -> None:
+        with pytest.raises(SimulationError, match="no sightings"):
+            mean_of([])
+
+
+def test_every_retry_looks_once_more_often(bench: Bench) -> None:
+    """The second attempt sees 12 mm and -12 mm, and believes in the middle."""
+    result = bench.run(Mistaken(bench.truth, [0.012, 0.012, -0.012]), retries=1)
+    assert result.is_success, result.failure
+    assert len(result.attempts) == 2
+    assert bench.off_m <= SEEN_WITHIN_M
 
 
 class TestSplit:
