@@ -46,9 +46,11 @@ def test_it_counts_prints_and_draws(
 
 
 def test_a_run_depends_on_its_seed_alone(script: Any) -> None:
-    noise = script.Noise(0.004)
+    noise = script.Noise(0.0005)  # no miss; what it is off along the pads remains
     first, again, other = (script.run_once(seed, noise, 1) for seed in (3, 3, 5))
     assert first == again
+    assert first.is_placed
+    assert other.is_placed
     assert first.off_m != other.off_m
 
 
