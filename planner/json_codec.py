@@ -22,6 +22,7 @@ from typing import Any, TypeAlias, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from baxter_kin import BaxterError
 from baxter_kin.errors import LONGEST_NAME
@@ -286,10 +287,13 @@ def _is_enum(hint: Any) -> bool:
     return isinstance(hint, type) and issubclass(hint, Enum)
 
 
+_ARRAYS = (np.ndarray, NDArray)
+"""What `NDArray[...]` is generic over: the class, or since NumPy 2.5 the alias itself."""
+
 _RULES = (
     _Rule(lambda hint: hint in (float, int, bool, str), _scalar, _scalar),
     _Rule(lambda hint: hint is pin.SE3, _write_pose, _read_pose),
-    _Rule(lambda hint: get_origin(hint) is np.ndarray, _write_array, _read_array),
+    _Rule(lambda hint: get_origin(hint) in _ARRAYS, _write_array, _read_array),
     _Rule(lambda hint: get_origin(hint) is tuple, _write_tuple, _read_tuple),
     _Rule(lambda hint: get_origin(hint) is Mapping, _write_mapping, _read_mapping),
     _Rule(lambda hint: get_origin(hint) in (types.UnionType, Union), _write_union, _read_union),

@@ -16,8 +16,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
 
 from baxter_kin import IKFailure, IKResult, SeedType, pose_from_quaternion
+from baxter_kin.arrays import Vector
 from planner import (
     Body,
     Box,
@@ -422,3 +424,11 @@ def test_an_entry_that_an_older_file_lacks_takes_its_default() -> None:
 def test_a_type_without_a_place_in_files_is_named() -> None:
     with pytest.raises(PlanFileError, match="thing is of a type that has no place"):
         to_json({1}, set[int], "thing")
+
+
+def test_arrays_are_known_by_the_annotation_of_this_numpy() -> None:
+    """NumPy 2.5 made its alias generic itself, where it used to stand for the class."""
+    array = np.arange(6.0).reshape(2, 3)
+    for annotation in (Vector, NDArray[np.float64], np.ndarray[Any, np.dtype[np.float64]]):
+        again = from_json(to_json(array, annotation, "array"), annotation, "array")
+        assert again.tolist() == array.tolist()
