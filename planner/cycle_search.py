@@ -27,7 +27,6 @@ from planner.manipulator import Manipulator
 from planner.pairs import Pairs, Solutions
 from planner.plan import Plan, PlanFailure
 from planner.scene import Scene
-from planner.situation import Situation
 from planner.stages import STAGES, draft_cycle, reach_waypoints
 from planner.surroundings import Surroundings
 from planner.swept_result import SweptContact
@@ -78,7 +77,7 @@ class CycleSearch:
         try:
             pairs = self._look()
         except NoSolutionError as stop:
-            return self._plan(self._draft(), stop.failure)
+            return self._draft().plan(stop.failure)
         for plan in self._attempts(pairs):
             if plan.failure is None or plan.failure.is_certain:
                 return plan
@@ -159,7 +158,7 @@ class CycleSearch:
             failure = self._drafted(draft, route)
         if failure is not None:
             self._missed.append(_Miss(route, failure))
-        return self._plan(draft, failure)
+        return draft.plan(failure)
 
     def _drafted(self, draft: Draft, route: Route) -> PlanFailure | None:
         """Draft the whole cycle; returns why it cannot be done, or None."""
@@ -180,11 +179,6 @@ class CycleSearch:
             known=self._known,
         )
 
-    def _plan(self, draft: Draft, failure: PlanFailure | None) -> Plan:
-        situation = Situation.of(self._manipulator, self._scene)
-        steps = tuple(draft.steps)
-        return Plan(self._manipulator.arm.side, self._q_start, steps, failure, situation)
-
     def _nearest_miss(self, pairs: Pairs) -> Plan:
         """What there is of the plan that gets farthest, with what came of the others."""
         best = max(self._missed, key=_Miss.nearness)
@@ -195,9 +189,7 @@ class CycleSearch:
         draft = self._draft()
         if not isinstance(best.route, StageError):
             self._drafted(draft, best.route)
-        return self._plan(
-            draft, replace(best.failure, reason=reason, tried=failures, tallies=tallies)
-        )
+        return draft.plan(replace(best.failure, reason=reason, tried=failures, tallies=tallies))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

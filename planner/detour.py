@@ -221,13 +221,15 @@ class _Line:
 
     def _passed_s(self) -> float:
         """When the motion passes that fraction."""
+        if self.passed == 0.0:
+            return 0.0
         q_passed, tangent, *_ = self.path.at(self.passed)
         early_s, late_s = 0.0, self.motion.duration
-        for _ in range(HALVINGS if self.passed > 0.0 else 0):
+        for _ in range(HALVINGS):
             middle_s = (early_s + late_s) / 2
             is_before = (self.motion.sample(middle_s).q - q_passed) @ tangent < 0.0
             early_s, late_s = (middle_s, late_s) if is_before else (early_s, middle_s)
-        return late_s if self.passed > 0.0 else 0.0
+        return late_s
 
 
 def _joined(

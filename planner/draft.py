@@ -19,8 +19,9 @@ from planner.grasp import Grasp, Miss
 from planner.landing import Landing, land, levelled
 from planner.lines import raised
 from planner.manipulator import Manipulator
-from planner.plan import Grip, GripperAction, Move, PlanFailure, Step
+from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
 from planner.scene import Body, Scene
+from planner.situation import Situation
 from planner.straight import plan_straight_move
 from planner.surroundings import Surroundings
 from planner.swept_result import SweptContact, SweptProof
@@ -71,6 +72,7 @@ class Draft:
         """
         self.steps: list[Step] = []
         self._manipulator = manipulator
+        self._begin = q_start, scene
         self._q = q_start
         self._scene = scene
         self._margin_m = margin_m
@@ -79,6 +81,13 @@ class Draft:
         self._touchable: str | None = None
         self._grips = 0  # grasps and releases so far
         self._known = {} if known is None else known
+
+    def plan(self, failure: PlanFailure | None = None) -> Plan:
+        """The plan of the steps so far, or why it ends there."""
+        q_start, scene = self._begin
+        situation = Situation.of(self._manipulator, scene)
+        steps = tuple(self.steps)
+        return Plan(self._manipulator.arm.side, q_start, steps, failure, situation)
 
     def refuse_wide(self, stage: str, T_base_tip: pin.SE3, body: Body) -> None:
         """Stop here when the hand cannot open wide enough for the body."""

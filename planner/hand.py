@@ -7,6 +7,7 @@ finger tips. The model of closing, and its limits, are on `planner.grasp`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -155,7 +156,7 @@ class Hand:
 
     def _travels(self, seen: Body, finger_m: float) -> tuple[float, float] | Miss:
         """How far each pad moves until it touches a body seen from the tip."""
-        parts = _parts(seen)
+        parts = seen.placed_parts
         room = 2 * finger_m
         first, second = self.pads
         first_m = _travel(_shifted(first, finger_m), -1.0, parts, room)
@@ -176,7 +177,7 @@ class Hand:
     def _held(self, moved: Body, finger_m: float, push_m: float) -> Grasp | Miss:
         """The grasp of a body, seen from the tip, that both pads touch, if they hold it."""
         pads = [_shifted(p, sign * finger_m) for p, sign in zip(self.pads, (1, -1), strict=True)]
-        overlaps = [Overlap.of(pad, _touched(pad, _parts(moved))) for pad in pads]
+        overlaps = [Overlap.of(pad, _touched(pad, moved.placed_parts)) for pad in pads]
         worst = min(overlaps, key=lambda overlap: overlap.least_m)
         if not all(overlap.is_enough for overlap in overlaps):
             return _slips(moved.name, worst.least_m)
@@ -199,7 +200,7 @@ class Hand:
             )
 
 
-def _travel(pad: Part, direction: float, parts: list[Part], room_m: float) -> float | None:
+def _travel(pad: Part, direction: float, parts: Sequence[Part], room_m: float) -> float | None:
     """How far a pad moves along y of the gripper until it touches a part; None if it does not.
 
     It may begin inside one, by no more than a contact may press; its travel is negative then.
@@ -212,14 +213,10 @@ def _travel(pad: Part, direction: float, parts: list[Part], room_m: float) -> fl
     return None if least is None else least - PRESSING_TOLERANCE_M
 
 
-def _touched(pad: Part, parts: list[Part]) -> list[Part]:
+def _touched(pad: Part, parts: Sequence[Part]) -> list[Part]:
     """Those of some shapes that a pad touches: the nearest, and what is as near."""
     gaps = [gap_m(pad, part) for part in parts]
     return [part for part, gap in zip(parts, gaps, strict=True) if gap <= min(gaps) + AS_NEAR_M]
-
-
-def _parts(body: Body) -> list[Part]:
-    return [part.at(body.T_base_body * part.T_body_part) for part in body.parts]
 
 
 def _too_wide(name: str, width_m: float, opening_m: float) -> Miss:

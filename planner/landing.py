@@ -13,7 +13,7 @@ from baxter_kin.frames import BASE_HEIGHT_M
 from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
 from planner.footing import beside, bottom_area, touched_area
 from planner.lines import raised
-from planner.scene import Body, Part
+from planner.scene import Body
 
 FLOOR_Z_M = -BASE_HEIGHT_M
 FLOOR = "floor"
@@ -55,8 +55,8 @@ def land(body: Body, others: Iterable[Body]) -> Landing:
     meetings = [
         (travel, part, below, other.name)
         for other in others
-        for part in _parts(lifted)
-        for below in _parts(other)
+        for part in lifted.placed_parts
+        for below in other.placed_parts
         if (travel := travel_to_contact(part, -UP, below, room_m)) is not None
     ]
     travel_m = min((room_m, *(travel for travel, *_ in meetings)))
@@ -70,7 +70,7 @@ def land(body: Body, others: Iterable[Body]) -> Landing:
     ]
     if room_m <= travel_m + LEVEL_M:
         names.append(FLOOR)
-        areas.append(bottom_area(_parts(landed)))
+        areas.append(bottom_area(landed.placed_parts))
     drop_m = max(0.0, travel_m - PRESSING_TOLERANCE_M)
     return Landing(landed, drop_m, tuple(dict.fromkeys(names)), tuple(areas))
 
@@ -89,8 +89,3 @@ def levelled(body: Body) -> Body:
     turned = body.at(pin.SE3(turn @ R, shifted))
     sunk_m = body.extent_m(UP)[0] - turned.extent_m(UP)[0]
     return turned.at(raised(turned.T_base_body, max(0.0, sunk_m)))
-
-
-def _parts(body: Body) -> list[Part]:
-    """A body's shapes, placed in base."""
-    return [part.at(body.T_base_body * part.T_body_part) for part in body.parts]

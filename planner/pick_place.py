@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, positive_scalar
+from baxter_kin.arrays import positive_scalar
 from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose
 from planner.cycle_search import CycleSearch
@@ -33,7 +33,6 @@ from planner.lines import Lines
 from planner.manipulator import Manipulator
 from planner.plan import GripperAction, Plan
 from planner.scene import Scene
-from planner.situation import Situation
 from planner.swept import checked_margin_m
 
 
@@ -148,7 +147,7 @@ def plan_start_move(
         draft.move_free("move to start", checked_goal)
         draft.grip("open", GripperAction.OPEN)
 
-    return _drafted(draft, manipulator, scene, now, steps)
+    return _drafted(draft, steps)
 
 
 def plan_retract(
@@ -188,21 +187,13 @@ def plan_retract(
         draft.grip("open", GripperAction.OPEN)
         draft.rise_by("retract", rise_m)
 
-    return _drafted(draft, manipulator, scene, now, steps)
+    return _drafted(draft, steps)
 
 
-def _drafted(
-    draft: Draft,
-    manipulator: Manipulator,
-    scene: Scene,
-    q_start: Vector,
-    steps: Callable[[], None],
-) -> Plan:
+def _drafted(draft: Draft, steps: Callable[[], None]) -> Plan:
     """The plan of some steps, or of those before the first that has no solution."""
-    failure = None
     try:
         steps()
     except NoSolutionError as stop:
-        failure = stop.failure
-    situation = Situation.of(manipulator, scene)
-    return Plan(manipulator.arm.side, q_start, tuple(draft.steps), failure, situation)
+        return draft.plan(stop.failure)
+    return draft.plan()

@@ -155,6 +155,11 @@ class Body:
         """The same body at another pose seen from base."""
         return replace(self, T_base_body=T_base_body)
 
+    @property
+    def placed_parts(self) -> tuple[Part, ...]:
+        """Its shapes, each placed where it is seen from base."""
+        return tuple(part.at(self.T_base_body * part.T_body_part) for part in self.parts)
+
     def extent_m(self, direction_base: ArrayLike) -> tuple[float, float]:
         """The interval that the body covers along a unit direction of base, shape (3,), metres.
 
@@ -163,8 +168,8 @@ class Body:
         """
         along = finite_array(direction_base, (3,), "direction_base", SceneError)
         lows, highs = [], []
-        for part in self.parts:
-            T = self.T_base_body * part.T_body_part
+        for part in self.placed_parts:
+            T = part.T_body_part
             middle, along_part = float(along @ T.translation), T.rotation.T @ along
             lows.append(middle - part.shape.support_m(-along_part))
             highs.append(middle + part.shape.support_m(along_part))

@@ -12,7 +12,7 @@ What is seen is taken to stand level on what is below it, which is better than a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -28,12 +28,14 @@ from planner import (
     Grip,
     GripperAction,
     Manipulator,
+    Miss,
     PickAndPlace,
     Plan,
     Scene,
     plan_pick_and_place,
     plan_retract,
 )
+from planner.lines import raised
 from sim.errors import SimulationError
 from sim.falling import come_to_rest
 from sim.pose_source import PoseSource
@@ -193,46 +195,37 @@ class ClosedLoop:
         if scene is None:
             return Attempt(None, None, f"{transfer.body} was not seen in {LOOKS} looks")
         seen = scene[transfer.body]
-        task = self._task(transfer, seen)
+        T_base_pick, hand = seen.T_base_body * transfer.T_body_tip, self._manipulator.hand
+        expected = hand.close_on(T_base_pick, seen, hand.stroke_m)
+        task = _task(transfer, T_base_pick, expected)
         q = self._simulation.world.arm_q(self._side)
         plan = self._plan(task, self._manipulator, scene, q)
         if plan.failure is not None:
             return Attempt(seen, plan, str(plan.failure))
-        return Attempt(seen, plan, self._executed(plan, task, seen, title))
+        return Attempt(seen, plan, self._executed(plan, transfer.body, expected, title))
 
-    def _executed(self, plan: Plan, task: PickAndPlace, seen: Body, title: str) -> str | None:
+    def _executed(self, plan: Plan, body: str, expected: Grasp | Miss, title: str) -> str | None:
         """Execute a plan in two parts, and feel between them; returns why it failed, or None."""
         picking, placing = split_at_close(plan)
         outcome = self._simulation.execute(picking, title)
-        if not self._holds(task, seen):
+        if not self._holds(expected):
             gap_m = self._simulation.grippers[self._side].gap_m
-            felt = f"the pads are {1e3 * gap_m:.1f} mm apart, so they do not hold {seen.name}"
+            felt = f"the pads are {1e3 * gap_m:.1f} mm apart, so they do not hold {body}"
             return felt if outcome.failure is None else f"{outcome.failure}; {felt}"
         return self._simulation.execute(placing, title).failure
 
-    def _holds(self, task: PickAndPlace, seen: Body) -> bool:
+    def _holds(self, expected: Grasp | Miss) -> bool:
         """Whether the pads are as far apart as they should be on the body."""
-        hand, gripper = self._manipulator.hand, self._simulation.grippers[self._side]
-        expected = hand.close_on(task.T_base_pick, seen, hand.stroke_m)
         if not isinstance(expected, Grasp):
             return False
-        return abs(gripper.gap_m - expected.width_m) <= WIDTH_TOLERANCE_M
-
-    def _task(self, transfer: Transfer, seen: Body) -> PickAndPlace:
-        """The tip poses for a body where it was seen, its sliding between the pads allowed for."""
-        T_base_pick = seen.T_base_body * transfer.T_body_tip
-        hand = self._manipulator.hand
-        grasp = hand.close_on(T_base_pick, seen, hand.stroke_m)
-        T_tip_body = grasp.T_tip_body if isinstance(grasp, Grasp) else transfer.T_body_tip.inverse()
-        T_base_place = transfer.T_base_goal * T_tip_body.inverse()
-        return PickAndPlace(
-            transfer.body, T_base_pick, T_base_place, transfer.hover_m, transfer.clear_m
-        )
+        gap_m = self._simulation.grippers[self._side].gap_m
+        return abs(gap_m - expected.width_m) <= WIDTH_TOLERANCE_M
 
     def _rise(self, transfer: Transfer, title: str) -> None:
         """Leave a body alone that was missed, if there is a way up."""
         world = self._simulation.world
-        scene, q = Scene.of(_others(world.scene, transfer.body)), world.arm_q(self._side)
+        scene = Scene.of(body for body in world.scene if body.name != transfer.body)
+        q = world.arm_q(self._side)
         plan = plan_retract(self._manipulator, scene, q, transfer.clear_m)
         if plan.is_valid:
             self._simulation.execute(plan, f"{title}again, ")
@@ -273,6 +266,17 @@ class ClosedLoop:
             if len(found) == looks:
                 break
         return mean_of(found) if found else None
+
+
+def _task(transfer: Transfer, T_base_pick: pin.SE3, expected: Grasp | Miss) -> PickAndPlace:
+    """The tip poses for a body, its sliding between the pads allowed for."""
+    T_tip_body = (
+        expected.T_tip_body if isinstance(expected, Grasp) else transfer.T_body_tip.inverse()
+    )
+    T_base_place = transfer.T_base_goal * T_tip_body.inverse()
+    return PickAndPlace(
+        transfer.body, T_base_pick, T_base_place, transfer.hover_m, transfer.clear_m
+    )
 
 
 def mean_of(bodies: Sequence[Body]) -> Body:
@@ -316,10 +320,5 @@ def split_at_close(plan: Plan) -> tuple[Plan, Plan]:
 
 def _standing(body: Body, scene: Scene) -> Body:
     """A body let down on what is below where it was seen."""
-    T = body.T_base_body
-    lifted = body.at(pin.SE3(T.rotation, T.translation + np.array([0.0, 0.0, LIFT_M])))
-    return body.at(come_to_rest(lifted, list(_others(scene, body.name))).T_base_body)
-
-
-def _others(scene: Scene, name: str) -> Iterator[Body]:
-    return (body for body in scene if body.name != name)
+    lifted = body.at(raised(body.T_base_body, LIFT_M))
+    return body.at(come_to_rest(lifted, list(scene)).T_base_body)

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from planner import Body, Part
+from planner import Body
 from planner.contact import PRESSING_TOLERANCE_M, gap_m
 from planner.landing import Landing, land, levelled
 from planner.lines import raised
@@ -123,11 +123,6 @@ def _is_inside(body: Body, other: Body) -> bool:
     """Whether two bodies share more than a contact."""
     return any(
         gap_m(part, still) < -PRESSING_TOLERANCE_M
-        for part in _parts(body)
-        for still in _parts(other)
+        for part in body.placed_parts
+        for still in other.placed_parts
     )
-
-
-def _parts(body: Body) -> list[Part]:
-    """A body's shapes, placed in base."""
-    return [part.at(body.T_base_body * part.T_body_part) for part in body.parts]

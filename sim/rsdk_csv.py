@@ -7,8 +7,6 @@ reads: header and 17 columns, time in seconds with six decimals, angles in rad, 
 
 from __future__ import annotations
 
-from types import TracebackType
-
 import numpy as np
 
 from baxter_kin import Baxter
@@ -39,12 +37,7 @@ class CsvFile:
         """The open file."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close it."""
         self.close()
 
