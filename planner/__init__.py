@@ -29,7 +29,7 @@ from planner.pick_place import (
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure
 from planner.plan_file import load_plan, save_plan
 from planner.scene import Body, Box, Cylinder, Part, Scene, Sphere
-from planner.situation import Situation
+from planner.situation import Holding, Situation
 from planner.straight import plan_straight_move
 from planner.straight_line import StraightLine
 from planner.straight_path import PathState, StraightPath, plan_straight_path
@@ -54,6 +54,7 @@ __all__ = [
     "Grip",
     "GripperAction",
     "Hand",
+    "Holding",
     "JointState",
     "Manipulator",
     "Mesh",

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKResult
-from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
 from baxter_kin.model import LIMBS
 from planner.collision import Clearance, least
@@ -60,11 +60,29 @@ class Grip:
         label: stage and action, such as "pick: close".
         action: open or close.
         body: name of the body it is about; None when the hand should be empty.
+        opening_m: finger position, 0 .. stroke, that an open goes to; None for all the way.
+        proof: that the fingers' whole travel is clear, with what they push, where it was proven.
+
+    Raises:
+        TaskError: when the opening is not a number, is negative, or is that of a close.
     """
 
     label: str
     action: GripperAction
     body: str | None = None
+    opening_m: float | None = None
+    proof: SweptProof | None = None
+
+    def __post_init__(self) -> None:
+        """Check the opening."""
+        if self.opening_m is None:
+            return
+        opening = finite_scalar(self.opening_m, f"{self.label}: opening_m", TaskError)
+        if opening < 0.0 or self.action is not GripperAction.OPEN:
+            raise TaskError(
+                f"{self.label}: only an open goes to a finger position, of 0 or more; got "
+                f"{self.action.value!r} to {opening:g} m"
+            )
 
 
 Step: TypeAlias = Move | Grip

@@ -3,7 +3,7 @@
 The file is JSON, UTF-8, of four entries:
 
 - `format`: "baxter-kin plan",
-- `version`: 1; another number when the same entries get another meaning,
+- `version`: 2; another number when the same entries get another meaning,
 - `sha256`: the SHA-256 of the file's own bytes, with 64 zeros in place of these 64 digits,
 - `plan`: the `Plan`, by the rules of `planner.json_codec`: `limb`, `q_start`, `steps` (each a
   `Move` with its trajectory's knots and limits, its tip pose and IK result, or a `Grip`), `failure`
@@ -33,7 +33,7 @@ from planner.plan import Plan
 PathLike: TypeAlias = "str | os.PathLike[str]"
 
 FORMAT = "baxter-kin plan"
-VERSION = 1
+VERSION = 2
 
 LARGEST_FILE_BYTES = 32 * 2**20
 """A plan of one pick and place takes 0.03 MB; a larger file than this holds something else."""

@@ -2,15 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+import pinocchio as pin
+
 from baxter_kin.arrays import finite_scalar
-from baxter_kin.errors import expect
-from planner.errors import SceneError, TaskError
+from baxter_kin.errors import UnknownNameError, expect
+from baxter_kin.frames import checked_pose
+from baxter_kin.model import LIMBS
+from planner.errors import SceneError, TaskError, expect_all
 from planner.manipulator import Manipulator
 from planner.scene import Scene
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Holding:
+    """A body in a hand.
+
+    Attributes:
+        side: whose hand, "left" or "right".
+        body: its name.
+        T_tip_body: its pose seen from the tip of that arm.
+
+    Raises:
+        UnknownNameError: when there is no such side.
+        SceneError: when the body has no name.
+        PoseError: when the pose is not a valid one.
+    """
+
+    side: str
+    body: str
+    T_tip_body: pin.SE3
+
+    def __post_init__(self) -> None:
+        """Check and copy."""
+        if not isinstance(self.side, str) or self.side not in LIMBS:
+            raise UnknownNameError("limb", self.side, LIMBS)
+        expect(self.body, str, "the name of a held body", SceneError)
+        object.__setattr__(self, "T_tip_body", checked_pose(self.T_tip_body))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,18 +49,21 @@ class Situation:
     """What stands where before the first step of a plan.
 
     Attributes:
-        scene: all bodies.
+        scene: all bodies, those in a hand where they are held.
         joints: every joint of the robot by name, rad and m. The fingers of the arm that moves are
             as open as they are before the first step; where that arm itself stands is said by the
             plan, so its own seven values count for nothing.
+        held: what the hands hold, at most one body each.
 
     Raises:
-        SceneError: when `scene` is none.
-        TaskError: when `joints` maps no names to finite numbers.
+        SceneError: when `scene` is not a `Scene`, or lacks a held body.
+        TaskError: when `joints` does not map names to finite numbers, or a hand or a body is held
+            twice.
     """
 
     scene: Scene
     joints: Mapping[str, float]
+    held: tuple[Holding, ...] = ()
 
     def __post_init__(self) -> None:
         """Check and copy."""
@@ -42,12 +76,24 @@ class Situation:
             for name, value in joints.items()
         }
         object.__setattr__(self, "joints", MappingProxyType(copied))
+        object.__setattr__(self, "held", self._checked_held())
+
+    def _checked_held(self) -> tuple[Holding, ...]:
+        held = expect_all(self.held, Holding, "what the hands hold", TaskError)
+        for holding in held:
+            _ = self.scene[holding.body]  # says what there is
+        for names in ([each.side for each in held], [each.body for each in held]):
+            if len(set(names)) < len(names):
+                raise TaskError(
+                    f"a hand holds one body and a body is held by one hand, got: {', '.join(names)}"
+                )
+        return held
 
     @classmethod
-    def of(cls, manipulator: Manipulator, scene: Scene) -> Situation:
+    def of(cls, manipulator: Manipulator, scene: Scene, held: Iterable[Holding] = ()) -> Situation:
         """What a manipulator plans for: the other joints where they stand, its fingers open."""
         expect(manipulator, Manipulator, "manipulator", TaskError)
         names = manipulator.robot.joint_names
         joints = dict(zip(names, manipulator.q_others.tolist(), strict=True))
         hand = manipulator.hand
-        return cls(scene, joints | hand.finger_joints(hand.stroke_m))
+        return cls(scene, joints | hand.finger_joints(hand.stroke_m), tuple(held))

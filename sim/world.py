@@ -7,7 +7,6 @@ fall is on `sim.falling`, how closing fingers push them on `sim.closing`; nothin
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -21,6 +20,7 @@ from planner import Body, Hand, RobotShapes, Scene
 from planner.contact import PRESSING_TOLERANCE_M
 from planner.errors import SceneError
 from planner.landing import FLOOR, FLOOR_Z_M
+from planner.situation import Holding
 from sim.errors import SimulationError
 from sim.falling import Rest, come_to_rest
 
@@ -28,19 +28,6 @@ __all__ = ["FLOOR", "FLOOR_Z_M", "Holding", "Rest", "World"]
 
 ROUNDING_RAD = 1e-9
 """How far a trajectory may leave the joint limits by rounding."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Holding:
-    """A body in a hand.
-
-    Attributes:
-        body: its name.
-        T_tip_body: its pose seen from the tip.
-    """
-
-    body: str
-    T_tip_body: pin.SE3
 
 
 class World:
@@ -262,7 +249,7 @@ class World:
         if self.holding(side) is not None:
             raise SimulationError(f"the {side} hand already holds {self._held[side].body!r}")
         self._refuse_held(name)
-        self._held[side] = Holding(name, checked_pose(T_tip_body))
+        self._held[side] = Holding(self._side(side), name, checked_pose(T_tip_body))
         self.supports.pop(name, None)  # what stands on it still does, and is carried along
         self._carry(side)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -125,3 +126,19 @@ def test_the_start_of_a_plan_cannot_be_changed(left: Arm) -> None:
     assert plan.q_start.tolist() == left.neutral.tolist()
     with pytest.raises(ValueError, match="read-only"):
         plan.q_start[0] = 1.0
+
+
+class TestOpening:
+    """Of a `Grip`."""
+
+    def test_an_open_may_go_to_a_finger_position(self) -> None:
+        assert Grip("open", GripperAction.OPEN, opening_m=0.012).opening_m == 0.012
+
+    @pytest.mark.parametrize("opening_m", [-1e-9, math.nan, "wide"])
+    def test_what_is_not_a_finger_position_is_refused(self, opening_m: Any) -> None:
+        with pytest.raises(TaskError, match="open"):
+            Grip("open", GripperAction.OPEN, opening_m=opening_m)
+
+    def test_a_close_ends_where_the_body_is(self) -> None:
+        with pytest.raises(TaskError, match="only an open goes to a finger position"):
+            Grip("close", GripperAction.CLOSE, "block", opening_m=0.01)

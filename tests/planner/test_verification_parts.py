@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from baxter_kin import Baxter
+from baxter_kin import Baxter, UnknownNameError
 from baxter_kin.description import RobotDescription
 from planner import (
     Body,
@@ -21,6 +22,7 @@ from planner import (
     Certificate,
     Check,
     Cylinder,
+    Holding,
     Manipulator,
     Part,
     Scene,
@@ -277,6 +279,17 @@ def test_a_situation_needs_a_scene_and_numbers(scene: Scene) -> None:
         Situation("table", {})  # type: ignore[arg-type]
     with pytest.raises(TaskError, match="joint head_pan must be a finite number"):
         Situation(scene, {"head_pan": math.nan})
+
+
+def test_a_situation_says_what_the_hands_hold(scene: Scene) -> None:
+    right = Holding("right", "block", pin.SE3.Identity())
+    assert [each.body for each in Situation(scene, {}, (right,)).held] == ["block"]
+    with pytest.raises(SceneError, match="no body 'cup'"):
+        Situation(scene, {}, (replace(right, body="cup"),))
+    with pytest.raises(TaskError, match="held by one hand, got: block, block"):
+        Situation(scene, {}, (right, replace(right, side="left")))
+    with pytest.raises(UnknownNameError, match="limb"):
+        replace(right, side="middle")
 
 
 def test_the_robot_is_read_from_the_files_that_are_given(robot: Baxter) -> None:
