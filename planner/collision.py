@@ -1,15 +1,17 @@
 """Distances between the robot and its scene.
 
-Pinocchio and coal work on one geometry model: the robot's collision shapes, the bodies of the
-scene, and the body in the hand. A model is built for each situation and never changed afterwards,
-because adding shapes to one in use corrupts its memory.
+Pinocchio and coal work on one geometry model: the robot's shapes, the bodies of the scene, and the
+body in the hand. A model is built for each situation and never changed afterwards, because adding
+shapes to one in use corrupts its memory.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
+import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
@@ -19,19 +21,16 @@ from baxter_kin.arrays import Indices, Vector, finite_array
 from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.frames import checked_pose
 from planner.contact import PRESSING_TOLERANCE_M, coal_shape, convex_pieces
+from planner.distances import UNKNOWN_DEPTH_M, Cover, Distances
 from planner.errors import SceneError
+from planner.lever_arms import LeverArms
 from planner.robot_shapes import RobotShapes
 from planner.scene import Body, Scene
 
-__all__ = ["Clearance", "ClearanceChecker", "Held", "RobotShapes", "least"]
+__all__ = ["Clearance", "ClearanceChecker", "Held", "RobotShapes", "ShapePairs", "least"]
 
 FARTHEST_JOINT = 1000.0
-"""Joint values beyond this, rad or m, are none; distances would lose digits."""
-
-UNKNOWN_DEPTH_M = -0.01
-"""Stands for the distance where coal finds shapes inside each other but not how deep."""
-
-_NO_DISTANCE_M = -1e6
+"""Joint values beyond this, rad or m, are refused; distances would lose digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +38,8 @@ class Clearance:
     """The least distance that was found, and where.
 
     Attributes:
-        distance_m: negative when the two are inside each other.
+        distance_m: negative when the two are inside each other; of a surface of triangles, by at
+            least so much.
         first: link or body.
         second: link or body.
         time_s: when, from the start of the motion; None when it was at no time of one.
@@ -49,6 +49,19 @@ class Clearance:
     first: str
     second: str
     time_s: float | None = None
+
+    @property
+    def text(self) -> str:
+        """Who is how far from whom, or how deep inside."""
+        if self.distance_m <= -SHOWN_M:
+            return f"{self.first} is {-1e3 * self.distance_m:.1f} mm inside {self.second}"
+        if self.distance_m < SHOWN_M:
+            return f"{self.first} touches {self.second}"
+        return f"{self.first} is {1e3 * self.distance_m:.1f} mm from {self.second}"
+
+
+SHOWN_M = 5e-5
+"""Distances and depths below this would be shown as 0.0 mm; they are called a touch."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,20 +85,100 @@ class Held:
         object.__setattr__(self, "supports", frozenset(self.supports))
 
 
+class ShapePairs:
+    """The shapes of a situation, and the pairs of them that are checked, while it is built.
+
+    Attributes:
+        geometry: all shapes; those of the robot first, as `RobotShapes` numbers them.
+        covers: what the triangles of each shape need; None for convex ones.
+        names: the link or body that each shape belongs to.
+        needs_m: of the pairs that may be nearer than a margin because that is meant: the number of
+            the pair -> the distance that it must exceed, negative for a contact that may press.
+    """
+
+    def __init__(self, shapes: RobotShapes) -> None:
+        """Begin with the robot's shapes, and no pairs."""
+        self.geometry: pin.GeometryModel = shapes.model.copy()
+        self.geometry.removeAllCollisionPairs()
+        self.covers: list[Cover | None] = list(shapes.covers)
+        self.names: list[str] = list(shapes.links)
+        self.needs_m: dict[int, float] = {}
+
+    def add(
+        self, body: Body, joint: int, T_joint_body: pin.SE3, *, in_pieces: bool = False
+    ) -> list[int]:
+        """Add a body's shapes; in convex pieces where a depth must be known, as in contacts."""
+        added = []
+        for part in body.parts:
+            placement = T_joint_body * part.T_body_part
+            shapes = convex_pieces(part.shape) if in_pieces else (coal_shape(part.shape),)
+            for shape in shapes:
+                name = f"{body.name}/{len(self.names)}"
+                placed = pin.GeometryObject(name, joint, placement, shape)
+                added.append(int(self.geometry.addGeometryObject(placed)))
+                is_surface = isinstance(shape, coal.BVHModelBase)
+                self.covers.append(Cover.box_around(shape) if is_surface else None)
+                self.names.append(body.name)
+        return added
+
+    def pair(self, first: int, second: int, *, need_m: float | None = None) -> None:
+        """Check a pair: against the margin, or against a distance of its own."""
+        if need_m is not None:
+            self.needs_m[len(self.geometry.collisionPairs)] = need_m
+        self.geometry.addCollisionPair(pin.CollisionPair(first, second))
+
+    def built(self) -> CheckedPairs:
+        """What is checked; nothing may be added any more."""
+        return CheckedPairs(self)
+
+
+class CheckedPairs:
+    """Pairs of shapes whose distances count in one situation.
+
+    Attributes:
+        geometry: all shapes, and the pairs.
+        numbers: the shapes of every pair, shape (n, 2).
+        needs_m: what the distance of a pair must exceed where that is not the margin, shape (n,);
+            NaN for all others.
+        distances: of the pairs.
+    """
+
+    def __init__(self, built: ShapePairs) -> None:
+        """Of what was built."""
+        self.geometry, self._names = built.geometry, tuple(built.names)
+        pairs = [(pair.first, pair.second) for pair in self.geometry.collisionPairs]
+        self.numbers: Indices = np.array(pairs, dtype=np.intp).reshape(-1, 2)
+        self.needs_m: Vector = np.full(len(pairs), np.nan)
+        self.needs_m[list(built.needs_m)] = list(built.needs_m.values())
+        self.distances = Distances(self.geometry, built.covers)
+
+    @property
+    def is_contact(self) -> NDArray[np.bool_]:
+        """Whether a pair need not keep a margin, shape (n,)."""
+        return ~np.isnan(self.needs_m)
+
+    def between(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
+        """A distance of a pair, by its names."""
+        first, second = self.numbers[pair]
+        return Clearance(float(distance_m), self._names[first], self._names[second], time_s)
+
+
 class ClearanceChecker:
     """How close one arm comes to anything it must not touch, in one situation.
 
     Checked are the arm's shapes against the rest of the robot, against themselves and against the
-    bodies of the scene, and a held body against all but the hand. Not checked are the pairs that
-    the SRDF rules out and the shapes of one hand among themselves. Some contacts are allowed on
-    purpose: the fingers with the body they are about to grasp or have just released, and a held
-    body with what it stood or will stand on. They count only when they press in by more than
-    `PRESSING_TOLERANCE_M`.
+    bodies of the scene, and a held body against all but the hand. Not checked are pairs that no
+    motion of the arm brings nearer, and those of links that cannot meet (`RobotShapes`).
+
+    Where a hand grasps, it must come near what it grasps: all shapes of the hand may come nearer to
+    that body than a margin, as long as they do not touch it; its pads may press on it, if asked
+    for, as may a held body on what it stood or will stand on, by up to `PRESSING_TOLERANCE_M`.
 
     Attributes:
         arm: the arm that moves.
         robot: the model of the whole robot.
-        geometry: all shapes, and the pairs of them that are checked.
+        checked: the pairs of shapes that are checked.
+        geometry: all shapes, and these pairs.
     """
 
     def __init__(
@@ -95,6 +188,7 @@ class ClearanceChecker:
         scene: Scene,
         *,
         touchable: str | None = None,
+        may_press: bool = True,
         held: Held | None = None,
     ) -> None:
         """Build the geometry of that situation.
@@ -103,7 +197,8 @@ class ClearanceChecker:
             shapes: the robot's.
             arm: the arm that moves.
             scene: bodies that stand still; not the held one.
-            touchable: name of a body that the fingers may touch.
+            touchable: name of the body that the hand grasps, is about to, or has let go.
+            may_press: whether the pads may touch that body.
             held: what the hand carries.
 
         Raises:
@@ -114,31 +209,31 @@ class ClearanceChecker:
         _check_situation(scene, touchable, held)
         self.arm = arm
         self.robot: pin.Model = shapes.robot.model
-        self.geometry: pin.GeometryModel = shapes.model.copy()
-        self._arm_shapes = _shapes_of(shapes, arm)
-        self._hand_shapes = [i for i in self._arm_shapes if _is_of_hand(self._name(i))]
-        self._contacts: list[int] = []  # indices of the pairs that may touch
-        self._keep_pairs_of_arm()
-        supports = self._add_scene(scene, touchable, held)
+        self._shapes = shapes
+        self._pairs = ShapePairs(shapes)
+        self._add_pairs_of_arm()
+        supports = self._add_scene(scene, touchable, may_press=may_press, held=held)
         if held is not None:
-            self._add_held(held, arm, supports)
-        self._data = self.robot.createData()
-        self._distances = self.geometry.createData()
+            self._add_held(held, supports)
+        self.checked = self._pairs.built()
+        self.geometry = self.checked.geometry
+
+    @cached_property
+    def levers(self) -> LeverArms:
+        """Bounds on distances and motions of the shapes while the arm moves."""
+        return LeverArms(self.robot, self.geometry, self.arm)
 
     def clearance(self, q: ArrayLike) -> Clearance:
-        """The least distance at a full configuration, shape (19,), allowed contacts left out.
+        """The least distance at a full configuration, shape (19,).
+
+        Pairs that may come near each other count where they are nearer than they may.
 
         Raises:
             ConfigurationError: when `q` has another shape or is not finite.
         """
         full = self.configuration(q)
-        pin.computeDistances(self.robot, self._data, self.geometry, self._distances, full)
-        found = [_known(result.min_distance) for result in self._distances.distanceResults]
-        for contact in self._contacts:
-            if found[contact] > -PRESSING_TOLERANCE_M:
-                found[contact] = np.inf
-        nearest = int(np.argmin(found))
-        return self.between(nearest, found[nearest])
+        pair, distance_m = self._nearest(full)
+        return self.between(pair, distance_m)
 
     def configuration(self, q: ArrayLike) -> Vector:
         """A full configuration, shape (19,), known to be one that distances can be measured in.
@@ -156,91 +251,83 @@ class ClearanceChecker:
     @property
     def pairs(self) -> Indices:
         """The shapes of every pair, shape (n, 2)."""
-        return np.array([(pair.first, pair.second) for pair in self.geometry.collisionPairs])
+        return self.checked.numbers
 
     @property
     def may_touch(self) -> NDArray[np.bool_]:
-        """Whether a pair is an allowed contact, shape (n,)."""
-        allowed = np.zeros(len(self.geometry.collisionPairs), dtype=np.bool_)
-        allowed[self._contacts] = True
-        return allowed
+        """Whether a pair need not keep a margin, shape (n,)."""
+        return self.checked.is_contact
 
-    def distances_m(self, full: Vector, pairs: Iterable[int]) -> list[float]:
-        """The distances of some pairs at a checked full configuration, shape (19,)."""
-        geometry, distances = self.geometry, self._distances
-        pin.updateGeometryPlacements(self.robot, self._data, geometry, distances, full)
-        measure = pin.computeDistance
-        return [_known(measure(geometry, distances, pair).min_distance) for pair in pairs]
+    def distances_m(
+        self, full: Vector, pairs: Iterable[int], within_m: float = np.inf
+    ) -> list[float]:
+        """The distances of some pairs at a checked full configuration, shape (19,).
+
+        Where one is not less than `within_m`, that or more is given.
+        """
+        distances = self.checked.distances
+        distances.place(self.levers.place(full, full[self.levers.q_index][None]).shapes[0])
+        return [distances.measure(pair, within_m) for pair in pairs]
 
     def between(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
         """A distance of a pair, by its names."""
-        shapes = self.geometry.collisionPairs[pair]
-        names = self._link(shapes.first), self._link(shapes.second)
-        return Clearance(float(distance_m), *names, time_s)
+        return self.checked.between(pair, distance_m, time_s)
 
-    def _keep_pairs_of_arm(self) -> None:
-        kept = [(pair.first, pair.second) for pair in self.geometry.collisionPairs]
-        self.geometry.removeAllCollisionPairs()
-        hand = set(self._hand_shapes)
-        for first, second in kept:
-            moving = first in self._arm_shapes or second in self._arm_shapes
-            if moving and not (first in hand and second in hand):
-                self._add_pair(first, second)
+    def _nearest(self, full: Vector) -> tuple[int, float]:
+        """The nearest pair and its distance."""
+        levers, pairs, distances = self.levers, self.pairs, self.checked.distances
+        placed = levers.place(full, full[levers.q_index][None])
+        distances.place(placed.shapes[0])
+        bounds = levers.gaps_m(placed, np.zeros(len(pairs), dtype=np.intp), *pairs.T)
+        nearest, least_m = 0, np.inf
+        for pair in np.argsort(bounds).tolist():
+            if bounds[pair] >= least_m:
+                break
+            distance_m = distances.measure(pair, least_m)
+            if distance_m > 0.0 and distances.is_within(pair):
+                distance_m = UNKNOWN_DEPTH_M
+            need_m = self.checked.needs_m[pair]
+            if distance_m < least_m and not distance_m > need_m:  # NaN: any distance counts
+                nearest, least_m = pair, distance_m
+        return nearest, least_m
 
-    def _add_scene(self, scene: Scene, touchable: str | None, held: Held | None) -> set[int]:
+    def _add_pairs_of_arm(self) -> None:
+        moving, hand = self._shapes.of_arm(self.arm), self._shapes.of_hand(self.arm)
+        for first, second in self._shapes.pairs:
+            is_moved = first in moving or second in moving
+            if is_moved and not (first in hand and second in hand):
+                self._pairs.pair(first, second)
+
+    def _add_scene(
+        self, scene: Scene, touchable: str | None, *, may_press: bool, held: Held | None
+    ) -> set[int]:
         """Add the bodies; returns the shapes of those that the held body may touch."""
         supports = set()
+        arm = sorted(self._shapes.of_arm(self.arm))
+        hand, pads = self._shapes.of_hand(self.arm), self._shapes.of_pads(self.arm)
         for body in scene:
-            fingers = set(self._hand_shapes) if body.name == touchable else set()
             carries = held is not None and body.name in held.supports
             in_pieces = carries or body.name == touchable
-            for index in self._add_body(body, 0, body.T_base_body, in_pieces=in_pieces):
+            for index in self._pairs.add(body, 0, body.T_base_body, in_pieces=in_pieces):
                 if carries:
                     supports.add(index)
-                for other in self._arm_shapes:
-                    self._add_pair(other, index, may_touch=other in fingers)
+                for other in arm:
+                    need_m = None
+                    if body.name == touchable and other in hand:
+                        presses = may_press and other in pads
+                        need_m = -PRESSING_TOLERANCE_M if presses else 0.0
+                    self._pairs.pair(other, index, need_m=need_m)
         return supports
 
-    def _add_held(self, held: Held, arm: Arm, supports: set[int]) -> None:
-        tip = self.robot.frames[self.robot.getFrameId(arm.tip_frame)]
-        shapes = self.geometry.geometryObjects
-        others = [
-            i
-            for i in range(self.geometry.ngeoms)
-            if i not in self._hand_shapes and shapes[i].parentJoint != tip.parentJoint
-        ]
+    def _add_held(self, held: Held, supports: set[int]) -> None:
+        tip = self.robot.frames[self.robot.getFrameId(self.arm.tip_frame)]
+        others = sorted(set(range(self._pairs.geometry.ngeoms)) - self._shapes.of_hand(self.arm))
         T_joint_body = tip.placement * held.T_tip_body
-        in_pieces = bool(supports)
-        for index in self._add_body(held.body, tip.parentJoint, T_joint_body, in_pieces=in_pieces):
+        added = self._pairs.add(held.body, tip.parentJoint, T_joint_body, in_pieces=bool(supports))
+        for index in added:
             for other in others:
-                self._add_pair(index, other, may_touch=other in supports)
-
-    def _add_body(
-        self, body: Body, joint: int, T_joint_body: pin.SE3, *, in_pieces: bool
-    ) -> list[int]:
-        """Add its shapes; in convex pieces where a depth must be known, as in allowed contacts."""
-        indices = []
-        for number, part in enumerate(body.parts):
-            placement = T_joint_body * part.T_body_part
-            shapes = convex_pieces(part.shape) if in_pieces else (coal_shape(part.shape),)
-            for piece, shape in enumerate(shapes):
-                name = f"{body.name}/{number}.{piece}"
-                placed = pin.GeometryObject(name, joint, placement, shape)
-                indices.append(self.geometry.addGeometryObject(placed))
-        return indices
-
-    def _add_pair(self, first: int, second: int, *, may_touch: bool = False) -> None:
-        if may_touch:
-            self._contacts.append(len(self.geometry.collisionPairs))
-        self.geometry.addCollisionPair(pin.CollisionPair(first, second))
-
-    def _name(self, index: int) -> str:
-        return str(self.geometry.geometryObjects[index].name)
-
-    def _link(self, index: int) -> str:
-        """The link or body that a shape belongs to: its name without the running number."""
-        name = self._name(index)
-        return name.rsplit("/", 1)[0] if "/" in name else name.rsplit("_", 1)[0]
+                need_m = -PRESSING_TOLERANCE_M if other in supports else None
+                self._pairs.pair(index, other, need_m=need_m)
 
 
 def least(clearances: Iterable[Clearance]) -> Clearance | None:
@@ -254,19 +341,3 @@ def _check_situation(scene: Scene, touchable: str | None, held: Held | None) -> 
         _ = scene[touchable]  # says what there is
     if held is not None and expect(held, Held, "held", SceneError).body.name in scene.bodies:
         raise SceneError(f"{held.body.name!r} is in the hand; take it out of the scene")
-
-
-def _known(distance_m: float) -> float:
-    """Coal's number, unless it is the one that says it failed to find a depth."""
-    return distance_m if distance_m > _NO_DISTANCE_M else UNKNOWN_DEPTH_M
-
-
-def _is_of_hand(name: str) -> bool:
-    return "gripper" in name or "hand" in name
-
-
-def _shapes_of(shapes: RobotShapes, arm: Arm) -> list[int]:
-    model = shapes.robot.model
-    root = model.getJointId(arm.joint_names[0])
-    moving = set(model.subtrees[root].tolist())
-    return [i for i, s in enumerate(shapes.model.geometryObjects) if s.parentJoint in moving]

@@ -133,7 +133,7 @@ def coal_shape(shape: Shape) -> coal.CollisionGeometry:
     if isinstance(shape, Sphere):
         return coal.Sphere(shape.radius_m)
     if shape.is_convex:
-        return _convex(shape.vertices, shape.triangles)
+        return convex(shape.vertices, shape.triangles)
     surface = coal.BVHModelOBBRSS()
     surface.beginModel(len(shape.triangles), len(shape.vertices))
     surface.addVertices(shape.vertices)
@@ -156,7 +156,7 @@ def convex_pieces(shape: Shape) -> tuple[coal.ShapeBase, ...]:
             f"most {MOST_TOUCHED_TRIANGLES} can be: thin it out, or give its convex hull"
         )
     both_sides = np.array([[0, 1, 2], [0, 2, 1]])
-    return tuple(_convex(corners, both_sides) for corners in shape.corners)
+    return tuple(convex(corners, both_sides) for corners in shape.corners)
 
 
 def has_depth(geometry: coal.CollisionGeometry) -> bool:
@@ -169,7 +169,8 @@ def coal_pose(T: pin.SE3) -> coal.Transform3s:
     return coal.Transform3s(T.rotation, T.translation)
 
 
-def _convex(vertices: Vector, triangles: Indices) -> coal.Convex:
+def convex(vertices: Vector, triangles: Indices) -> coal.Convex:
+    """Coal's convex shape of a surface, shapes (n, 3), m, and (m, 3)."""
     points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     for vertex in vertices:
         points.append(vertex)

@@ -11,7 +11,7 @@ direct way is clear, pairs that failed only sideways are led around what is ther
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 
@@ -21,14 +21,16 @@ from baxter_kin.arrays import Vector
 from planner.choice import Choices
 from planner.cycle import Cycle, Cycles, Route, StageError
 from planner.detour import Detour
-from planner.draft import Draft, NoSolutionError, SituationKey
+from planner.hand_lines import refuse_blocked_hand
 from planner.lines import Lines
 from planner.manipulator import Manipulator
 from planner.pairs import Pairs, Solutions
+from planner.phases import PhaseMaker, Phases
 from planner.plan import Plan, PlanFailure
+from planner.plan_builder import NoSolutionError, PlanBuilder, refuse_blocked
 from planner.scene import Scene
-from planner.stages import STAGES, draft_cycle, reach_waypoints
-from planner.surroundings import Surroundings
+from planner.situation import Holding
+from planner.stages import STAGES, build_cycle
 from planner.swept_result import SweptContact
 
 COMPARED, MOST_TRIED = 3, 16
@@ -40,6 +42,9 @@ MOST_SIDEWAYS = 6
 
 MOST_DETOURS = 4
 """Pairs that are led around obstacles."""
+
+SCREENED = ("pick: descend", "place: descend", "pick: approach", "place: approach")
+"""Stages whose motions are looked at in samples first, those that rule out most others first."""
 
 
 class CycleSearch:
@@ -54,6 +59,7 @@ class CycleSearch:
         q_start: Vector,
         *,
         margin_m: float,
+        held: Sequence[Holding] = (),
     ) -> None:
         """For one task.
 
@@ -63,11 +69,12 @@ class CycleSearch:
             manipulator: the arm and its hand.
             scene: all bodies.
             q_start: where the arm stands, shape (7,), rad, inside the limits.
-            margin_m: distance that every move keeps, allowed contacts left out.
+            margin_m: distance that every move keeps, contacts on purpose left out.
+            held: what other hands hold.
         """
         self._body, self._lines, self._margin_m = body, lines, margin_m
         self._manipulator, self._scene, self._q_start = manipulator, scene, q_start
-        self._known: dict[SituationKey, Surroundings] = {}
+        self._held = tuple(held)
         self._cycles = Cycles(manipulator, q_start, lines)
         self._missed: list[_Miss] = []
         self._sideways: list[Cycle] = []  # failed only there
@@ -75,40 +82,70 @@ class CycleSearch:
     def shortest(self) -> Plan:
         """The plan of the shortest cycle that was found, or why there is none."""
         try:
-            pairs = self._look()
+            self._refuse_unreachable()
+            choices = self._choices()
+            self._phases = self._made_phases(choices)
+            pairs = self._look(choices)
         except NoSolutionError as stop:
-            return self._draft().plan(stop.failure)
+            return self._builder().plan(stop.failure)
         for plan in self._attempts(pairs):
             if plan.failure is None or plan.failure.is_certain:
                 return plan
         return self._nearest_miss(pairs)
 
-    def _look(self) -> Pairs:
-        """What holds for all cycles: reach, widths, and that some solutions are free.
+    def _refuse_unreachable(self) -> None:
+        """Whether every waypoint can be reached at all.
+
+        Raises:
+            NoSolutionError: when one cannot.
+        """
+        q, lines = self._q_start, self._lines
+        for label, T_base_tip in (
+            ("pick: approach", lines.T_base_above_pick),
+            ("pick: descend", lines.T_base_pick),
+            ("place: approach", lines.T_base_above_place),
+            ("place: descend", lines.T_base_place),
+            ("place: retract", lines.T_base_end),
+        ):
+            ik = self._manipulator.ik.solve(T_base_tip, current=q)
+            if not ik.is_valid:
+                raise NoSolutionError(PlanFailure(label, str(ik.failure), ik, is_certain=True))
+            q = ik.q
+
+    def _choices(self) -> Choices:
+        ik, limits = self._manipulator.ik, self._manipulator.limits
+        return Choices.of(ik, limits, self._q_start, self._lines)
+
+    def _made_phases(self, choices: Choices) -> Phases:
+        """The situations.
+
+        Raises:
+            NoSolutionError: when there is none: that the hand cannot be there, before that it
+                would not hold.
+        """
+        maker = PhaseMaker(self._manipulator, self._scene, self._body, self._lines, self._margin_m)
+        try:
+            return maker.made()
+        except NoSolutionError as stop:
+            if stop.failure.stage == "pick: close":
+                around = maker.reaching(self._manipulator.hand.stroke_m)
+                Solutions("pick: descend", choices.picks, around).refuse_none_free()
+            raise
+
+    def _look(self, choices: Choices) -> Pairs:
+        """That some solutions are free, at the pick and at the place, and the hand on its lines.
 
         Raises:
             NoSolutionError: when one of these does not hold.
         """
-        lines, draft = self._lines, self._draft()
-        reach_waypoints(draft, lines)
-        body = draft.body(self._body)
-        draft.refuse_wide("pick: open", lines.T_base_pick, body)
-        draft.refuse_blocked("pick: approach", self._q_start, "where it stands")
-        before = draft.surroundings()
-        choices = Choices.of(self._manipulator.ik, self._manipulator.limits, self._q_start, lines)
-        picks = Solutions("pick: descend", choices.picks, before)
+        lines, around = self._lines, self._phases.around
+        refuse_blocked("pick: approach", self._q_start, around["pick: approach"], "where it stands")
+        picks = Solutions("pick: descend", choices.picks, around["pick: descend"])
         picks.refuse_none_free()
-        draft.grasp("pick: close", body, lines.T_base_pick, lines.T_base_place)
-        held, carried = draft.surroundings(), draft.surroundings(free=True)
-        places = Solutions("place: descend", choices.places, held)
+        places = Solutions("place: descend", choices.places, around["place: descend"])
         places.refuse_none_free()
-        draft.release("place: open", lines.T_base_place)
-        self._screens = (
-            ("pick: descend", before),
-            ("place: descend", held),
-            ("pick: approach", before),
-            ("place: approach", carried),
-        )
+        self._phases.refuse_impossible()
+        refuse_blocked_hand(lines, around)
         return Pairs.of(choices, picks, places)
 
     def _attempts(self, pairs: Pairs) -> Iterator[Plan]:
@@ -143,8 +180,8 @@ class CycleSearch:
         """What fails at a quick look: no motion, or one that collides at samples."""
         if isinstance(cycle, StageError):
             return PlanFailure(cycle.stage, str(cycle))
-        for stage, around in self._screens:
-            motion = cycle.by_stage[stage]
+        for stage in SCREENED:
+            motion, around = cycle.by_stage[stage], self._phases.around[stage]
             if not around.looks_clear(motion):
                 result = around.prove(motion)
                 if isinstance(result, SweptContact):
@@ -153,30 +190,30 @@ class CycleSearch:
 
     def _along(self, route: Route | StageError, failure: PlanFailure | None = None) -> Plan:
         """The plan along a route up to the stage that fails; no steps where that is known."""
-        draft = self._draft()
+        builder = self._builder()
         if failure is None and not isinstance(route, StageError):
-            failure = self._drafted(draft, route)
+            failure = self._built(builder, route)
         if failure is not None:
             self._missed.append(_Miss(route, failure))
-        return draft.plan(failure)
+        return builder.plan(failure)
 
-    def _drafted(self, draft: Draft, route: Route) -> PlanFailure | None:
-        """Draft the whole cycle; returns why it cannot be done, or None."""
+    def _built(self, builder: PlanBuilder, route: Route) -> PlanFailure | None:
+        """Build the whole cycle; returns why it cannot be done, or None."""
         try:
-            draft_cycle(draft, self._body, self._lines, route)
+            build_cycle(builder, self._lines, self._phases, route)
         except NoSolutionError as stop:
             return stop.failure
         except StageError as cause:
             return PlanFailure(cause.stage, str(cause))
         return None
 
-    def _draft(self) -> Draft:
-        return Draft(
+    def _builder(self) -> PlanBuilder:
+        return PlanBuilder(
             self._manipulator,
             self._scene,
             self._q_start,
             margin_m=self._margin_m,
-            known=self._known,
+            held=self._held,
         )
 
     def _nearest_miss(self, pairs: Pairs) -> Plan:
@@ -186,10 +223,10 @@ class CycleSearch:
         tallies = tuple(tally for tally in pairs.tallies() if tally.colliding)
         told = [_told(failures), *(f"{tally.stage}: {tally}" for tally in tallies)]
         reason = f"{best.failure.reason} ({'; '.join(told)})"
-        draft = self._draft()
+        builder = self._builder()
         if not isinstance(best.route, StageError):
-            self._drafted(draft, best.route)
-        return draft.plan(replace(best.failure, reason=reason, tried=failures, tallies=tallies))
+            self._built(builder, best.route)
+        return builder.plan(replace(best.failure, reason=reason, tried=failures, tallies=tallies))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.errors import ConfigurationError, expect
 from planner.collision import Clearance, ClearanceChecker
-from planner.contact import PRESSING_TOLERANCE_M, has_depth
+from planner.contact import has_depth
 from planner.errors import SceneError
 from planner.manipulator import Manipulator
 
@@ -90,7 +90,7 @@ class FreeSpace:
         full_ends = [self._full(q).copy() for q in ends]
         touches = Touches(self._checker, margin_m)
         if any(touches(end) for end in full_ends):
-            touches = Touches(self._checker, margin_m, self._nearest(full_ends))
+            touches = Touches(self._checker, margin_m, self._nearest(full_ends, margin_m))
         return GuardedSpace(self, touches)
 
     def _full(self, q: ArrayLike) -> Vector:
@@ -103,10 +103,14 @@ class FreeSpace:
         self._q_full[self._where] = q
         return self._q_full
 
-    def _nearest(self, qs_full: list[Vector]) -> Vector:
-        """The least distance of every pair over some full configurations, shape (pairs,), m."""
-        pairs = range(len(self._checker.may_touch))
-        least: Vector = np.min([self._checker.distances_m(q, pairs) for q in qs_full], axis=0)
+    def _nearest(self, qs_full: list[Vector], margin_m: float) -> Vector:
+        """The least distance of every pair over some full configurations, shape (pairs,), m.
+
+        Those beyond what makes them keep the whole margin are not measured any closer.
+        """
+        pairs, within_m = range(len(self._checker.may_touch)), margin_m / KEPT_SHARE
+        found = [self._checker.distances_m(q, pairs, within_m) for q in qs_full]
+        least: Vector = np.min(found, axis=0)
         return least
 
 
@@ -153,7 +157,8 @@ class Touches:
             margins_m = np.minimum(margins_m, KEPT_SHARE * np.maximum(nearest_m, 0.0))
         if margin_m < 0.0:
             margins_m[~self._with_depth(checker)] = 0.0
-        margins_m[checker.may_touch] = -PRESSING_TOLERANCE_M
+        contacts = checker.may_touch
+        margins_m[contacts] = checker.checked.needs_m[contacts]
         for request, margin in zip(self._results.collisionRequests, margins_m, strict=True):
             request.security_margin = float(margin)
         self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(

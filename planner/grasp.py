@@ -120,9 +120,10 @@ class Overlap:
         return self.least_m >= self.possible_m - _WHOLE_M
 
     @classmethod
-    def of(cls, pad: Part, parts: Sequence[Part]) -> Overlap:
-        """The best of a pad with any of some shapes that touch it, all seen from the tip."""
-        return max((_overlap(pad, part) for part in parts), key=lambda found: found.least_m)
+    def of(cls, pad: Sequence[Part], parts: Sequence[Part]) -> Overlap:
+        """The best of the touching shapes of a pad with any that touch it, seen from the tip."""
+        spans = [_span(pad, axis) for axis in (0, 2)]
+        return max((_overlap(spans, part) for part in parts), key=lambda found: found.least_m)
 
 
 def extent(part: Part, axis: int) -> tuple[float, float]:
@@ -133,21 +134,27 @@ def extent(part: Part, axis: int) -> tuple[float, float]:
     return middle - part.shape.support_m(-along_part), middle + part.shape.support_m(along_part)
 
 
-def centre_off_m(pads: Sequence[Part], body: Body) -> float:
+def centre_off_m(pads: Sequence[Sequence[Part]], body: Body) -> float:
     """How far a body's centre is beside the pads, seen along y; all placed seen from the tip."""
     beside = []
     for axis in (0, 2):
         centre = sum(body.extent_m(np.eye(3)[axis])) / 2
-        low = min(extent(pad, axis)[0] for pad in pads)
-        high = max(extent(pad, axis)[1] for pad in pads)
+        spans = [_span(pad, axis) for pad in pads]
+        low, high = min(low for low, _ in spans), max(high for _, high in spans)
         beside.append(max(low - centre, centre - high, 0.0))
     return math.hypot(*beside)
 
 
-def _overlap(pad: Part, part: Part) -> Overlap:
+def _span(pad: Sequence[Part], axis: int) -> tuple[float, float]:
+    """The interval that some shapes cover together along an axis."""
+    spans = [extent(part, axis) for part in pad]
+    return min(low for low, _ in spans), max(high for _, high in spans)
+
+
+def _overlap(spans: Sequence[tuple[float, float]], part: Part) -> Overlap:
     shared, possible = [], []
-    for axis in (0, 2):
-        (low, high), (begin, end) = extent(pad, axis), extent(part, axis)
+    for axis, (low, high) in zip((0, 2), spans, strict=True):
+        begin, end = extent(part, axis)
         shared.append(min(high, end) - max(low, begin))
         possible.append(min(high - low, end - begin))
     tightest = int(np.argmin(shared))

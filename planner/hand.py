@@ -29,9 +29,6 @@ ROUNDING_M = 1e-9
 """How far a finger position may be outside 0 .. stroke by rounding."""
 
 
-FINGER_PARTS = ("tip_0", "0", "1")
-"""The collision shapes of a finger, its pad first, its base at the palm last."""
-
 CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
 """Along which the fingers move, seen from the tip."""
 
@@ -48,16 +45,20 @@ class Hand:
         joint_names: finger joints, the one that opens along +y first.
         stroke_m: finger position when fully open.
         closed_gap_m: distance between the pads when fully closed.
-        pads: both pads seen from the tip with the fingers closed, +y one first.
-        fingers: all shapes of both fingers, likewise; the pad first, the base at the palm last.
+        pads: the shapes of both finger tips, seen from the tip with the fingers closed, those of
+            the +y one first.
+        fingers: all shapes of both fingers, likewise, those of the tips first.
+        palm_z_m: how far whatever of the hand is above a body between the pads reaches along z of
+            the tip: the hand itself, and what of the fingers stands further in than the pads.
     """
 
     side: str
     joint_names: tuple[str, str]
     stroke_m: float
     closed_gap_m: float
-    pads: tuple[Part, Part]
+    pads: tuple[tuple[Part, ...], tuple[Part, ...]]
     fingers: tuple[tuple[Part, ...], tuple[Part, ...]]
+    palm_z_m: float
 
     @classmethod
     def of(cls, robot: Baxter, arm: Arm, shapes: RobotShapes) -> Hand:
@@ -73,15 +74,20 @@ class Hand:
         names = (f"{letter}_gripper_l_finger_joint", f"{letter}_gripper_r_finger_joint")
         index = robot.indices(names)[0]
         stroke = float(robot.model.upperPositionLimit[index])
+        pads = shapes.of_pads(arm)
         left, right = (
-            tuple(
-                shapes.part_at_tip(f"{letter}_gripper_{finger}_finger_{part}", arm)
-                for part in FINGER_PARTS
-            )
-            for finger in "lr"
+            tuple(shapes.part_at_tip(i, arm) for i in sorted(finger, key=lambda i: i not in pads))
+            for finger in shapes.of_fingers(arm)
         )
-        gap = extent(left[0], 1)[0] - extent(right[0], 1)[1]
-        return cls(arm.side, names, stroke, gap, (left[0], right[0]), (left, right))
+        counts = [sum(i in pads for i in finger) for finger in shapes.of_fingers(arm)]
+        left_pad, right_pad = left[: counts[0]], right[: counts[1]]
+        inner = min(extent(p, 1)[0] for p in left_pad), max(extent(p, 1)[1] for p in right_pad)
+        further_in = [part for part in left if extent(part, 1)[0] < inner[0] - AS_NEAR_M]
+        further_in += [part for part in right if extent(part, 1)[1] > inner[1] + AS_NEAR_M]
+        palm = [extent(part, 2)[1] for part in further_in]
+        palm += [shapes.highest_at_tip_m(i, arm) for i in shapes.of_palm(arm)]
+        fingers, gap = (left, right), inner[0] - inner[1]
+        return cls(arm.side, names, stroke, gap, (left_pad, right_pad), fingers, max(palm))
 
     @property
     def open_gap_m(self) -> float:
@@ -158,9 +164,8 @@ class Hand:
         """How far each pad moves until it touches a body seen from the tip."""
         parts = seen.placed_parts
         room = 2 * finger_m
-        first, second = self.pads
-        first_m = _travel(_shifted(first, finger_m), -1.0, parts, room)
-        second_m = _travel(_shifted(second, -finger_m), +1.0, parts, room)
+        first, second = self._pads_at(finger_m)
+        first_m, second_m = _travel(first, -1.0, parts, room), _travel(second, +1.0, parts, room)
         if any(m is not None and m <= -PRESSING_TOLERANCE_M for m in (first_m, second_m)):
             text = f"{seen.name} reaches into a finger before they close"
             return Miss(MissKind.NOT_BETWEEN, text, seen.name)
@@ -171,13 +176,13 @@ class Hand:
     def _untouched(self, seen: Body) -> Miss:
         """Why the pads do not touch a body seen from the tip: too thin for them, or beside them."""
         width = sum(seen.extent_m(sign * CLOSING_AXIS)[1] for sign in (1, -1))
-        is_between = centre_off_m(self.pads, seen) == 0.0 and width < self.closed_gap_m
+        is_between = centre_off_m(self._pads_at(0.0), seen) == 0.0 and width < self.closed_gap_m
         return _too_thin(seen, width, self.closed_gap_m) if is_between else _beside(seen)
 
     def _held(self, moved: Body, finger_m: float, push_m: float) -> Grasp | Miss:
         """The grasp of a body, seen from the tip, that both pads touch, if they hold it."""
-        pads = [_shifted(p, sign * finger_m) for p, sign in zip(self.pads, (1, -1), strict=True)]
-        overlaps = [Overlap.of(pad, _touched(pad, moved.placed_parts)) for pad in pads]
+        pads = self._pads_at(finger_m)
+        overlaps = [_overlap(pad, moved.placed_parts) for pad in pads]
         worst = min(overlaps, key=lambda overlap: overlap.least_m)
         if not all(overlap.is_enough for overlap in overlaps):
             return _slips(moved.name, worst.least_m)
@@ -191,6 +196,23 @@ class Hand:
             is_near_edge=any(overlap.is_near_edge for overlap in overlaps),
         )
 
+    def _pads_at(self, finger_m: float) -> tuple[list[Part], list[Part]]:
+        """Both pads where they are at a finger position."""
+        first, second = self.pads
+        return [_shifted(p, finger_m) for p in first], [_shifted(p, -finger_m) for p in second]
+
+    def pads_at(self, T_base_tip: PoseLike, finger_m: float) -> tuple[Part, ...]:
+        """The shapes of both pads where they are, seen from base.
+
+        Raises:
+            PoseError: when the pose is not a valid one.
+            ConfigurationError: when the finger position is outside 0 .. stroke.
+        """
+        self._check_finger(finger_m)
+        T = checked_pose(T_base_tip)
+        first, second = self._pads_at(finger_m)
+        return tuple(part.at(T * part.T_body_part) for part in (*first, *second))
+
     def _check_finger(self, finger_m: float) -> None:
         x = finite_scalar(finger_m, "finger position", ConfigurationError)
         if not -ROUNDING_M <= x <= self.stroke_m + ROUNDING_M:
@@ -200,23 +222,28 @@ class Hand:
             )
 
 
-def _travel(pad: Part, direction: float, parts: Sequence[Part], room_m: float) -> float | None:
+def _travel(
+    pad: Sequence[Part], direction: float, parts: Sequence[Part], room_m: float
+) -> float | None:
     """How far a pad moves along y of the gripper until it touches a part; None if it does not.
 
     It may begin inside one, by no more than a contact may press; its travel is negative then.
     """
     along = np.array([0.0, direction, 0.0])
-    begin = _shifted(pad, -direction * PRESSING_TOLERANCE_M)
+    begin = [_shifted(piece, -direction * PRESSING_TOLERANCE_M) for piece in pad]
     room_m += PRESSING_TOLERANCE_M
-    hits = [travel_to_contact(begin, along, part, room_m) for part in parts]
+    hits = [travel_to_contact(piece, along, part, room_m) for piece in begin for part in parts]
     least = min((hit for hit in hits if hit is not None), default=None)
     return None if least is None else least - PRESSING_TOLERANCE_M
 
 
-def _touched(pad: Part, parts: Sequence[Part]) -> list[Part]:
-    """Those of some shapes that a pad touches: the nearest, and what is as near."""
-    gaps = [gap_m(pad, part) for part in parts]
-    return [part for part, gap in zip(parts, gaps, strict=True) if gap <= min(gaps) + AS_NEAR_M]
+def _overlap(pad: Sequence[Part], parts: Sequence[Part]) -> Overlap:
+    """How much of a pad is on what it touches: the nearest parts, and those that are as near."""
+    gaps = {(p, q): gap_m(pad[p], parts[q]) for p in range(len(pad)) for q in range(len(parts))}
+    least = min(gaps.values())
+    touching = {pair for pair, gap in gaps.items() if gap <= least + AS_NEAR_M}
+    pieces = [pad[p] for p in sorted({p for p, _ in touching})]
+    return Overlap.of(pieces, [parts[q] for q in sorted({q for _, q in touching})])
 
 
 def _too_wide(name: str, width_m: float, opening_m: float) -> Miss:

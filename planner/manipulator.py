@@ -70,6 +70,12 @@ class Manipulator:
             q_others=_at_rest(robot, shapes) if q_others is None else q_others,
         )
 
+    @property
+    def finger_m(self) -> float:
+        """How far the fingers of the arm are open at first, as `q_others` says, 0 .. stroke."""
+        index = self.robot.indices(self.hand.joint_names)[0]
+        return float(np.clip(self.q_others[index], 0.0, self.hand.stroke_m))
+
     def configurations(self, qs: ArrayLike, finger_m: float) -> Iterator[Vector]:
         """Full configurations, shape (19,), for arm configurations, shape (m, 7).
 

@@ -124,10 +124,10 @@ def _is_as_good(cost: tuple[float, float], least: tuple[float, float]) -> bool:
 def _tip_z(hand: Hand, body: Body, clear_m: float) -> float:
     """How high the tip goes, in base: z of the gripper points down there."""
     low, high = body.extent_m((0.0, 0.0, 1.0))
-    pads = [extent(pad, 2) for pad in hand.pads]
+    pads = [extent(part, 2) for pad in hand.pads for part in pad]
     pad_middle = (min(begin for begin, _ in pads) + max(end for _, end in pads)) / 2
     reach = max(extent(part, 2)[1] for finger in hand.fingers for part in finger)
-    palm = max(extent(finger[-1], 2)[1] for finger in hand.fingers)
+    palm = hand.palm_z_m
     centred = (low + high) / 2 + pad_middle
     off_the_ground = low + min(clear_m, LOWEST_SHARE * (high - low)) + reach
     under_the_palm = high + palm + FINGER_CLEARANCE_M

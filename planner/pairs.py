@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
 from planner.choice import Choices
-from planner.draft import NoSolutionError
 from planner.free_move import MARGIN_M
 from planner.plan import PlanFailure
+from planner.plan_builder import NoSolutionError
 from planner.stages import PICK_LINES, PLACE_LINES
 from planner.surroundings import Surroundings
 from planner.tally import Tally

@@ -16,23 +16,25 @@ there (`planner.cycle_search`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import positive_scalar
+from baxter_kin.arrays import Vector, positive_scalar
 from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose
 from planner.cycle_search import CycleSearch
-from planner.draft import Draft, NoSolutionError
-from planner.errors import SceneError, TaskError
+from planner.errors import SceneError, TaskError, expect_all
 from planner.lines import Lines
 from planner.manipulator import Manipulator
-from planner.plan import GripperAction, Plan
+from planner.plan import Plan
+from planner.plan_builder import NoSolutionError, PlanBuilder
 from planner.scene import Scene
+from planner.situation import Holding
+from planner.surroundings import Surroundings
 from planner.swept import checked_margin_m
 
 
@@ -81,6 +83,7 @@ def plan_pick_and_place(
     q_start: ArrayLike,
     *,
     margin_m: float = 0.0,
+    held: Sequence[Holding] = (),
 ) -> Plan:
     """Every step from `q_start` until the arm has retracted from the placed body.
 
@@ -90,7 +93,8 @@ def plan_pick_and_place(
         scene: all bodies, the one to carry among them.
         q_start: where the arm stands, shape (7,), rad.
         margin_m: distance that is proven to be kept from everything at all times, contacts on
-            purpose left out; not negative.
+            purpose left out, and the hand from what it grasps; not negative.
+        held: what the other hand holds, as `World.held` says.
 
     Returns:
         A plan; when a step has no solution, an invalid one that says which and why.
@@ -99,7 +103,7 @@ def plan_pick_and_place(
         SceneError: when the body is not in the scene.
         TaskError: when it cannot be moved.
         ConfigurationError: when `q_start` is malformed or outside the limits.
-        MotionError: when the margin is no number, or negative.
+        MotionError: when the margin is not a number, or negative.
     """
     expect(task, PickAndPlace, "task", TaskError)
     expect(manipulator, Manipulator, "manipulator", TaskError)
@@ -108,7 +112,15 @@ def plan_pick_and_place(
         raise TaskError(f"{task.body!r} is not movable, so it cannot be picked")
     now = manipulator.arm.limits.check(q_start, "q_start")
     margin_m = checked_margin_m(margin_m)
-    search = CycleSearch(task.body, task.lines, manipulator, scene, now, margin_m=margin_m)
+    search = CycleSearch(
+        task.body,
+        task.lines,
+        manipulator,
+        scene,
+        now,
+        margin_m=margin_m,
+        held=_of_others(held, manipulator),
+    )
     return search.shortest()
 
 
@@ -119,6 +131,7 @@ def plan_start_move(
     q_start: ArrayLike | None = None,
     *,
     margin_m: float = 0.0,
+    held: Sequence[Holding] = (),
 ) -> Plan:
     """The way to where a task starts, around what is in the way, then an open gripper.
 
@@ -128,26 +141,28 @@ def plan_start_move(
         q_now: where the arm stands, shape (7,), rad.
         q_start: where it shall stand; every joint at zero when not given.
         margin_m: distance that is proven to be kept from everything; not negative.
+        held: what the other hand holds, as `World.held` says.
 
     Returns:
         A plan; when there is no way, an invalid one that says what is in it.
 
     Raises:
         ConfigurationError: when a configuration is malformed or outside the limits.
-        MotionError: when the margin is no number, or negative.
+        MotionError: when the margin is not a number, or negative.
     """
     expect(manipulator, Manipulator, "manipulator", TaskError)
     expect(scene, Scene, "scene", SceneError)
     goal = np.zeros(7) if q_start is None else q_start
     now = manipulator.arm.limits.check(q_now, "q_now")
     checked_goal = manipulator.arm.limits.check(goal, "q_start")
-    draft = Draft(manipulator, scene, now, margin_m=checked_margin_m(margin_m))
+    builder = _builder(manipulator, scene, now, margin_m, held)
+    around = _around(manipulator, scene, manipulator.finger_m, margin_m)
 
     def steps() -> None:
-        draft.move_free("move to start", checked_goal)
-        draft.grip("open", GripperAction.OPEN)
+        builder.add_free_move("move to start", checked_goal, around)
+        builder.add_open("open", manipulator.hand.stroke_m)
 
-    return _drafted(draft, steps)
+    return _built(builder, steps)
 
 
 def plan_retract(
@@ -157,6 +172,7 @@ def plan_retract(
     height_m: float,
     *,
     margin_m: float = 0.0,
+    held: Sequence[Holding] = (),
 ) -> Plan:
     """Open the fingers, and rise straight up from where the arm stands.
 
@@ -168,6 +184,7 @@ def plan_retract(
         q_now: where the arm stands, shape (7,), rad.
         height_m: how far to rise, above zero.
         margin_m: distance that is proven to be kept from everything; not negative.
+        held: what the other hand holds, as `World.held` says.
 
     Returns:
         A plan; when there is no way up, an invalid one that says why.
@@ -175,25 +192,61 @@ def plan_retract(
     Raises:
         ConfigurationError: when `q_now` is malformed or outside the limits.
         TaskError: when the height is not a number above zero.
-        MotionError: when the margin is no number, or negative.
+        MotionError: when the margin is not a number, or negative.
     """
     expect(manipulator, Manipulator, "manipulator", TaskError)
     expect(scene, Scene, "scene", SceneError)
     now = manipulator.arm.limits.check(q_now, "q_now")
     rise_m = positive_scalar(height_m, "height_m", TaskError)
-    draft = Draft(manipulator, scene, now, margin_m=checked_margin_m(margin_m))
+    builder = _builder(manipulator, scene, now, margin_m, held)
+    opening_m = manipulator.hand.stroke_m
 
     def steps() -> None:
-        draft.grip("open", GripperAction.OPEN)
-        draft.rise_by("retract", rise_m)
+        builder.add_open("open", opening_m)
+        around = _around(manipulator, scene, opening_m, margin_m)
+        builder.add_rise("retract", rise_m, around)
 
-    return _drafted(draft, steps)
+    return _built(builder, steps)
 
 
-def _drafted(draft: Draft, steps: Callable[[], None]) -> Plan:
+def _builder(
+    manipulator: Manipulator,
+    scene: Scene,
+    q_now: Vector,
+    margin_m: float,
+    held: Sequence[Holding],
+) -> PlanBuilder:
+    others = _of_others(held, manipulator)
+    margin_m = checked_margin_m(margin_m)
+    return PlanBuilder(manipulator, scene, q_now, margin_m=margin_m, held=others)
+
+
+def _around(
+    manipulator: Manipulator, scene: Scene, finger_m: float, margin_m: float
+) -> Surroundings:
+    return Surroundings(manipulator, scene, finger_m=finger_m, margin_m=margin_m)
+
+
+def _of_others(held: Sequence[Holding], manipulator: Manipulator) -> tuple[Holding, ...]:
+    """What hands hold, if the hand that plans is empty.
+
+    Raises:
+        TaskError: when it is not.
+    """
+    checked = expect_all(held, Holding, "what the hands hold", TaskError)
+    for holding in checked:
+        if holding.side == manipulator.arm.side:
+            raise TaskError(
+                f"the {holding.side} hand holds {holding.body!r}; it must be empty to begin with: "
+                "open it first"
+            )
+    return checked
+
+
+def _built(builder: PlanBuilder, steps: Callable[[], None]) -> Plan:
     """The plan of some steps, or of those before the first that has no solution."""
     try:
         steps()
     except NoSolutionError as stop:
-        return draft.plan(stop.failure)
-    return draft.plan()
+        return builder.plan(stop.failure)
+    return builder.plan()

@@ -168,16 +168,18 @@ class Plan:
 
     @property
     def proven_clearance_m(self) -> float | None:
-        """What no pair of bodies gets closer than in any move that was proven; None when none was.
+        """What no pair of bodies gets closer than in any step that was proven; None when none was.
 
-        Contacts on purpose left out.
+        Contacts on purpose left out, and hand and body where one grasps the other.
         """
-        return min((move.proof.proven_m for move in self.moves if move.proof), default=None)
+        return min((step.proof.proven_m for step in self if step.proof), default=None)
 
     @property
     def clearance(self) -> Clearance | None:
-        """The least distance of all moves that were checked; None when none was."""
-        return least(move.clearance for move in self.moves if move.clearance is not None)
+        """The least distance of all moves and grips that were checked; None when none was."""
+        moves = [move.clearance for move in self.moves]
+        grips = [step.proof.nearest for step in self if isinstance(step, Grip) and step.proof]
+        return least(near for near in (*moves, *grips) if near is not None)
 
     def __iter__(self) -> Iterator[Step]:
         """The steps."""

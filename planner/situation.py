@@ -91,9 +91,10 @@ class Situation:
 
     @classmethod
     def of(cls, manipulator: Manipulator, scene: Scene, held: Iterable[Holding] = ()) -> Situation:
-        """What a manipulator plans for: the other joints where they stand, its fingers open."""
+        """What a manipulator plans for: its own fingers and all other joints where they stand."""
         expect(manipulator, Manipulator, "manipulator", TaskError)
         names = manipulator.robot.joint_names
         joints = dict(zip(names, manipulator.q_others.tolist(), strict=True))
-        hand = manipulator.hand
-        return cls(scene, joints | hand.finger_joints(hand.stroke_m), tuple(held))
+        return cls(
+            scene, joints | manipulator.hand.finger_joints(manipulator.finger_m), tuple(held)
+        )

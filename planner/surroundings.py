@@ -1,24 +1,27 @@
 """Surroundings: one situation of an arm, asked whether configurations and motions are clear.
 
-A pick and place has four of them: before the grasp, with the body still on its support, with the
-body carried free of it, and after the release. All cycles that are tried for one task share them.
+Those of a pick and place are on `planner.phases`; all cycles that are tried for a task share them.
 """
 
 from __future__ import annotations
 
 from functools import cached_property
 
-from baxter_kin.arrays import Vector
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import expect
 from planner.collision import Clearance, ClearanceChecker, Held
 from planner.errors import TaskError
 from planner.free_move import Space
 from planner.free_space import FreeSpace
+from planner.lever_arms import Placed
 from planner.manipulator import Manipulator
 from planner.scene import Scene
 from planner.screening import IsFree, looks_clear
 from planner.smoothing import SCREENING_STEP_RAD
-from planner.swept import checked_margin_m, prove_clear
+from planner.swept import ACCURACY_M, checked_margin_m, prove_clear
 from planner.swept_result import SweptResult
 from planner.trajectory import Trajectory
 
@@ -38,6 +41,7 @@ class Surroundings:
         *,
         finger_m: float,
         touchable: str | None = None,
+        may_press: bool = False,
         held: Held | None = None,
         margin_m: float = 0.0,
     ) -> None:
@@ -47,7 +51,8 @@ class Surroundings:
             manipulator: the arm that moves, and where all other joints stand.
             scene: bodies that stand still.
             finger_m: how far the fingers are open.
-            touchable: name of a body that the fingers may touch.
+            touchable: name of a body that the hand may come near, to grasp it.
+            may_press: whether its pads may touch that body.
             held: what the hand carries.
             margin_m: distance to keep from everything else, not negative.
 
@@ -60,7 +65,12 @@ class Surroundings:
         self._finger_m = finger_m
         self.margin_m = checked_margin_m(margin_m)
         self.checker = ClearanceChecker(
-            manipulator.shapes, manipulator.arm, scene, touchable=touchable, held=held
+            manipulator.shapes,
+            manipulator.arm,
+            scene,
+            touchable=touchable,
+            may_press=may_press,
+            held=held,
         )
 
     @cached_property
@@ -91,3 +101,57 @@ class Surroundings:
     def looks_clear(self, trajectory: Trajectory) -> bool:
         """Whether a motion keeps the margin at samples; quick, and no proof."""
         return looks_clear(trajectory, self.is_free, SCREENING_STEP_RAD)
+
+    def hand_contact(self, T_base_tip: pin.SE3) -> tuple[Clearance, float] | None:
+        """What of the scene the hand, or what it holds, is too close to with the tip at a pose.
+
+        The nearest of these and the distance, m, that it must exceed; None when there is none.
+        """
+        poses, pairs = self._hand_poses, self._hand_pairs
+        checked, levers = self.checker.checked, self.checker.levers
+        placed = Placed(np.zeros((1, 0, 4, 4)), np.array(poses)[None])
+        placed.shapes[0, self._of_hand] = T_base_tip.homogeneous @ poses[self._of_hand]
+        checked.distances.place(placed.shapes[0])
+        needs = np.where(checked.is_contact, checked.needs_m, self.margin_m)[pairs]
+        gaps = levers.gaps_m(placed, np.zeros(len(pairs), dtype=np.intp), *checked.numbers[pairs].T)
+        worst: tuple[Clearance, float] | None = None
+        for pair, need in zip(pairs[gaps <= needs].tolist(), needs[gaps <= needs], strict=True):
+            distance_m = checked.distances.measure(pair, max(float(need), 0.0) + ACCURACY_M)
+            if distance_m <= need and (worst is None or distance_m < worst[0].distance_m):
+                worst = checked.between(pair, distance_m), float(need)
+        return worst
+
+    @cached_property
+    def _of_hand(self) -> Indices:
+        """The shapes that go with the tip: the hand's, and those of what it holds."""
+        robot = self.checker.robot
+        wrist = robot.getJointId(self.checker.arm.joint_names[-1])
+        moved = set(robot.subtrees[wrist].tolist())
+        shapes = self.checker.geometry.geometryObjects
+        return np.array([i for i, shape in enumerate(shapes) if shape.parentJoint in moved])
+
+    @cached_property
+    def _hand_pairs(self) -> Indices:
+        """Pairs of these with shapes of the scene."""
+        of_robot, shapes = (
+            len(self._manipulator.shapes.links),
+            self.checker.geometry.geometryObjects,
+        )
+        standing = [i for i in range(of_robot, len(shapes)) if shapes[i].parentJoint == 0]
+        numbers = self.checker.checked.numbers
+        is_hand, is_scene = np.isin(numbers, self._of_hand), np.isin(numbers, standing)
+        return np.flatnonzero(is_hand.any(axis=1) & is_scene.any(axis=1))
+
+    @cached_property
+    def _hand_poses(self) -> Vector:
+        """Poses of all shapes, those of the hand seen from the tip, shape (n, 4, 4)."""
+        arm = self._manipulator.arm
+        full = next(self._manipulator.configurations(arm.neutral[None], self._finger_m))
+        poses: Vector = self.checker.levers.place(full, arm.neutral[None]).shapes[0]
+        T_tip_base = arm.T_base_tip(arm.neutral).inverse().homogeneous
+        poses[self._of_hand] = T_tip_base @ poses[self._of_hand]
+        return poses
+
+    def is_of_robot(self, near: Clearance) -> bool:
+        """Whether both that are near each other are links of the robot."""
+        return {near.first, near.second} <= set(self._manipulator.shapes.links)

@@ -19,19 +19,19 @@ distance that was found, or `SLACK_M` below it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NoReturn
+from typing import NamedTuple, NoReturn, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.arrays import Indices, Vector, finite_scalar
 from baxter_kin.errors import expect
-from planner.collision import FARTHEST_JOINT, Clearance, ClearanceChecker
-from planner.contact import PRESSING_TOLERANCE_M
+from planner.collision import FARTHEST_JOINT, CheckedPairs, Clearance, ClearanceChecker
+from planner.distances import UNKNOWN_DEPTH_M
 from planner.errors import MotionError, SceneError, TrajectoryError
 from planner.joint_span import JointSpan
-from planner.lever_arms import LeverArms
 from planner.swept_result import SweptContact, SweptProof, SweptResult
 from planner.trajectory import Trajectory
 
@@ -81,7 +81,8 @@ def prove_clear(
     expect(trajectory, Trajectory, "trajectory", TrajectoryError)
     _check_joints(trajectory, checker)
     margin_m = checked_margin_m(margin_m)
-    return _Search(checker, trajectory, checker.configuration(q), margin_m).run()
+    motion = ArmMotion(checker, trajectory, checker.configuration(q))
+    return prove_motion(checker.checked, motion, margin_m)
 
 
 def checked_margin_m(margin_m: float) -> float:
@@ -113,11 +114,16 @@ class _Tasks:
     pair: Indices
 
     @classmethod
-    def of(cls, starts_s: Vector, ends_s: Vector, pairs: int) -> _Tasks:
-        """Every pair over every interval."""
+    def of(cls, starts_s: Vector, ends_s: Vector, pairs: Indices) -> _Tasks:
+        """Every pair of some over every interval."""
         count = len(starts_s)
-        interval, pair = np.repeat(np.arange(count), pairs), np.tile(np.arange(pairs), count)
-        return cls(starts_s, ends_s, interval, pair)
+        interval = np.repeat(np.arange(count), len(pairs))
+        return cls(starts_s, ends_s, interval, np.tile(pairs, count))
+
+    @classmethod
+    def at(cls, times_s: Vector, number: int, pairs: list[int]) -> _Tasks:
+        """Some pairs at one of some times."""
+        return cls(times_s, times_s, np.full(len(pairs), number), np.array(pairs))
 
     @property
     def middles_s(self) -> Vector:
@@ -140,19 +146,82 @@ class _Tasks:
         )
 
 
+class Around(NamedTuple):
+    """Shapes around the middles of m intervals.
+
+    Attributes:
+        poses: of all shapes in base at the middles, shape (m, n, 4, 4).
+        gaps_m: lower bounds on the distances there of pairs, for (interval, pair) of shape (k,).
+        motions_m: bounds on how far they come nearer during the interval, likewise.
+    """
+
+    poses: Vector
+    gaps_m: Callable[[Indices, Indices], Vector]
+    motions_m: Callable[[Indices, Indices], Vector]
+
+
+class Motion(Protocol):
+    """How the shapes of a situation move."""
+
+    @property
+    def duration_s(self) -> float:
+        """From its begin to its end."""
+
+    def around(self, starts_s: Vector, ends_s: Vector) -> Around:
+        """The shapes in the middle of intervals, shape (m,) both, and their motion about it."""
+
+
+class ArmMotion:
+    """A trajectory of the arm of a checker, all else at rest."""
+
+    def __init__(self, checker: ClearanceChecker, trajectory: Trajectory, full: Vector) -> None:
+        """Of a checked trajectory; `full` says where all other joints stand, shape (19,)."""
+        self.duration_s = trajectory.duration
+        self._full, self._span, self._levers = full, JointSpan(trajectory), checker.levers
+        self._moving, self._other = _outer_first(checker.pairs, self._levers.depth)
+
+    def around(self, starts_s: Vector, ends_s: Vector) -> Around:
+        """By lever arms and exact turns."""
+        qs, turns = self._span.around_middle(starts_s, ends_s)
+        placed = self._levers.place(self._full, qs)
+        motions = self._levers.motions_m(placed, turns)
+
+        def gaps_m(interval: Indices, pair: Indices) -> Vector:
+            return self._levers.gaps_m(placed, interval, self._moving[pair], self._other[pair])
+
+        def motions_m(interval: Indices, pair: Indices) -> Vector:
+            seen_from = self._levers.depth[self._other[pair]]
+            moved: Vector = motions[interval, self._moving[pair], seen_from]
+            return moved
+
+        return Around(placed.shapes, gaps_m, motions_m)
+
+
+def prove_motion(
+    checked: CheckedPairs, motion: Motion, margin_m: float, pairs: Indices | None = None
+) -> SweptResult:
+    """A proof that a motion of any kind is clear, or what speaks against it.
+
+    Args:
+        checked: the pairs of the situation.
+        motion: how their shapes move.
+        margin_m: distance that every pair shall keep that has no need of its own.
+        pairs: numbers of those that count; all when not given.
+    """
+    counted = np.arange(len(checked.numbers)) if pairs is None else pairs
+    return _Search(checked, motion, margin_m, counted).run()
+
+
 class _Search:
     """The proof while it is being made."""
 
     def __init__(
-        self, checker: ClearanceChecker, trajectory: Trajectory, full: Vector, margin_m: float
+        self, checked: CheckedPairs, motion: Motion, margin_m: float, pairs: Indices
     ) -> None:
-        self._checker, self._full, self._margin_m = checker, full, margin_m
-        self._duration_s = trajectory.duration
-        self._span = JointSpan(trajectory)
-        self._levers = LeverArms(checker.robot, checker.geometry, checker.arm)
-        self._moving, self._other = _outer_first(checker.pairs, self._levers.depth)
-        self._touch = checker.may_touch
-        self._needed_m = np.where(self._touch, -PRESSING_TOLERANCE_M, margin_m)
+        self._checked, self._motion, self._margin_m, self._pairs = checked, motion, margin_m, pairs
+        self._duration_s = motion.duration_s
+        self._touch = checked.is_contact
+        self._needed_m = np.where(self._touch, checked.needs_m, margin_m)
         self._nearest = Clearance(np.inf, "", "")
         self._proven_m = np.inf
         self._intervals = self._evaluations = 0
@@ -162,7 +231,7 @@ class _Search:
         try:
             self._look_at_ends()
             cuts = np.linspace(0.0, self._duration_s, FIRST_INTERVALS + 1)
-            tasks = _Tasks.of(cuts[:-1], cuts[1:], len(self._moving))
+            tasks = _Tasks.of(cuts[:-1], cuts[1:], self._pairs)
             while tasks.pair.size:
                 tasks = self._unproven(tasks).halved()
         except _NotClearError as stop:
@@ -172,66 +241,97 @@ class _Search:
         )
 
     def _look_at_ends(self) -> None:
-        """Measure every pair at both ends, which says how close a proof has to look."""
+        """Measure the pairs at both ends, the nearest first, as long as they matter."""
         ends_s = np.array([0.0, self._duration_s])
-        tasks = _Tasks.of(ends_s, ends_s, len(self._moving))
-        self._measured(tasks, self._span.around_middle(ends_s, ends_s)[0])
+        around = self._motion.around(ends_s, ends_s)
+        for number in (0, 1):
+            self._checked.distances.place(around.poses[number])
+            interval = np.full(len(self._pairs), number)
+            gaps = around.gaps_m(interval, self._pairs)
+            self._look_at(ends_s, number, gaps)
+
+    def _look_at(self, ends_s: Vector, number: int, gaps: Vector) -> None:
+        """Measure the pairs at one end; those that are too close are judged together."""
+        distances = self._checked.distances
+        close: dict[int, float] = {}
+        for index in np.argsort(gaps, kind="stable").tolist():
+            pair = int(self._pairs[index])
+            too_close_m = float(self._needed_m[pair]) + RESOLUTION_M
+            least_m = max(self._nearest.distance_m, too_close_m)
+            if gaps[index] >= least_m:
+                continue
+            self._evaluations += 1
+            found = distances.measure(pair, np.nextafter(least_m, np.inf))
+            if found > 0.0 and distances.is_within(pair):
+                found = UNKNOWN_DEPTH_M
+            if found <= too_close_m:
+                close[pair] = found
+            else:
+                self._judge(_Tasks.at(ends_s, number, [pair]), np.array([found]))
+        if close:
+            self._judge(_Tasks.at(ends_s, number, list(close)), np.array(list(close.values())))
 
     def _unproven(self, tasks: _Tasks) -> _Tasks:
         """Those of the tasks that need smaller intervals."""
         self._intervals += len(tasks.starts_s)
-        qs, turns = self._span.around_middle(tasks.starts_s, tasks.ends_s)
-        placed = self._levers.place(self._full, qs)
-        moving, other = self._moving[tasks.pair], self._other[tasks.pair]
-        seen_from = self._levers.depth[other]
-        motions = self._levers.motions_m(placed, turns)[tasks.interval, moving, seen_from]
-        gaps = self._levers.gaps_m(placed, tasks.interval, moving, other)
-        near = self._open(tasks, _sure(gaps) - motions)
-        tasks = tasks.only(near)
-        distances = self._measured(tasks, qs)
-        return tasks.only(self._open(tasks, _sure(distances) - motions[near]))
+        around = self._motion.around(tasks.starts_s, tasks.ends_s)
+        motions = around.motions_m(tasks.interval, tasks.pair)
+        near = self._open(tasks, _sure(around.gaps_m(tasks.interval, tasks.pair)) - motions)
+        tasks, motions = tasks.only(near), motions[near]
+        distances = self._measured(tasks, around.poses, motions)
+        return tasks.only(self._open(tasks, _sure(distances) - motions))
+
+    def _wanted_m(self) -> Vector:
+        """The distance that each pair shall be proven to keep, as it looks now, shape (n,)."""
+        least_m = self._nearest.distance_m
+        wanted_m = max(self._margin_m, min(TIGHTNESS * least_m, least_m - SLACK_M))
+        return np.where(self._touch, self._needed_m, wanted_m)
 
     def _open(self, tasks: _Tasks, kept_m: Vector) -> NDArray[np.bool_]:
         """Whether keeping so much, shape (k,), is not enough yet for each task."""
-        least_m = self._nearest.distance_m
-        wanted_m = max(self._margin_m, min(TIGHTNESS * least_m, least_m - SLACK_M))
-        enough = kept_m > np.where(self._touch, self._needed_m, wanted_m)[tasks.pair]
+        enough = kept_m > self._wanted_m()[tasks.pair]
         counted = kept_m[enough & ~self._touch[tasks.pair]]
         self._proven_m = min(self._proven_m, float(counted.min(initial=np.inf)))
         return ~enough
 
-    def _measured(self, tasks: _Tasks, qs: Vector) -> Vector:
-        """Distances in the middle of the intervals, where the arm is at `qs`; shape (k,), m.
+    def _measured(self, tasks: _Tasks, poses: Vector, motions: Vector) -> Vector:
+        """Distances in the middle of the intervals, shape (k,), m.
+
+        As far as they matter: one that is enough for its pair to move by so much, and not the
+        least, need not be known better.
 
         Raises:
             _NotClearError: when one is too small, or there are too many.
         """
-        distances = self._distances(tasks, qs)
+        wanted_m = self._wanted_m()[tasks.pair] + motions
+        within_m = np.maximum(wanted_m + 2.0 * ACCURACY_M * np.maximum(1.0, wanted_m), 0.0)
+        found, distances = np.empty(len(tasks.pair)), self._checked.distances
+        numbers, begins = np.unique(tasks.interval, return_index=True)
+        ends = np.searchsorted(tasks.interval, numbers, side="right")
+        for number, begin, end in zip(
+            numbers.tolist(), begins.tolist(), ends.tolist(), strict=True
+        ):
+            distances.place(poses[number])
+            for task in range(begin, end):
+                least_m = max(float(within_m[task]), self._nearest.distance_m)
+                found[task] = distances.measure(int(tasks.pair[task]), least_m)
+        self._evaluations += len(found)
+        self._judge(tasks, found)
+        return found
+
+    def _judge(self, tasks: _Tasks, distances: Vector) -> None:
+        """Stop at a distance that is too small; remember the least of the others."""
         excess = distances - self._needed_m[tasks.pair]
-        if (excess <= RESOLUTION_M).any():
-            self._stop(tasks, distances, int(excess.argmin()))
-        if self._evaluations > MOST_EVALUATIONS:
+        is_too_close = (excess <= RESOLUTION_M).any()
+        if is_too_close or (excess.size and self._evaluations > MOST_EVALUATIONS):
             self._stop(tasks, distances, int(excess.argmin()))
         counted = np.where(self._touch[tasks.pair], np.inf, distances)
         if counted.min(initial=np.inf) < self._nearest.distance_m:
             self._nearest = self._found(tasks, distances, int(counted.argmin()))
-        return distances
-
-    def _distances(self, tasks: _Tasks, qs: Vector) -> Vector:
-        self._evaluations += len(tasks.pair)
-        distances = np.empty(len(tasks.pair))
-        numbers, begins = np.unique(tasks.interval, return_index=True)
-        ends = np.searchsorted(tasks.interval, numbers, side="right")
-        full = np.array(self._full)
-        for number, begin, end in zip(numbers, begins, ends, strict=True):
-            full[self._levers.q_index] = qs[number]
-            pairs = tasks.pair[begin:end].tolist()
-            distances[begin:end] = self._checker.distances_m(full, pairs)
-        return distances
 
     def _found(self, tasks: _Tasks, distances: Vector, task: int) -> Clearance:
         time_s = float(tasks.middles_s[tasks.interval[task]])
-        return self._checker.between(int(tasks.pair[task]), distances[task], time_s)
+        return self._checked.between(int(tasks.pair[task]), distances[task], time_s)
 
     def _stop(self, tasks: _Tasks, distances: Vector, task: int) -> NoReturn:
         raise _NotClearError(

@@ -21,8 +21,8 @@ from baxter_kin.errors import expect
 from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
 from planner.collision import Held
 from planner.contact import PRESSING_TOLERANCE_M
-from planner.draft import LONGEST_DROP_M
 from planner.free_space import Touches
+from planner.phases import LONGEST_DROP_M
 from sim.errors import SimulationError
 from sim.falling import Rest
 from sim.world import World

@@ -10,15 +10,12 @@ from dataclasses import dataclass
 
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.errors import expect
+from planner.finger_travel import FINGER_SPEED_M_S
 from sim.closing import Closing, closing_of
 from sim.errors import SimulationError
 from sim.world import World
 
 __all__ = ["FINGER_SPEED_M_S", "Closing", "Gripper", "GripperState"]
-
-FINGER_SPEED_M_S = 0.05
-"""Speed of each finger: the whole stroke of 20.8 mm takes 0.42 s. The URDF's 5 m/s is a placeholder
-that no hand of this size reaches; Rethink gives no figure for the force-limited default."""
 
 
 @dataclass(frozen=True, slots=True)

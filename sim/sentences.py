@@ -8,6 +8,9 @@ from sim.contacts import Contact
 from sim.falling import Rest
 from sim.squeeze import Push
 
+FULLY = 99.9
+"""Per cent from which on a gripper is called open, without saying how far."""
+
 
 def of_grasp(body: str, grasp: Grasp, percent: float) -> str:
     """A body was grasped; near an edge, how much of a pad is on it."""
@@ -16,6 +19,11 @@ def of_grasp(body: str, grasp: Grasp, percent: float) -> str:
         return text
     off = f"{1e3 * grasp.centre_off_m:.1f} mm off the pads"
     return f"{text}, near an edge: only {1e3 * grasp.pad_m:.1f} mm of a pad on it, its centre {off}"
+
+
+def of_opening(side: str, percent: float) -> str:
+    """The empty hand opened; how far, unless all the way."""
+    return f"{side} gripper open" + ("" if percent >= FULLY else f", {percent:.0f} %")
 
 
 def of_miss(miss: Miss | None, wanted: str | None, gap_m: float, *, is_closed: bool) -> str:

@@ -168,7 +168,7 @@ class Simulation:
             return self._move(limb, step)
         if step.action is GripperAction.CLOSE:
             return self._close(limb, step)
-        self._open(limb)
+        self._open(limb, step)
         return None
 
     def _move(self, limb: str, move: Move) -> str | None:
@@ -244,24 +244,25 @@ class Simulation:
         self._tell(EventKind.MISSED, text, detail=closing.miss)
         return f"{grip.label}: {text}"
 
-    def _open(self, limb: str) -> None:
+    def _open(self, limb: str, grip: Grip) -> None:
         gripper = self.grippers[limb]
         name = gripper.release()
+        finger_m = gripper.open_m if grip.opening_m is None else grip.opening_m
         if name is None:
-            self._slide(limb, gripper.open_m)
-            self._tell(EventKind.OPENED, f"{limb} gripper open")
+            self._slide(limb, finger_m)
+            self._tell(EventKind.OPENED, sentences.of_opening(limb, gripper.state.percent))
         else:
             self._tell(EventKind.RELEASED, f"{name} released")
-            self._let_go(limb, name)
+            self._let_go(limb, name, finger_m)
         self.wait(self._dwell.after_release_s)
 
-    def _let_go(self, limb: str, name: str) -> None:
+    def _let_go(self, limb: str, name: str, finger_m: float) -> None:
         """Open the fingers while the body falls to its rest."""
         rest = self.world.rest(name)
         self._is_as_planned &= falls_as_planned(self.world, name, rest)
         self._slide(
             limb,
-            self.grippers[limb].open_m,
+            finger_m,
             lambda t: self.world.carry(name, rest.pose(t)),
             at_least_s=rest.duration_s,
         )

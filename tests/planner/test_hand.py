@@ -190,13 +190,11 @@ def test_the_demos_block_lies_askew_and_keeps_the_fingers_a_little_wider(
 def test_the_lowest_finger_point_of_the_demos_pick_is_202_mm_above_the_table(
     manipulator: Manipulator, table: Body
 ) -> None:
-    shapes, arm, hand = manipulator.shapes, manipulator.arm, manipulator.hand
+    hand = manipulator.hand
     lows = [
-        Body(
-            name, (shapes.part_at_tip(name, arm),), PICK * at(0.0, sign * hand.stroke_m, 0.0)
-        ).extent_m((0, 0, 1))[0]
-        for finger, sign in (("l", 1.0), ("r", -1.0))
-        for name in (f"l_gripper_{finger}_finger_{part}" for part in ("0", "1", "tip_0"))
+        Body("part", (part,), PICK * at(0.0, sign * hand.stroke_m, 0.0)).extent_m((0, 0, 1))[0]
+        for finger, sign in zip(hand.fingers, (1.0, -1.0), strict=True)
+        for part in finger
     ]
     above = min(lows) - table.extent_m((0, 0, 1))[1]
     assert above == pytest.approx(20.2e-3, abs=0.05e-3)

@@ -1,0 +1,285 @@
+"""Phases of a pick and place: what stands where, what the hand holds, and what it may touch.
+
+They follow from the task and the scene alone, whichever way the arm takes, and are found once:
+
+```
+label              stands still           in the hand         may come near, or touch
+pick: approach     everything             -                   -
+pick: descend      everything             -                   the hand its body
+pick: close        all but what is pushed (pushed)            the pads their body
+pick: retract      all but the body       the body            the body what it stands on
+place: approach    all but the body       the body            -
+place: descend     all but the body       the body            the body what it will stand on
+place: open        everything             -                   the pads their body
+place: retract     everything             -                   the hand its body
+```
+
+The fingers open as far as the stroke goes, or, where something stands in their way at the pick or
+at the place, as far as is free. What is in the way of the hand alone, along its lines up and down,
+is in its way for every solution of the arm, and is said at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from planner.collision import Held
+from planner.contact import gap_m, touching
+from planner.finger_travel import FingerTravel, TravelCheck, closing_travel, combined
+from planner.grasp import Grasp, Miss
+from planner.landing import Landing, land, levelled
+from planner.lines import Lines
+from planner.manipulator import Manipulator
+from planner.plan import GripperAction, PlanFailure
+from planner.plan_builder import NoSolutionError, blocked_fingers
+from planner.scene import Body, Scene
+from planner.surroundings import Surroundings
+from planner.swept import RESOLUTION_M
+from planner.swept_result import SweptContact, SweptResult
+
+LONGEST_DROP_M = 0.01
+"""From how high above its support a body may be let go."""
+
+LEAST_ROOM_M = 3e-4
+"""Fingers that cannot open all the way leave at least so much room between pads and body."""
+
+OPENING_STEP_M = 1e-4
+"""How closely the farthest free opening is sought."""
+
+_SAME_PLACE_M = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Phases:
+    """The situations of one pick and place.
+
+    Attributes:
+        body: what is carried, as it stands before.
+        grasp: how it is held.
+        opening_m: finger position with which the hand comes down to it.
+        leaving_m: finger position with which the hand rises from it again.
+        closing: the fingers' way at the pick.
+        releasing: the fingers' way at the place.
+        around: the situation of every move, by its label.
+        refusals: why it cannot be done though each pose is free: what stands in the way of the
+            fingers however far they open, or that the body would fall.
+    """
+
+    body: Body
+    grasp: Grasp
+    opening_m: float
+    leaving_m: float
+    closing: tuple[FingerTravel, ...]
+    releasing: tuple[FingerTravel, ...]
+    around: Mapping[str, Surroundings]
+    refusals: tuple[PlanFailure, ...] = ()
+
+    def refuse_impossible(self) -> None:
+        """Stop when there is such a reason.
+
+        Raises:
+            NoSolutionError: then.
+        """
+        for failure in self.refusals:
+            raise NoSolutionError(failure)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PhaseMaker:
+    """Finds the phases of a task.
+
+    Attributes:
+        manipulator: the arm and its hand.
+        scene: all bodies before it.
+        name: of the body to carry.
+        lines: where the cycle leads the tip.
+        margin_m: distance to keep, but for contacts on purpose.
+    """
+
+    manipulator: Manipulator
+    scene: Scene
+    name: str
+    lines: Lines
+    margin_m: float
+
+    def made(self) -> Phases:
+        """All of them.
+
+        Raises:
+            NoSolutionError: when the body does not fit into the hand, or cannot be held.
+        """
+        body, lines = self.scene[self.name], self.lines
+        self._refuse_wide(body)
+        grasp = self._grasp(body)
+        opening_m, blocked_closing = self._opening_at_pick(grasp)
+        carried = self._carried(body, grasp)
+        landing, no_rest = self._landing(body, grasp)
+        after = self.scene.without(self.name).with_body(landing.body)
+        leaving_m, blocked_opening = self._opening_at_place(body, grasp, landing)
+        return Phases(
+            body,
+            grasp,
+            opening_m,
+            leaving_m,
+            closing_travel(self.scene, self.name, lines.T_base_pick, opening_m, grasp),
+            self._releasing(body, grasp, landing, leaving_m),
+            {
+                "pick: approach": self._around(self.scene, opening_m),
+                "pick: descend": self.reaching(opening_m),
+                **carried,
+                "place: retract": self._near(after, leaving_m, lines.T_base_place),
+            },
+            (*blocked_closing, *no_rest, *blocked_opening),
+        )
+
+    def _refuse_wide(self, body: Body) -> None:
+        hand = self.manipulator.hand
+        width = hand.width_across_m(self.lines.T_base_pick, body)
+        if width > hand.open_gap_m:
+            raise NoSolutionError.at(
+                "pick: open",
+                f"{body.name} measures {1e3 * _least_width_m(body):.1f} mm, "
+                f"{1e3 * width:.1f} mm across the hand as it lies, but the {hand.side} hand opens "
+                f"only {1e3 * hand.open_gap_m:.1f} mm",
+                is_certain=True,
+            )
+
+    def _grasp(self, body: Body) -> Grasp:
+        hand = self.manipulator.hand
+        grasp = hand.close_on(self.lines.T_base_pick, body, hand.stroke_m)
+        if isinstance(grasp, Miss):
+            reason = f"the fingers would miss: {grasp}"
+            raise NoSolutionError.at("pick: close", reason, is_certain=True)
+        return grasp
+
+    def _opening_at_pick(self, grasp: Grasp) -> tuple[float, tuple[PlanFailure, ...]]:
+        T_base_pick = self.lines.T_base_pick
+
+        def closing(opening_m: float) -> SweptResult:
+            travels = closing_travel(self.scene, self.name, T_base_pick, opening_m, grasp)
+            return self._checked(travels, T_base_pick)
+
+        touch_m = grasp.finger_m + abs(grasp.push_m)
+        return self._widest(closing, "pick: close", GripperAction.CLOSE, touch_m)
+
+    def _opening_at_place(
+        self, body: Body, grasp: Grasp, landing: Landing
+    ) -> tuple[float, tuple[PlanFailure, ...]]:
+        def releasing(opening_m: float) -> SweptResult:
+            travels = self._releasing(body, grasp, landing, opening_m)
+            return self._checked(travels, self.lines.T_base_place)
+
+        return self._widest(releasing, "place: open", GripperAction.OPEN, grasp.finger_m)
+
+    def _widest(
+        self,
+        proven: Callable[[float], SweptResult],
+        stage: str,
+        action: GripperAction,
+        least_m: float,
+    ) -> tuple[float, tuple[PlanFailure, ...]]:
+        """The greatest opening for which the fingers' way is clear; or all, and why there is none.
+
+        It is told only when the pose itself is free: what is in its way may be what is in theirs.
+        """
+        widest_m, least_m = self.manipulator.hand.stroke_m, least_m + LEAST_ROOM_M
+        if proven(widest_m).is_clear:
+            return widest_m, ()
+        result = proven(min(least_m, widest_m))
+        if isinstance(result, SweptContact):
+            return widest_m, (blocked_fingers(stage, action, result, is_certain=True),)
+        while widest_m - least_m > OPENING_STEP_M:
+            middle_m = (least_m + widest_m) / 2
+            if proven(middle_m).is_clear:
+                least_m = middle_m
+            else:
+                widest_m = middle_m
+        return least_m, ()
+
+    def _checked(self, travels: tuple[FingerTravel, ...], T_base_tip: pin.SE3) -> SweptResult:
+        checks = (TravelCheck(self.manipulator, travel) for travel in travels)
+        return combined(check.above(T_base_tip, self.margin_m) for check in checks)
+
+    def _releasing(
+        self, body: Body, grasp: Grasp, landing: Landing, opening_m: float
+    ) -> tuple[FingerTravel, ...]:
+        """The fingers open beside the body where it is let go, and where it has fallen to."""
+        let_go = body.at(self.lines.T_base_place * grasp.T_tip_body)
+        places = [let_go]
+        if not landing.body.T_base_body.isApprox(let_go.T_base_body, _SAME_PLACE_M):
+            places.append(landing.body)
+        others = self.scene.without(self.name)
+        return tuple(
+            FingerTravel(others.with_body(place), grasp.finger_m, opening_m, touchable=self.name)
+            for place in places
+        )
+
+    def _carried(self, body: Body, grasp: Grasp) -> dict[str, Surroundings]:
+        """The situations with the body in the hand: on its supports, and free of them."""
+        others = self.scene.without(self.name)
+        placed = body.at(self.lines.T_base_place * grasp.T_tip_body)
+        stood, will_stand = touching(body, self.scene), touching(placed, others)
+        lifted, free, lowered = (
+            self._around(others, grasp.finger_m, held=Held(body, grasp.T_tip_body, supports))
+            for supports in (stood, frozenset[str](), will_stand)
+        )
+        return {"pick: retract": lifted, "place: approach": free, "place: descend": lowered}
+
+    def reaching(self, opening_m: float) -> Surroundings:
+        """The situation on the line down to the pick, the fingers so far open."""
+        return self._near(self.scene, opening_m, self.lines.T_base_pick)
+
+    def _landing(self, body: Body, grasp: Grasp) -> tuple[Landing, tuple[PlanFailure, ...]]:
+        """Where the body comes to rest when it is let go; why it must not, where it must not."""
+        let_go = body.at(self.lines.T_base_place * grasp.T_tip_body)
+        landing = land(levelled(let_go), self.scene.without(self.name))
+        on, way = " and ".join(landing.supports), landing.beside
+        reason = None
+        if landing.drop_m > LONGEST_DROP_M:
+            reason = (
+                f"{body.name} would fall: nothing is within {1e3 * LONGEST_DROP_M:.0f} mm below "
+                f"it, and {on} is {1e3 * landing.drop_m:.0f} mm below"
+            )
+        elif way is not None:
+            beside_mm = 1e3 * float(np.linalg.norm(way))
+            reason = f"{body.name} would tip: its centre is {beside_mm:.1f} mm beside {on}"
+        if reason is None:
+            return landing, ()
+        return landing, (PlanFailure("place: open", reason, is_certain=True),)
+
+    def _near(self, scene: Scene, finger_m: float, T_base_tip: pin.SE3) -> Surroundings:
+        """The open hand around its body; the pads touch it only where they cannot but."""
+        body, hand = scene[self.name], self.manipulator.hand
+        pads = hand.pads_at(T_base_tip, finger_m)
+        room_m = min(gap_m(pad, part) for pad in pads for part in body.placed_parts)
+        may_press = room_m <= RESOLUTION_M
+        return self._around(scene, finger_m, touchable=self.name, may_press=may_press)
+
+    def _around(
+        self,
+        scene: Scene,
+        finger_m: float,
+        *,
+        touchable: str | None = None,
+        may_press: bool = False,
+        held: Held | None = None,
+    ) -> Surroundings:
+        return Surroundings(
+            self.manipulator,
+            scene,
+            finger_m=finger_m,
+            touchable=touchable,
+            may_press=may_press,
+            held=held,
+            margin_m=self.margin_m,
+        )
+
+
+def _least_width_m(body: Body) -> float:
+    """The narrowest of the body's three extents along its own axes."""
+    spans = [body.extent_m(axis) for axis in body.T_base_body.rotation.T]
+    return min(high - low for low, high in spans)

@@ -1,0 +1,213 @@
+"""PlanBuilder: a plan while it is being made, step by step, each proven before it is added."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pinocchio as pin
+
+from baxter_kin import IKResult, SeedType
+from baxter_kin.arrays import Vector
+from baxter_kin.ik import Tolerance
+from planner.errors import MotionError
+from planner.finger_travel import FingerTravel, prove_travel
+from planner.free_move import MARGIN_M, plan_free_move
+from planner.lines import raised
+from planner.manipulator import Manipulator
+from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
+from planner.scene import Scene
+from planner.situation import Holding, Situation
+from planner.straight import plan_straight_move
+from planner.surroundings import Surroundings
+from planner.swept_result import SweptContact, SweptProof
+from planner.trajectory import Trajectory
+
+
+class NoSolutionError(Exception):
+    """Ends the making of a plan; becomes `Plan.failure`."""
+
+    def __init__(self, failure: PlanFailure) -> None:
+        """Carry it."""
+        self.failure = failure
+        super().__init__(str(failure))
+
+    @classmethod
+    def at(cls, stage: str, reason: str, *, is_certain: bool = False) -> NoSolutionError:
+        """For a reason that is only words; `is_certain` says that no other way is worth trying."""
+        return cls(PlanFailure(stage, reason, is_certain=is_certain))
+
+
+class PlanBuilder:
+    """The steps of a plan so far.
+
+    Attributes:
+        steps: what was added.
+    """
+
+    def __init__(
+        self,
+        manipulator: Manipulator,
+        scene: Scene,
+        q_start: Vector,
+        *,
+        margin_m: float = 0.0,
+        held: Sequence[Holding] = (),
+    ) -> None:
+        """No steps yet.
+
+        Args:
+            manipulator: the arm and its hand, which is empty.
+            scene: all bodies.
+            q_start: where the arm stands, shape (7,), rad.
+            margin_m: distance that the fingers keep from all but what they grasp.
+            held: what other hands hold.
+        """
+        self.steps: list[Step] = []
+        self._manipulator, self._q_start, self._margin_m = manipulator, q_start, margin_m
+        self._start = Situation.of(manipulator, scene, held)
+
+    @property
+    def q(self) -> Vector:
+        """Where the arm stands after the steps so far, shape (7,), rad."""
+        moves = [step for step in self.steps if isinstance(step, Move)]
+        return moves[-1].trajectory.q_goal if moves else self._q_start
+
+    def plan(self, failure: PlanFailure | None = None) -> Plan:
+        """The plan of the steps so far, or why it ends there."""
+        side, steps = self._manipulator.arm.side, tuple(self.steps)
+        return Plan(side, self._q_start, steps, failure, self._start)
+
+    def add_move(
+        self,
+        label: str,
+        trajectory: Trajectory,
+        around: Surroundings,
+        T_base_tip: pin.SE3 | None = None,
+        seed_type: SeedType = SeedType.CURRENT,
+        *,
+        is_straight: bool = False,
+    ) -> None:
+        """Add a move.
+
+        Args:
+            label: stage and waypoint.
+            trajectory: from where the arm stands.
+            around: the situation meanwhile.
+            T_base_tip: the pose that it ends at; None for a move in joint angles.
+            seed_type: what kind of seed the solution at its end came from.
+            is_straight: whether the tip moves along a straight line.
+
+        Raises:
+            NoSolutionError: when it is not proven clear.
+        """
+        result = around.prove(trajectory)
+        if isinstance(result, SweptContact):
+            raise NoSolutionError(PlanFailure(label, str(result), contact=result))
+        ik = None if T_base_tip is None else self._answer(trajectory, T_base_tip, seed_type)
+        move = Move(label, trajectory, T_base_tip, ik, result.nearest, result, is_straight)
+        self.steps.append(move)
+
+    def add_free_move(self, label: str, q_goal: Vector, around: Surroundings) -> None:
+        """Add a move to a configuration, around what is in the way.
+
+        Raises:
+            NoSolutionError: when an end is blocked, or there is no way between them.
+        """
+        refuse_blocked(label, self.q, around, "where it stands")
+        refuse_blocked(label, q_goal, around, "where it shall go")
+        limits, margin_m = self._manipulator.limits, around.margin_m + MARGIN_M
+        found = plan_free_move(
+            self.q, q_goal, limits, around.space, around.is_clear, margin_m=margin_m
+        )
+        if found.trajectory is None:
+            raise NoSolutionError.at(label, str(found.failure))
+        self.add_move(label, found.trajectory, around)
+
+    def add_rise(self, label: str, height_m: float, around: Surroundings) -> None:
+        """Add a straight move up from where the arm stands.
+
+        Raises:
+            NoSolutionError: when there is none, or it is not proven clear.
+        """
+        refuse_blocked(label, self.q, around, "where it stands")
+        arm, limits = self._manipulator.arm, self._manipulator.limits
+        T_base_goal = raised(arm.T_base_tip(self.q), height_m)
+        try:
+            trajectory = plan_straight_move(arm, self.q, T_base_goal, limits)
+        except MotionError as cause:
+            raise NoSolutionError.at(label, str(cause)) from cause
+        self.add_move(label, trajectory, around, T_base_goal, is_straight=True)
+
+    def add_grip(
+        self, label: str, action: GripperAction, travels: Sequence[FingerTravel], body: str
+    ) -> None:
+        """Add the closing of the fingers on a body, or their opening around it.
+
+        Args:
+            label: stage and action.
+            action: open or close.
+            travels: the fingers' way, at least one stretch.
+            body: name of the body.
+
+        Raises:
+            NoSolutionError: when the way is not proven clear.
+        """
+        proof = self._proven(label, action, travels)
+        opening_m = self._told(travels[-1].end_m) if action is GripperAction.OPEN else None
+        self.steps.append(Grip(label, action, body, opening_m, proof))
+
+    def add_open(self, label: str, opening_m: float) -> None:
+        """Add the opening of the empty hand before anything else has moved a body.
+
+        Raises:
+            NoSolutionError: when something stands in the way of the fingers.
+        """
+        travel = FingerTravel(self._start.scene, self._manipulator.finger_m, opening_m)
+        proof = self._proven(label, GripperAction.OPEN, (travel,))
+        self.steps.append(Grip(label, GripperAction.OPEN, None, self._told(opening_m), proof))
+
+    def _told(self, opening_m: float) -> float | None:
+        """A finger position as a step says it: None for all the way."""
+        return opening_m if opening_m < self._manipulator.hand.stroke_m else None
+
+    def _proven(
+        self, label: str, action: GripperAction, travels: Sequence[FingerTravel]
+    ) -> SweptProof:
+        result = prove_travel(self._manipulator, travels, self.q, margin_m=self._margin_m)
+        if isinstance(result, SweptContact):
+            raise NoSolutionError(blocked_fingers(label, action, result))
+        return result
+
+    def _answer(self, trajectory: Trajectory, T_base_tip: pin.SE3, seed_type: SeedType) -> IKResult:
+        """Where a trajectory ends, as the answer for a pose: a sample, or what follows from one."""
+        arm, q = self._manipulator.arm, trajectory.q_goal
+        errors = Tolerance().excess(T_base_tip, arm.T_base_tip(q))
+        return IKResult(arm.joint_names, q, seed_type, *errors)
+
+
+def refuse_blocked(label: str, q: Vector, around: Surroundings, where: str) -> None:
+    """Stop when the arm is too close to something at a configuration.
+
+    Raises:
+        NoSolutionError: then.
+    """
+    near = around.clearance(q)
+    if near.distance_m > around.margin_m:
+        return
+    reason = f"the arm is blocked {where}: {near.text}"
+    if near.distance_m > 0.0:
+        reason += f", and {1e3 * around.margin_m:.1f} mm are asked for"
+        if around.is_of_robot(near):
+            reason += "; the robot's own body cannot keep that there"
+    raise NoSolutionError.at(label, reason, is_certain=True)
+
+
+def blocked_fingers(
+    label: str, action: GripperAction, contact: SweptContact, *, is_certain: bool = False
+) -> PlanFailure:
+    """What stands in the way of fingers that open or close."""
+    near = contact.nearest
+    reason = f"while the fingers {action.value}, {near.text}"
+    if near.distance_m > 0.0 and contact.needed_m > 0.0:
+        reason += f", and {1e3 * contact.needed_m:.1f} mm are asked for"
+    return PlanFailure(label, reason, contact=contact, is_certain=is_certain)
