@@ -12,6 +12,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
+from baxter_kin.errors import FileError
+from baxter_kin.files import Destination
+
+LONGEST_SHOWN = 200
+"""How much of a file's name a message repeats."""
+
 
 class OneSentenceParser(argparse.ArgumentParser):
     """Says what is wrong in one sentence, and exits with status 2."""
@@ -64,18 +70,14 @@ def file_to_write(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("the file name is empty")
     path = Path(text)
+    shown = text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
     try:
-        is_folder, has_folder = path.is_dir(), path.absolute().parent.is_dir()
-        is_file_or_new = path.is_file() or not path.exists()
-    except (OSError, ValueError) as cause:
-        reason = getattr(cause, "strerror", None) or cause
-        raise argparse.ArgumentTypeError(f"{text[:60]}... is no file name: {reason}") from None
-    if is_folder:
-        raise argparse.ArgumentTypeError(f"{text} is a folder; give a file")
-    if not has_folder:
-        raise argparse.ArgumentTypeError(f"the folder of {text} does not exist; make it first")
-    if not is_file_or_new:
-        raise argparse.ArgumentTypeError(f"{text} is no ordinary file")
-    if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
-        raise argparse.ArgumentTypeError(f"{text} cannot be written: permission denied")
+        file = Destination.of(path)
+    except FileError as cause:
+        raise argparse.ArgumentTypeError(f"cannot write {shown}: {cause.reason}") from None
+    folder = file.path.parent
+    if not folder.is_dir():
+        raise argparse.ArgumentTypeError(f"the folder of {shown} does not exist; make it first")
+    if not os.access(folder if file.status is None else file.path, os.W_OK):
+        raise argparse.ArgumentTypeError(f"cannot write {shown}: Permission denied")
     return path

@@ -7,7 +7,8 @@ BaxterError
 ├── ConfigurationError        joint values: shape, finiteness, limits      (also ValueError)
 ├── LimitsError               joint limits that make no sense              (also ValueError)
 ├── PoseError                 a position, quaternion or pose that is none  (also ValueError)
-└── RequestError              an IK request that contradicts itself        (also ValueError)
+├── RequestError              an IK request that contradicts itself        (also ValueError)
+└── FileError                 a file that cannot be read or written
 ```
 
 Malformed input raises one of these. "No solution" is a result with a reason, never an exception.
@@ -65,6 +66,27 @@ class PoseError(BaxterError, ValueError):
 
 class RequestError(BaxterError, ValueError):
     """An IK request whose parts do not fit together."""
+
+
+class FileError(BaxterError):
+    """A file that cannot be read or written.
+
+    Attributes:
+        action: what was tried, "read" or "write".
+        path: which file, as it was given.
+        reason: why not.
+    """
+
+    def __init__(self, action: str, path: object, reason: str) -> None:
+        """Say what was tried on which file, and why it failed."""
+        self.action = action
+        self.path = path
+        self.reason = reason
+        super().__init__(f"cannot {action} {path}: {reason}")
+
+    def __reduce__(self) -> tuple[type[FileError], tuple[str, object, str]]:
+        """What makes it again in another process."""
+        return type(self), (self.action, self.path, self.reason)
 
 
 def expect(value: object, kind: type[T], what: str, error: type[BaxterError]) -> T:

@@ -20,17 +20,13 @@ import hashlib
 import json
 import math
 import os
-import secrets
-import stat
-from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeAlias
 
+from baxter_kin.errors import FileError
+from baxter_kin.files import PathLike, open_to_read, replace_file
 from planner.errors import PlanFileError
 from planner.json_codec import Json, from_json, shown, to_json
 from planner.plan import Plan
-
-PathLike: TypeAlias = "str | os.PathLike[str]"
 
 FORMAT = "baxter-kin plan"
 VERSION = 2
@@ -62,7 +58,11 @@ def save_plan(plan: Plan, path: PathLike) -> None:
             f"the plan would take {len(content) / 2**20:.1f} MB; at most "
             f"{LARGEST_FILE_BYTES >> 20} MB are read again: split it"
         )
-    _replace_file(_checked_path(path), content.replace(_NO_CHECKSUM.encode(), checksum, 1))
+    file = _checked_path(path)
+    try:
+        replace_file(file, content.replace(_NO_CHECKSUM.encode(), checksum, 1))
+    except FileError as cause:
+        raise PlanFileError(f"{file} cannot be written: {cause.reason}") from cause
 
 
 def load_plan(path: PathLike) -> Plan:
@@ -176,38 +176,12 @@ def _checked_path(path: PathLike) -> Path:
 
 def _content(file: Path) -> bytes:
     try:
-        with _opened(file) as stream:
-            content: bytes = stream.read(LARGEST_FILE_BYTES + 1)
-    except (OSError, ValueError) as cause:  # a path may hold characters that no file system takes
-        raise PlanFileError(f"cannot be read: {_cause(cause)}") from cause
+        with open_to_read(file) as stream:
+            content = stream.read(LARGEST_FILE_BYTES + 1)
+    except FileError as cause:
+        raise PlanFileError(f"cannot be read: {cause.reason}") from cause
+    except OSError as cause:
+        raise PlanFileError(f"cannot be read: {cause.strerror}") from cause
     if len(content) > LARGEST_FILE_BYTES:
         raise PlanFileError(f"is larger than {LARGEST_FILE_BYTES >> 20} MB, so it is no plan")
     return content
-
-
-def _opened(file: Path) -> Any:
-    """The file, opened without waiting for another process to write it."""
-    descriptor = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-    stream = os.fdopen(descriptor, "rb")
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-        stream.close()
-        raise PlanFileError("is no regular file")
-    return stream
-
-
-def _replace_file(file: Path, content: bytes) -> None:
-    temporary = file.with_name(f".{file.name}.{secrets.token_hex(8)}")
-    try:
-        with temporary.open("xb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(temporary, file)
-    except (OSError, ValueError) as cause:
-        with suppress(OSError, ValueError):
-            temporary.unlink()
-        raise PlanFileError(f"{file} cannot be written: {_cause(cause)}") from cause
-
-
-def _cause(cause: Exception) -> str:
-    return cause.strerror or str(cause) if isinstance(cause, OSError) else str(cause)

@@ -13,6 +13,7 @@ Needs the `dev` extra; running it again gives the same file, byte for byte.
 from __future__ import annotations
 
 import argparse
+import io
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +29,7 @@ from collada.triangleset import BoundTriangleSet
 from numpy.typing import NDArray
 
 from baxter_kin.description import RobotDescription
+from baxter_kin.files import replace_file
 
 TARGET = Path(__file__).resolve().parent.parent / "sim" / "appearance.npz"
 
@@ -93,7 +95,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=TARGET, help="default: %(default)s")
     out = parser.parse_args().out
     arrays = build(RobotDescription.installed())
-    np.savez_compressed(out, allow_pickle=False, **arrays)
+    content = io.BytesIO()
+    np.savez_compressed(content, allow_pickle=False, **arrays)
+    replace_file(out, content.getvalue())
     triangles = sum(len(array) for name, array in arrays.items() if name.endswith("/faces"))
     print(f"{out}: {out.stat().st_size / 1e3:.0f} kB, {triangles} triangles")
 

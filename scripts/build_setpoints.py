@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from baxter_kin.arrays import Indices, Vector
+from baxter_kin.files import replace_file
 from baxter_kin.ik.search import Searcher
 from baxter_kin.ik.seeds import pose_features
 from baxter_kin.model import MIRROR, Baxter
@@ -47,7 +48,7 @@ def main() -> None:
         f' "{side}": [\n' + ",\n".join(f"  {json.dumps(row)}" for row in rows) + "\n ]"
         for side, rows in (("left", left), ("right", right))
     )
-    TARGET.write_text("{\n" + table + "\n}\n", encoding="utf-8")
+    replace_file(TARGET, ("{\n" + table + "\n}\n").encode())
     shares = [row["solved_share"] for row in left]
     print(f"{len(left)} setpoints per arm in {TARGET}; one search solves {np.mean(shares):.3f}")
 

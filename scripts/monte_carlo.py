@@ -11,6 +11,7 @@ spread over all cores; the same seeds give the same table.
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import math
 import os
@@ -34,6 +35,7 @@ from baxter_kin.command_line import (
 )
 from baxter_kin.demo.options import DEFAULT_POSES_M
 from baxter_kin.demo.scene import BLOCK, centred_below, demo_bodies, overhead
+from baxter_kin.files import replace_file
 from planner import Manipulator
 from sim import ClosedLoop, Noise, NoisyPoses, Simulation, Transfer, TruePoses, World
 
@@ -119,7 +121,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     _print(levels, options.retries)
     print(f"{total} runs in {time.perf_counter() - started:.0f} s on {options.processes} processes")
     if options.json is not None:
-        options.json.write_text(json.dumps([asdict(level) for level in levels], indent=1) + "\n")
+        text = json.dumps([asdict(level) for level in levels], indent=1) + "\n"
+        replace_file(options.json, text.encode())
     if options.plot is not None:
         _plot(levels, options.plot, options.retries)
     return 0
@@ -200,7 +203,9 @@ def _plot(levels: Sequence[Level], path: Path, retries: int) -> None:
     )
     axes.grid(alpha=0.3)
     axes.legend(loc="lower left")
-    figure.savefig(path, dpi=150)
+    picture = io.BytesIO()
+    figure.savefig(picture, format=path.suffix[1:] or None, dpi=150)
+    replace_file(path, picture.getvalue())
 
 
 def _parser() -> argparse.ArgumentParser:

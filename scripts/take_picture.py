@@ -18,6 +18,7 @@ from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
 from baxter_kin.demo import main as run_demo
+from baxter_kin.files import replace_file
 
 TARGET = Path(__file__).parents[1] / "docs" / "demo.webp"
 PAGE_PX = (800, 520)
@@ -55,8 +56,10 @@ def main() -> None:
         if run_demo(["--headless", "--quiet", "--html", str(page)]) != 0:
             sys.exit("the demo failed, so there is nothing to show")
         first, *others = _frames(page)
+    picture = io.BytesIO()
     first.save(
-        TARGET,
+        picture,
+        format="webp",
         save_all=True,
         append_images=others,
         duration=round(1000 / FRAMES_PER_S),
@@ -64,6 +67,7 @@ def main() -> None:
         quality=QUALITY,
         method=6,
     )
+    replace_file(TARGET, picture.getvalue())
     size = TARGET.stat().st_size
     print(f"{TARGET}: {1 + len(others)} frames, {size / 1e3:.0f} kB")
     if size > LARGEST_BYTES:

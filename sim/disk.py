@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import os
-import secrets
-import stat
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import IO, NamedTuple, TypeAlias
+from typing import IO, NamedTuple
 
+from baxter_kin import files
+from baxter_kin.errors import FileError
+from baxter_kin.files import PathLike, open_to_read, open_to_write
 from sim.errors import RecordingError
-
-PathLike: TypeAlias = "str | os.PathLike[str]"
 
 LONGEST_LINE_BYTES = 64 * 2**20
 """A mesh of 200,000 triangles takes 20 MB as text; a longer line belongs to something else."""
@@ -32,6 +31,56 @@ class Line(NamedTuple):
     is_complete: bool
 
 
+class Output:
+    """A file that is written piece by piece. Once that has failed, it says so every time."""
+
+    def __init__(self, path: PathLike) -> None:
+        """Open the file, in place of an older one.
+
+        Raises:
+            RecordingError: when it cannot be opened.
+        """
+        self._path = checked_path(path)
+        self._failure: str | None = None
+        with self._explained():
+            self._stream = open_to_write(self._path)
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it was closed, or has failed."""
+        return self._stream.closed
+
+    @contextmanager
+    def writing(self) -> Iterator[IO[bytes]]:
+        """The file, to write a piece of it inside a `with`.
+
+        Raises:
+            RecordingError: when it cannot be written, now or earlier; it is closed then.
+        """
+        if self._failure is not None:
+            raise RecordingError(self._failure)
+        try:
+            with self._explained():
+                yield self._stream
+        except RecordingError as error:
+            self._failure = str(error)
+            with suppress(OSError):
+                self._stream.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file; twice is no trouble.
+
+        Raises:
+            RecordingError: when what is left cannot be written.
+        """
+        with self._explained():
+            self._stream.close()
+
+    def _explained(self) -> AbstractContextManager[None]:
+        return explained(f"cannot write {self._path}")
+
+
 class LineFile:
     """A text file while it is being written; every line is handed to the system at once.
 
@@ -45,9 +94,7 @@ class LineFile:
         Raises:
             RecordingError: when it cannot be opened.
         """
-        self._path = checked_path(path)
-        with self._explained():
-            self._stream = open(self._path, "wb")  # noqa: SIM115 - closed by close()
+        self._output = Output(path)
 
     def __enter__(self) -> LineFile:
         """The open file."""
@@ -61,16 +108,12 @@ class LineFile:
         """Write one line, given without its end.
 
         Raises:
-            RecordingError: when it cannot be written; the file is closed then.
+            RecordingError: when it cannot be written, or an earlier one could not; the file is
+                closed then.
         """
-        try:
-            self._stream.write(line.encode() + b"\n")
-            self._stream.flush()
-        except (OSError, ValueError):
-            with self._explained():
-                with suppress(OSError):
-                    self._stream.close()
-                raise
+        with self._output.writing() as stream:
+            stream.write(line.encode() + b"\n")
+            stream.flush()
 
     def close(self) -> None:
         """Close the file; twice is no trouble.
@@ -78,11 +121,7 @@ class LineFile:
         Raises:
             RecordingError: when what is left cannot be written.
         """
-        with self._explained():
-            self._stream.close()
-
-    def _explained(self) -> AbstractContextManager[None]:
-        return explained(f"cannot write {self._path}")
+        self._output.close()
 
 
 def checked_path(path: object) -> Path:
@@ -108,7 +147,9 @@ def explained(what: str) -> Iterator[None]:
         yield
     except RecordingError:
         raise
-    except (OSError, ValueError) as cause:  # ValueError: no path, or a closed file
+    except FileError as cause:
+        raise RecordingError(f"{what}: {cause.reason}") from cause
+    except (OSError, ValueError) as cause:  # ValueError: a closed file
         reason = getattr(cause, "strerror", None) or str(cause)
         raise RecordingError(f"{what}: {reason}") from cause
 
@@ -141,12 +182,8 @@ def opened(path: PathLike) -> Iterator[IO[bytes]]:
         RecordingError: when it cannot be read, or is no regular file.
     """
     file = checked_path(path)
-    with explained(f"cannot read {file}"):
-        descriptor = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-        with os.fdopen(descriptor, "rb") as stream:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise RecordingError(f"{file} is no regular file")
-            yield stream
+    with explained(f"cannot read {file}"), open_to_read(file) as stream:
+        yield stream
 
 
 def replace_file(path: PathLike, content: bytes) -> None:
@@ -157,17 +194,7 @@ def replace_file(path: PathLike, content: bytes) -> None:
     """
     file = checked_path(path)
     with explained(f"cannot write {file}"):
-        target = file.resolve()
-        if target.exists() and not target.is_file():
-            raise RecordingError(f"cannot write {file}: it exists and is no regular file")
-        beside = target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
-        try:
-            beside.write_bytes(content)
-            os.replace(beside, target)
-        except BaseException:
-            with suppress(OSError):
-                beside.unlink(missing_ok=True)
-            raise
+        files.replace_file(file, content)
 
 
 def _next_line(stream: IO[bytes], file: Path, number: int) -> bytes:

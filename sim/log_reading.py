@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from baxter_kin.arrays import Vector
+from baxter_kin.files import PathLike
 from planner import Body
 from planner.json_codec import Json, shown
-from sim.disk import Line, PathLike, checked_path, read_lines
+from sim.disk import Line, checked_path, read_lines
 from sim.errors import RecordingError
 from sim.events import Event
 from sim.recorded_motion import RecordedMove

@@ -13,16 +13,16 @@ With Baxter's URDF as a layer, Foxglove's 3D panel shows the robot from `/joint_
 
 from __future__ import annotations
 
-from contextlib import suppress
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
+from baxter_kin.files import PathLike
 from baxter_kin.frames import Frame
-from sim.disk import PathLike, checked_path, explained
+from sim.disk import Output
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot
 from sim.recorded_motion import RecordedMove, recorded_move
@@ -58,13 +58,12 @@ class McapFile(Observer):
             RecordingError: when the package `mcap` is missing, or the file cannot be written.
         """
         make_writer = _writer_class()
-        self._path = checked_path(path)
         self._names = joint_names
         self._velocities = _Velocities(joint_names)
         self._number = 0
-        with explained(f"cannot write {self._path}"):
-            self._stream: IO[bytes] = open(self._path, "wb")  # noqa: SIM115 - closed by close()
-            self._writer = make_writer(self._stream, chunk_size=CHUNK_BYTES)
+        self._output = Output(path)
+        with self._output.writing() as stream:
+            self._writer = make_writer(stream, chunk_size=CHUNK_BYTES)
             self._writer.start(profile="ros1")
             self._channels = {topic: self._channel(topic) for topic in TOPICS}
 
@@ -101,9 +100,10 @@ class McapFile(Observer):
         Raises:
             RecordingError: when the file cannot be written.
         """
-        if not self._stream.closed:
-            with explained(f"cannot write {self._path}"), self._stream:
+        if not self._output.is_closed:
+            with self._output.writing():
                 self._writer.finish()  # type: ignore[no-untyped-call]  # of the library
+            self._output.close()
 
     def _channel(self, topic: str) -> int:
         kind = TOPICS[topic]
@@ -111,15 +111,9 @@ class McapFile(Observer):
         return self._writer.register_channel(topic, "ros1", schema)
 
     def _write(self, topic: str, time_ns: int, data: bytes) -> None:
-        with explained(f"cannot write {self._path}"):
-            try:
-                channel = self._channels[topic]
-                self._writer.add_message(channel, time_ns, data, time_ns, self._number)
-                self._stream.flush()  # a chunk that is complete reaches the system at once
-            except OSError:
-                with suppress(OSError):
-                    self._stream.close()
-                raise
+        with self._output.writing() as stream:
+            self._writer.add_message(self._channels[topic], time_ns, data, time_ns, self._number)
+            stream.flush()  # a chunk that is complete reaches the system at once
 
 
 class McapRecorder(McapFile):

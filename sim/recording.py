@@ -17,10 +17,10 @@ import numpy as np
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.errors import UnknownNameError
+from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
 from planner import Body, Scene
 from planner.errors import expect_all
-from sim.disk import PathLike
 from sim.errors import RecordingError
 from sim.events import Event
 from sim.recorded_motion import ArmMotion, RecordedMove, arm_joints, arm_motion

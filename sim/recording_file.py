@@ -31,9 +31,10 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
+from baxter_kin.files import PathLike
 from planner import Body
 from planner.json_codec import shown
-from sim.disk import PathLike, checked_path, opened, replace_file
+from sim.disk import checked_path, opened, replace_file
 from sim.errors import RecordingError
 from sim.events import Event
 from sim.recorded_motion import RecordedMove

@@ -20,10 +20,11 @@ from __future__ import annotations
 
 from baxter_kin import Baxter
 from baxter_kin.errors import expect
+from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
 from planner import Body, Scene
 from planner.json_codec import Json
-from sim.disk import LineFile, PathLike
+from sim.disk import LineFile
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot
 from sim.recorded_motion import RecordedMove, recorded_move

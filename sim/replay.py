@@ -10,14 +10,14 @@ from __future__ import annotations
 import base64
 import html
 import math
-import os
 from collections.abc import Iterable
-from pathlib import Path
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import positive_scalar
+from baxter_kin.files import PathLike, replace_file
 from sim.animation import animation_commands, recorded_tracks
 from sim.appearance import Appearance
+from sim.disk import explained
 from sim.errors import RecordingError
 from sim.events import EventKind
 from sim.gripper_story import GripperPhase, gripper_timelines
@@ -80,7 +80,7 @@ class Replay:
 
 
 def write_replay(
-    path: str | os.PathLike[str], recording: Recording, robot: Baxter, *, title: str = TITLE
+    path: PathLike, recording: Recording, robot: Baxter, *, title: str = TITLE
 ) -> None:
     """Write the replay to a file, all of it or nothing.
 
@@ -95,11 +95,8 @@ def write_replay(
             file cannot be written.
     """
     text = replay_html(recording, robot, title=title)
-    try:
-        _replace_file(Path(path), text)
-    except (OSError, TypeError, ValueError) as cause:
-        reason = getattr(cause, "strerror", None) or cause
-        raise RecordingError(f"cannot write the replay to {path!s}: {reason}") from cause
+    with explained(f"cannot write the replay to {path!s}"):
+        replace_file(path, text.encode())
 
 
 def replay_html(recording: Recording, robot: Baxter, *, title: str = TITLE) -> str:
@@ -197,20 +194,3 @@ def _story(
         ],
         "sides": active,
     }
-
-
-def _replace_file(link: Path, text: str) -> None:
-    """Write a file beside the target and rename it, so that nobody sees half a file.
-
-    A link stays one. What is no file, such as a device, is never replaced.
-    """
-    target = link.resolve()
-    if target.exists() and not target.is_file():
-        raise ValueError("it exists and is no ordinary file")
-    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        beside.write_text(text, encoding="utf-8")
-        os.replace(beside, target)
-    except BaseException:
-        beside.unlink(missing_ok=True)
-        raise

@@ -12,8 +12,9 @@ import numpy as np
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
+from baxter_kin.files import PathLike
 from baxter_kin.model import JOINTS, LIMBS
-from sim.disk import LineFile, PathLike
+from sim.disk import LineFile
 from sim.errors import RecordingError
 from sim.events import Observer, Snapshot
 

@@ -16,8 +16,9 @@ import numpy as np
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
+from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
-from sim.disk import Line, PathLike, checked_path, read_lines
+from sim.disk import Line, checked_path, read_lines
 from sim.errors import RecordingError
 from sim.recording import NotedRecording, Recording
 from sim.rsdk_csv import csv_header

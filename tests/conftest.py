@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +14,7 @@ import pytest
 from hypothesis import settings
 
 from baxter_kin import Arm, Baxter, IKService, pose_from_quaternion
+from baxter_kin.files import PathLike
 from planner import Body, Manipulator, Scene, load_object
 
 OVERHEAD_XYZW = (-0.0249590815779, 0.999649402929, 0.00737916180073, 0.00486450832011)
@@ -71,3 +76,34 @@ def block() -> Body:
 @pytest.fixture(scope="session")
 def scene(table: Body, block: Body) -> Scene:
     return Scene.of([table, block])
+
+
+class SmallDisk(io.FileIO):
+    """A file on a disk that has room for so many bytes."""
+
+    def __init__(self, path: PathLike, room: int) -> None:
+        super().__init__(os.fspath(path), "wb")
+        self._room = room
+
+    def write(self, data: Any) -> int:
+        if self.tell() + len(data) > self._room:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return super().write(data)
+
+
+@pytest.fixture
+def small_disk(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """From the call on, recordings that are written piece by piece have room for so many bytes."""
+
+    def leave(room: int) -> None:
+        monkeypatch.setattr(
+            "sim.disk.open_to_write", lambda path: io.BufferedWriter(SmallDisk(path, room))
+        )
+
+    return leave
+
+
+@pytest.fixture
+def full_disk(small_disk: Callable[[int], None]) -> None:
+    """Such files can be made, but no byte finds room in them."""
+    small_disk(0)

@@ -16,6 +16,7 @@ from baxter_kin.benchmark.entrants import Absence
 from baxter_kin.benchmark.machine import Machine
 from baxter_kin.benchmark.measurement import Measurement
 from baxter_kin.benchmark.options import Options
+from baxter_kin.files import replace_file
 
 FORMAT_VERSION = 1
 
@@ -41,8 +42,13 @@ class Outcome:
     batches: Sequence[BatchMeasurement]
 
     def write(self, path: Path) -> None:
-        """Write every number as JSON; what is infinite or not a number becomes null."""
-        path.write_text(json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n", "utf-8")
+        """Write every number as JSON; what is infinite or not a number becomes null.
+
+        Raises:
+            FileError: when the file cannot be written.
+        """
+        text = json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n"
+        replace_file(path, text.encode())
 
     def as_json(self) -> dict[str, Any]:
         """As JSON's types."""

@@ -6,6 +6,7 @@ at the time of the slowest solved pose: up is more complete, left is faster.
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Sequence
 from itertools import cycle
@@ -19,6 +20,7 @@ from matplotlib.ticker import FuncFormatter
 
 from baxter_kin.arrays import Vector
 from baxter_kin.benchmark.measurement import Measurement
+from baxter_kin.files import replace_file
 
 OUR_COLOURS = ("#000000", "#0072b2", "#56b4e9")
 PEER_COLOURS = ("#d55e00", "#e69f00", "#009e73", "#66c2a5", "#cc79a7", "#999999")
@@ -34,7 +36,11 @@ def supported_formats() -> tuple[str, ...]:
 
 
 def draw(rows: Sequence[Measurement], path: Path) -> None:
-    """Draw one panel for each arm and scenario, in the format that the file's name ends in."""
+    """Draw one panel for each arm and scenario, in the format that the file's name ends in.
+
+    Raises:
+        FileError: when the file cannot be written.
+    """
     panels: dict[str, list[Measurement]] = {}
     for row in rows:
         panels.setdefault(f"{row.limb} arm, {row.scenario.caption}", []).append(row)
@@ -49,7 +55,9 @@ def draw(rows: Sequence[Measurement], path: Path) -> None:
         _draw_panel(axes, title, panel, styles)
     if panels:
         _add_legend(figure, columns)
-    figure.savefig(path, dpi=150)
+    picture = io.BytesIO()
+    figure.savefig(picture, format=path.suffix[1:], dpi=150)
+    replace_file(path, picture.getvalue())
 
 
 def solved_over_time(row: Measurement) -> tuple[Vector, Vector]:

@@ -15,6 +15,7 @@ from baxter_kin.command_line import (
     number_within,
     whole_number,
 )
+from baxter_kin.files import Destination
 
 DEFAULT_HOVER_M = 0.15
 FARTHEST_M = 10.0
@@ -123,7 +124,7 @@ def _check_together(parser: argparse.ArgumentParser, raw: argparse.Namespace) ->
     if raw.forever and raw.record is not None and raw.record.suffix == ".npz":
         parser.error("--record keeps .npz in memory until the end; with --forever use .jsonl")
     files = raw.html, raw.csv, raw.record, raw.report, raw.plan
-    targets = [path.resolve() for path in files if path is not None]
+    targets = [Destination.of(path).identity for path in files if path is not None]
     if len(set(targets)) < len(targets):
         parser.error("--html, --csv, --record, --report and --plan must go to different files")
     for obstacle in raw.obstacle:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from baxter_kin.demo.options import Options
+from baxter_kin.files import replace_file
 from baxter_kin.ik import IKResult
 from planner import GripperAction, Move, Plan
 from sim import Event, Observer, Outcome
@@ -149,9 +150,10 @@ class Report(Observer):
         """Write it as JSON.
 
         Raises:
-            OSError: when the file cannot be written.
+            FileError: when the file cannot be written.
         """
-        path.write_text(json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n", "utf-8")
+        text = json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n"
+        replace_file(path, text.encode())
 
 
 def _noise(options: Options) -> Json | None:

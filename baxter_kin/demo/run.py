@@ -37,7 +37,6 @@ from sim import (
     NoisyPoses,
     Observer,
     Outcome,
-    RecordingError,
     Simulation,
     Snapshot,
     Transfer,
@@ -239,13 +238,8 @@ class _Demo:
     def _write_report(self) -> None:
         totals = self._report.totals
         totals.wall_time_s = time.perf_counter() - self._started_s
-        if self._options.report is None:
-            return
-        try:
+        if self._options.report is not None:
             self._report.write(self._options.report)
-        except OSError as cause:
-            path, reason = self._options.report, cause.strerror
-            raise RecordingError(f"cannot write {path}: {reason}") from cause
 
     def _arm_q(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
         return self._world.arm_q(self._options.limb)

@@ -363,11 +363,20 @@ def test_a_folder_is_refused(tmp_path: Path) -> None:
         load_plan(tmp_path)
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
-def test_a_pipe_is_refused_without_waiting(file: Path) -> None:
+def test_a_pipe_is_refused_without_waiting(plan: Plan, file: Path) -> None:
     os.mkfifo(file)
-    with pytest.raises(PlanFileError, match="is no regular file"):
+    with pytest.raises(PlanFileError, match="it is a pipe, no regular file"):
         load_plan(file)
+    with pytest.raises(PlanFileError, match="cannot be written: it is a pipe, no regular file"):
+        save_plan(plan, file)
+    assert file.is_fifo()
+
+
+def test_a_link_to_a_plan_stays_a_link(plan: Plan, tmp_path: Path, file: Path) -> None:
+    (tmp_path / "link").symlink_to(file)
+    save_plan(plan, tmp_path / "link")
+    assert (tmp_path / "link").is_symlink()
+    assert file.is_file()
 
 
 @pytest.mark.parametrize("path", ["a\0b", 3, None])

@@ -131,10 +131,13 @@ def test_closing_twice_is_no_trouble_and_writing_afterwards_is_said(
         Simulation(World(robot), [recorder]).wait(0.01)
 
 
-def test_a_full_disk_is_said(robot: Baxter) -> None:
-    recorder = McapRecorder("/dev/full", robot)
-    with pytest.raises(RecordingError, match="cannot write /dev/full: No space left"):
-        Simulation(World(robot), [recorder]).wait(5.0)
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_is_said_each_time(robot: Baxter, tmp_path: Path) -> None:
+    recorder = McapRecorder(tmp_path / "run.mcap", robot)
+    simulation = Simulation(World(robot), [recorder])
+    for _ in ("when it happens", "whatever comes later"):
+        with pytest.raises(RecordingError, match=r"cannot write .*run.mcap: No space left"):
+            simulation.wait(5.0)
     recorder.close()
 
 

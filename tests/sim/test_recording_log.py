@@ -139,9 +139,10 @@ def test_a_closed_log_can_be_closed_again_but_not_written(robot: Baxter, tmp_pat
         Simulation(World(robot), [recorder]).wait(0.01)
 
 
-def test_a_full_disk_is_said(robot: Baxter) -> None:
-    with pytest.raises(RecordingError, match="cannot write /dev/full: No space left"):
-        LogRecorder("/dev/full", robot)
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_is_said(robot: Baxter, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"cannot write .*run.jsonl: No space left"):
+        LogRecorder(tmp_path / "run.jsonl", robot)
 
 
 @pytest.mark.parametrize("bad", [None, 3, "robot"])

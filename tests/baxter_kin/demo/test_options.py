@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -48,9 +50,9 @@ def test_forever_has_no_number_of_cycles() -> None:
         ("--add-pose 1 2 here", "--add-pose: 'here' is not a number"),
         ("--forever --cycles 3", "exclude each other"),
         ("--csv /no/such/folder/x.csv", "the folder of /no/such/folder/x.csv does not exist"),
-        ("--html /", "/ is a folder"),
-        ("--html /dev/null", "/dev/null is no ordinary file"),
-        (f"--html {'a' * 300}", "is no file name"),
+        ("--html /", "cannot write /: it is a folder, no regular file"),
+        ("--html /dev/null", "cannot write /dev/null: it is a device, no regular file"),
+        (f"--html {'a' * 300}", f"cannot write {'a' * 200}...: File name too long"),
         ("--csv x --report x", "must go to different files"),
         ("--csv x.npz --record x.npz", "must go to different files"),
         ("--record run.bag", "--record: run.bag must end in one of .jsonl, .mcap, .npz"),
@@ -88,6 +90,34 @@ def test_a_recording_may_have_any_known_format(tmp_path: Path, suffix: str) -> N
 
 def test_output_may_go_to_a_new_file(tmp_path: Path) -> None:
     assert parse_options(["--csv", str(tmp_path / "x.csv")]).csv == tmp_path / "x.csv"
+
+
+@pytest.mark.parametrize("option", ["--html", "--csv", "--record", "--report", "--plan"])
+def test_links_that_form_a_loop_are_no_output(
+    tmp_path: Path, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    loop = tmp_path / "loop.npz"
+    loop.symlink_to(loop)
+    with pytest.raises(SystemExit) as stopped:
+        parse_options([option, str(loop)])
+    said = capsys.readouterr().err
+    assert stopped.value.code == 2
+    assert f"{option}: cannot write {loop}: its symbolic links form a loop" in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("link", [os.symlink, os.link])
+def test_two_names_of_one_file_are_one_output(
+    tmp_path: Path, link: Callable[[Path, Path], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, other = tmp_path / "x.csv", tmp_path / "x.json"
+    file.write_text("kept")
+    link(file, other)
+    with pytest.raises(SystemExit) as stopped:
+        parse_options(["--csv", str(file), "--report", str(other)])
+    assert stopped.value.code == 2
+    assert "must go to different files" in capsys.readouterr().err
+    assert file.read_text() == "kept"
 
 
 def test_noise_asks_for_retries_by_itself() -> None:

@@ -323,6 +323,24 @@ def test_recording_for_foxglove_is_a_complete_file(tmp_path: Path) -> None:
     assert path.read_bytes()[-8:] == path.read_bytes()[:8] == b"\x89MCAP0\r\n"
 
 
+@pytest.mark.parametrize("option", ["--record run.jsonl", "--record run.mcap", "--csv run.csv"])
+def test_a_disk_that_fills_up_ends_the_demo_with_that_reason(
+    tmp_path: Path,
+    small_disk: Callable[[int], None],
+    capsys: pytest.CaptureFixture[str],
+    option: str,
+) -> None:
+    """Clearing the scene away writes, too, and once complained of a "closed file" instead."""
+    small_disk(10_000)
+    name, file = option.split()
+    path = tmp_path / file
+    report = report_of(tmp_path, name, str(path), status=1)
+    reason = f"cannot write {path}: No space left on device"
+    assert capsys.readouterr().err == f"baxter-demo: {reason}\n"
+    assert report["failure"] == reason
+    assert 0 < path.stat().st_size <= 10_000
+
+
 def test_html_is_one_file_of_at_most_5_mb(tmp_path: Path) -> None:
     path = tmp_path / "replay.html"
     report_of(tmp_path, "--html", str(path), "--cycles", "1")
