@@ -11,17 +11,26 @@ import pytest
 
 from baxter_kin import Arm
 from baxter_kin.ik import compiler
-from baxter_kin.ik.compiler import cache_folder, compiled
+from baxter_kin.ik.compiler import ZIG, cache_folder, compiled, compiler_command
 from baxter_kin.ik.kernel import bounds_of, search_function
 from baxter_kin.ik.restarts import map_search_function
 from baxter_kin.ik.seeds import NullSpaceMap
 
 
 @pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty cache."""
+def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty cache of ours; that of `ziglang`, its own run-time library, takes 10 s to fill."""
+    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(cache_folder().with_name("zig")))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     return tmp_path / "baxter-kin"
+
+
+@pytest.fixture
+def cache(empty_cache: Path) -> Path:
+    """The same, where there is a compiler."""
+    if compiler_command() is None:
+        pytest.skip("machine code needs a C compiler; pip install ziglang brings one")
+    return empty_cache
 
 
 @pytest.fixture
@@ -101,15 +110,45 @@ def test_nothing_but_libraries_and_checksums_is_left(cache: Path, square: ca.Fun
     assert {path.suffix for path in cache.iterdir()} == {".so", ".sha256"}
 
 
+def without_compilers_on_path(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(folder))
+
+
+def with_package(folder: Path, monkeypatch: pytest.MonkeyPatch, program: str | None) -> None:
+    """Let the package `ziglang` be that program, or none at all."""
+    if program is None:
+        monkeypatch.setattr(compiler, "find_spec", lambda _: None)
+        return
+    (folder / "ziglang").mkdir()
+    (folder / "ziglang" / "__init__.py").touch()
+    (folder / "ziglang" / "__main__.py").write_text(program)
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+    monkeypatch.syspath_prepend(folder)
+
+
 def test_without_a_compiler_there_is_none(
-    cache: Path, square: ca.Function, monkeypatch: pytest.MonkeyPatch
+    empty_cache: Path, square: ca.Function, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("PATH", str(cache))
+    without_compilers_on_path(tmp_path, monkeypatch)
+    with_package(tmp_path, monkeypatch, None)
+    assert compiler_command() is None
     assert compiled([square]) is None
 
 
+def test_without_a_compiler_on_path_the_package_ziglang_is_asked(
+    empty_cache: Path, square: ca.Function, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = tmp_path / "said"
+    program = f"import sys; open({str(said)!r}, 'w').write(' '.join(sys.argv[1:])); sys.exit(3)"
+    without_compilers_on_path(tmp_path, monkeypatch)
+    with_package(tmp_path, monkeypatch, program)
+    assert compiler_command() == ZIG
+    assert compiled([square]) is None
+    assert said.read_text().startswith("cc -mcpu=baseline -g0 -O2 -fPIC -shared")
+
+
 def test_a_compiler_that_fails_is_reported_and_not_fatal(
-    cache: Path,
+    empty_cache: Path,
     square: ca.Function,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -123,7 +162,7 @@ def test_a_compiler_that_fails_is_reported_and_not_fatal(
     with caplog.at_level(logging.WARNING):
         assert compiled([square]) is None
     assert "using CasADi's virtual machine" in caplog.text
-    assert libraries(cache) == []
+    assert libraries(empty_cache) == []
 
 
 def test_a_cache_that_cannot_be_written_is_not_fatal(
