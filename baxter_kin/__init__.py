@@ -15,7 +15,9 @@ if TYPE_CHECKING:
         BaxterError,
         ConfigurationError,
         DescriptionError,
+        FileError,
         LimitsError,
+        MissingLibraryError,
         PoseError,
         RequestError,
         UnknownNameError,
@@ -31,12 +33,14 @@ __all__ = [
     "BaxterError",
     "ConfigurationError",
     "DescriptionError",
+    "FileError",
     "Frame",
     "IKFailure",
     "IKResult",
     "IKService",
     "JointLimits",
     "LimitsError",
+    "MissingLibraryError",
     "PoseError",
     "RequestError",
     "SeedMode",
@@ -47,7 +51,8 @@ __all__ = [
     "quaternion_xyzw",
 ]
 
-_MODULES = ("errors", "frames", "ik", "limits", "model")
+_MODULES = ("errors", "pinocchio_loading", "frames", "ik", "limits", "model")
+"""Where they are, in the order of loading: what is missing is said before it is needed."""
 
 
 def __getattr__(name: str) -> object:

@@ -8,7 +8,8 @@ BaxterError
 ├── LimitsError               joint limits that make no sense              (also ValueError)
 ├── PoseError                 a position, quaternion or pose that is none  (also ValueError)
 ├── RequestError              an IK request that contradicts itself        (also ValueError)
-└── FileError                 a file that cannot be read or written
+├── FileError                 a file that cannot be read or written
+└── MissingLibraryError       a library that the system lacks              (also ImportError)
 ```
 
 Malformed input raises one of these. "No solution" is a result with a reason, never an exception.
@@ -87,6 +88,10 @@ class FileError(BaxterError):
     def __reduce__(self) -> tuple[type[FileError], tuple[str, object, str]]:
         """What makes it again in another process."""
         return type(self), (self.action, self.path, self.reason)
+
+
+class MissingLibraryError(BaxterError, ImportError):
+    """A library that a dependency leaves to the system, and that the system lacks."""
 
 
 def expect(value: object, kind: type[T], what: str, error: type[BaxterError]) -> T:

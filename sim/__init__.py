@@ -1,5 +1,6 @@
 """Executes plans on a kinematic world, records what happens, and shows it."""
 
+import baxter_kin.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
 from sim.closed_loop import Attempt, ClosedLoop, LoopResult, Transfer
 from sim.closing import Closing
 from sim.contacts import Contact

@@ -11,9 +11,11 @@ from collections.abc import Sequence
 
 from baxter_kin.demo.interrupt import interruptible
 from baxter_kin.demo.options import parse_options
+from baxter_kin.errors import MissingLibraryError
 
 __all__ = ["EXIT_INTERRUPTED", "main"]
 
+EXIT_FAILED = 1
 EXIT_INTERRUPTED = 130
 
 
@@ -23,8 +25,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         with interruptible() as interrupt:
             options = parse_options(argv)
             with interrupt.deferred():  # some libraries crash when they are interrupted loading
+                import baxter_kin.pinocchio_loading  # noqa: F401, PLC0415 - may be told as missing
                 from baxter_kin.demo.run import run_demo  # noqa: PLC0415 - loads every library
             return run_demo(options, interrupt)
+    except MissingLibraryError as error:
+        print(f"baxter-demo: {error}", file=sys.stderr)
+        return EXIT_FAILED
     except KeyboardInterrupt:
         print("stopped by Ctrl-C", file=sys.stderr)
         return EXIT_INTERRUPTED
