@@ -1,5 +1,5 @@
-# `make demo`, `make notebooks` and `make test` set everything up themselves, in .venv, and start at
-# once the second time.
+# Every target sets up what it needs itself, in .venv, and starts at once the second time; how, and
+# what it does about libraries and browsers of the system, stands in scripts/set_up.py.
 # Arguments pass through: make demo ARGS="--headless", make test ARGS="-k ik".
 
 PYTHON ?= python3
@@ -12,13 +12,13 @@ ARGS ?=
 demo: $(VENV)/.demo
 	$(BIN)/python -m baxter_kin.demo $(ARGS)
 
-notebooks: $(VENV)/.notebook
+notebooks: $(VENV)/.notebooks
 	$(BIN)/python -m jupyterlab --notebook-dir notebooks $(ARGS)
 
-test: $(VENV)/.dev
+test: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto $(ARGS)
 
-check: $(VENV)/.dev
+check: $(VENV)/.check
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
@@ -27,22 +27,8 @@ check: $(VENV)/.dev
 clean:
 	rm -rf $(VENV) build dist *.egg-info
 
-# Debian's Python lacks ensurepip unless python3-venv is installed; then the outer pip fetches one.
-$(BIN)/python:
-	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
-	  || { echo "baxter-kin needs Python 3.10 or later; call: make PYTHON=python3.X"; exit 1; }
-	$(PYTHON) -m venv $(VENV) >/dev/null || { rm -rf $(VENV) \
-	  && $(PYTHON) -m venv --without-pip $(VENV) \
-	  && $(PYTHON) -m pip --python $@ install --quiet pip; }
+SET_UP := $(addprefix $(VENV)/.,demo notebooks check test)
 
-$(VENV)/.demo: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --editable .
-	touch $@
-
-$(VENV)/.notebook: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --editable '.[notebook]'
-	touch $@ $(VENV)/.demo
-
-$(VENV)/.dev: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
-	touch $@ $(VENV)/.demo
+$(SET_UP): $(VENV)/.%: pyproject.toml scripts/set_up.py
+	@$(PYTHON) scripts/set_up.py $* --venv $(VENV)
+	@touch $@ $(VENV)/.demo

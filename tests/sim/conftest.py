@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -22,9 +21,9 @@ from planner.scene import Box, Part
 from sim import Event, Recorder, Simulation, World
 from sim.recording import Recording
 from sim.tip_path import HOLDING_RGB
+from tests.chromium import find_chromium
 from tests.conftest import at, overhead
 
-CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 SWITCHES = (
     "--no-sandbox",
     "--use-gl=angle",
@@ -66,9 +65,12 @@ class Watched:
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    path = next(filter(None, map(shutil.which, CHROMIUM)), None)
+    path = find_chromium()
     if path is None:
-        pytest.fail(f"the browser tests need Chromium; install one of: {', '.join(CHROMIUM)}")
+        pytest.skip(
+            "no Chromium on PATH or in Playwright's cache that Playwright can start; "
+            "apt-get install chromium libatomic1"
+        )
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=list(SWITCHES))
         yield browser
