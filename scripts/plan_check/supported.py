@@ -1,0 +1,67 @@
+"""A held body and what carries it: touching at first, and when it is put down, never between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from plan_check.clearance import Track, approach
+from plan_check.findings import Finding
+from plan_check.pairs import Span, When, broken
+from plan_check.rules import CONTACT_M, FORBIDDEN, PRESSING, SLIDE_M, Rule
+from plan_check.solids import Array
+
+
+def held_findings(
+    held: Track,
+    other: Track,
+    ends: tuple[bool, bool],
+    lines: tuple[int, int],
+    tips: Array,
+    rest: Rule,
+    when: When,
+) -> Iterator[Finding]:
+    """What is wrong between a held solid and one of a body that carries it.
+
+    Args:
+        held: the held solid, moving.
+        other: the one that stands.
+        ends: whether it carries the body at the first sample, and at the last.
+        lines: up to which sample the way out is straight, and from which the way in is.
+        tips: where the tip is, shape (n, 3).
+        rest: what is asked of all that must not touch.
+        when: the step and time of a sample.
+    """
+    count = held.count
+    leaves = _contact_ends(held, other) if ends[0] else 0
+    backwards = Track(held.solid, held.T[::-1])
+    meets = count - (_contact_ends(backwards, other) if ends[1] else 0)
+    if leaves >= meets:  # it never comes off
+        leaves = meets = count
+    out, into = max(lines[0], leaves), min(lines[1], meets)
+    spans = [
+        Span(0, leaves, PRESSING),
+        Span(leaves, min(out, meets), FORBIDDEN),
+        Span(out, into, rest),
+        Span(max(into, leaves, min(out, meets)), meets, FORBIDDEN),
+        Span(meets, count, PRESSING),
+    ]
+    yield from broken(held, other, spans, when)
+    for first, last in ((0, leaves), (meets, count)):
+        if first < last:
+            moved = float(np.ptp(tips[first:last, :2], axis=0).max())
+            if moved > SLIDE_M + CONTACT_M:
+                names = held.solid.name, other.solid.name
+                yield Finding("slides while touching", *when(last - 1), *names, moved)
+
+
+def _contact_ends(held: Track, other: Track) -> int:
+    """How many samples a contact lasts that is there from the first; 0 for none."""
+    solid = held.solid.eroded(CONTACT_M)
+    if solid is None:
+        return 0
+    last = 0
+    while last < held.count and approach(Track(solid, held.T[last : last + 1]), other, 0.0).hits:
+        last += 1
+    return last
