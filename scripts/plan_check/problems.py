@@ -1,0 +1,390 @@
+"""Random problems of eight families, each the same for the same seed and number.
+
+Everything stands on the demo's table. Some problems have no solution, on purpose.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import Baxter
+from planner import (
+    Body,
+    Box,
+    Cylinder,
+    Holding,
+    Manipulator,
+    Mesh,
+    Part,
+    PickAndPlace,
+    Scene,
+    Sphere,
+    load_object,
+    overhead_grasp,
+)
+from plan_check.solids import Array, hull_solid
+from sim import World
+
+TABLE_Z_M = -0.155
+"""Height of the table's top, seen from base."""
+
+WIDEST_OFF_M, NARROWEST_OFF_M = 0.007, 0.003
+"""How much narrower than the open hand, and wider than the closed one, bodies are made."""
+
+ROOM_M = 0.09
+"""From obstacles to the axes of pick and place."""
+
+BODY = "body"
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is to be planned.
+
+    Attributes:
+        manipulator: the arm, and where everything else stands.
+        scene: all bodies.
+        q_start: where the arm stands, shape (7,).
+        task: what goes where; None for a free move.
+        q_goal: where a free move goes.
+        margin_m: to be kept.
+        held: what the other hand holds.
+    """
+
+    manipulator: Manipulator
+    scene: Scene
+    q_start: Array
+    task: PickAndPlace | None = None
+    q_goal: Array | None = None
+    margin_m: float = 0.0
+    held: tuple[Holding, ...] = ()
+
+
+def make_problem(family: str, number: int, seed: int) -> Problem:
+    """The problem of a family and number."""
+    rng = np.random.default_rng([seed, list(FAMILIES).index(family), number])
+    return FAMILIES[family](rng)
+
+
+# Families
+
+
+def _plain(rng: np.random.Generator) -> Problem:
+    m = _manipulator(_limb(rng))
+    return _transfer(rng, m, _block(rng, m))
+
+
+def _obstacles(rng: np.random.Generator) -> Problem:
+    return _among(rng, _plain(rng), int(rng.integers(1, 5)))
+
+
+def _odd(rng: np.random.Generator) -> Problem:
+    m = _manipulator(_limb(rng))
+    makers = (_stem, _ell, _cylinder, _ball, _prism, _dumbbell)
+    parts, tip_height_m = makers[int(rng.integers(len(makers)))](rng, m)
+    return _transfer(rng, m, parts, tip_height_m)
+
+
+def _bins(rng: np.random.Generator) -> Problem:
+    problem = _plain(rng)
+    assert problem.task is not None
+    ends = (problem.task.T_base_pick, problem.task.T_base_place)
+    chosen = [ends[:1], ends[1:], ends][int(rng.integers(3))]
+    walls = [
+        wall for i, T in enumerate(chosen) for wall in _bin(rng, f"bin{i}", T.translation[:2])
+    ]
+    return replace(problem, scene=_with(problem.scene, walls))
+
+
+def _margins(rng: np.random.Generator) -> Problem:
+    problem = _among(rng, _plain(rng), int(rng.integers(0, 3)))
+    return replace(problem, margin_m=float(rng.uniform(0.002, 0.020)))
+
+
+def _rods(rng: np.random.Generator) -> Problem:
+    m = _manipulator(_limb(rng))
+    width = float(rng.uniform(m.hand.closed_gap_m + 0.003, 0.03))
+    parts = [_part(Box((width, width, float(rng.uniform(0.02, 0.05)))))]
+    problem = _transfer(rng, m, parts)
+    assert problem.task is not None
+    ends = (problem.task.T_base_pick, problem.task.T_base_place)
+    T = ends[int(rng.integers(2))]
+    return replace(problem, scene=_with(problem.scene, [_rod(rng, m, T, width)]))
+
+
+def _other_hand(rng: np.random.Generator) -> Problem:
+    limb = _limb(rng)
+    other = "right" if limb == "left" else "left"
+    base, holder = _manipulator(limb), _manipulator(other)
+    problem = _among(rng, _transfer(rng, base, _block(rng, base)), int(rng.integers(0, 2)))
+    world = World(base.robot)
+    for body in problem.scene:
+        world.spawn(body)
+    width = float(rng.uniform(holder.hand.closed_gap_m + 0.004, 0.04))
+    size = (width, width, float(rng.uniform(0.02, 0.12)))
+    world.spawn(Body("held", (_part(Box(size)),), _at(0.9, 0.0, 0.5), is_movable=True))
+    world.move_arm(other, _hovering(rng, holder, low=0.02, high=0.25))
+    world.set_fingers(other, (width - holder.hand.closed_gap_m) / 2 + 2e-4)
+    down_m = float(rng.uniform(0.0, size[2] / 2 - 0.008)) if size[2] > 0.05 else 0.0
+    world.attach(other, "held", _at(0.0, 0.0, down_m))
+    manipulator = replace(base, q_others=world.q)
+    return replace(problem, manipulator=manipulator, scene=world.scene, held=getattr(world, "held", ()))
+
+
+def _free(rng: np.random.Generator) -> Problem:
+    m = _manipulator(_limb(rng))
+    start, goal = (_hovering(rng, m, low=-0.02, high=0.35) for _ in range(2))
+    ends = [m.arm.T_base_tip(q).translation for q in (start, goal)]
+    scene = Scene.of([_table()])
+    for number in range(int(rng.integers(2, 6))):
+        scene = _with(scene, _obstacle(rng, f"obstacle{number}", ends, m))
+    margin = float(rng.uniform(0.002, 0.01)) if rng.random() < 0.3 else 0.0
+    return Problem(m, scene, start, q_goal=goal, margin_m=margin)
+
+
+FAMILIES: dict[str, Callable[[np.random.Generator], Problem]] = {
+    "plain": _plain,
+    "obstacles": _obstacles,
+    "odd bodies": _odd,
+    "bins": _bins,
+    "margins": _margins,
+    "rods": _rods,
+    "other hand holding": _other_hand,
+    "free moves": _free,
+}
+
+
+# Bodies
+
+
+def _block(rng: np.random.Generator, m: Manipulator) -> list[Part]:
+    x, y = _width(rng, m), float(rng.uniform(0.02, 0.09))
+    return [_part(Box((x, y, float(rng.uniform(0.02, 0.10)))))]
+
+
+def _stem(rng: np.random.Generator, m: Manipulator) -> tuple[list[Part], float]:
+    """A stem with a crossbar above, taken by the stem."""
+    width, height = _width(rng, m, widest=0.03), float(rng.uniform(0.06, 0.12))
+    bar = (float(rng.uniform(0.01, 0.07)), float(rng.uniform(0.02, 0.055)), 0.02)
+    foot = (float(rng.uniform(0.03, 0.06)), width, 0.008)
+    parts = [
+        _part(Box((width, width, height)), z=height / 2),
+        _part(Box(bar), z=height - 0.01),
+        _part(Box(foot), z=0.004),
+    ]
+    return parts, float(rng.uniform(0.015, height - 0.035))
+
+
+def _ell(rng: np.random.Generator, m: Manipulator) -> tuple[list[Part], float | None]:
+    width, height = _width(rng, m, widest=0.035), float(rng.uniform(0.05, 0.12))
+    length = float(rng.uniform(0.05, 0.12))
+    along = bool(rng.integers(2))
+    size = (length, width, 0.02) if along else (width, length, 0.02)
+    foot = {"x" if along else "y": length / 2 - width / 2}
+    parts = [_part(Box((width, width, height)), z=height / 2), _part(Box(size), z=0.01, **foot)]
+    return parts, float(rng.uniform(0.03, height + 0.01))
+
+
+def _cylinder(rng: np.random.Generator, m: Manipulator) -> tuple[list[Part], None]:
+    return [_part(Cylinder(_width(rng, m) / 2, float(rng.uniform(0.02, 0.12))))], None
+
+
+def _ball(rng: np.random.Generator, m: Manipulator) -> tuple[list[Part], None]:
+    return [_part(Sphere(_width(rng, m, narrowest=0.02) / 2))], None
+
+
+def _prism(rng: np.random.Generator, m: Manipulator) -> tuple[list[Part], None]:
+    """A frustum of five to eight sides, as a mesh."""
+    radius, height = _width(rng, m) / 2.1, float(rng.uniform(0.03, 0.10))
+    sides, top = int(rng.integers(5, 9)), float(rng.uniform(0.7, 1.0))
+    turn = 2 * math.pi * np.arange(sides) / sides
+    ring = np.stack([np.cos(turn), np.sin(turn), np.zeros(sides)], axis=1) * [radius, radius, 0]
+    points = np.concatenate([ring, ring * top + [0.0, 0.0, height]])
+    return [_part(_convex_mesh(points))], None
+
+
+def _dumbbell(rng: np.random.Generator, m: Manipulator) -> tuple[list[Part], float]:
+    """A rod between two discs."""
+    radius, height = _width(rng, m, widest=0.026) / 2, float(rng.uniform(0.08, 0.13))
+    disc = Cylinder(float(rng.uniform(radius, 0.035)), 0.012)
+    parts = [
+        _part(Cylinder(radius, height), z=height / 2),
+        _part(disc, z=0.006),
+        _part(disc, z=height - 0.006),
+    ]
+    return parts, float(rng.uniform(0.03, height - 0.02))
+
+
+def _rod(rng: np.random.Generator, m: Manipulator, T: pin.SE3, width_m: float) -> Body:
+    """A post beside a finger: between its open and its closed pad, or just outside."""
+    thick, height = rng.uniform(0.004, 0.010), float(rng.uniform(0.03, 0.09))
+    open_m = m.hand.open_gap_m / 2
+    inner, outer = width_m / 2 + thick / 2 + 0.001, open_m - thick / 2
+    beside = rng.uniform(inner, outer)
+    if rng.random() < 0.6:
+        beside = open_m + rng.uniform(0.012, 0.03) + thick / 2
+    side, across = rng.choice([-1.0, 1.0]), rng.uniform(-0.022, 0.022)
+    shift = T.rotation @ np.array([across, side * beside, 0.0])
+    x, y = T.translation[:2] + shift[:2]
+    angle = math.atan2(T.rotation[1, 0], T.rotation[0, 0])
+    shape = Box((float(rng.uniform(0.004, 0.012)), float(thick), height))
+    if rng.random() < 0.4:
+        shape = Cylinder(float(thick) / 2, height)
+    T_rod = _at(float(x), float(y), TABLE_Z_M + height / 2, angle)
+    return Body("rod", (_part(shape),), T_rod, is_movable=bool(rng.integers(2)))
+
+
+def _bin(rng: np.random.Generator, name: str, centre: Array) -> list[Body]:
+    """Four walls around a point, their turn at random."""
+    x, y = rng.uniform(0.05, 0.12, size=2)
+    height, angle = float(rng.uniform(0.02, 0.09)), float(rng.uniform(-math.pi, math.pi))
+    T_bin = _at(*(centre + rng.uniform(-0.01, 0.01, size=2)), TABLE_Z_M + height / 2, angle)
+    walls = []
+    for number, (dx, dy) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
+        size = (0.008, 2 * y, height) if dx else (2 * x, 0.008, height)
+        T = T_bin * _at(dx * (x + 0.004), dy * (y + 0.004), 0.0)
+        walls.append(Body(f"{name}_wall{number}", (_part(Box(size)),), T))
+    return walls
+
+
+def _among(rng: np.random.Generator, problem: Problem, count: int) -> Problem:
+    """The same problem with obstacles on the table."""
+    assert problem.task is not None
+    ends = [T.translation for T in (problem.task.T_base_pick, problem.task.T_base_place)]
+    scene = problem.scene
+    for number in range(count):
+        scene = _with(
+            scene, _obstacle(rng, f"obstacle{number}", ends, problem.manipulator)
+        )
+    return replace(problem, scene=scene)
+
+
+def _obstacle(
+    rng: np.random.Generator, name: str, ends: list[Array], m: Manipulator
+) -> list[Body]:
+    """A box, cylinder or ball, some of them in the air; none near the ends."""
+    side = 1.0 if m.arm.side == "left" else -1.0
+    radius, height = float(rng.uniform(0.01, 0.04)), float(rng.uniform(0.05, 0.30))
+    x, y = rng.uniform(0.55, 0.85), side * rng.uniform(-0.12, 0.40)
+    z = TABLE_Z_M + height / 2 + (float(rng.uniform(0.1, 0.4)) if rng.random() < 0.25 else 0.0)
+    if any(math.hypot(x - end[0], y - end[1]) < ROOM_M + radius for end in ends):
+        return []
+    shapes = (Box((2 * radius, 1.5 * radius, height)), Cylinder(radius, height), Sphere(radius))
+    shape = shapes[int(rng.integers(3))]
+    if isinstance(shape, Sphere):
+        z = float(rng.uniform(0.0, 0.3))
+    T = _at(float(x), float(y), z, float(rng.uniform(-math.pi, math.pi)))
+    return [Body(name, (_part(shape),), T)]
+
+
+# Tasks
+
+
+def _transfer(
+    rng: np.random.Generator, m: Manipulator, parts: list[Part], tip_height_m: float | None = None
+) -> Problem:
+    """A body on the table, and another place and yaw for it."""
+    (x, y), (to_x, to_y) = _places(rng, m)
+    yaw = float(rng.uniform(-math.pi, math.pi))
+    body = _standing(Body(BODY, tuple(parts), _at(x, y, 0.0, yaw), is_movable=True))
+    T_pick = overhead_grasp(m.hand, body, yaw_rad=float(rng.uniform(-0.5, 0.5)))
+    if tip_height_m is not None:
+        p = np.array([*body.T_base_body.translation[:2], TABLE_Z_M + tip_height_m])
+        T_pick = pin.SE3(T_pick.rotation, p)
+    turn = float(rng.choice([0.0, rng.uniform(-math.pi / 2, math.pi / 2)]))
+    middle = T_pick.translation
+    T_move = _at(to_x, to_y, 0.0, turn) * _at(-middle[0], -middle[1], 0.0)
+    lift_m = float(rng.choice([0.0, rng.uniform(0.0, 0.004)]))
+    T_place = _at(0.0, 0.0, lift_m) * T_move * T_pick
+    task = PickAndPlace(BODY, T_pick, T_place, hover_m=float(rng.uniform(0.08, 0.2)))
+    return Problem(m, Scene.of([_table(), body]), _start(rng, m), task)
+
+
+def _places(rng: np.random.Generator, m: Manipulator) -> Array:
+    """Two points on the table, some way apart."""
+    side = 1.0 if m.arm.side == "left" else -1.0
+    while True:
+        places = np.stack([rng.uniform(0.60, 0.80, 2), side * rng.uniform(-0.02, 0.33, 2)], axis=1)
+        if np.linalg.norm(places[1] - places[0]) > 0.13:
+            return places
+
+
+def _standing(body: Body) -> Body:
+    """The body raised or lowered until it stands on the table."""
+    low, _ = body.extent_m((0.0, 0.0, 1.0))
+    return body.at(_at(0.0, 0.0, TABLE_Z_M - low) * body.T_base_body)
+
+
+def _start(rng: np.random.Generator, m: Manipulator) -> Array:
+    if rng.random() < 0.5:
+        return np.array(m.arm.start if m.arm.side == "left" else m.arm.neutral)
+    return _hovering(rng, m, low=0.15, high=0.35)
+
+
+def _hovering(rng: np.random.Generator, m: Manipulator, *, low: float, high: float) -> Array:
+    """A configuration with the tip above the table, pointing down more or less."""
+    side = 1.0 if m.arm.side == "left" else -1.0
+    while True:
+        p = np.array([rng.uniform(0.5, 0.85), side * rng.uniform(0.0, 0.45), rng.uniform(low, high)])
+        tilt = pin.exp3(rng.uniform(-0.5, 0.5, 3))
+        R = tilt @ _at(0.0, 0.0, 0.0, float(rng.uniform(-1.0, 1.0))).rotation @ np.diag([-1.0, 1, -1])
+        found = m.ik.solve(pin.SE3(R, p))
+        if found.is_valid:
+            return np.array(found.q)
+
+
+def _limb(rng: np.random.Generator) -> str:
+    return "left" if rng.random() < 0.7 else "right"
+
+
+def _width(
+    rng: np.random.Generator, m: Manipulator, *, narrowest: float = 0.0, widest: float = 1.0
+) -> float:
+    low = max(m.hand.closed_gap_m + NARROWEST_OFF_M, narrowest)
+    return float(rng.uniform(low, max(low, min(m.hand.open_gap_m - WIDEST_OFF_M, widest))))
+
+
+def _part(shape: Box | Cylinder | Sphere | Mesh, *, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Part:
+    return Part(shape, _at(x, y, z))
+
+
+def _convex_mesh(points: Array) -> Mesh:
+    """Its triangles counter-clockwise seen from outside."""
+    hull = hull_solid("mesh", points)
+    corners = hull.vertices[hull.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outwards = np.einsum("ij,ij->i", normals, corners.mean(axis=1) - hull.centre) > 0
+    faces = np.where(outwards[:, None], hull.faces, hull.faces[:, ::-1])
+    return Mesh(hull.vertices, faces)
+
+
+def _with(scene: Scene, bodies: list[Body]) -> Scene:
+    for body in bodies:
+        scene = scene.with_body(body)
+    return scene
+
+
+def _at(x: float, y: float, z: float, yaw: float = 0.0) -> pin.SE3:
+    c, s = math.cos(yaw), math.sin(yaw)
+    return pin.SE3(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, z]))
+
+
+@cache
+def _table() -> Body:
+    return load_object("table", _at(1.0, 0.0, -0.93))
+
+
+@cache
+def _robot() -> Baxter:
+    return Baxter.load()
+
+
+@cache
+def _manipulator(limb: str) -> Manipulator:
+    return Manipulator.of(_robot(), limb)

@@ -1,0 +1,83 @@
+"""One problem from start to end: made, planned, verified, checked."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from dataclasses import dataclass
+
+from plan_check.checker import check_plan
+from plan_check.problems import Problem, make_problem
+from planner import Plan, plan_pick_and_place, plan_start_move, verify
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of one problem.
+
+    Attributes:
+        family: which kind.
+        number: of the problem within its family.
+        seed: of all.
+        planning_s: how long the planner took.
+        verify_s: how long the certificate took; 0 without a plan.
+        check_s: how long the independent check took; 0 without a plan.
+        motion_s: duration of the moves; 0 without a plan.
+        refusal: why there is no plan, or None.
+        rejected: why the certificate says no, or None.
+        findings: what the independent check says against the plan.
+        error: the exception, or None.
+    """
+
+    family: str
+    number: int
+    seed: int
+    planning_s: float = 0.0
+    verify_s: float = 0.0
+    check_s: float = 0.0
+    motion_s: float = 0.0
+    refusal: str | None = None
+    rejected: str | None = None
+    findings: tuple[str, ...] = ()
+    error: str | None = None
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the planner made a plan."""
+        return self.refusal is None and self.planning_s > 0.0
+
+
+def run_trial(family: str, number: int, seed: int) -> Trial:
+    """All of it, in this process; an exception is part of the result."""
+    known: dict[str, object] = {}
+    try:
+        problem = make_problem(family, number, seed)
+        plan = _timed(known, "planning_s", lambda: _planned(problem))
+        if plan.failure is not None:
+            return Trial(family, number, seed, **known, refusal=str(plan.failure))
+        known["motion_s"] = plan.motion_time_s
+        certificate = _timed(known, "verify_s", lambda: verify(plan))
+        if not certificate.is_valid:
+            known["rejected"] = certificate.verdict
+        found = _timed(known, "check_s", lambda: check_plan(plan, margin_m=problem.margin_m))
+        return Trial(family, number, seed, **known, findings=tuple(map(str, found)))
+    except Exception:  # noqa: BLE001 - exceptions are counted here, whichever they are
+        return Trial(family, number, seed, **known, error=traceback.format_exc())
+
+
+def _planned(problem: Problem) -> Plan:
+    m, margin_m, held = problem.manipulator, problem.margin_m, problem.held
+    if problem.task is None:
+        goal = problem.q_goal
+        return plan_start_move(m, problem.scene, problem.q_start, goal, margin_m=margin_m)
+    options = {"held": held} if held else {}
+    return plan_pick_and_place(
+        problem.task, m, problem.scene, problem.q_start, margin_m=margin_m, **options
+    )
+
+
+def _timed(known: dict, name: str, call):
+    started = time.perf_counter()
+    found = call()
+    known[name] = time.perf_counter() - started
+    return found
