@@ -56,6 +56,12 @@ class Track:
         steps = np.linalg.norm(np.diff(corners, axis=0), axis=2).max(axis=1, initial=0.0)
         return np.append(0.0, np.cumsum(steps))
 
+    @cached_property
+    def swept(self) -> Array:
+        """The box in base around the box around it at all samples, shape (2, 3)."""
+        corners = _placed(self.T if self.moves else self.T[None], self.solid.corners)
+        return np.array([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
+
     def at(self, sample: int) -> Array:
         """Its pose at a sample, shape (4, 4)."""
         T: Array = self.T[sample] if self.moves else self.T
@@ -66,6 +72,7 @@ class Track:
         other = Track(solid, self.T)
         if self.moves:
             other.way = self.way
+        other.swept = self.swept
         return other
 
     def part(self, first: int, last: int) -> Track:
@@ -105,6 +112,8 @@ def approach(first: Track, second: Track, needed_m: float) -> Approach:
 
     Samples are those of whichever moves, or one if none does.
     """
+    if _gap_of_boxes(first.swept, second.swept) > needed_m:
+        return Approach(np.inf, (), is_near_at_first=False)
     windows = _near(first, second, needed_m)
     if not windows.any():
         return Approach(np.inf, (), is_near_at_first=False)
@@ -126,6 +135,10 @@ def approach(first: Track, second: Track, needed_m: float) -> Approach:
         least = min(least, found)
         sample = _next(corners, sample, max(found - needed_m, TOUCHING_M))
     return Approach(float(least), tuple(hits), bool(windows[0]))
+
+
+def _gap_of_boxes(box: Array, other: Array) -> float:
+    return float(np.linalg.norm(np.maximum(np.maximum(other[0] - box[1], box[0] - other[1]), 0.0)))
 
 
 def _next(corners: Array, sample: int, room_m: float) -> int:

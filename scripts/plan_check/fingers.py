@@ -1,8 +1,9 @@
 """Fingers that close and open, and what they push.
 
-Quasi-static: the finger that touches first pushes the body along the closing axis, y of the tip,
-until the other one touches; the body does not turn. Every triangle of both fingers and their tips
-counts, not the pads alone.
+Quasi-static: the pad that touches first pushes the body along the closing axis, y of the tip,
+until the other one touches; the body does not turn. Pads are the finger tips, all triangles of
+them. The rest of a finger does not push: where it meets the body before the pads do, it will be
+found inside it.
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ import numpy as np
 
 from plan_check.solids import Array
 from plan_check.stage import Stage, Thing, travel_m
+
+PAD = "_finger_tip"
+"""How the names of the links end that are pads."""
 
 SPEED_M_S = 0.05
 STEP_M = 5e-5
@@ -40,7 +44,7 @@ class Closing:
         openings_m: finger positions on the way, shape (n,).
         T_things: where the body is meanwhile, shape (n, 4, 4), or (4, 4) when it is not pushed;
             None without a body.
-        holds: whether both fingers meet the body.
+        holds: whether both pads meet the body.
     """
 
     openings_m: Array
@@ -70,9 +74,10 @@ def closing(stage: Stage, thing: Thing | None) -> Closing:
     links = stage.links({})
     ways = []
     for name, sign in zip(stage.finger_names, (-1.0, 1.0), strict=True):
-        finger = [track for link in stage.robot.below({name}) for track in links.get(link, [])]
+        tips = {link for link in stage.robot.below({name}) if link.endswith(PAD)}
+        pad = [track for link in tips for track in links[link]]
         x, y, z = sign * axis
-        ways.append(travel_m(finger, thing.tracks(), (x, y, z), 2 * begin_m))
+        ways.append(travel_m(pad, thing.tracks(), (x, y, z), 2 * begin_m))
     first, second = ways
     way = (first + second) / 2
     if way > begin_m or max(ways) >= 2 * begin_m:

@@ -29,6 +29,7 @@ from planner import (
     overhead_grasp,
 )
 from plan_check.solids import Array, hull_solid
+from plan_check.urdf import load_robot
 from sim import World
 
 TABLE_Z_M = -0.155
@@ -41,6 +42,9 @@ ROOM_M = 0.09
 """From obstacles to the axes of pick and place."""
 
 BODY = "body"
+
+CROWDED = ("lower_elbow", "upper_forearm", "lower_forearm", "wrist", "lower_shoulder", "upper_elbow")
+"""Links that small cubes are put close to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +85,13 @@ def _plain(rng: np.random.Generator) -> Problem:
 
 
 def _obstacles(rng: np.random.Generator) -> Problem:
-    return _among(rng, _plain(rng), int(rng.integers(1, 5)))
+    problem = _among(rng, _plain(rng), int(rng.integers(1, 4)))
+    return _crowded(rng, problem, int(rng.integers(1, 4)))
 
 
 def _odd(rng: np.random.Generator) -> Problem:
     m = _manipulator(_limb(rng))
-    makers = (_stem, _ell, _cylinder, _ball, _prism, _dumbbell)
+    makers = (_stem, _stem, _stem, _ell, _dumbbell, _cylinder, _ball, _prism)
     parts, tip_height_m = makers[int(rng.integers(len(makers)))](rng, m)
     return _transfer(rng, m, parts, tip_height_m)
 
@@ -103,8 +108,10 @@ def _bins(rng: np.random.Generator) -> Problem:
 
 
 def _margins(rng: np.random.Generator) -> Problem:
-    problem = _among(rng, _plain(rng), int(rng.integers(0, 3)))
-    return replace(problem, margin_m=float(rng.uniform(0.002, 0.020)))
+    m = _manipulator(_limb(rng))
+    problem = _transfer(rng, m, _block(rng, m, lowest=0.06))
+    margin_m = float(rng.uniform(0.002, 0.020))
+    return replace(_among(rng, problem, int(rng.integers(0, 3))), margin_m=margin_m)
 
 
 def _rods(rng: np.random.Generator) -> Problem:
@@ -145,7 +152,8 @@ def _free(rng: np.random.Generator) -> Problem:
     for number in range(int(rng.integers(2, 6))):
         scene = _with(scene, _obstacle(rng, f"obstacle{number}", ends, m))
     margin = float(rng.uniform(0.002, 0.01)) if rng.random() < 0.3 else 0.0
-    return Problem(m, scene, start, q_goal=goal, margin_m=margin)
+    problem = Problem(m, scene, start, q_goal=goal, margin_m=margin)
+    return _crowded(rng, problem, int(rng.integers(0, 3)))
 
 
 FAMILIES: dict[str, Callable[[np.random.Generator], Problem]] = {
@@ -163,22 +171,18 @@ FAMILIES: dict[str, Callable[[np.random.Generator], Problem]] = {
 # Bodies
 
 
-def _block(rng: np.random.Generator, m: Manipulator) -> list[Part]:
+def _block(rng: np.random.Generator, m: Manipulator, *, lowest: float = 0.02) -> list[Part]:
     x, y = _width(rng, m), float(rng.uniform(0.02, 0.09))
-    return [_part(Box((x, y, float(rng.uniform(0.02, 0.10)))))]
+    return [_part(Box((x, y, float(rng.uniform(lowest, 0.10)))))]
 
 
 def _stem(rng: np.random.Generator, m: Manipulator) -> tuple[list[Part], float]:
-    """A stem with a crossbar above, taken by the stem."""
-    width, height = _width(rng, m, widest=0.03), float(rng.uniform(0.06, 0.12))
-    bar = (float(rng.uniform(0.01, 0.07)), float(rng.uniform(0.02, 0.055)), 0.02)
-    foot = (float(rng.uniform(0.03, 0.06)), width, 0.008)
-    parts = [
-        _part(Box((width, width, height)), z=height / 2),
-        _part(Box(bar), z=height - 0.01),
-        _part(Box(foot), z=0.004),
-    ]
-    return parts, float(rng.uniform(0.015, height - 0.035))
+    """A stem with a crossbar above, wider than the stem, taken by the stem."""
+    width, height = _width(rng, m, widest=0.025), float(rng.uniform(0.07, 0.12))
+    across = rng.uniform(width, 0.055)
+    along = across + rng.uniform(0.0, 0.02)  # longer, so that the hand comes across
+    bar = Part(Box((float(along), float(across), 0.02)), _at(0.0, 0.0, height - 0.01))
+    return [_part(Box((width, width, height)), z=height / 2), bar], float(rng.uniform(0.015, 0.03))
 
 
 def _ell(rng: np.random.Generator, m: Manipulator) -> tuple[list[Part], float | None]:
@@ -227,8 +231,8 @@ def _rod(rng: np.random.Generator, m: Manipulator, T: pin.SE3, width_m: float) -
     open_m = m.hand.open_gap_m / 2
     inner, outer = width_m / 2 + thick / 2 + 0.001, open_m - thick / 2
     beside = rng.uniform(inner, outer)
-    if rng.random() < 0.6:
-        beside = open_m + rng.uniform(0.012, 0.03) + thick / 2
+    if rng.random() < 0.7:
+        beside = open_m + rng.uniform(0.018, 0.04) + thick / 2
     side, across = rng.choice([-1.0, 1.0]), rng.uniform(-0.022, 0.022)
     shift = T.rotation @ np.array([across, side * beside, 0.0])
     x, y = T.translation[:2] + shift[:2]
@@ -259,10 +263,35 @@ def _among(rng: np.random.Generator, problem: Problem, count: int) -> Problem:
     ends = [T.translation for T in (problem.task.T_base_pick, problem.task.T_base_place)]
     scene = problem.scene
     for number in range(count):
-        scene = _with(
-            scene, _obstacle(rng, f"obstacle{number}", ends, problem.manipulator)
-        )
+        scene = _with(scene, _obstacle(rng, f"obstacle{number}", ends, problem.manipulator))
     return replace(problem, scene=scene)
+
+
+def _crowded(rng: np.random.Generator, problem: Problem, count: int) -> Problem:
+    """The same problem with small cubes in the air, close to where links of the arm will be."""
+    m, task = problem.manipulator, problem.task
+    ends = [problem.q_start] if problem.q_goal is None else [problem.q_start, problem.q_goal]
+    if task is not None:
+        found = [m.ik.solve(T) for T in (task.T_base_pick, task.T_base_place)]
+        ends += [np.array(ik.q) for ik in found if ik.is_valid]
+    cubes = []
+    for number in range(count):
+        q = ends[int(rng.integers(len(ends)))] + rng.uniform(-0.15, 0.15, 7)
+        poses = load_robot().poses(dict(zip(m.arm.joint_names, q, strict=True)) | _standing_joints(m))
+        link = f"{m.arm.side}_{CROWDED[int(rng.integers(len(CROWDED)))]}"
+        out = rng.normal(size=3)
+        centre = poses[link][:3, 3] + out / np.linalg.norm(out) * rng.uniform(0.09, 0.16)
+        edge = float(rng.uniform(0.01, 0.04))
+        if centre[2] > TABLE_Z_M + 0.15:
+            T = _at(*centre.tolist(), float(rng.uniform(-1.0, 1.0)))
+            cubes.append(Body(f"cube{number}", (_part(Box((edge, edge, edge))),), T))
+    return replace(problem, scene=_with(problem.scene, cubes))
+
+
+def _standing_joints(m: Manipulator) -> dict[str, float]:
+    names = m.robot.joint_names
+    joints = dict(zip(names, m.q_others.tolist(), strict=True))
+    return {name: value for name, value in joints.items() if name not in m.arm.joint_names}
 
 
 def _obstacle(

@@ -31,6 +31,9 @@ SMALLEST_M = 1e-7
 DIRECTIONS = 200
 """Rays that ask whether a point is enclosed by a mesh."""
 
+ENCLOSED = 0.9
+"""A point is when so many of them are stopped: the links are open where the next one begins."""
+
 PIECE_FACES = 1500
 """Meshes of more triangles are bounded by several boxes; at most `MOST_PIECES`."""
 MOST_PIECES = 16
@@ -139,8 +142,9 @@ class Solid:
         return ConvexHull(self.vertices).equations
 
     def _encloses(self, point: Array) -> bool:
-        """Whether no ray out of a point is free."""
-        return all(self._is_hit(point, direction) for direction in _directions())
+        """Whether hardly a ray out of a point is free."""
+        free = sum(not self._is_hit(point, direction) for direction in _directions())
+        return free <= (1.0 - ENCLOSED) * DIRECTIONS
 
     def _is_hit(self, point: Array, direction: Array) -> bool:
         """Whether a ray meets a triangle (Moller and Trumbore 1997)."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from plan_check.clearance import Track, approach
+from plan_check.clearance import Track, distance_m, inverse
 from plan_check.findings import Finding
 from plan_check.pairs import Span, When, broken
 from plan_check.rules import CONTACT_M, FORBIDDEN, PRESSING, SLIDE_M, Rule
@@ -58,10 +58,10 @@ def held_findings(
 
 def _contact_ends(held: Track, other: Track) -> int:
     """How many samples a contact lasts that is there from the first; 0 for none."""
-    solid = held.solid.eroded(CONTACT_M)
-    if solid is None:
-        return 0
     last = 0
-    while last < held.count and approach(Track(solid, held.T[last : last + 1]), other, 0.0).hits:
+    while last < held.count:
+        T_other_held = inverse(other.at(last)) @ held.at(last)
+        if distance_m(held.solid, other.solid, T_other_held) > CONTACT_M:
+            break
         last += 1
     return last

@@ -12,7 +12,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -68,7 +68,7 @@ class Joint:
         return T
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Robot:
     """Joints from the root outwards, and one or more solids a link, placed in its frame."""
 
@@ -101,6 +101,7 @@ class Robot:
                 moving.add(joint.child)
         return moving
 
+    @lru_cache(maxsize=None)  # noqa: B019 - there is one robot
     def are_joined(self, first: str, second: str) -> bool:
         """Whether two links are rigid to each other, or only one joint is between them."""
         groups = {self.group[first], self.group[second]}

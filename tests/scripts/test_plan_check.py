@@ -1,0 +1,448 @@
+"""The independent checker contradicts plans that are wrong in known ways, and no right one."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+from baxter_kin import Baxter
+from planner import (
+    Body,
+    Box,
+    Cylinder,
+    Grip,
+    GripperAction,
+    Holding,
+    Manipulator,
+    Move,
+    Part,
+    Plan,
+    Scene,
+    Situation,
+    Sphere,
+    Trajectory,
+    make_block,
+    overhead_grasp,
+    plan_joint_move,
+    plan_straight_move,
+)
+from tests.conftest import at
+
+Vector = NDArray[np.float64]
+
+TABLE_TOP_M = -0.155
+PICK_M = (0.70, 0.15)
+
+ELBOW_AT_CUBE = (
+    (-0.735794, -0.289685, -0.875965, 1.041983, 0.942534, 1.178361, -0.809664),
+    (-0.760328, -0.205746, -0.841832, 0.990912, 0.963803, 1.125675, -0.797957),
+)
+"""Ends of the demo's descent to its second pose, as it was once planned and proven 18 mm clear."""
+
+
+def check(plan: Plan, **options: Any) -> list[Any]:
+    found: list[Any] = importlib.import_module("plan_check.checker").check_plan(plan, **options)
+    return found
+
+
+def said(findings: list[Any]) -> set[tuple[str, str, str]]:
+    """Kind and pair of each finding, the pair in alphabetical order."""
+    return {(f.kind, *sorted((f.first, f.second))) for f in findings}
+
+
+def cube(name: str, edge_m: Sequence[float], x: float, y: float, z: float) -> Body:
+    a, b, c = edge_m
+    return Body(name, (Part(Box((a, b, c)), at(0, 0, 0)),), at(x, y, z))
+
+
+def block(height_m: float = 0.05, width_m: float = 0.03) -> Body:
+    centre = at(*PICK_M, TABLE_TOP_M + height_m / 2)
+    return make_block("block", centre, edge_m=(width_m, width_m, height_m))
+
+
+def grasp_q(m: Manipulator, body: Body, lift_m: float = 0.0, tip_m: float | None = None) -> Vector:
+    """The arm where the hand is about to close on a body, or above that."""
+    T = overhead_grasp(m.hand, body)
+    z = T.translation[2] if tip_m is None else TABLE_TOP_M + tip_m
+    goal = pin.SE3(T.rotation, np.array([*T.translation[:2], z + lift_m]))
+    found = m.ik.solve(goal, current=m.arm.start)
+    assert found.is_valid
+    return np.array(found.q)
+
+
+def plan_of(
+    m: Manipulator,
+    scene: Scene,
+    steps: Sequence[Move | Grip],
+    q: Vector,
+    *,
+    finger_m: float | None = None,
+    held: tuple[Holding, ...] = (),
+) -> Plan:
+    """A plan made by hand."""
+    situation = Situation.of(m, scene, held)
+    if finger_m is not None:
+        joints = {**situation.joints, **m.hand.finger_joints(finger_m)}
+        situation = Situation(scene, joints, held)
+    return Plan(m.arm.side, q, tuple(steps), situation=situation)
+
+
+CLOSE = Grip("close", GripperAction.CLOSE, "block")
+OPEN = Grip("open", GripperAction.OPEN)
+
+
+def lift(m: Manipulator, q: Vector, height_m: float = 0.06) -> Move:
+    T = m.arm.T_base_tip(q)
+    up = pin.SE3(T.rotation, T.translation + [0.0, 0.0, height_m])
+    return Move("lift", plan_straight_move(m.arm, q, up, m.limits), is_straight=True)
+
+
+# The robot
+
+
+def test_its_kinematics_are_those_of_pinocchio(robot: Baxter) -> None:
+    ours = importlib.import_module("plan_check.urdf").load_robot()
+    data, rng = robot.model.createData(), np.random.default_rng(0)
+    for _ in range(20):
+        q = rng.uniform(robot.model.lowerPositionLimit, robot.model.upperPositionLimit)
+        T = ours.poses(dict(zip(robot.joint_names, q, strict=True)))
+        pin.framesForwardKinematics(robot.model, data, q)
+        for link in ours.solids:
+            frame = robot.model.getFrameId(link)
+            np.testing.assert_allclose(T[link], data.oMf[frame].homogeneous, atol=1e-12)
+
+
+def test_its_limits_are_those_of_pinocchio(robot: Baxter) -> None:
+    ours = importlib.import_module("plan_check.urdf").load_robot()
+    for name, i in zip(robot.joint_names, robot.indices(robot.joint_names), strict=True):
+        joint, model = ours.joint(name), robot.model
+        bounds = model.lowerPositionLimit[i], model.upperPositionLimit[i], model.velocityLimit[i]
+        assert (joint.lower, joint.upper, joint.speed) == pytest.approx(bounds, abs=1e-12)
+
+
+def test_it_sees_the_original_meshes() -> None:
+    solids = importlib.import_module("plan_check.urdf").load_robot().solids
+    wrist = solids["left_lower_forearm"][0]
+    assert len(wrist.faces) > 13_000
+    assert wrist.box[:, 2] == pytest.approx((-0.086, 0.083), abs=1e-3)  # the URDF says +- 0.05
+    assert not any("collision_head" in link for link, shapes in solids.items() if shapes)
+
+
+def test_no_two_links_that_are_not_joined_overlap_at_rest(manipulator: Manipulator) -> None:
+    q = np.array(manipulator.arm.neutral)
+    still = Move("stay", Trajectory.stay(q, manipulator.limits))
+    assert check(plan_of(manipulator, Scene.of(), [still], q)) == []
+
+
+# Distances
+
+
+def test_no_sample_is_passed_over_that_is_too_close() -> None:
+    solids = importlib.import_module("plan_check.solids")
+    clearance = importlib.import_module("plan_check.clearance")
+    rng = np.random.default_rng(1)
+    first, second = solids.box_solid("a", np.array([0.1, 0.2, 0.05])), solids.sphere_solid("b", 0.06)
+    for needed in (0.0, 0.02):
+        for _ in range(6):
+            begin, way, turn = rng.normal(0, 0.2, 3), rng.normal(0, 0.4, 3), rng.normal(0, 2.0, 3)
+            T = np.tile(np.eye(4), (120, 1, 1))
+            for pose, s in zip(T, np.linspace(0, 1, 120), strict=True):
+                pose[:3, :3], pose[:3, 3] = pin.exp3(s * turn), begin + s * way
+            found = clearance.approach(
+                clearance.Track(first, T), clearance.Track(second, np.eye(4)), needed
+            )
+            all_m = np.array([clearance.distance_m(first, second, pose) for pose in T])
+            assert bool(found.hits) == bool((all_m <= needed).any())
+            if found.hits:
+                assert found.hits[0][0] == int(np.flatnonzero(all_m <= needed)[0])
+
+
+def test_depth_is_what_must_be_taken_off() -> None:
+    solids = importlib.import_module("plan_check.solids")
+    pairs = importlib.import_module("plan_check.pairs")
+    track = importlib.import_module("plan_check.clearance").Track
+    wall = solids.box_solid("wall", np.array([1.0, 1.0, 0.2]))
+    shapes = (
+        solids.box_solid("box", np.full(3, 0.1)),
+        solids.cylinder_solid("cylinder", 0.1, 0.1),
+        solids.sphere_solid("ball", 0.05),
+    )
+    T = np.eye(4)
+    T[2, 3] = 0.1 + 0.05 - 0.004
+    for shape in shapes:
+        deep_m = pairs.depth_m(track(shape, T), track(wall, np.eye(4)), 0)
+        assert deep_m == pytest.approx(0.004, rel=0.05)
+
+
+def test_what_is_wholly_inside_a_mesh_is_seen(manipulator: Manipulator) -> None:
+    q = np.array(manipulator.arm.neutral)
+    T_base_elbow = importlib.import_module("plan_check.urdf").load_robot()
+    joints = Situation.of(manipulator, Scene.of()).joints
+    names = manipulator.arm.joint_names
+    T = T_base_elbow.poses({**joints, **dict(zip(names, q, strict=True))})["left_upper_elbow"]
+    inside = T @ np.array([0.0, 0.0, 0.14, 1.0])
+    ball = Body("ball", (Part(Sphere(0.004), at(*inside[:3])),), at(0, 0, 0))
+    still = Move("stay", Trajectory.stay(q, manipulator.limits))
+    kinds = said(check(plan_of(manipulator, Scene.of([ball]), [still], q)))
+    assert kinds == {("inside", "ball", "left_upper_elbow")}
+
+
+# Moves
+
+
+def test_an_arm_through_a_box_is_contradicted(manipulator: Manipulator) -> None:
+    m = manipulator
+    q, goal = np.array(m.arm.neutral), np.array(m.arm.neutral) + [0.8, 0, 0, 0, 0, 0, 0]
+    way = plan_joint_move(q, goal, m.limits)
+    x, y, z = m.arm.T_base_tip(way.sample(way.duration / 2).q).translation
+    moves = [Move("across", way)]
+    assert check(plan_of(m, Scene.of(), moves, q)) == []
+    thin = cube("plate", (0.02, 0.02, 0.001), x, y, z)
+    found = check(plan_of(m, Scene.of([thin]), moves, q))
+    assert any(f.kind == "touches" and f.second == "plate" for f in found)
+    assert all(0.0 < f.time_s < way.duration for f in found)
+
+
+def test_a_cube_that_only_the_mesh_of_the_elbow_meets_is_found(
+    manipulator: Manipulator, table: Body
+) -> None:
+    q, goal = np.array(ELBOW_AT_CUBE)
+    small = cube("cube", (0.02, 0.02, 0.02), 0.482, 0.271, 0.345)
+    way = Move("descend", plan_joint_move(q, goal, manipulator.limits))
+    found = check(plan_of(manipulator, Scene.of([table, small]), [way], q))
+    assert said(found) == {("touches", "cube", "left_lower_elbow")}
+    assert found[0].amount == pytest.approx(0.0096, abs=5e-4)
+
+
+def test_a_margin_is_measured_to_the_meshes(manipulator: Manipulator) -> None:
+    m, body = manipulator, block()
+    q = grasp_q(m, body, 0.1)
+    x, y, z = m.arm.T_base_tip(q).translation
+    post = cube("post", (0.02, 0.08, 0.02), x, y, z - 0.04)
+    move = Move("up", lift(m, q).trajectory)
+    plan = plan_of(m, Scene.of([post]), [move], q)
+    assert check(plan) == []
+    assert check(plan, margin_m=0.02) == []
+    near = said(check(plan, margin_m=0.03))
+    assert ("closer than the margin", "l_gripper_l_finger_tip", "post") in near
+
+
+def test_a_held_body_that_meets_a_wall_is_contradicted(
+    manipulator: Manipulator, table: Body
+) -> None:
+    m, body = manipulator, block(height_m=0.08)
+    q = grasp_q(m, body)
+    steps = [CLOSE, lift(m, q, 0.10)]
+    assert check(plan_of(m, Scene.of([table, body]), steps, q)) == []
+    # beside the fingers and low enough for nothing else
+    lid = cube("lid", (0.01, 0.2, 0.01), PICK_M[0] + 0.011, PICK_M[1], TABLE_TOP_M + 0.1)
+    found = check(plan_of(m, Scene.of([table, body, lid]), steps, q))
+    assert any(sorted((f.first, f.second)) == ["block", "lid"] for f in found)
+
+
+def test_a_body_that_is_dragged_over_the_table_slides(
+    manipulator: Manipulator, table: Body
+) -> None:
+    m, body = manipulator, block()
+    q = grasp_q(m, body)
+    T = m.arm.T_base_tip(q)
+    aside = pin.SE3(T.rotation, T.translation + [0.0, 0.03, 0.0])
+    drag = Move("drag", plan_straight_move(m.arm, q, aside, m.limits))
+    found = check(plan_of(m, Scene.of([table, body]), [CLOSE, drag], q))
+    assert ("slides while touching", "block", "table") in said(found)
+
+
+# Fingers
+
+
+def test_closing_as_the_hand_says_is_not_contradicted(
+    manipulator: Manipulator, table: Body
+) -> None:
+    body = block()
+    q = grasp_q(manipulator, body)
+    assert check(plan_of(manipulator, Scene.of([table, body]), [CLOSE], q)) == []
+
+
+@pytest.mark.parametrize("is_movable", [False, True])
+def test_a_finger_through_a_post_while_closing_is_contradicted(
+    manipulator: Manipulator, table: Body, is_movable: bool
+) -> None:
+    m, body = manipulator, block(0.02, 0.02)
+    axis = m.arm.T_base_tip(grasp_q(m, body)).rotation[:, 1]
+    x, y, _ = np.array([*PICK_M, 0.0]) + 0.0226 * axis
+    post = cube("post", (0.008, 0.010, 0.05), x + 0.015, y, TABLE_TOP_M + 0.025)
+    still = Body("post", post.parts, post.T_base_body, is_movable)
+    found = check(plan_of(m, Scene.of([table, body, still]), [CLOSE], grasp_q(m, body)))
+    assert {f.kind for f in found} == {"touches"}
+    assert {f.second for f in found} == {"post"}
+
+
+def test_a_pushed_body_that_meets_another_is_contradicted(
+    manipulator: Manipulator, table: Body
+) -> None:
+    m, body = manipulator, block(0.04, 0.02)
+    q = grasp_q(m, body)
+    side = body.at(at(0.0, 0.012, 0.0) * body.T_base_body)  # off the middle: it will be pushed
+    y = PICK_M[1] + 0.012 - 0.010 - 0.002 - 0.006
+    post = cube("post", (0.003, 0.003, 0.01), PICK_M[0], y, TABLE_TOP_M + 0.005)
+    found = check(plan_of(m, Scene.of([table, side, post]), [CLOSE], q))
+    assert ("touches", "block", "post") in said(found)
+
+
+def test_fingers_that_open_into_a_wall_are_contradicted(manipulator: Manipulator) -> None:
+    m = manipulator
+    q = grasp_q(m, block(), 0.1)
+    T = m.arm.T_base_tip(q)
+    x, y, z = T.translation + T.rotation @ np.array([0.0, 0.030, 0.0])
+    wall = cube("wall", (0.05, 0.004, 0.05), x, y, z)
+    scene = Scene.of([wall])
+    assert said(check(plan_of(m, scene, [OPEN], q, finger_m=0.005))) >= {
+        ("touches", "l_gripper_l_finger_tip", "wall")
+    }
+    less = Grip("open", GripperAction.OPEN, opening_m=0.006)
+    assert check(plan_of(m, scene, [less], q, finger_m=0.005)) == []
+
+
+def test_a_hand_inside_the_body_it_grasps_is_contradicted(
+    manipulator: Manipulator, table: Body
+) -> None:
+    m, body = manipulator, block(height_m=0.20, width_m=0.03)
+    q = grasp_q(m, body, tip_m=0.02)
+    found = check(plan_of(m, Scene.of([table, body]), [CLOSE], q))
+    assert any(f.kind in ("touches", "inside") and "base" in f.first + f.second for f in found)
+
+
+def test_fingers_inside_a_crossbar_are_contradicted(manipulator: Manipulator, table: Body) -> None:
+    m = manipulator
+    stem = block(height_m=0.08, width_m=0.02)
+    bar = Part(Box((0.02, 0.055, 0.02)), at(0.0, 0.0, 0.03))
+    body = Body("block", (*stem.parts, bar), stem.T_base_body, is_movable=True)
+    q, above = grasp_q(m, stem, tip_m=0.02), grasp_q(m, stem, tip_m=0.10)
+    goal = m.arm.T_base_tip(q)
+    down = Move("descend", plan_straight_move(m.arm, above, goal, m.limits), is_straight=True)
+    assert check(plan_of(m, Scene.of([table, stem]), [down, CLOSE], above)) == []
+    found = said(check(plan_of(m, Scene.of([table, body]), [down, CLOSE], above)))
+    assert ("presses too deep", "block", "l_gripper_l_finger") in found
+
+
+def test_a_miss_is_found(manipulator: Manipulator, table: Body) -> None:
+    q = grasp_q(manipulator, block(), 0.1)
+    found = check(plan_of(manipulator, Scene.of([table, block()]), [CLOSE], q))
+    assert said(found) == {("missed by the fingers", "", "block")}
+
+
+@pytest.mark.parametrize("off_m", [-0.008, 0.0, 0.005])
+def test_bodies_are_pushed_as_the_hand_says(
+    manipulator: Manipulator, table: Body, off_m: float
+) -> None:
+    # pads of the meshes stand further in than the URDF's boxes, by less than a millimetre
+    m, body = manipulator, block()
+    q = grasp_q(m, body)
+    T = m.arm.T_base_tip(q)
+    pushed = body.at(pin.SE3(np.eye(3), off_m * T.rotation[:, 1]) * body.T_base_body)
+    said_by_hand = m.hand.grasp(T, pushed, m.hand.stroke_m)
+    assert said_by_hand is not None
+    stage = importlib.import_module("plan_check.stage").Stage
+    robot = importlib.import_module("plan_check.urdf").load_robot()
+    plan = plan_of(m, Scene.of([table, pushed]), [CLOSE], q)
+    here = stage.of(plan, plan.situation, robot)
+    found = importlib.import_module("plan_check.fingers").closing(here, here.things["block"])
+    assert found.holds
+    assert found.opening_m == pytest.approx(said_by_hand.finger_m, abs=1e-3)
+    moved = T.rotation[:, 1] @ (found.T_things[-1][:3, 3] - pushed.T_base_body.translation)
+    assert moved == pytest.approx(said_by_hand.push_m, abs=1e-4)
+
+
+# Releases, hands, states
+
+
+def test_a_body_let_go_in_the_air_falls(manipulator: Manipulator, table: Body) -> None:
+    m, body = manipulator, block()
+    q = grasp_q(m, body)
+    let_go = Grip("open", GripperAction.OPEN, "block")
+    high = check(plan_of(m, Scene.of([table, body]), [CLOSE, lift(m, q, 0.03), let_go], q))
+    assert said(high) == {("falls", "", "block")}
+    low = check(plan_of(m, Scene.of([table, body]), [CLOSE, lift(m, q, 0.008), let_go], q))
+    assert low == []
+
+
+def test_what_the_other_hand_holds_is_an_obstacle(robot: Baxter, manipulator: Manipulator) -> None:
+    m, right = manipulator, robot.arm("right")
+    joints = Situation.of(m, Scene.of()).joints
+    q_right = np.array([joints[name] for name in right.joint_names])
+    T_tip_body = at(0.0, 0.0, 0.01)
+    held = cube("held", (0.02, 0.02, 0.3), 0, 0, 0).at(right.T_base_tip(q_right) * T_tip_body)
+    q = np.array(m.arm.neutral)
+    still = Move("stay", Trajectory.stay(q, m.limits))
+    holding = (Holding("right", "held", T_tip_body),)
+    assert check(plan_of(m, Scene.of([held]), [still], q, held=holding)) == []
+    elsewhere = held.at(at(0.0, 0.1, 0.0) * held.T_base_body)
+    found = said(check(plan_of(m, Scene.of([elsewhere]), [still], q, held=holding)))
+    assert found == {("is not where it is held", "held", "right hand")}
+
+
+def test_joints_out_of_their_range_are_found(manipulator: Manipulator) -> None:
+    m = manipulator
+    q = np.array(m.arm.neutral)
+    goal = q + [0, 0, 0, 0, 0, 0, 0.2]
+    way = plan_joint_move(q, goal, m.limits)
+    shift = np.array([0, 0, 0, 0, 0, 0, 3.0])
+    beyond = Trajectory(m.limits, way.knots_s, way.q + shift, way.v, way.a, way.j)
+    found = check(plan_of(m, Scene.of(), [Move("turn", beyond)], q + shift))
+    assert ("position limit", "", "left_w2") in said(found)
+
+
+def test_a_plan_that_does_not_end_at_rest_is_found(manipulator: Manipulator) -> None:
+    m = manipulator
+    q = np.array(m.arm.neutral)
+    way = plan_joint_move(q, q + 0.3, m.limits)
+    half = len(way.knots_s) // 2 + 1
+    cut = Trajectory(m.limits, *(x[:half] for x in (way.knots_s, way.q, way.v, way.a)), way.j[: half - 1])
+    kinds = {f.kind for f in check(plan_of(m, Scene.of(), [Move("half", cut)], q))}
+    assert kinds == {"moves where it should rest"}
+
+
+# The harness
+
+
+def test_problems_are_the_same_for_the_same_seed() -> None:
+    problems = importlib.import_module("plan_check.problems")
+    for family in problems.FAMILIES:
+        first, again = (problems.make_problem(family, 1, 7) for _ in range(2))
+        assert list(first.scene.bodies) == list(again.scene.bodies)
+        for one, other in zip(first.scene, again.scene, strict=True):
+            assert one.T_base_body.isApprox(other.T_base_body, 0.0)
+        np.testing.assert_array_equal(first.q_start, again.q_start)
+
+
+def test_the_table_counts(capsys: pytest.CaptureFixture[str]) -> None:
+    script, trial = (importlib.import_module(n) for n in ("check_plans", "plan_check.trial"))
+    trials = [
+        trial.Trial("plain", 0, 0, planning_s=0.5, check_s=1.0),
+        trial.Trial("plain", 1, 0, planning_s=0.7, findings=("touches",)),
+        trial.Trial("plain", 2, 0, planning_s=0.2, refusal="no way"),
+        trial.Trial("plain", 3, 0, error="Traceback"),
+    ]
+    row = script._table(["plain"], trials).splitlines()[2]
+    assert row == "| plain | 4 | 2 | 1 | 1 | 0 | 1 | 0.20, 0.20 | 0.60 |"
+
+
+def test_one_problem_from_start_to_end() -> None:
+    found = importlib.import_module("plan_check.trial").run_trial("plain", 0, 0)
+    assert found.error is None
+    assert found.planning_s > 0.0
+    assert found.refusal is not None or found.check_s > 0.0
+
+
+def test_round_bodies_are_no_larger_than_they_are() -> None:
+    solids = importlib.import_module("plan_check.solids")
+    for shape in (Cylinder(0.03, 0.1), Sphere(0.03)):
+        vertices = solids.solid_of("round", shape).vertices
+        radius = np.linalg.norm(vertices[:, :2] if isinstance(shape, Cylinder) else vertices, axis=1)
+        assert radius.max() <= 0.03 + 1e-12
