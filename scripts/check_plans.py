@@ -21,13 +21,12 @@ import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
-from pathlib import Path
 
+from plan_check.problems import FAMILIES
+from plan_check.trial import Trial, run_trial
 from tqdm import tqdm
 
 from baxter_kin.command_line import OneSentenceParser, file_to_write, whole_number
-from plan_check.problems import FAMILIES
-from plan_check.trial import Trial, run_trial
 
 SHOWN = 3
 """Findings printed of each contradicted plan; the file has all."""
@@ -116,7 +115,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = OneSentenceParser(description="Plans against an independent check at 1 kHz.")
     some, any_number = whole_number(1), whole_number(0)
     parser.add_argument("--count", type=some, default=50, help="of each family (default 50)")
-    parser.add_argument("--first", type=any_number, default=0, help="number of the first (default 0)")
+    parser.add_argument(
+        "--first", type=any_number, default=0, help="number of the first (default 0)"
+    )
     parser.add_argument("--seed", type=any_number, default=0, help="of all problems (default 0)")
     parser.add_argument(
         "--family", action="append", choices=list(FAMILIES), help="repeatable (default: all)"

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from plan_check.clearance import Track
-from plan_check.fingers import Closing, Travel, closing, line_travel
 from plan_check.findings import Finding
+from plan_check.fingers import Closing, Travel, closing, line_travel
 from plan_check.motion import arm_joints, motion_faults, sampled
 from plan_check.pairs import Span, When, broken
 from plan_check.rules import BRUSHING, DROP_M, FORBIDDEN, PRESSING, Rule, apart
@@ -193,10 +193,14 @@ class _Check:
             for other in thing.tracks():
                 for held in tracks:
                     if name in supports[0] | supports[1]:
-                        ends = name in supports[0], name in supports[1]
-                        lines = run.line_out, run.line_in
                         yield from held_findings(
-                            held, other, ends, lines, tips[:, :3, 3], self._rest, run.when
+                            held,
+                            other,
+                            ends=(name in supports[0], name in supports[1]),
+                            lines=(run.line_out, run.line_in),
+                            tips=tips[:, :3, 3],
+                            rest=self._rest,
+                            when=run.when,
                         )
                     else:
                         yield from broken(held, other, [Span(0, count, self._rest)], run.when)

@@ -94,5 +94,3 @@ def closing(stage: Stage, thing: Thing | None) -> Closing:
 def _steps(begin_m: float, end_m: float) -> Array:
     count = 1 + int(np.ceil(abs(end_m - begin_m) / STEP_M))
     return np.linspace(begin_m, end_m, max(count, 2))
-
-

@@ -14,6 +14,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
+from plan_check.solids import Array, hull_solid
+from plan_check.urdf import load_robot
 from planner import (
     Body,
     Box,
@@ -28,8 +30,6 @@ from planner import (
     load_object,
     overhead_grasp,
 )
-from plan_check.solids import Array, hull_solid
-from plan_check.urdf import load_robot
 from sim import World
 
 TABLE_Z_M = -0.155
@@ -43,7 +43,14 @@ ROOM_M = 0.09
 
 BODY = "body"
 
-CROWDED = ("lower_elbow", "upper_forearm", "lower_forearm", "wrist", "lower_shoulder", "upper_elbow")
+CROWDED = (
+    "lower_elbow",
+    "upper_forearm",
+    "lower_forearm",
+    "wrist",
+    "lower_shoulder",
+    "upper_elbow",
+)
 """Links that small cubes are put close to."""
 
 
@@ -101,9 +108,7 @@ def _bins(rng: np.random.Generator) -> Problem:
     assert problem.task is not None
     ends = (problem.task.T_base_pick, problem.task.T_base_place)
     chosen = [ends[:1], ends[1:], ends][int(rng.integers(3))]
-    walls = [
-        wall for i, T in enumerate(chosen) for wall in _bin(rng, f"bin{i}", T.translation[:2])
-    ]
+    walls = [wall for i, T in enumerate(chosen) for wall in _bin(rng, f"bin{i}", T.translation[:2])]
     return replace(problem, scene=_with(problem.scene, walls))
 
 
@@ -141,7 +146,9 @@ def _other_hand(rng: np.random.Generator) -> Problem:
     down_m = float(rng.uniform(0.0, size[2] / 2 - 0.008)) if size[2] > 0.05 else 0.0
     world.attach(other, "held", _at(0.0, 0.0, down_m))
     manipulator = replace(base, q_others=world.q)
-    return replace(problem, manipulator=manipulator, scene=world.scene, held=getattr(world, "held", ()))
+    return replace(
+        problem, manipulator=manipulator, scene=world.scene, held=getattr(world, "held", ())
+    )
 
 
 def _free(rng: np.random.Generator) -> Problem:
@@ -277,7 +284,9 @@ def _crowded(rng: np.random.Generator, problem: Problem, count: int) -> Problem:
     cubes = []
     for number in range(count):
         q = ends[int(rng.integers(len(ends)))] + rng.uniform(-0.15, 0.15, 7)
-        poses = load_robot().poses(dict(zip(m.arm.joint_names, q, strict=True)) | _standing_joints(m))
+        poses = load_robot().poses(
+            dict(zip(m.arm.joint_names, q, strict=True)) | _standing_joints(m)
+        )
         link = f"{m.arm.side}_{CROWDED[int(rng.integers(len(CROWDED)))]}"
         out = rng.normal(size=3)
         centre = poses[link][:3, 3] + out / np.linalg.norm(out) * rng.uniform(0.09, 0.16)
@@ -294,9 +303,7 @@ def _standing_joints(m: Manipulator) -> dict[str, float]:
     return {name: value for name, value in joints.items() if name not in m.arm.joint_names}
 
 
-def _obstacle(
-    rng: np.random.Generator, name: str, ends: list[Array], m: Manipulator
-) -> list[Body]:
+def _obstacle(rng: np.random.Generator, name: str, ends: list[Array], m: Manipulator) -> list[Body]:
     """A box, cylinder or ball, some of them in the air; none near the ends."""
     side = 1.0 if m.arm.side == "left" else -1.0
     radius, height = float(rng.uniform(0.01, 0.04)), float(rng.uniform(0.05, 0.30))
@@ -360,9 +367,15 @@ def _hovering(rng: np.random.Generator, m: Manipulator, *, low: float, high: flo
     """A configuration with the tip above the table, pointing down more or less."""
     side = 1.0 if m.arm.side == "left" else -1.0
     while True:
-        p = np.array([rng.uniform(0.5, 0.85), side * rng.uniform(0.0, 0.45), rng.uniform(low, high)])
+        p = np.array(
+            [rng.uniform(0.5, 0.85), side * rng.uniform(0.0, 0.45), rng.uniform(low, high)]
+        )
         tilt = pin.exp3(rng.uniform(-0.5, 0.5, 3))
-        R = tilt @ _at(0.0, 0.0, 0.0, float(rng.uniform(-1.0, 1.0))).rotation @ np.diag([-1.0, 1, -1])
+        R = (
+            tilt
+            @ _at(0.0, 0.0, 0.0, float(rng.uniform(-1.0, 1.0))).rotation
+            @ np.diag([-1.0, 1, -1])
+        )
         found = m.ik.solve(pin.SE3(R, p))
         if found.is_valid:
             return np.array(found.q)
@@ -379,7 +392,9 @@ def _width(
     return float(rng.uniform(low, max(low, min(m.hand.open_gap_m - WIDEST_OFF_M, widest))))
 
 
-def _part(shape: Box | Cylinder | Sphere | Mesh, *, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Part:
+def _part(
+    shape: Box | Cylinder | Sphere | Mesh, *, x: float = 0.0, y: float = 0.0, z: float = 0.0
+) -> Part:
     return Part(shape, _at(x, y, z))
 
 

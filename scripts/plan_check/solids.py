@@ -237,7 +237,7 @@ def hull_solid(name: str, points: Array) -> Solid:
         return -(others @ planes[:, :3].T + planes[:, 3]).max(axis=1)
 
     def shrink(off_m: float) -> Solid | None:
-        inner = planes + [0.0, 0.0, 0.0, off_m]
+        inner = planes + np.array([0.0, 0.0, 0.0, off_m])
         # the deepest point: max r with normal @ x + offset + r <= 0
         ones, bounds = np.ones((len(inner), 1)), [(None, None)] * 3 + [(0.0, None)]
         found = linprog([0, 0, 0, -1], np.hstack([inner[:, :3], ones]), -inner[:, 3], bounds=bounds)
@@ -250,7 +250,9 @@ def hull_solid(name: str, points: Array) -> Solid:
 
 def box_corners(box: Array) -> Array:
     """The eight corners of a box of low and high, shape (2, 3)."""
-    return np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    return np.array(
+        [[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    )
 
 
 def _halves(corners: Array) -> list[Array]:

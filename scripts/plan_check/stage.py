@@ -63,9 +63,7 @@ class Thing:
     @property
     def lowest_m(self) -> float:
         """Its lowest point."""
-        return min(
-            float((t.solid.vertices @ t.T[2, :3]).min() + t.T[2, 3]) for t in self.tracks()
-        )
+        return min(float((t.solid.vertices @ t.T[2, :3]).min() + t.T[2, 3]) for t in self.tracks())
 
 
 @dataclass(frozen=True)
@@ -157,9 +155,7 @@ class Stage:
     def holding(self, name: str, T_tip_held: Array) -> Stage:
         """A body taken into the hand."""
         others = {key: thing for key, thing in self.things.items() if key != name}
-        return replace(
-            self, things=others, held=self.things[name], T_tip_held=np.array(T_tip_held)
-        )
+        return replace(self, things=others, held=self.things[name], T_tip_held=np.array(T_tip_held))
 
     def released(self) -> Stage:
         """What is held, left where it is."""

@@ -16,6 +16,7 @@ from plan_check.solids import Array
 def held_findings(
     held: Track,
     other: Track,
+    *,
     ends: tuple[bool, bool],
     lines: tuple[int, int],
     tips: Array,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import cache
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -101,7 +101,7 @@ class Robot:
                 moving.add(joint.child)
         return moving
 
-    @lru_cache(maxsize=None)  # noqa: B019 - there is one robot
+    @cache  # noqa: B019 - there is one robot
     def are_joined(self, first: str, second: str) -> bool:
         """Whether two links are rigid to each other, or only one joint is between them."""
         groups = {self.group[first], self.group[second]}
@@ -119,9 +119,7 @@ def load_robot() -> Robot:
     root = ET.parse(path).getroot()
     joints = _ordered([_joint(element) for element in root.findall("joint")])
     share = next(parent for parent in path.parents if parent.name == "example-robot-data").parent
-    solids = {
-        str(link.get("name")): tuple(_solids(link, share)) for link in root.findall("link")
-    }
+    solids = {str(link.get("name")): tuple(_solids(link, share)) for link in root.findall("link")}
     return Robot(joints[0].parent, joints, solids, _groups(joints))
 
 

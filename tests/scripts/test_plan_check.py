@@ -99,7 +99,7 @@ OPEN = Grip("open", GripperAction.OPEN)
 
 def lift(m: Manipulator, q: Vector, height_m: float = 0.06) -> Move:
     T = m.arm.T_base_tip(q)
-    up = pin.SE3(T.rotation, T.translation + [0.0, 0.0, height_m])
+    up = pin.SE3(T.rotation, T.translation + np.array([0.0, 0.0, height_m]))
     return Move("lift", plan_straight_move(m.arm, q, up, m.limits), is_straight=True)
 
 
@@ -147,7 +147,10 @@ def test_no_sample_is_passed_over_that_is_too_close() -> None:
     solids = importlib.import_module("plan_check.solids")
     clearance = importlib.import_module("plan_check.clearance")
     rng = np.random.default_rng(1)
-    first, second = solids.box_solid("a", np.array([0.1, 0.2, 0.05])), solids.sphere_solid("b", 0.06)
+    first, second = (
+        solids.box_solid("a", np.array([0.1, 0.2, 0.05])),
+        solids.sphere_solid("b", 0.06),
+    )
     for needed in (0.0, 0.02):
         for _ in range(6):
             begin, way, turn = rng.normal(0, 0.2, 3), rng.normal(0, 0.4, 3), rng.normal(0, 2.0, 3)
@@ -198,7 +201,8 @@ def test_what_is_wholly_inside_a_mesh_is_seen(manipulator: Manipulator) -> None:
 
 def test_an_arm_through_a_box_is_contradicted(manipulator: Manipulator) -> None:
     m = manipulator
-    q, goal = np.array(m.arm.neutral), np.array(m.arm.neutral) + [0.8, 0, 0, 0, 0, 0, 0]
+    q, goal = np.array(m.arm.neutral), np.array(m.arm.neutral)
+    goal[0] += 0.8
     way = plan_joint_move(q, goal, m.limits)
     x, y, z = m.arm.T_base_tip(way.sample(way.duration / 2).q).translation
     moves = [Move("across", way)]
@@ -238,7 +242,7 @@ def test_a_held_body_that_meets_a_wall_is_contradicted(
 ) -> None:
     m, body = manipulator, block(height_m=0.08)
     q = grasp_q(m, body)
-    steps = [CLOSE, lift(m, q, 0.10)]
+    steps: list[Move | Grip] = [CLOSE, lift(m, q, 0.10)]
     assert check(plan_of(m, Scene.of([table, body]), steps, q)) == []
     # beside the fingers and low enough for nothing else
     lid = cube("lid", (0.01, 0.2, 0.01), PICK_M[0] + 0.011, PICK_M[1], TABLE_TOP_M + 0.1)
@@ -252,7 +256,7 @@ def test_a_body_that_is_dragged_over_the_table_slides(
     m, body = manipulator, block()
     q = grasp_q(m, body)
     T = m.arm.T_base_tip(q)
-    aside = pin.SE3(T.rotation, T.translation + [0.0, 0.03, 0.0])
+    aside = pin.SE3(T.rotation, T.translation + np.array([0.0, 0.03, 0.0]))
     drag = Move("drag", plan_straight_move(m.arm, q, aside, m.limits))
     found = check(plan_of(m, Scene.of([table, body]), [CLOSE, drag], q))
     assert ("slides while touching", "block", "table") in said(found)
@@ -390,7 +394,7 @@ def test_what_the_other_hand_holds_is_an_obstacle(robot: Baxter, manipulator: Ma
 def test_joints_out_of_their_range_are_found(manipulator: Manipulator) -> None:
     m = manipulator
     q = np.array(m.arm.neutral)
-    goal = q + [0, 0, 0, 0, 0, 0, 0.2]
+    goal = q + np.array([0, 0, 0, 0, 0, 0, 0.2])
     way = plan_joint_move(q, goal, m.limits)
     shift = np.array([0, 0, 0, 0, 0, 0, 3.0])
     beyond = Trajectory(m.limits, way.knots_s, way.q + shift, way.v, way.a, way.j)
@@ -402,8 +406,9 @@ def test_a_plan_that_does_not_end_at_rest_is_found(manipulator: Manipulator) -> 
     m = manipulator
     q = np.array(m.arm.neutral)
     way = plan_joint_move(q, q + 0.3, m.limits)
-    half = len(way.knots_s) // 2 + 1
-    cut = Trajectory(m.limits, *(x[:half] for x in (way.knots_s, way.q, way.v, way.a)), way.j[: half - 1])
+    n = len(way.knots_s) // 2 + 1
+    knots, q_cut, v, a = (x[:n] for x in (way.knots_s, way.q, way.v, way.a))
+    cut = Trajectory(m.limits, knots, q_cut, v, a, way.j[: n - 1])
     kinds = {f.kind for f in check(plan_of(m, Scene.of(), [Move("half", cut)], q))}
     assert kinds == {"moves where it should rest"}
 
@@ -444,5 +449,7 @@ def test_round_bodies_are_no_larger_than_they_are() -> None:
     solids = importlib.import_module("plan_check.solids")
     for shape in (Cylinder(0.03, 0.1), Sphere(0.03)):
         vertices = solids.solid_of("round", shape).vertices
-        radius = np.linalg.norm(vertices[:, :2] if isinstance(shape, Cylinder) else vertices, axis=1)
+        radius = np.linalg.norm(
+            vertices[:, :2] if isinstance(shape, Cylinder) else vertices, axis=1
+        )
         assert radius.max() <= 0.03 + 1e-12
