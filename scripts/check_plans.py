@@ -6,7 +6,7 @@ Eight families of problems (`plan_check.problems`). Every plan that the planner 
 to `planner.verify` and to an independent check (`plan_check.checker`): the robot's original meshes,
 all of their triangles, kinematics from the URDF, distances by FCL, every millisecond of every move
 and every 0.05 mm of the fingers' travel. Exit status 1 when a plan is contradicted or rejected, or
-anything raised.
+anything raised. Times are of the processor, so that other work on the machine does not count.
 """
 
 from __future__ import annotations

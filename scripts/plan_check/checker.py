@@ -18,7 +18,7 @@ from plan_check.findings import Finding
 from plan_check.fingers import Closing, Travel, closing, line_travel
 from plan_check.motion import arm_joints, motion_faults, sampled
 from plan_check.pairs import Span, When, broken
-from plan_check.rules import BRUSHING, DROP_M, FORBIDDEN, PRESSING, Rule, apart
+from plan_check.rules import BRUSHING, CONTACT_M, DROP_M, FORBIDDEN, PRESSING, Rule, apart
 from plan_check.solids import Array
 from plan_check.stage import Stage, Thing
 from plan_check.supported import held_findings
@@ -248,7 +248,7 @@ class _Check:
         self._stage = stage.opened(goal)
         if thing is not None:
             drop_m = stage.fallen(thing, 1.0)
-            if drop_m > DROP_M:
+            if drop_m > DROP_M + CONTACT_M:
                 yield Finding("falls", grip.label, 0.0, thing.name, "", drop_m)
             self._stage = self._stage.with_thing(thing.raised(-drop_m))
             self._released = thing.name

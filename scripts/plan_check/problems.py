@@ -14,7 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
+from plan_check.clearance import distance_m, inverse
 from plan_check.solids import Array, hull_solid
+from plan_check.stage import Thing
 from plan_check.urdf import load_robot
 from planner import (
     Body,
@@ -38,6 +40,9 @@ TABLE_Z_M = -0.155
 WIDEST_OFF_M, NARROWEST_OFF_M = 0.007, 0.003
 """How much narrower than the open hand, and wider than the closed one, bodies are made."""
 
+HEAD_M, HEAD_ROOM_M = np.array([0.11, 0.0, 0.75]), 0.40
+"""Arms that stand somewhere at random keep off the head."""
+
 ROOM_M = 0.09
 """From obstacles to the axes of pick and place."""
 
@@ -52,6 +57,9 @@ CROWDED = (
     "upper_elbow",
 )
 """Links that small cubes are put close to."""
+
+NEAREST_M, NEAR_M, CROWDING_TRIES = 0.008, 0.06, 8
+"""How far these are from the arm where it stops, and how often that is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +101,7 @@ def _plain(rng: np.random.Generator) -> Problem:
 
 def _obstacles(rng: np.random.Generator) -> Problem:
     problem = _among(rng, _plain(rng), int(rng.integers(1, 4)))
-    return _crowded(rng, problem, int(rng.integers(1, 4)))
+    return _crowded(rng, problem, int(rng.integers(1, 3)))
 
 
 def _odd(rng: np.random.Generator) -> Problem:
@@ -157,7 +165,9 @@ def _free(rng: np.random.Generator) -> Problem:
     ends = [m.arm.T_base_tip(q).translation for q in (start, goal)]
     scene = Scene.of([_table()])
     for number in range(int(rng.integers(2, 6))):
-        scene = _with(scene, _obstacle(rng, f"obstacle{number}", ends, m))
+        found = _obstacle(rng, f"obstacle{number}", ends, m)
+        clear = [b for b in found if _arm_distance_m(m, b, [start, goal]) > NEAREST_M]
+        scene = _with(scene, clear)
     margin = float(rng.uniform(0.002, 0.01)) if rng.random() < 0.3 else 0.0
     problem = Problem(m, scene, start, q_goal=goal, margin_m=margin)
     return _crowded(rng, problem, int(rng.integers(0, 3)))
@@ -234,12 +244,12 @@ def _dumbbell(rng: np.random.Generator, m: Manipulator) -> tuple[list[Part], flo
 
 def _rod(rng: np.random.Generator, m: Manipulator, T: pin.SE3, width_m: float) -> Body:
     """A post beside a finger: between its open and its closed pad, or just outside."""
-    thick, height = rng.uniform(0.004, 0.010), float(rng.uniform(0.03, 0.09))
+    thick, height = rng.uniform(0.004, 0.010), float(rng.uniform(0.02, 0.07))
     open_m = m.hand.open_gap_m / 2
     inner, outer = width_m / 2 + thick / 2 + 0.001, open_m - thick / 2
     beside = rng.uniform(inner, outer)
     if rng.random() < 0.7:
-        beside = open_m + rng.uniform(0.018, 0.04) + thick / 2
+        beside = open_m + rng.uniform(0.022, 0.045) + thick / 2
     side, across = rng.choice([-1.0, 1.0]), rng.uniform(-0.022, 0.022)
     shift = T.rotation @ np.array([across, side * beside, 0.0])
     x, y = T.translation[:2] + shift[:2]
@@ -275,32 +285,57 @@ def _among(rng: np.random.Generator, problem: Problem, count: int) -> Problem:
 
 
 def _crowded(rng: np.random.Generator, problem: Problem, count: int) -> Problem:
-    """The same problem with small cubes in the air, close to where links of the arm will be."""
-    m, task = problem.manipulator, problem.task
-    ends = [problem.q_start] if problem.q_goal is None else [problem.q_start, problem.q_goal]
-    if task is not None:
-        found = [m.ik.solve(T) for T in (task.T_base_pick, task.T_base_place)]
-        ends += [np.array(ik.q) for ik in found if ik.is_valid]
-    cubes = []
+    """The same problem with small cubes in the air, close to links of the arm where it stops."""
+    m = problem.manipulator
+    ends, cubes = _ends(problem), []
     for number in range(count):
-        q = ends[int(rng.integers(len(ends)))] + rng.uniform(-0.15, 0.15, 7)
-        poses = load_robot().poses(
-            dict(zip(m.arm.joint_names, q, strict=True)) | _standing_joints(m)
-        )
+        q = ends[int(rng.integers(len(ends)))]
         link = f"{m.arm.side}_{CROWDED[int(rng.integers(len(CROWDED)))]}"
-        out = rng.normal(size=3)
-        centre = poses[link][:3, 3] + out / np.linalg.norm(out) * rng.uniform(0.09, 0.16)
-        edge = float(rng.uniform(0.01, 0.04))
-        if centre[2] > TABLE_Z_M + 0.15:
+        middle = _links_at(m, q)[link]
+        for _ in range(CROWDING_TRIES):
+            out = rng.normal(size=3)
+            centre = middle + out / np.linalg.norm(out) * rng.uniform(0.08, 0.20)
+            edge = float(rng.uniform(0.01, 0.04))
             T = _at(*centre.tolist(), float(rng.uniform(-1.0, 1.0)))
-            cubes.append(Body(f"cube{number}", (_part(Box((edge, edge, edge))),), T))
+            cube = Body(f"cube{number}", (_part(Box((edge, edge, edge))),), T)
+            near_m = _arm_distance_m(m, cube, ends)
+            if centre[2] > TABLE_Z_M + 0.15 and NEAREST_M < near_m < NEAR_M:
+                cubes.append(cube)
+                break
     return replace(problem, scene=_with(problem.scene, cubes))
 
 
-def _standing_joints(m: Manipulator) -> dict[str, float]:
-    names = m.robot.joint_names
-    joints = dict(zip(names, m.q_others.tolist(), strict=True))
-    return {name: value for name, value in joints.items() if name not in m.arm.joint_names}
+def _ends(problem: Problem) -> list[Array]:
+    """Where the arm stands or stops, one of the solutions where there are many."""
+    ends = [problem.q_start] if problem.q_goal is None else [problem.q_start, problem.q_goal]
+    if problem.task is not None:
+        poses = problem.task.T_base_pick, problem.task.T_base_place
+        found = [problem.manipulator.ik.solve(T) for T in poses]
+        ends += [np.array(ik.q) for ik in found if ik.is_valid]
+    return ends
+
+
+def _links_at(m: Manipulator, q: Array) -> dict[str, Array]:
+    """The origin of each link, shape (3,)."""
+    return {link: T[:3, 3] for link, T in _poses(m, q).items()}
+
+
+def _poses(m: Manipulator, q: Array) -> dict[str, Array]:
+    joints = dict(zip(m.robot.joint_names, m.q_others.tolist(), strict=True))
+    return load_robot().poses(joints | dict(zip(m.arm.joint_names, q.tolist(), strict=True)))
+
+
+def _arm_distance_m(m: Manipulator, body: Body, ends: list[Array]) -> float:
+    """How near the arm is to a body at any of some configurations."""
+    robot, tracks = load_robot(), Thing.of(body).tracks()
+    moving = robot.below({m.arm.joint_names[0]})
+    return min(
+        distance_m(solid, track.solid, inverse(track.T) @ T[link])
+        for T in (_poses(m, q) for q in ends)
+        for link in moving
+        for solid in robot.solids[link]
+        for track in tracks
+    )
 
 
 def _obstacle(rng: np.random.Generator, name: str, ends: list[Array], m: Manipulator) -> list[Body]:
@@ -377,8 +412,15 @@ def _hovering(rng: np.random.Generator, m: Manipulator, *, low: float, high: flo
             @ np.diag([-1.0, 1, -1])
         )
         found = m.ik.solve(pin.SE3(R, p))
-        if found.is_valid:
+        if found.is_valid and _is_off_the_head(m, np.array(found.q)):
             return np.array(found.q)
+
+
+def _is_off_the_head(m: Manipulator, q: Array) -> bool:
+    origins = _links_at(m, q)
+    elbow, forearm = (origins[f"{m.arm.side}_{link}"] for link in ("lower_elbow", "lower_forearm"))
+    points = np.linspace(elbow, forearm, 4)
+    return bool(np.linalg.norm(points - HEAD_M, axis=1).min() > HEAD_ROOM_M)
 
 
 def _limb(rng: np.random.Generator) -> str:

@@ -453,3 +453,24 @@ def test_round_bodies_are_no_larger_than_they_are() -> None:
             vertices[:, :2] if isinstance(shape, Cylinder) else vertices, axis=1
         )
         assert radius.max() <= 0.03 + 1e-12
+
+
+def test_distances_are_no_longer_than_from_any_vertex() -> None:
+    solids = importlib.import_module("plan_check.solids")
+    clearance = importlib.import_module("plan_check.clearance")
+    robot = importlib.import_module("plan_check.urdf").load_robot()
+    rng, half = np.random.default_rng(3), np.array([0.01, 0.025, 0.04])
+    box = solids.box_solid("box", 2 * half)
+    for link in ("left_lower_forearm", "l_gripper_l_finger", "left_wrist"):
+        mesh = robot.solids[link][0]
+        used = mesh.vertices[np.unique(mesh.faces)]
+        longest = np.linalg.norm(
+            mesh.vertices[mesh.faces] - mesh.vertices[mesh.faces[:, [1, 2, 0]]]
+        )
+        for _ in range(30):
+            T = np.eye(4)
+            T[:3, :3], T[:3, 3] = pin.exp3(rng.normal(0, 2, 3)), rng.normal(0, 0.15, 3)
+            seen = used @ T[:3, :3].T + T[:3, 3]
+            nearest = np.linalg.norm(np.maximum(np.abs(seen) - half, 0.0), axis=1).min()
+            found = clearance.distance_m(mesh, box, T)
+            assert nearest - longest <= found <= nearest + 1e-9
