@@ -10,6 +10,7 @@ from typing import Any
 
 from plan_check.checker import check_plan
 from plan_check.problems import Problem, make_problem
+from plan_check.task import task_faults
 from planner import Plan, plan_pick_and_place, plan_start_move, verify
 
 
@@ -66,8 +67,9 @@ def run_trial(family: str, number: int, seed: int) -> Trial:
         if not certificate.is_valid:
             known["rejected"] = certificate.verdict
         found = _timed(known, "check_s", lambda: check_plan(plan, margin_m=problem.margin_m))
+        found += task_faults(plan, problem.task, problem.q_goal)
         return Trial(family, number, seed, **known, findings=tuple(map(str, found)))
-    except Exception:
+    except Exception:  # whichever it is, it is counted
         return Trial(family, number, seed, **known, error=traceback.format_exc())
 
 
