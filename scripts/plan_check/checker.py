@@ -3,6 +3,11 @@
 Runs of moves between gripper actions are looked at every millisecond, gripper actions at least
 every 0.05 mm of a finger's way. How closing fingers push a body, and where a body that is let go
 ends up, is in `fingers`; what may touch, in `rules`.
+
+Not seen: what a pushed or carried body takes along or tips over, how one that is let go turns until
+it lies flat, links of the robot wholly inside each other, what is thinner than the arm moves in a
+millisecond (2 mm) and inside none of the solids at its beginning, cables and covers. Depths are of
+one surface in the other solid, so never more than it takes to part the two.
 """
 
 from __future__ import annotations
