@@ -8,7 +8,8 @@ BaxterError
     ├── MotionError         states that no motion under the limits joins (also ValueError)
     │   └── StraightMoveError   a line that the arm cannot follow to its end
     ├── TaskError           a pick or place that contradicts itself      (also ValueError)
-    └── PlanFileError       a plan that cannot be saved, or a bad file   (also ValueError)
+    ├── PlanFileError       a plan that cannot be saved, or a bad file   (also ValueError)
+    └── BodyFileError       the robot's body: data missing or of another version (also ValueError)
 ```
 
 A task without a solution is a `Plan` that carries its reason, not an exception.
@@ -73,3 +74,7 @@ def expect_all(values: object, kind: type[T], what: str, error: type[BaxterError
     if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
         raise error(f"{what} must be a sequence, got {type(values).__name__}")
     return tuple(expect(value, kind, f"each of {what}", error) for value in values)
+
+
+class BodyFileError(PlannerError, ValueError):
+    """The data file of the robot's body is missing, unreadable or of another version."""
