@@ -10,8 +10,8 @@ The file is JSON, UTF-8, of four entries:
   and `situation` (the scene and all other joints). SI units, radians, poses seen from base.
 
 Reading makes nothing but these values and runs nothing. A file that was truncated or edited is
-refused, as are foreign versions, files that are no plan, and files of more than
-`LARGEST_FILE_BYTES`. A file is replaced at once or not at all.
+refused, as are foreign versions, files that are no plan, files of more than `LARGEST_FILE_BYTES`
+and plans of more than `MOST` of anything. A file is replaced at once or not at all.
 """
 
 from __future__ import annotations
@@ -20,19 +20,35 @@ import hashlib
 import json
 import math
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from baxter_kin.errors import FileError
 from baxter_kin.files import PathLike, open_to_read, replace_file
-from planner.errors import PlanFileError
+from planner.errors import PlanFileError, PlannerError
 from planner.json_codec import Json, from_json, shown, to_json
+from planner.mesh import Mesh
 from planner.plan import Plan
+from planner.situation import Situation
 
 FORMAT = "baxter-kin plan"
 VERSION = 2
 
 LARGEST_FILE_BYTES = 32 * 2**20
 """A plan of one pick and place takes 0.03 MB; a larger file than this holds something else."""
+
+MOST: Mapping[str, int] = MappingProxyType(
+    {
+        "steps": 1_000,
+        "segments": 50_000,
+        "bodies": 500,
+        "parts": 2_000,
+        "triangles": 500_000,
+    }
+)
+"""Greatest size of a plan and its scene. One pick and place has 9 steps, 200 segments, 2 bodies of
+4 parts. What reading and checking a plan cost grows with these."""
 
 LONGEST_INTEGER = 15
 """Digits of an integer; every such number is an exact float."""
@@ -50,6 +66,7 @@ def save_plan(plan: Plan, path: PathLike) -> None:
     """
     if not isinstance(plan, Plan):
         raise PlanFileError(f"only a Plan can be saved, got {type(plan).__name__}")
+    check_size(plan, plan.situation, PlanFileError)
     head: dict[str, Json] = {"format": FORMAT, "version": VERSION, "sha256": _NO_CHECKSUM}
     content = _pretty({**head, "plan": to_json(plan, Plan, "plan")}).encode() + b"\n"
     checksum = hashlib.sha256(content).hexdigest().encode()
@@ -79,6 +96,24 @@ def load_plan(path: PathLike) -> Plan:
         raise PlanFileError(f"{file}: {cause}") from cause
 
 
+def check_size(plan: Plan, situation: Situation | None, error: type[PlannerError]) -> None:
+    """Raise an error when a plan, or the scene of a situation, is larger than `MOST` says."""
+    bodies = [] if situation is None else list(situation.scene)
+    parts = [part for body in bodies for part in body.parts]
+    counts = {
+        "steps": len(plan.steps),
+        "segments": sum(len(move.trajectory.j) for move in plan.moves),
+        "bodies": len(bodies),
+        "parts": len(parts),
+        "triangles": sum(len(p.shape.triangles) for p in parts if isinstance(p.shape, Mesh)),
+    }
+    for name, count in counts.items():
+        if count > MOST[name]:
+            raise error(
+                f"the plan and its scene have {count} {name}; at most {MOST[name]} can be checked"
+            )
+
+
 def _plan(content: bytes) -> Plan:
     document = _document(content)
     if document.get("format") != FORMAT:
@@ -92,6 +127,7 @@ def _plan(content: bytes) -> Plan:
         raise PlanFileError(f"has entries {shown(list(document))}; it must have {list(_ENTRIES)}")
     _check_sum(content, document["sha256"])
     plan: Plan = from_json(document["plan"], Plan, "plan")
+    check_size(plan, plan.situation, PlanFileError)
     return plan
 
 

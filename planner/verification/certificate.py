@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any
+
+from planner.plan import Plan
+from planner.situation import Situation
+from planner.verification.same import is_same
 
 _RELATIONS = {"<=": operator.le, ">=": operator.ge, ">": operator.gt}
 
@@ -90,6 +94,21 @@ def least(found: Iterable[Worst], nothing: str, value: float = math.inf) -> Wors
     return min(found, key=lambda worst: worst.value, default=Worst(value, nothing))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Subject:
+    """What a certificate was made of, as the objects themselves; no file holds them.
+
+    Attributes:
+        plan: the plan that was checked.
+        situation: the world that it was checked in.
+        is_standard: whether it was checked with the toolkit's tolerances.
+    """
+
+    plan: Plan
+    situation: Situation
+    is_standard: bool
+
+
 @dataclass(frozen=True, slots=True)
 class Certificate:
     """Everything that was checked about a plan.
@@ -99,12 +118,20 @@ class Certificate:
         motion_time_s: duration of its moves.
         samples: configurations at which distances were computed.
         checks: in the order they were made.
+        steps: of the plan.
+        limits: the acceleration and jerk that it was judged by.
+        geometry: what the clearances were measured on.
+        subject: what it was made of; None where somebody else than `verify` made it.
     """
 
     limb: str
     motion_time_s: float
     samples: int
     checks: tuple[Check, ...]
+    steps: int = 1
+    limits: str = "no limits"
+    geometry: str = "no geometry"
+    subject: Subject | None = field(default=None, repr=False, compare=False)
 
     @property
     def is_valid(self) -> bool:
@@ -115,6 +142,22 @@ class Certificate:
     def failures(self) -> tuple[Check, ...]:
         """The checks that are not passed."""
         return tuple(check for check in self.checks if not check.is_passed)
+
+    def is_of(self, plan: Plan, situation: Situation | None = None) -> bool:
+        """Whether `verify` made it in this process, of this very plan in just that world.
+
+        The plan must be the same object; a copy, or one read from a file again, is another one.
+        Of the world, all bodies, joints and what the hands hold must be the same to the last bit,
+        but not the joints of the arm that moves. With tolerances of somebody's own it is of none.
+
+        Args:
+            plan: what is about to be executed.
+            situation: the world before its first step; the plan's own when not given.
+        """
+        subject, known = self.subject, plan.situation if situation is None else situation
+        if subject is None or known is None or subject.plan is not plan:
+            return False
+        return subject.is_standard and is_same(subject.situation, known, plan.limb)
 
     def __getitem__(self, name: str) -> Check:
         """The check of that name.
@@ -134,13 +177,18 @@ class Certificate:
     @property
     def verdict(self) -> str:
         """The verdict as one sentence; names the checks that are not passed."""
-        what = f"{self.limb} arm, {self.motion_time_s:.3f} s of motion"
+        motion = f"{self.motion_time_s:.3f} s of motion" if self.steps else "a plan without steps"
+        what = f"{self.limb} arm, {motion}"
         if self.is_valid:
-            return f"valid: {what}, all {len(self.checks)} checks passed"
+            return f"valid: {what}, all {len(self.checks)} checks passed; {self.basis}"
         failed = "; ".join(str(check) for check in self.failures)
-        return (
-            f"not valid: {what}, {len(self.failures)} of {len(self.checks)} checks fail: {failed}"
-        )
+        count = f"{len(self.failures)} of {len(self.checks)} checks fail"
+        return f"not valid: {what}, {count}: {failed}; {self.basis}"
+
+    @property
+    def basis(self) -> str:
+        """The limits and the geometry that the verdict rests on, as a phrase."""
+        return f"judged by {self.limits}, measured on {self.geometry}"
 
     def table(self) -> str:
         """The checks as a text table, one line each."""
@@ -169,6 +217,9 @@ class Certificate:
             "limb": self.limb,
             "motion_time_s": self.motion_time_s,
             "samples": self.samples,
+            "steps": self.steps,
+            "limits": self.limits,
+            "geometry": self.geometry,
             "checks": checks,
         }
 

@@ -1,226 +1,262 @@
-"""Distances along a run of moves, sampled densely and bounded in between.
+"""Distances along a stage of the story: moves of the arm, or fingers that close or open.
 
-Between two samples no point of the arm, or of what it holds, travels further than a bound: the sum
-over the joints of how far each turns times its greatest lever arm. Samples are put where a joint
-turns back, so how far it turns is the difference of its positions. A pair's distance changes by no
-more than that travel, therefore a pair is measured again only when it could have become the nearest
-(as conservative advancement does: Mirtich 1996), and between samples nothing comes nearer than half
-the travel.
+Each step of the plan gets its own least distance, so that what it states of itself can be compared.
+Contacts on purpose are left out of it, but only where they are meant: of the fingers with a body on
+the straight line right before they close on it, while they close, hold and open, and on the
+straight line right after; of a held body with what it stands on, from when it is taken and until it
+is put down. Anywhere else the same shapes must be apart like all others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from baxter_kin.arrays import Indices, Vector
-from planner.verification.certificate import Worst, greatest
-from planner.verification.cubics import Cubics
-from planner.verification.geometry import Pair, RunGeometry
-from planner.verification.story import Run
+from planner.collision import Clearance
+from planner.plan import Grip, Move
+from planner.scene import Scene
+from planner.verification.body.distances import Distances, Pair
+from planner.verification.body.enclosed import is_enclosed
+from planner.verification.body.nearest import FARTHEST_M, Nearest, all_touching, is_farther, nearest
+from planner.verification.body.pressing import depth_m
+from planner.verification.body.stretch import IN_HAND, Section, Stretch
+from planner.verification.body.stretches import TRAVELS_M, Stretches
+from planner.verification.certificate import Worst, greatest, least
+from planner.verification.story import FingerTravel, Stage
 from planner.verification.tolerances import Tolerances
 from planner.verification.urdf_robot import UrdfRobot
 
-TRAVELS_M = (2e-3, 2.5e-4)
-"""Bounds on travel between two samples; the next where one leaves open whether things touch."""
-
-MOST_SAMPLES = 200_000
-"""Samples of one move; a motion so long that this is not dense enough stays unproven."""
+FOLD_M = 0.005
+"""How far the elbow's fold is measured; it keeps 36 mm until the elbow is bent to its end."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sampled:
-    """Configurations along a run.
+@dataclass(frozen=True, slots=True)
+class StepFound:
+    """The least distance of one step.
 
     Attributes:
-        qs: of the arm, shape (k, n).
-        travels_m: bounds on the travel from the sample before, shape (k,).
-        moves: number of the move of each sample, shape (k,).
-        labels: that move's label.
-        times_s: time within that move, shape (k,).
+        step: the move or gripper action.
+        least: at samples.
+        proven: what it is at least in between.
+        stated: how much more the move states to have measured, at the moment that it names, than
+            there is.
     """
 
-    qs: Vector
-    travels_m: Vector
-    moves: Indices
-    labels: tuple[str, ...]
-    times_s: Vector
+    step: Move | Grip
+    least: Worst
+    proven: Worst
+    stated: Worst | None = None
 
-    def where(self, sample: int) -> str:
-        """Move and time."""
-        return f"{self.labels[sample]}, {self.times_s[sample]:.4f} s"
+    def is_open(self, clearance_m: float) -> bool:
+        """Whether samples keep a clearance, but what is between them is not proven to."""
+        return self.proven.value <= clearance_m < self.least.value
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What was found along one run.
+    """What was found along one stage.
 
     Attributes:
-        least: the least distance of pairs that must not touch.
-        proven: what that distance is at least between samples.
+        steps: the least distances of pairs that must not touch.
+        fold: the least distance of the elbow's two halves, not told apart beyond `FOLD_M`.
         press: how deep an allowed contact presses.
         slide: how far a held body moves sideways while it touches what it may touch.
-        astray: how many contacts are made out of turn. In turn are those of the fingers with a
-            body in the move right before they close on it and right after they let it go, and those
-            of a held body that last from when it is taken, or until it is put down.
-        samples: configurations looked at.
+        astray: how many contacts are made out of turn.
+        enclosed: how many things are inside a link where the stage begins.
+        samples: configurations that were looked at.
     """
 
-    least: Worst
-    proven: Worst
+    steps: tuple[StepFound, ...]
+    fold: Worst
     press: Worst
     slide: Worst
     astray: Worst
+    enclosed: Worst
     samples: int
 
 
-def clearance_of(
-    run: Run, geometry: RunGeometry, robot: UrdfRobot, q_standing: Vector, allowed: Tolerances
-) -> Found:
-    """Distances along a run that has moves, sampled as densely as the proof needs."""
+def survey(
+    stage: Stage, stretches: Stretches, robot: UrdfRobot, allowed: Tolerances
+) -> Found | None:
+    """Measure along a stage; None for a run without moves."""
+    if isinstance(stage, FingerTravel):
+        stretch = stretches.of_travel(stage)
+        return _Survey(robot, stretch, stretches.pairs_of_travel(stage, stretch), allowed).found()
+    if not stage.moves:
+        return None
     for travel_m in TRAVELS_M:
-        sampled = _sampled(run, geometry.reach_m, travel_m)
-        full = robot.configurations(q_standing, sampled.qs, run.finger_m)
-        found = _Sweep(run, geometry, sampled, allowed).over(full)
-        is_open = found.proven.value <= allowed.clearance_m < found.least.value
-        if not is_open or sampled.travels_m.max() > travel_m:  # a jump, which nothing refines
+        stretch = stretches.of_run(stage, travel_m)
+        survey_ = _Survey(robot, stretch, stretches.pairs_of_run(stage, stretch), allowed)
+        found = survey_.found(stretches.folds())
+        if not any(step.is_open(allowed.clearance_m) for step in found.steps):
             break
     return found
 
 
-class _Sweep:
-    """One pass along the samples."""
+def survey_rest(
+    scene: Scene, stretches: Stretches, robot: UrdfRobot, allowed: Tolerances
+) -> tuple[Worst, Worst]:
+    """The least distance of what the arm does not move, and how many bodies are inside of it."""
+    stretch = stretches.of_rest(scene)
+    survey_ = _Survey(robot, stretch, stretches.pairs_of_rest(stretch), allowed)
+    return survey_.at_start(), survey_.enclosed()
+
+
+class _Survey:
+    """One stage."""
 
     def __init__(
-        self, run: Run, geometry: RunGeometry, sampled: Sampled, allowed: Tolerances
+        self, robot: UrdfRobot, stretch: Stretch, pairs: list[Pair], allowed: Tolerances
     ) -> None:
-        self._run, self._geometry, self._sampled, self._allowed = run, geometry, sampled, allowed
-        self._may_touch = np.zeros(len(geometry.pairs), dtype=np.bool_)
-        self._touches: dict[int, list[int]] = {}
-        self._tips: dict[int, Vector] = {}  # where the tip is while something touches
-        self._least, self._least_at = np.inf, (0, 0)
-        self._press, self._press_at = 0.0, "no allowed contact presses"
+        self._robot, self._stretch, self._allowed = robot, stretch, allowed
+        self._pairs = pairs
+        self._distances = Distances(robot, stretch, pairs)
+        self._press = Worst(0.0, "no allowed contact presses")
+        self._slides: list[Worst] = []
+        self._astray: list[str] = []
 
-    def over(self, full: Vector) -> Found:
-        """Measure along full configurations, shape (k, 19)."""
-        self._find_contacts(full[0], full[-1])
-        bounds = np.full(len(self._geometry.pairs), -np.inf)
-        for sample, (q, travel) in enumerate(zip(full, self._sampled.travels_m, strict=True)):
-            self._geometry.place(q)
-            bounds -= travel
-            for number in self._due(bounds):
-                bounds[number] = self._measured(sample, number)
-        return self._found()
-
-    def _find_contacts(self, q_first: Vector, q_last: Vector) -> None:
-        """Fingers may touch their body; a held body only what it touches at first or at last."""
-        candidates = [pair for pair in self._geometry.pairs if pair.body is not None]
-        for q in (q_first, q_last):
-            self._geometry.place(q)
-            for pair in candidates:
-                is_near = self._geometry.distance_m(pair) <= self._allowed.press_m
-                if is_near or self._run.carried is None:
-                    self._may_touch[pair.number] = True
-
-    def _due(self, bounds: Vector) -> list[int]:
-        nearest = np.where(self._may_touch, self._allowed.contact_m, self._least)
-        due: list[int] = np.flatnonzero(bounds <= nearest).tolist()
-        return due
-
-    def _measured(self, sample: int, number: int) -> float:
-        pair = self._geometry.pairs[number]
-        distance = self._geometry.distance_m(pair)
-        if not self._may_touch[number]:
-            if distance < self._least:
-                self._least, self._least_at = distance, (sample, number)
-        elif distance <= self._allowed.contact_m:
-            self._touches.setdefault(number, []).append(sample)
-            self._tips[sample] = self._geometry.tip_base()
-            if -distance > self._press:
-                self._press = -distance
-                self._press_at = f"{self._sampled.where(sample)}, {pair}"
-        return distance
-
-    def _found(self) -> Found:
-        sample, number = self._least_at
-        where = f"{self._sampled.where(sample)}, {self._geometry.pairs[number]}"
-        travel = float(self._sampled.travels_m.max())
+    def found(self, folds: Sequence[Pair] = ()) -> Found:
+        steps = tuple(self._section(section) for section in self._stretch.sections)
+        astray = self._astray
         return Found(
-            least=Worst(self._least, where),
-            proven=Worst(self._least - travel / 2, f"{1e3 * travel:.3f} mm of travel, {where}"),
-            press=Worst(self._press, self._press_at),
-            slide=self._slide(),
-            astray=self._astray(),
-            samples=len(self._sampled.qs),
+            steps,
+            self._fold(folds),
+            self._press,
+            greatest(self._slides, "no held body touches anything"),
+            Worst(len(astray), astray[0] if astray else "no contact out of turn"),
+            self.enclosed(),
+            len(self._stretch.q),
         )
 
-    def _astray(self) -> Worst:
-        """Contacts out of turn, and the first of them."""
-        astray = []
-        for number, span in self._spans():
-            pair = self._geometry.pairs[number]
-            if not self._is_in_turn(pair, span[0], span[-1]):
-                astray.append(f"{self._sampled.where(span[0])}, {pair}")
-        return Worst(len(astray), astray[0] if astray else "no contact out of turn")
+    def _section(self, section: Section) -> StepFound:
+        touching = [i for i, pair in enumerate(self._pairs) if self._may_touch(section, pair, i)]
+        apart = sorted(set(range(len(self._pairs))) - set(touching))
+        found, near = nearest(
+            self._distances, apart, section.first, section.last, self._allowed.contact_m
+        )
+        for number, samples in near.items():
+            if self._has_turn(number):
+                where = self._stretch.where(section, min(samples))
+                self._astray.append(f"{where}, {self._pairs[number]}")
+        self._contacts(section, touching)
+        return self._step(section, found, self._stated(section, apart))
 
-    def _slide(self) -> Worst:
-        """How far apart, sideways, the tip is within one contact of a held body."""
-        slides = []
-        for number, span in self._spans() if self._run.carried is not None else []:
-            tips = np.array([self._tips[sample][:2] for sample in span])
-            pair, moved = self._geometry.pairs[number], float(np.ptp(tips, axis=0).max())
-            slides.append(Worst(moved, f"{self._sampled.where(span[-1])}, {pair}"))
-        return greatest(slides, "no held body touches anything")
+    def _stated(self, section: Section, apart: list[int]) -> Worst | None:
+        """A stated distance against the one at the last sample before its moment.
 
-    def _spans(self) -> Iterator[tuple[int, list[int]]]:
-        """Each contact: its pair and the samples, one after the other, that it lasts."""
-        for number, samples in self._touches.items():
-            for span in np.split(samples, np.flatnonzero(np.diff(samples) > 1) + 1):
-                yield number, span.tolist()
+        Since then nothing came nearer by more than the travel between two samples.
+        """
+        step = section.step
+        if isinstance(step, Grip):
+            return None
+        named = [step.clearance, None if step.proof is None else step.proof.nearest]
+        excess = [self._excess(section, near, apart) for near in named if near is not None]
+        return greatest(excess, "nothing is stated") if excess else None
 
-    def _is_in_turn(self, pair: Pair, first: int, last: int) -> bool:
-        """Whether a contact from one sample to another is one of those allowed on purpose."""
-        run, end = self._run, len(self._sampled.qs) - 1
-        if run.carried is not None:
-            return first == 0 or (last == end and run.is_put_down)
-        move_first, move_last = self._sampled.moves[[first, last]].tolist()
-        is_leaving = pair.body == run.released and move_last == 0
-        is_coming = pair.body == run.wanted and move_first == len(run.moves) - 1
-        return is_leaving or is_coming
+    def _excess(self, section: Section, near: Clearance, apart: list[int]) -> Worst:
+        times = self._stretch.at[section.first : section.last + 1]
+        after = int(np.searchsorted(times, near.time_s or 0.0, side="right"))
+        sample, wanted = section.first + max(0, after - 1), near.distance_m - TRAVELS_M[0]
+        found = is_farther(self._distances, apart, sample, sample, wanted)
+        where = f"{1e3 * near.distance_m:.3f} mm stated, {1e3 * found.least_m:.3f} mm measured"
+        return Worst(wanted - found.least_m, f"{self._stretch.where(section, sample)}: {where}")
+
+    def _step(self, section: Section, found: Nearest, stated: Worst | None) -> StepFound:
+        if found.pair < 0:
+            where = f"{section.step.label}, nothing within {FARTHEST_M:g} m"
+        else:
+            where = f"{self._stretch.where(section, found.sample)}, {self._pairs[found.pair]}"
+        return StepFound(
+            section.step, Worst(found.least_m, where), Worst(found.proven_m, where), stated
+        )
+
+    def _has_turn(self, number: int) -> bool:
+        """Whether a contact on purpose of that pair is part of the stage."""
+        pair, sections = self._pairs[number], self._stretch.sections
+        if pair.body is None or pair.first.joint != IN_HAND:
+            return pair.body is not None
+        return any(self._may_touch(section, pair, number) for section in sections)
+
+    def _may_touch(self, section: Section, pair: Pair, number: int) -> bool:
+        if pair.body is None:
+            return False
+        if pair.first.joint != IN_HAND:
+            return pair.body in section.touched
+        near_m = self._allowed.press_m
+        ends = [section.first] * section.is_taken + [section.last] * section.is_put_down
+        return any(self._distances.shapes_apart(number, end, 2 * near_m) <= near_m for end in ends)
+
+    def _contacts(self, section: Section, numbers: list[int]) -> None:
+        """Depth, slide and turn of every allowed contact."""
+        found = all_touching(
+            self._distances, numbers, section.first, section.last, self._allowed.contact_m
+        )
+        for number, distances in found.items():
+            pair = self._pairs[number]
+            for sample in (s for s, distance in sorted(distances.items()) if distance <= 0.0):
+                self._measure_press(section, pair, sample)
+            if pair.first.joint == IN_HAND:
+                for first, last in _spans(sorted(distances)):
+                    self._held_contact(section, pair, first, last)
+
+    def _measure_press(self, section: Section, pair: Pair, sample: int) -> None:
+        poses = [self._distances.pose(solid, sample) for solid in (pair.first, pair.second)]
+        axes = self._distances.tip_base(sample).rotation
+        depth = depth_m(
+            pair.first, poses[0], pair.second, poses[1], axes, known_m=self._press.value
+        )
+        if depth > self._press.value:
+            self._press = Worst(depth, f"{self._stretch.where(section, sample)}, {pair}")
+
+    def _held_contact(self, section: Section, pair: Pair, first: int, last: int) -> None:
+        """One contact of a held body with what it stands on: it lasts from or to an end."""
+        if isinstance(section.step, Grip):  # it is pushed along its support
+            return
+        is_in_turn = (section.is_taken and first == section.first) or (
+            section.is_put_down and last == section.last
+        )
+        if not is_in_turn:
+            self._astray.append(f"{self._stretch.where(section, first)}, {pair}")
+        tips = [self._distances.tip_base(s).translation[:2] for s in range(first, last + 1)]
+        slide = float(np.ptp(np.array(tips), axis=0).max())
+        self._slides.append(Worst(slide, f"{self._stretch.where(section, last)}, {pair}"))
+
+    def _fold(self, folds: Sequence[Pair]) -> Worst:
+        last = len(self._stretch.q) - 1
+        distances = Distances(self._robot, self._stretch, list(folds))
+        found = is_farther(distances, list(range(len(folds))), 0, last, FOLD_M)
+        return Worst(found.least_m, "elbow folded onto itself" if found.pair >= 0 else "not near")
+
+    def at_start(self) -> Worst:
+        """The least distance of all pairs at the first sample."""
+        found, _ = nearest(self._distances, list(range(len(self._pairs))), 0, 0)
+        where = str(self._pairs[found.pair]) if found.pair >= 0 else "nothing near"
+        return Worst(found.least_m, where)
+
+    def enclosed(self) -> Worst:
+        """Bodies inside links at the first sample."""
+        inside = [str(pair) for pair in self._pairs if self._is_either_enclosed(pair)]
+        return Worst(len(inside), inside[0] if inside else "nothing inside a link")
+
+    def _is_either_enclosed(self, pair: Pair) -> bool:
+        """Between the robot and a body; links of one robot do not fit into each other."""
+        bodies = {id(solid) for solid in (*self._stretch.still, *self._stretch.held)}
+        both = sorted((pair.first, pair.second), key=lambda solid: id(solid) in bodies)
+        link, thing = both
+        if id(thing) not in bodies or id(link) in bodies:
+            return False
+        T_thing, T_link = (self._distances.pose(s, 0) for s in (thing, link))
+        return is_enclosed(thing, T_thing, link, T_link)
 
 
-def _sampled(run: Run, reach_m: Vector, travel_m: float) -> Sampled:
-    parts = list(_moves(run, reach_m, travel_m))
-    qs = np.concatenate([q for _, _, q in parts])
-    turned = np.abs(np.diff(qs, axis=0, prepend=qs[:1]))
-    labels = tuple(label for label, times, _ in parts for _ in times)
-    numbers = np.concatenate([np.full(len(q), number) for number, (_, _, q) in enumerate(parts)])
-    return Sampled(
-        qs, turned @ reach_m, numbers, labels, np.concatenate([times for _, times, _ in parts])
-    )
+def _spans(samples: list[int]) -> Iterator[tuple[int, int]]:
+    """First and last of each row of samples without a gap."""
+    for span in np.split(samples, np.flatnonzero(np.diff(samples) > 1) + 1):
+        yield int(span[0]), int(span[-1])
 
 
-def _moves(run: Run, reach_m: Vector, travel_m: float) -> Iterator[tuple[str, Vector, Vector]]:
-    """Label, times and configurations of each move."""
-    for move in run.moves:
-        cubics = Cubics(move.trajectory)
-        fastest = float(np.abs(cubics.critical_states().v).max(axis=0) @ reach_m)
-        count = 2 + int(min(MOST_SAMPLES, 2 * cubics.duration_s * fastest / travel_m))
-        grid = np.linspace(0.0, cubics.duration_s, count)
-        times = np.union1d(grid, cubics.turning_times())
-        q = cubics.positions(times)
-        kept = _thinned(np.abs(np.diff(q, axis=0)) @ reach_m, travel_m)
-        yield move.label, times[kept], q[kept]
-
-
-def _thinned(travels_m: Vector, travel_m: float) -> Indices:
-    """Numbers of the samples to keep, first and last among them, so that travels add up to less."""
-    kept, since = [0], 0.0
-    for sample, travel in enumerate(travels_m.tolist(), start=1):
-        if since + travel > travel_m and since > 0.0:
-            kept.append(sample - 1)
-            since = 0.0
-        since += travel
-    return np.array([*kept, len(travels_m)]) if len(travels_m) else np.array(kept)
+def least_of(found: list[StepFound], none: str) -> tuple[Worst, Worst]:
+    """The least distances of several steps, at samples and in between."""
+    return least((f.least for f in found), none), least((f.proven for f in found), none)

@@ -13,9 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
-from baxter_kin import BaxterError
+from baxter_kin import BaxterError, JointLimits
+from baxter_kin.description import RobotDescription
+from planner.plan import Plan
 from planner.plan_file import load_plan
 from planner.verification.inspection import verify
+from planner.verification.motion.judged_limits import robot_limits
+from planner.verification.urdf_robot import UrdfRobot
 
 EXIT_VALID, EXIT_NOT_VALID, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
 
@@ -31,12 +35,16 @@ class Options:
         is_quiet: say nothing but what failed.
         is_json: print the certificate as JSON instead of a table.
         straight: labels of the moves that shall be straight although the plan does not say so.
+        acceleration: greatest of every joint, rad/s^2; None for the robot's stated one.
+        jerk: the same in rad/s^3.
     """
 
     file: str
     is_quiet: bool
     is_json: bool
     straight: tuple[str, ...]
+    acceleration: float | None
+    jerk: float | None
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -76,18 +84,34 @@ def _options(argv: Sequence[str] | None) -> Options:
         help="another move that shall be straight, besides those that the plan says are; "
         "may be repeated",
     )
+    for name, unit in (("acceleration", "rad/s^2"), ("jerk", "rad/s^3")):
+        parser.add_argument(
+            f"--{name}",
+            metavar=name[0].upper(),
+            type=float,
+            help=f"greatest {name} of every joint to judge by, {unit}; the robot's when not given",
+        )
     raw = parser.parse_args(argv)
-    return Options(raw.file, raw.quiet, raw.json, tuple(raw.straight))
+    return Options(raw.file, raw.quiet, raw.json, tuple(raw.straight), raw.acceleration, raw.jerk)
 
 
 def _checked(options: Options) -> int:
-    certificate = verify(load_plan(options.file), straight=options.straight)
+    plan = load_plan(options.file)
+    certificate = verify(plan, straight=options.straight, limits=_limits(plan, options))
     if options.is_json:
         print(json.dumps(certificate.as_dict(), indent=1, allow_nan=False))
     elif not options.is_quiet:
         print(certificate.table())
+        print(certificate.basis)
         print("valid" if certificate.is_valid else "not valid")
     if certificate.is_valid:
         return EXIT_VALID
     print(f"{options.file}: {certificate.verdict}", file=sys.stderr)
     return EXIT_NOT_VALID
+
+
+def _limits(plan: Plan, options: Options) -> JointLimits | None:
+    if options.acceleration is None and options.jerk is None:
+        return None
+    robot = UrdfRobot(RobotDescription.installed(), plan.limb)
+    return robot_limits(robot, options.acceleration, options.jerk)

@@ -1,32 +1,38 @@
-"""Closing the hand on a body, by bisection on distances.
+"""Closing the hand on a body, by steps as long as nothing can be in the way.
 
-While a convex shape travels along a line, its distance to another convex shape is a convex function
-of the travel (Boyd and Vandenberghe 2004, section 3.2.5), so golden sections find where it is
-least and bisection finds where it comes down to contact. All shapes of both fingers count.
+A finger that is some distance from a body may travel as far before it can touch it (conservative
+advancement: Mirtich 1996); that holds for shapes of any kind. All shapes of both fingers count.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from planner.contact import convex_pieces
+from baxter_kin.arrays import Vector
 from planner.scene import Body
+from planner.verification.body.pressing import depth_m
+from planner.verification.body.solid import Solid, distance_request, solids_of
 from planner.verification.urdf_robot import UrdfRobot
 
-TOUCH_M = 1e-9
-"""Distance at which a travelling shape counts as touching."""
+TOUCH_M = 1e-6
+"""Distance at which a travelling shape counts as touching: coal's own accuracy."""
 
 LEAD_M = 5e-4
 """From how much further outside the fingers are looked at, as they may press in a little."""
 
-_GOLDEN = (math.sqrt(5.0) - 1.0) / 2
-_SECTIONS = 80
+PAD = "_finger_tip"
+"""How the names of the links end whose shapes are pads."""
+
+_STEP_M = 5e-5
+"""Least step: a touch that ends sooner is a graze that presses less than is allowed."""
+
+_HALVINGS = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,30 +43,30 @@ class Closing:
         finger_m: how far it is open then.
         T_tip_body: where the body is seen from the tip; one finger may have pushed it.
         is_hold: whether both fingers meet the body, or have no room beside it.
+        touch_m: how far it is open when the first finger touches; where it ends when none does.
+        push_m: how far the body is pushed along y of the tip.
     """
 
     finger_m: float
     T_tip_body: pin.SE3
     is_hold: bool
-
-
-Placed = tuple[Any, pin.SE3]
-"""A shape of coal and its pose."""
+    touch_m: float
+    push_m: float = 0.0
 
 
 class Fingers:
     """Both fingers' shapes seen from the tip, closed; the one that opens along +y first."""
 
-    def __init__(self, robot: UrdfRobot, shapes: pin.GeometryModel) -> None:
-        """Take them from the URDF's collision shapes."""
-        self._opens: list[tuple[float, list[Placed]]] = []
+    def __init__(self, robot: UrdfRobot, solids: Sequence[Solid]) -> None:
+        """Take them from the robot's shapes."""
+        self._opens: list[tuple[float, list[Solid]]] = []
         T_tip_wrist = robot.T_wrist_tip().inverse()
         for joint in robot.fingers:
-            T_wrist_finger = robot.model.jointPlacements[joint]
+            T_tip_finger = T_tip_wrist * robot.model.jointPlacements[joint]
             placed = [
-                (shape.geometry, T_tip_wrist * T_wrist_finger * shape.placement)
-                for shape in shapes.geometryObjects
-                if shape.parentJoint == joint
+                solid.moved_to(0, T_tip_finger * solid.T_joint_shape)
+                for solid in solids
+                if solid.joint == joint
             ]
             upper = float(robot.model.upperPositionLimit[robot.model.joints[joint].idx_q])
             self._opens.append((1.0 if upper > 0.0 else -1.0, placed))
@@ -70,34 +76,38 @@ class Fingers:
 
         The finger that touches first pushes the body until the other one touches.
         """
-        parts = _placed(body, T_tip_body)
-        begin_m = finger_m + LEAD_M
+        parts = solids_of(body, 0, T_tip_body)
+        begin_m, room_m = finger_m + LEAD_M, 2 * finger_m + LEAD_M
         travels = {
-            sign: min(
-                _travel(_shifted(finger, sign * begin_m), -sign, part, 2 * finger_m + LEAD_M)
-                for finger in shapes
-                for part in parts
+            sign: travel_m(
+                shapes, parts, -sign * np.eye(3)[1], room_m, sign * begin_m * np.eye(3)[1]
             )
             - LEAD_M
             for sign, shapes in self._opens
         }
         towards_right, towards_left = travels[1.0], travels[-1.0]
-        total = towards_right + towards_left
-        if min(travels.values()) <= -LEAD_M:  # no room for the body
-            return Closing(finger_m, T_tip_body, is_hold=True)
+        total, first = towards_right + towards_left, min(travels.values())
+        if first <= -LEAD_M:  # no room for the body
+            return Closing(finger_m, T_tip_body, is_hold=True, touch_m=finger_m)
         if total > 2 * finger_m:
-            return Closing(0.0, T_tip_body, is_hold=False)
-        push = _along_y((towards_right - towards_left) / 2)
-        return Closing(finger_m - total / 2, push * T_tip_body, is_hold=True)
+            touch_m = max(0.0, finger_m - max(0.0, first))
+            return Closing(0.0, T_tip_body, is_hold=False, touch_m=touch_m)
+        push_m = (towards_right - towards_left) / 2
+        pushed = pin.SE3(np.eye(3), np.array([0.0, push_m, 0.0])) * T_tip_body
+        touch_m = min(finger_m, finger_m - first)
+        return Closing(finger_m - total / 2, pushed, True, touch_m, push_m)
 
-    def gaps_m(self, body: Body, T_tip_body: pin.SE3, finger_m: float) -> tuple[float, float]:
-        """Distance of each finger of a hand so far open to a body; negative inside it."""
-        parts = _placed(body, T_tip_body)
+    def gaps_m(
+        self, body: Body, T_tip_body: pin.SE3, finger_m: float, *, of_pads: bool = False
+    ) -> tuple[float, float]:
+        """Distance of each finger, or its pad, of a hand so far open to a body; negative inside."""
+        parts = solids_of(body, 0, T_tip_body)
         left, right = (
             min(
-                _distance(_shifted(finger, sign * finger_m), part)
+                _gap(finger, pin.SE3(np.eye(3), np.array([0.0, sign * finger_m, 0.0])), part)
                 for finger in shapes
                 for part in parts
+                if finger.name.endswith(PAD) or not of_pads
             )
             for sign, shapes in self._opens
         )
@@ -106,65 +116,57 @@ class Fingers:
 
 def drop_m(body: Body, below: Body, room_m: float) -> float:
     """How far a body falls until it touches another; infinite when it does not within `room_m`."""
-    pairs = (
-        (part, other)
-        for part in _placed(body, body.T_base_body)
-        for other in _placed(below, below.T_base_body)
-    )
-    return min(_travel(part, -1.0, other, room_m, axis=2) for part, other in pairs)
+    moving = solids_of(body, 0, body.T_base_body)
+    still = solids_of(below, 0, below.T_base_body)
+    return travel_m(moving, still, np.array([0.0, 0.0, -1.0]), room_m, np.zeros(3))
 
 
-def _travel(moving: Placed, sign: float, still: Placed, room_m: float, axis: int = 1) -> float:
-    """How far a shape moves along an axis until it touches another; infinite if it does not."""
+def travel_m(
+    moving: Sequence[Solid],
+    still: Sequence[Solid],
+    direction: Vector,
+    room_m: float,
+    begin: Vector,
+) -> float:
+    """How far shapes go in a direction until one touches; infinite if none does within the room.
+
+    They begin shifted from where they are placed; placed and shifted in one frame.
+    """
 
     def gap(travel: float) -> float:
-        return _distance(_shifted(moving, sign * travel, axis), still)
+        shift = pin.SE3(np.eye(3), begin + travel * direction)
+        return min((_distance(a, shift, b) for a in moving for b in still), default=math.inf)
 
-    low, high = 0.0, room_m
-    if gap(low) <= TOUCH_M:
-        return 0.0
-    inside = _first_touching(gap, high)
-    if inside is None:
-        return math.inf
-    while inside - low > TOUCH_M:
-        middle = (low + inside) / 2
-        low, inside = (low, middle) if gap(middle) <= TOUCH_M else (middle, inside)
-    return inside
-
-
-def _first_touching(gap: Any, room_m: float) -> float | None:
-    """A travel at which the gap is closed, found by golden sections; None if there is none."""
-    low, high = 0.0, room_m
-    for _ in range(_SECTIONS):
-        first, second = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-        near, far = gap(first), gap(second)
-        if near <= TOUCH_M or far <= TOUCH_M:
-            return first if near <= TOUCH_M else second
-        low, high = (low, second) if near < far else (first, high)
-    return room_m if gap(room_m) <= TOUCH_M else None
+    before, travel = 0.0, 0.0
+    apart = gap(travel)
+    while apart > TOUCH_M:
+        if travel >= room_m:
+            return math.inf
+        before, travel = travel, min(room_m, travel + max(apart, _STEP_M))
+        apart = gap(travel)
+    return _first_touch(gap, before, travel)
 
 
-def _distance(first: Placed, second: Placed) -> float:
-    request = coal.DistanceRequest()
-    request.gjk_tolerance = TOUCH_M
-    poses = (coal.Transform3s(T.rotation, T.translation) for _, T in (first, second))
-    (T_first, T_second) = poses
-    return float(
-        coal.distance(first[0], T_first, second[0], T_second, request, coal.DistanceResult())
-    )
+def _first_touch(gap: Callable[[float], float], low: float, high: float) -> float:
+    """Where a gap closes, between a travel before and one after."""
+    if high - low > 1.001 * _STEP_M:  # a step as long as the gap ends where it closes
+        return high
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if gap(middle) <= TOUCH_M else (middle, high)
+    return high
 
 
-def _placed(body: Body, T: pin.SE3) -> list[Placed]:
-    return [(piece, T * p.T_body_part) for p in body.parts for piece in convex_pieces(p.shape)]
+def _gap(first: Solid, shift: pin.SE3, second: Solid) -> float:
+    apart = _distance(first, shift, second)
+    if apart > 0.0:
+        return apart
+    return -depth_m(first, shift * first.T_joint_shape, second, second.T_joint_shape, np.eye(3))
 
 
-def _shifted(shape: Placed, offset: float, axis: int = 1) -> Placed:
-    return shape[0], _along(offset, axis) * shape[1]
-
-
-def _along_y(offset: float) -> pin.SE3:
-    return _along(offset, 1)
-
-
-def _along(offset: float, axis: int) -> pin.SE3:
-    return pin.SE3(np.eye(3), offset * np.eye(3)[axis])
+def _distance(first: Solid, shift: pin.SE3, second: Solid) -> float:
+    at, T = shift * first.T_joint_shape, second.T_joint_shape
+    first_at = coal.Transform3s(at.rotation, at.translation)
+    second_at = coal.Transform3s(T.rotation, T.translation)
+    request, result = distance_request(), coal.DistanceResult()
+    return float(coal.distance(first.shape, first_at, second.shape, second_at, request, result))

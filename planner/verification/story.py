@@ -1,14 +1,18 @@
 """The world through a plan: what the hand holds when, how far it is open, and what stands where.
 
-The gripper's actions cut a plan into runs of moves; within a run nothing but the arm changes.
+The gripper's actions cut a plan into runs of moves, in which nothing but the arm changes, and
+travels of the fingers, in which nothing changes but them and what they push.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
+import numpy as np
 import pinocchio as pin
 
+from baxter_kin.arrays import Vector
 from planner.plan import Grip, GripperAction, Move, Plan
 from planner.scene import Body, Scene
 from planner.situation import Situation
@@ -34,6 +38,7 @@ class Run:
     """Moves between two gripper actions.
 
     Attributes:
+        q_start: where the arm stands before them, shape (7,), rad.
         moves: in order; there may be none.
         scene: the bodies that stand still meanwhile.
         finger_m: how far the hand is open.
@@ -43,6 +48,7 @@ class Run:
         is_put_down: whether it lets the carried body go right after.
     """
 
+    q_start: Vector
     moves: tuple[Move, ...]
     scene: Scene
     finger_m: float
@@ -50,6 +56,31 @@ class Run:
     released: str | None = None
     wanted: str | None = None
     is_put_down: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FingerTravel:
+    """The fingers close or open while the arm stands still.
+
+    Attributes:
+        grip: the gripper action.
+        q_arm: where the arm stands, shape (7,), rad.
+        scene: the bodies that stand still; the one between the fingers is not among them.
+        between: the body that the fingers close on or let go, where it is at the beginning.
+        begin_m: how far they are open then.
+        touch_m: how far when the first one touches and begins to push.
+        end_m: how far at the end.
+        push_m: how far the body is pushed by then, along y of the tip.
+    """
+
+    grip: Grip
+    q_arm: Vector
+    scene: Scene
+    between: Carried | None
+    begin_m: float
+    touch_m: float
+    end_m: float
+    push_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,33 +104,75 @@ class ReleaseEvent:
     scene: Scene
 
 
+Stage: TypeAlias = Run | FingerTravel
+
+
 class Story:
     """A plan followed step by step.
 
     Attributes:
-        runs: moves between gripper actions.
+        stages: runs of moves and travels of fingers, in order.
         grasps: where the hand closes on a body.
         releases: where it lets one go.
         faults: gripper actions that contradict what the hand holds or what there is.
+        scene: the bodies that stand by themselves at first.
+        elsewhere: what the other hand holds, where that is.
+        apart_m: how far each body that a hand holds stands, in the scene, from where the hand is.
     """
 
     def __init__(self, plan: Plan, situation: Situation, robot: UrdfRobot, fingers: Fingers):
         """Follow the plan to its end."""
-        self.runs: list[Run] = []
+        self.stages: list[Stage] = []
         self.grasps: list[GraspEvent] = []
         self.releases: list[ReleaseEvent] = []
         self.faults: list[str] = []
+        self.elsewhere: list[Body] = []
+        self.apart_m: dict[str, float] = {}
         self._robot, self._fingers = robot, fingers
         self._standing = robot.standing(situation.joints)
-        self._q = plan.q_start
-        self._run = Run((), situation.scene, robot.opening(self._standing))
+        self._run = self._begin(plan.q_start, situation)
+        self.scene = self._run.scene
+        if self._run.carried is not None:
+            self._hold(self._run.carried)
         for step in plan.steps:
             if isinstance(step, Move):
                 self._run = replace(self._run, moves=(*self._run.moves, step))
-                self._q = step.trajectory.q[-1]
             else:
                 self._grip(step)
-        self.runs.append(self._run)
+        self.stages.append(self._run)
+
+    def _begin(self, q_start: Vector, situation: Situation) -> Run:
+        """What the hands hold is no part of the scene."""
+        scene, carried = situation.scene, None
+        for holding in situation.held:
+            body = scene[holding.body]
+            is_own = holding.side == self._robot.limb
+            T_base_tip = (
+                self._robot.T_base_tip(self._standing, q_start)
+                if is_own
+                else self._robot.T_base_other_tip(self._standing, holding.side)
+            )
+            placed = body.at(T_base_tip * holding.T_tip_body)
+            self.apart_m[body.name] = _apart_m(body.T_base_body, placed.T_base_body)
+            scene = scene.without(body.name)
+            if is_own:
+                carried = Carried(body, holding.T_tip_body)
+            else:
+                self.elsewhere.append(placed)
+        return Run(q_start, (), scene, self._robot.opening(self._standing), carried)
+
+    def _hold(self, carried: Carried) -> None:
+        """What the hand holds from the start it holds as after closing on it."""
+        run, grip = self._run, Grip("start", GripperAction.CLOSE, carried.body.name)
+        at = (run.finger_m, run.finger_m, run.finger_m)
+        self.stages.append(FingerTravel(grip, run.q_start, run.scene, carried, *at))
+
+    @property
+    def _q(self) -> Vector:
+        """Where the arm stands now."""
+        moves = self._run.moves
+        last: Vector = moves[-1].trajectory.q[-1] if moves else self._run.q_start
+        return last
 
     def _grip(self, grip: Grip) -> None:
         T_base_tip = self._robot.T_base_tip(self._standing, self._q)
@@ -109,44 +182,87 @@ class Story:
             self._open(grip, T_base_tip)
 
     def _close(self, grip: Grip, T_base_tip: pin.SE3) -> None:
-        scene, carried = self._run.scene, self._run.carried
-        if carried is not None:
-            self._fault(grip, f"the hand already holds {carried.body.name}")
+        run = self._run
+        if run.carried is not None:
+            self._fault(grip, f"the hand already holds {run.carried.body.name}")
         elif grip.body is None:
-            self._next(Run((), scene, 0.0))
-        elif grip.body not in scene.bodies or not scene.bodies[grip.body].is_movable:
+            self._travel(grip, run.scene, None, 0.0)
+            self._next(run.scene, 0.0)
+        elif grip.body not in run.scene.bodies or not run.scene.bodies[grip.body].is_movable:
             self._fault(grip, f"there is no movable body {grip.body!r}")
         else:
-            self._grasp(grip.label, T_base_tip, scene[grip.body])
+            self._grasp(grip, T_base_tip, run.scene[grip.body])
 
-    def _grasp(self, label: str, T_base_tip: pin.SE3, body: Body) -> None:
-        T_tip_body = T_base_tip.inverse() * body.T_base_body
-        closing = self._fingers.closing(body, T_tip_body, self._run.finger_m)
-        self.grasps.append(GraspEvent(label, T_base_tip, body, self._run.finger_m, closing))
-        scene, self._run = self._run.scene, replace(self._run, wanted=body.name)
-        if not closing.is_hold:
-            self._next(Run((), scene, closing.finger_m))
-            return
-        carried = Carried(body, closing.T_tip_body)
-        self._next(Run((), scene.without(body.name), closing.finger_m, carried))
+    def _grasp(self, grip: Grip, T_base_tip: pin.SE3, body: Body) -> None:
+        run, T_tip_body = self._run, T_base_tip.inverse() * body.T_base_body
+        closing = self._fingers.closing(body, T_tip_body, run.finger_m)
+        self.grasps.append(GraspEvent(grip.label, T_base_tip, body, run.finger_m, closing))
+        self._run, rest = replace(run, wanted=body.name), run.scene.without(body.name)
+        self._travel(grip, rest, Carried(body, T_tip_body), closing.finger_m, closing)
+        if closing.is_hold:
+            self._next(rest, closing.finger_m, Carried(body, closing.T_tip_body))
+        else:
+            self._next(run.scene, closing.finger_m)
 
     def _open(self, grip: Grip, T_base_tip: pin.SE3) -> None:
-        scene, carried, stroke = self._run.scene, self._run.carried, self._robot.stroke_m
+        run, carried = self._run, self._run.carried
         name = None if carried is None else carried.body.name
         if grip.body != name:
             holds = "nothing" if name is None else name
             self._fault(grip, f"the hand holds {holds}, not {grip.body or 'nothing'}")
+        end_m = self._opening(grip)
+        self._travel(grip, run.scene, carried, end_m)
         if carried is None:
-            self._next(Run((), scene, stroke))
+            self._next(run.scene, end_m)
             return
         body = carried.body.at(T_base_tip * carried.T_tip_body)
-        self.releases.append(ReleaseEvent(grip.label, T_base_tip, body, scene))
-        self._run = replace(self._run, is_put_down=True)
-        self._next(Run((), scene.with_body(body), stroke, released=body.name))
+        self.releases.append(ReleaseEvent(grip.label, T_base_tip, body, run.scene))
+        self.stages[-2] = replace(run, is_put_down=True)
+        self._next(run.scene.with_body(body), end_m, released=body.name)
 
-    def _next(self, run: Run) -> None:
-        self.runs.append(self._run)
-        self._run = run
+    def _opening(self, grip: Grip) -> float:
+        """How far an open goes; it must be within the stroke, and further than what is held."""
+        if grip.opening_m is None:
+            return self._robot.stroke_m
+        asked, stroke = 1e3 * grip.opening_m, 1e3 * self._robot.stroke_m
+        if grip.opening_m > self._robot.stroke_m:
+            self._fault(grip, f"it opens to {asked:.3f} mm, its stroke is {stroke:.3f} mm")
+        if self._run.carried is not None and grip.opening_m <= self._run.finger_m:
+            now = 1e3 * self._run.finger_m
+            self._fault(grip, f"at {asked:.3f} mm it lets nothing go, as it holds at {now:.3f} mm")
+        return min(grip.opening_m, self._robot.stroke_m)
+
+    def _travel(
+        self,
+        grip: Grip,
+        scene: Scene,
+        between: Carried | None,
+        end_m: float,
+        closing: Closing | None = None,
+    ) -> None:
+        """The run so far ends, and the fingers travel."""
+        begin_m = self._run.finger_m
+        touch_m, push_m = (end_m, 0.0) if closing is None else (closing.touch_m, closing.push_m)
+        travel = FingerTravel(grip, self._q, scene, between, begin_m, touch_m, end_m, push_m)
+        self.stages += [self._run, travel]
+
+    def _next(
+        self,
+        scene: Scene,
+        finger_m: float,
+        carried: Carried | None = None,
+        released: str | None = None,
+    ) -> None:
+        """A new run begins where the arm stands."""
+        self._run = Run(self._q, (), scene, finger_m, carried, released)
 
     def _fault(self, grip: Grip, reason: str) -> None:
         self.faults.append(f"{grip.label}: {reason}")
+
+
+def _apart_m(first: pin.SE3, second: pin.SE3) -> float:
+    """How far apart two poses put a body's origin, or the ends of its axes of a metre each."""
+    ends = np.eye(4)
+    ends[3] = 1.0
+    apart: Vector = (first.homogeneous - second.homogeneous) @ ends
+    return float(np.linalg.norm(apart, axis=0).max())

@@ -27,6 +27,8 @@ class Tolerances:
         slide_m: how far a held body may move sideways while it still touches its support: it is
             lifted clear first.
         contact_m: below which distance two shapes count as touching: coal's accuracy, tenfold.
+        finger_start_m: how far a finger may start outside its stroke, or apart from the other of
+            its hand: the rounding of states.
         finger_m: between a closed finger and the body it holds.
         drop_m: from how high above its support a body may be let go.
     """
@@ -42,6 +44,7 @@ class Tolerances:
     press_m: float = 5e-4
     slide_m: float = 1e-3
     contact_m: float = 1e-5
+    finger_start_m: float = 1e-8
     finger_m: float = 1e-5
     drop_m: float = 0.01
 

@@ -39,6 +39,7 @@ class UrdfRobot:
         limb: "left" or "right".
         arm_joints: the arm's joints from shoulder to wrist, as numbers in the model.
         fingers: its finger joints, as numbers in the model.
+        other_hand: the last joint of the other arm and its fingers', likewise.
         stroke_m: how far a finger goes from closed to open.
     """
 
@@ -60,6 +61,7 @@ class UrdfRobot:
         self.fingers = [int(j) for j in self.model.subtrees[self.wrist] if int(j) != self.wrist]
         upper, lower = self.model.upperPositionLimit, self.model.lowerPositionLimit
         where = self._indices(self.fingers)
+        self.other_hand = self._hand("right" if limb == "left" else "left")
         self.stroke_m = float((upper - lower)[where].min())
         self._opening = np.where(upper[where] > 0.0, 1.0, -1.0)
 
@@ -79,6 +81,31 @@ class UrdfRobot:
         """Greatest speeds of the arm's joints, rad/s."""
         fastest: Vector = self.model.velocityLimit[self._indices(self.arm_joints)]
         return fastest
+
+    @property
+    def tip_reach_m(self) -> Vector:
+        """How far the tip is from each joint of the arm at most, shape (n,), m."""
+        steps = [
+            float(np.linalg.norm(self.model.jointPlacements[j].translation))
+            for j in self.arm_joints[1:]
+        ]
+        steps.append(float(np.linalg.norm(self.T_wrist_tip().translation)))
+        return np.cumsum(steps[::-1])[::-1].copy()
+
+    def finger_positions(self, q: Vector) -> list[tuple[str, float, float]]:
+        """Name, position and how far outside its stroke it is of every finger of both hands, m."""
+        low, high = self.model.lowerPositionLimit, self.model.upperPositionLimit
+        found = []
+        for joint in range(1, self.model.njoints):
+            where = int(self.model.joints[joint].idx_q)
+            if self.model.joints[joint].shortname().startswith("JointModelP"):
+                outside = max(low[where] - q[where], q[where] - high[where])
+                found.append((str(self.model.names[joint]), float(q[where]), float(outside)))
+        return found
+
+    def finger_skew_m(self, q: Vector) -> float:
+        """How much farther one finger of the arm's hand is open than the other, m."""
+        return float(np.ptp(q[self._indices(self.fingers)] * self._opening))
 
     def standing(self, joints: Mapping[str, float]) -> Vector:
         """A full configuration from joints by name.
@@ -106,15 +133,34 @@ class UrdfRobot:
         full[:, self._indices(self.fingers)] = finger_m * self._opening
         return full
 
+    def finger_configurations(self, q_standing: Vector, q_arm: Vector, fingers_m: Vector) -> Vector:
+        """Full configurations for one arm configuration and openings of the hand, shape (k,)."""
+        full = np.tile(self.configurations(q_standing, q_arm[None], 0.0), (len(fingers_m), 1))
+        full[:, self._indices(self.fingers)] = np.outer(fingers_m, self._opening)
+        return full
+
     def T_base_tip(self, q_standing: Vector, q_arm: Vector) -> pin.SE3:
         """Where the tip is."""
         full = self.configurations(q_standing, q_arm[None], 0.0)[0]
         pin.forwardKinematics(self.model, self._data, full)
         return pin.SE3(pin.updateFramePlacement(self.model, self._data, self._tip))
 
+    def T_base_other_tip(self, q_standing: Vector, limb: str) -> pin.SE3:
+        """Where the tip of an arm that stands still is."""
+        pin.forwardKinematics(self.model, self._data, q_standing)
+        tip = self.model.getFrameId(f"{limb}_gripper")
+        return pin.SE3(pin.updateFramePlacement(self.model, self._data, tip))
+
     def T_wrist_tip(self) -> pin.SE3:
         """Where the tip sits on the last joint of the arm."""
         return pin.SE3(self.model.frames[self._tip].placement)
+
+    def _hand(self, limb: str) -> list[int]:
+        """The last joint of an arm, and its fingers'; of a robot with one arm, none."""
+        if not self.model.existFrame(f"{limb}_gripper"):
+            return []
+        wrist = int(self.model.frames[self.model.getFrameId(f"{limb}_gripper")].parentJoint)
+        return [int(joint) for joint in self.model.subtrees[wrist]]
 
     def _indices(self, joints: list[int]) -> list[int]:
         return [int(self.model.joints[joint].idx_q) for joint in joints]

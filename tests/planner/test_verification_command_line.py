@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from planner import (
@@ -83,6 +84,21 @@ def test_json_is_the_certificate(bad: str, capsys: pytest.CaptureFixture[str]) -
 def test_a_move_can_be_said_to_be_straight(good: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([good, "-q", "--straight", "reach out"]) == 1
     assert "distance from line" in capsys.readouterr().err
+
+
+def test_limits_can_be_said(
+    plan: Plan, manipulator: Manipulator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    harder = replace(manipulator.limits, a_max=np.full(7, 3.0), j_max=np.full(7, 30.0))
+    fast = plan_joint_move(plan.q_start, plan.q_start + 0.1, harder)
+    save_plan(replace(plan, steps=(Move("reach out", fast),)), tmp_path / "fast.json")
+    assert main([str(tmp_path / "fast.json")]) == 1
+    assert "stated limits of those judged by 1.5" in capsys.readouterr().err
+    limits = ["--acceleration", "3", "--jerk", "30"]
+    assert main([str(tmp_path / "fast.json"), *limits]) == 0
+    assert "\njudged by 3 rad/s^2 and 30 rad/s^3, " in capsys.readouterr().out
+    assert main([str(tmp_path / "fast.json"), "--jerk", "-1"]) == 2
+    assert "j_max of left_s0 must be" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("content", [b"", b"{}", b"\xff\xfe", b"[1, 2]"])

@@ -34,11 +34,12 @@ from planner import (
     plan_joint_move,
 )
 from planner.trajectory import CONTINUITY_TOLERANCE
+from planner.verification.body.robot_body import robot_body
 from planner.verification.certificate import Relation
-from planner.verification.cubics import Cubics
 from planner.verification.fingers import LEAD_M, Fingers, drop_m
-from planner.verification.geometry import robot_shapes
-from planner.verification.tip_checks import line_deviation
+from planner.verification.motion.cubics import Cubics
+from planner.verification.motion.sampled_path import sampled_path
+from planner.verification.motion.tip_checks import _off_line, line_deviation
 from planner.verification.urdf_robot import UrdfRobot
 from tests.conftest import at
 
@@ -53,7 +54,7 @@ def urdf() -> UrdfRobot:
 
 @pytest.fixture(scope="module")
 def fingers(urdf: UrdfRobot) -> Fingers:
-    return Fingers(urdf, robot_shapes(RobotDescription.installed()))
+    return Fingers(urdf, robot_body(RobotDescription.installed()).solids)
 
 
 def configurations() -> st.SearchStrategy[Any]:
@@ -113,6 +114,48 @@ def test_a_turn_between_knots_is_found(manipulator: Manipulator) -> None:
     assert states.v.min() == pytest.approx(state(5 / 3)[1], abs=1e-15)
 
 
+@given(first=configurations(), second=configurations(), rate=configurations())
+@settings(max_examples=20)
+def test_samples_stand_a_step_of_travel_apart(
+    manipulator: Manipulator, first: Any, second: Any, rate: Any
+) -> None:
+    start, goal = inside(manipulator, 0.8 * first), inside(manipulator, 0.8 * second)
+    way = plan_joint_move(start, goal, manipulator.limits, v_start=0.1 * rate)
+    reach, step = np.linspace(1.0, 0.1, 7), 0.01
+    path = sampled_path(Cubics(way), reach, step, 10_000)
+    dense = way.sample(np.linspace(0.0, way.duration, 20_000)).q
+    travelled = float((np.abs(np.diff(dense, axis=0)) @ reach).sum())
+    assert float((path.turned @ reach).max()) <= step + 1e-9
+    assert (path.turned @ reach).sum() == pytest.approx(travelled, rel=1e-4, abs=1e-7)
+    assert len(path.times_s) <= 3 + travelled / step
+    assert path.q[[0, -1]] == pytest.approx(
+        np.array([way.q_start, way.q_goal]), abs=CONTINUITY_TOLERANCE
+    )
+
+
+@given(first=configurations(), second=configurations())
+@settings(max_examples=10)
+def test_between_looks_the_tip_stays_as_near_its_line_as_is_said(
+    urdf: UrdfRobot, manipulator: Manipulator, first: Any, second: Any
+) -> None:
+    start = inside(manipulator, 0.8 * first)
+    goal = start + 0.1 * second * np.linspace(0.5, 1.0, 7)  # turned by small angles
+    way = plan_joint_move(start, goal, manipulator.limits)
+    standing = np.array(manipulator.robot.configuration())
+    found = line_deviation(way, urdf, standing)
+    ends = [urdf.T_base_tip(standing, q) for q in (way.q_start, way.q_goal)]
+    off = np.array(
+        [
+            _off_line(urdf.T_base_tip(standing, q), *ends)
+            for q in way.sample(np.linspace(0.0, way.duration, 3001)).q
+        ]
+    )
+    assert off[:, 0].max() <= found.position_m + found.between_m
+    assert off[:, 1].max() <= found.orientation_rad + found.between_rad
+    assert found.between_m < 1e-5
+    assert found.between_rad < 1e-4
+
+
 @given(share=configurations())
 @settings(max_examples=20)
 def test_the_tip_by_the_full_urdf_is_the_arms(
@@ -170,26 +213,30 @@ BODIES = st.one_of(
     turn=st.tuples(*[st.floats(-0.4, 0.4)] * 3),
 )
 @settings(max_examples=15)
-def test_fingers_close_by_bisection_as_they_do_by_advancement(
+def test_closing_fingers_end_where_both_touch_and_touch_nothing_before(
     fingers: Fingers, manipulator: Manipulator, shape: Any, offset: Any, turn: Any
 ) -> None:
     T_tip_body = pin.SE3(pin.exp3(np.array(turn)), np.array(offset))
     body = Body("thing", (Part(shape, at(0, 0, 0)),), T_tip_body, is_movable=True)
     stroke = manipulator.hand.stroke_m
-    theirs = manipulator.hand.grasp(at(0, 0, 0), body, stroke)
     ours = fingers.closing(body, T_tip_body, stroke)
     has_room = min(fingers.gaps_m(body, T_tip_body, stroke)) > -LEAD_M
-    assert (theirs is not None) == (ours.is_hold and has_room)
-    if theirs is not None:
-        assert ours.finger_m == pytest.approx(theirs.finger_m, abs=COAL_M)
-        apart = ours.T_tip_body.translation - theirs.T_tip_body.translation
-        assert np.abs(apart).max() < COAL_M
+    if not (ours.is_hold and has_room):
+        return
+    assert max(map(abs, fingers.gaps_m(body, ours.T_tip_body, ours.finger_m))) < 1e-5
+    for share in (0.1, 0.5, 0.9):
+        open_m = ours.touch_m + share * (stroke - ours.touch_m)
+        assert min(fingers.gaps_m(body, T_tip_body, open_m)) > -LEAD_M
+    pushed = ours.T_tip_body.translation - T_tip_body.translation
+    assert pushed == pytest.approx([0.0, ours.push_m, 0.0], abs=1e-15)
+    assert abs(ours.push_m) == pytest.approx(ours.touch_m - ours.finger_m, abs=2 * COAL_M)
 
 
 def test_closed_fingers_are_on_the_body(fingers: Fingers) -> None:
     block = Body("block", (Part(Box((0.05, 0.05, 0.05)), at(0, 0, 0)),), at(0, 0.003, 0))
     closing = fingers.closing(block, block.T_base_body, 0.020833)
-    assert closing.finger_m == pytest.approx(0.017, abs=COAL_M)  # 50 mm less 16 mm, halved
+    # 50 mm less 16 mm, halved, and the meshes' pads stand 0.35 mm further in
+    assert closing.finger_m == pytest.approx(0.01735, abs=1e-5)
     assert np.abs(closing.T_tip_body.translation).max() < COAL_M  # pushed to the middle
     assert max(map(abs, fingers.gaps_m(block, closing.T_tip_body, closing.finger_m))) < COAL_M
 

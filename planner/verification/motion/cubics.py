@@ -59,6 +59,22 @@ class Cubics:
         segments = np.clip(np.searchsorted(self.knots_s, times_s, side="right") - 1, 0, last)
         return self.after(segments, (times_s - self.knots_s[segments])[:, None])[0]
 
+    def fastest_change(self, times_s: Vector) -> Vector:
+        """Greatest acceleration of each joint between one time and the next, shape (k - 1, n).
+
+        No knot lies between two times, so acceleration is linear there.
+        """
+        if not len(self.jerks):
+            return np.zeros((max(0, len(times_s) - 1), self.jerks.shape[1]))
+        middle = (times_s[:-1] + times_s[1:]) / 2
+        segments = np.searchsorted(self.knots_s[1:-1], middle, side="right")
+        ends = (
+            self.after(segments, (t - self.knots_s[segments])[:, None])[2]
+            for t in (times_s[:-1], times_s[1:])
+        )
+        first, last = ends
+        return np.maximum(np.abs(first), np.abs(last))
+
     def jumps(self) -> tuple[Vector, Vector, Vector]:
         """How far q, v and a at each knot are from what the segment before leads to; (m, n)."""
         segments = np.arange(len(self.jerks))

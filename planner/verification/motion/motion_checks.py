@@ -11,7 +11,8 @@ from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector
 from planner.plan import Move, Plan
 from planner.verification.certificate import Check, Worst, greatest, least
-from planner.verification.cubics import Cubics, States
+from planner.verification.motion.cubics import Cubics, States
+from planner.verification.motion.judged_limits import UNITS
 from planner.verification.tolerances import Tolerances
 from planner.verification.urdf_robot import UrdfRobot
 
@@ -27,12 +28,15 @@ class Motion:
     cubics: Cubics
 
 
-def motion_checks(plan: Plan, robot: UrdfRobot, allowed: Tolerances) -> Iterator[Check]:
-    """Every check that needs no shapes and no tip."""
+def motion_checks(
+    plan: Plan, robot: UrdfRobot, judge: JointLimits, allowed: Tolerances
+) -> Iterator[Check]:
+    """Every check that needs no shapes and no tip; limits are those of the judge."""
     motions = [Motion(move, Cubics(move.trajectory)) for move in plan.moves]
     yield _joints(motions, robot)
     yield _knot_order(motions)
-    yield from _limits(motions, robot, allowed)
+    yield _stated(motions, judge, allowed)
+    yield from _limits(motions, judge, allowed)
     yield from _knots(motions, allowed)
     yield from _joins(plan, motions, allowed)
     yield from _rests(plan, allowed)
@@ -50,19 +54,39 @@ def _knot_order(motions: list[Motion]) -> Check:
     return least(steps, NO_MOVES).above(0.0, "time between knots", "s")
 
 
-def _limits(motions: list[Motion], robot: UrdfRobot, allowed: Tolerances) -> Iterator[Check]:
-    """Position and velocity of URDF and plan, whichever is stricter; the rest of the plan."""
-    low, high = robot.q_range
+def _stated(motions: list[Motion], judge: JointLimits, allowed: Tolerances) -> Check:
+    """Whether a plan claims limits above those it is judged by."""
+    claims = [
+        _claim(motion, name, np.asarray(getattr(judge, name)))
+        for motion in motions
+        for name in UNITS
+    ]
+    claimed = greatest(claims, NO_MOVES)
+    return claimed.at_most(1.0 + allowed.ratio, "stated limits of those judged by")
+
+
+def _claim(motion: Motion, name: str, bounds: Vector) -> Worst:
+    stated = np.asarray(getattr(motion.move.trajectory.limits, name))
+    joint = int(np.argmax(stated / bounds))
+    where = (
+        f"{motion.move.label}, {_joint_name(motion, joint)}: {stated[joint]:g} {UNITS[name]} "
+        f"stated, judged by {bounds[joint]:g} {UNITS[name]}"
+    )
+    return Worst(_number(stated[joint] / bounds[joint]), where)
+
+
+def _limits(motions: list[Motion], judge: JointLimits, allowed: Tolerances) -> Iterator[Check]:
+    """The judge's limits or those that the plan states, whichever are stricter."""
 
     def excess(state: States, limits: JointLimits) -> Vector:
-        below = np.maximum(low, limits.q_min) - state.q
-        return np.maximum(below, state.q - np.minimum(high, limits.q_max))
+        below = np.maximum(judge.q_min, limits.q_min) - state.q
+        return np.maximum(below, state.q - np.minimum(judge.q_max, limits.q_max))
 
     def velocity(state: States, limits: JointLimits) -> Vector:
-        return np.abs(state.v) / np.minimum(robot.v_max, limits.v_max)
+        return np.abs(state.v) / np.minimum(judge.v_max, limits.v_max)
 
     def acceleration(state: States, limits: JointLimits) -> Vector:
-        return np.abs(state.a) / limits.a_max
+        return np.abs(state.a) / np.minimum(judge.a_max, limits.a_max)
 
     ratio = 1.0 + allowed.ratio
     least_margin = greatest((_extreme(m, excess) for m in motions), NO_MOVES, -np.inf).negated
@@ -70,7 +94,7 @@ def _limits(motions: list[Motion], robot: UrdfRobot, allowed: Tolerances) -> Ite
     for name, share in (("velocity", velocity), ("acceleration", acceleration)):
         worst = greatest((_extreme(motion, share) for motion in motions), NO_MOVES)
         yield worst.at_most(ratio, f"{name} of limit")
-    jerk = greatest((_jerk(motion) for motion in motions), NO_MOVES)
+    jerk = greatest((_jerk(motion, judge) for motion in motions), NO_MOVES)
     yield jerk.at_most(ratio, "jerk of limit")
 
 
@@ -80,9 +104,9 @@ def _extreme(motion: Motion, measure: Callable[[States, JointLimits], Vector]) -
     return _of_joint(motion, states.time_s, measure(states, motion.move.trajectory.limits))
 
 
-def _jerk(motion: Motion) -> Worst:
+def _jerk(motion: Motion, judge: JointLimits) -> Worst:
     cubics = motion.cubics
-    share = abs(cubics.jerks) / motion.move.trajectory.limits.j_max
+    share = abs(cubics.jerks) / np.minimum(judge.j_max, motion.move.trajectory.limits.j_max)
     if not share.size:
         return Worst(0.0, motion.move.label)
     starts = np.broadcast_to(cubics.knots_s[:-1, None], share.shape)

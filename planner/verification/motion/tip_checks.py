@@ -14,13 +14,22 @@ from baxter_kin.frames import angle_between
 from planner.plan import Grip, Move, Plan
 from planner.trajectory import Trajectory
 from planner.verification.certificate import Check, Worst, greatest
-from planner.verification.cubics import Cubics
+from planner.verification.motion.cubics import Cubics
+from planner.verification.motion.sampled_path import SampledPath, path_at, sampled_path
 from planner.verification.tolerances import Tolerances
 from planner.verification.urdf_robot import UrdfRobot
 
-LINE_STEP_S = 1e-3
-"""Time between two looks at the tip of a straight move. In between it can leave the chord of both
-by an eighth of its acceleration times this squared: 2e-6 m at 16 m/s^2."""
+LINE_STEP_M = 1e-3
+"""Bound on the tip's travel between two looks at a straight move."""
+
+MOST_LOOKS = 100_000
+"""Steps of one straight move; where they do not suffice the bound in between grows."""
+
+BETWEEN_M, BETWEEN_RAD = 2e-6, 7e-6
+"""A fiftieth of what a line may leave: with more than that left open between two looks, more looks
+are taken, but no more than `MOST_PARTS` times as many."""
+
+MOST_PARTS = 64
 
 SHORTEST_LINE_M = 1e-6
 """Shorter lines are points, known no better than a tip pose."""
@@ -31,16 +40,20 @@ class LineDeviation:
     """How far a tip leaves its line.
 
     Attributes:
-        position_m: greatest distance from the line.
+        position_m: greatest distance from the line, where it was looked at.
         position_time_s: when that is.
-        orientation_rad: greatest angle to the orientation that belongs there.
+        orientation_rad: greatest angle to the orientation that belongs there, likewise.
         orientation_time_s: when that is.
+        between_m: how much farther from the line it can be between two looks.
+        between_rad: how much farther it can be turned.
     """
 
     position_m: float
     position_time_s: float
     orientation_rad: float
     orientation_time_s: float
+    between_m: float
+    between_rad: float
 
 
 def tip_checks(
@@ -61,15 +74,64 @@ def line_deviation(trajectory: Trajectory, robot: UrdfRobot, q_standing: Vector)
     The orientation that belongs to a point of the line is the share of the shortest rotation that
     the point is of the way (slerp); where the line is but a point, the share that was turned.
     """
-    cubics = Cubics(trajectory)
-    count = 2 + int(cubics.duration_s / LINE_STEP_S)
-    times = np.union1d(np.linspace(0.0, cubics.duration_s, count), cubics.knots_s)
-    poses = [robot.T_base_tip(q_standing, q) for q in cubics.positions(times)]
-    off, turned = np.array([_off_line(T, poses[0], poses[-1]) for T in poses]).T
+    cubics, reach_m = Cubics(trajectory), robot.tip_reach_m
+    looks = sampled_path(cubics, reach_m, LINE_STEP_M, MOST_LOOKS, with_knots=True)
+    ends = [robot.T_base_tip(q_standing, q) for q in looks.q[[0, -1]]]
+    turn_per_m = _line_turn(*ends)
+    looks = _refined(cubics, looks, reach_m, turn_per_m)
+    between_m, between_rad = _between(cubics, looks, reach_m, turn_per_m)
+    off, turned = np.array([_off_line(robot.T_base_tip(q_standing, q), *ends) for q in looks.q]).T
     first, second = int(off.argmax()), int(turned.argmax())
     return LineDeviation(
-        float(off[first]), float(times[first]), float(turned[second]), float(times[second])
+        float(off[first]),
+        float(looks.times_s[first]),
+        float(turned[second]),
+        float(looks.times_s[second]),
+        float(between_m.max(initial=0.0)),
+        float(between_rad.max(initial=0.0)),
     )
+
+
+def _refined(cubics: Cubics, looks: SampledPath, reach_m: Vector, turn_per_m: float) -> SampledPath:
+    """As many looks as leave no more open in between than `BETWEEN_M` and `BETWEEN_RAD`."""
+    off_m, off_rad = _between(cubics, looks, reach_m, turn_per_m)
+    parts = np.sqrt(np.maximum(off_m / BETWEEN_M, off_rad / BETWEEN_RAD))
+    counts = np.clip(np.ceil(parts), 1, MOST_PARTS).astype(np.intp)
+    starts, lengths = np.repeat(looks.times_s[:-1], counts), np.diff(looks.times_s)
+    number = np.arange(len(starts)) - np.repeat(np.cumsum(counts) - counts, counts)
+    times = starts + np.repeat(lengths / counts, counts) * number
+    return path_at(cubics, np.unique(np.append(times, looks.times_s[-1])))
+
+
+def _between(
+    cubics: Cubics, looks: SampledPath, reach_m: Vector, turn_per_m: float
+) -> tuple[Vector, Vector]:
+    """Bounds on how much farther from the line the tip is between two looks than at them.
+
+    From knot to knot accelerations are linear in time, so a joint is no farther from going evenly
+    than its greatest acceleration times an eighth of the time squared. Were all joints going
+    evenly, the tip's second derivative would be at most the sum over pairs of joints of both turns
+    times the lever arm of the outer one, and the turn's the square of all turns summed, that of
+    the line among them; the deviation from a chord is an eighth of that. Distance to a line is
+    convex, so on the chord it is no greater than at its ends; of the small angles between two
+    rotations that holds up to the same square, taken four times for it.
+    """
+    dt, turns = np.diff(looks.times_s)[:, None], looks.turned[1:]
+    uneven = cubics.fastest_change(looks.times_s) * dt**2 / 8
+    number = np.arange(len(reach_m))
+    arms = reach_m[np.maximum.outer(number, number)]
+    curved_m = np.einsum("ki,ij,kj->k", turns, arms, turns) / 8
+    off_m = uneven @ reach_m + curved_m
+    all_turns = turns.sum(axis=1) + turn_per_m * (turns @ reach_m)
+    off_rad = uneven.sum(axis=1) + turn_per_m * off_m + all_turns**2 / 2
+    return off_m, off_rad
+
+
+def _line_turn(T_start: pin.SE3, T_goal: pin.SE3) -> float:
+    """How much the orientation that belongs to a line turns with each metre, rad/m."""
+    length = float(np.linalg.norm(T_goal.translation - T_start.translation))
+    angle = angle_between(T_start.rotation, T_goal.rotation)
+    return angle / length if length > SHORTEST_LINE_M else 0.0
 
 
 def _lines(
@@ -79,9 +141,10 @@ def _lines(
     for move in plan.moves:
         if move.is_straight or move.label in straight:
             found = line_deviation(move.trajectory, robot, q_standing)
-            off.append(Worst(found.position_m, f"{move.label}, {found.position_time_s:.4f} s"))
-            at_s = found.orientation_time_s
-            turned.append(Worst(found.orientation_rad, f"{move.label}, {at_s:.4f} s"))
+            where = f"{move.label}, {found.position_time_s:.4f} s"
+            off.append(Worst(found.position_m + found.between_m, where))
+            where = f"{move.label}, {found.orientation_time_s:.4f} s"
+            turned.append(Worst(found.orientation_rad + found.between_rad, where))
     none = "no move is said to be straight"
     yield greatest(off, none).at_most(allowed.line_m, "distance from line", "m")
     yield greatest(turned, none).at_most(allowed.line_rad, "turn from line", "rad")

@@ -1,0 +1,76 @@
+"""The robot's shapes as Rethink drew them: the visual meshes of its description.
+
+The planner's body is another one, made to contain these meshes. Of the description's shapes
+
+- the visual shape counts for every link that has one, mesh or not;
+- the collision shape counts for a link that has no visual one, which is `<side>_hand_link`;
+- no part of the robot are the spheres named `collision_head_*`, which MoveIt's configuration added
+  to keep the arms away from the head, the spheres of 1 mm that stand for head, screen and sonar
+  ring among the collision shapes, and the cylinders of `*_upper_forearm_visual` and
+  `*_upper_elbow_visual`, links that exist to be looked at but have nothing to see.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import pinocchio as pin
+
+from baxter_kin.description import RobotDescription
+from baxter_kin.errors import DescriptionError
+from planner.verification.body.solid import Solid
+from planner.verification.body.urdf_shapes import LinkShape, link_shapes
+from planner.verification.urdf_robot import read_model
+
+NO_PARTS = ("collision_head_link_", "_forearm_visual", "_elbow_visual")
+"""In names of links that are no parts of the robot."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotBody:
+    """All shapes of the robot.
+
+    Attributes:
+        solids: each on its joint.
+        source: what they are, as a phrase.
+    """
+
+    solids: tuple[Solid, ...]
+    source: str
+
+
+@cache
+def robot_body(files: RobotDescription) -> RobotBody:
+    """The robot's shapes, read once for the same files.
+
+    Raises:
+        DescriptionError: when the meshes cannot be read and there is no other body.
+    """
+    model = read_model(files)
+    placed = sorted(
+        ((_frame(model, shape.link), shape) for shape in link_shapes(files, NO_PARTS)),
+        key=lambda pair: pair[0],
+    )
+    measured: dict[int, Solid] = {}
+    return RobotBody(
+        tuple(_solid(model.frames[frame], shape, measured) for frame, shape in placed),
+        "Rethink's meshes",
+    )
+
+
+def _frame(model: pin.Model, link: str) -> int:
+    if not model.existFrame(link, pin.FrameType.BODY):
+        raise DescriptionError(f"the robot's tree lacks the link {link}")
+    return int(model.getFrameId(link, pin.FrameType.BODY))
+
+
+def _solid(frame: pin.Frame, shape: LinkShape, measured: dict[int, Solid]) -> Solid:
+    """A shape on its joint; cover and ball are taken from `measured` where it is there already."""
+    T_joint_shape = frame.placement * shape.T_link_shape
+    joint = int(frame.parentJoint)
+    same = measured.get(id(shape.shape))
+    if same is None:
+        measured[id(shape.shape)] = Solid.of(shape.link, joint, T_joint_shape, shape.shape)
+        return measured[id(shape.shape)]
+    return replace(same, name=shape.link, joint=joint, T_joint_shape=T_joint_shape)

@@ -1,0 +1,119 @@
+"""What the URDF shows of every link, as coal's shapes placed on their links.
+
+A link is what its `<visual>` elements show; one that has none is what its `<collision>` elements
+are.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin.arrays import Vector
+from baxter_kin.description import RobotDescription
+from baxter_kin.errors import DescriptionError
+from planner.contact import surface
+from planner.verification.body.collada import read_collada
+
+_PACKAGE = "package://"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinkShape:
+    """One shape of a link.
+
+    Attributes:
+        link: its name.
+        T_link_shape: where the shape sits on it.
+        shape: of coal; the same object wherever the URDF names the same mesh at the same scale.
+    """
+
+    link: str
+    T_link_shape: pin.SE3
+    shape: Any
+
+
+def link_shapes(files: RobotDescription, left_out: tuple[str, ...]) -> list[LinkShape]:
+    """The shapes of every link whose name has none of some words in it.
+
+    Raises:
+        DescriptionError: when the URDF or a mesh cannot be read, or a shape is of no known kind.
+    """
+    shapes = _Shapes(files)
+    try:
+        links = ET.parse(files.urdf).getroot().findall("link")
+        return [
+            shape
+            for link in links
+            if not any(word in link.get("name", "") for word in left_out)
+            for shape in _of_link(link, shapes)
+        ]
+    except (OSError, ET.ParseError, ValueError) as cause:
+        raise DescriptionError(f"cannot read {files.urdf}: {cause}") from cause
+
+
+class _Shapes:
+    """Makes shapes, and each mesh once."""
+
+    def __init__(self, files: RobotDescription) -> None:
+        self._files = files
+        self._surfaces: dict[tuple[str, tuple[float, ...]], Any] = {}
+
+    def of(self, element: ET.Element) -> Any:
+        """Coal's shape for what is in a `<geometry>`."""
+        if element.tag == "mesh":
+            return self._surface(element)
+        if element.tag == "box":
+            return coal.Box(*_numbers(element, "size", 3))
+        if element.tag == "sphere":
+            return coal.Sphere(*_numbers(element, "radius", 1))
+        if element.tag == "cylinder":
+            return coal.Cylinder(*_numbers(element, "radius", 1), *_numbers(element, "length", 1))
+        raise ValueError(f"a shape <{element.tag}> is not a mesh, box, sphere or cylinder")
+
+    def _surface(self, element: ET.Element) -> Any:
+        name = element.get("filename", "")
+        scale = _numbers(element, "scale", 3, "1 1 1")
+        key = name, tuple(scale.tolist())
+        if key not in self._surfaces:
+            vertices, triangles = read_collada(self._path(name))
+            self._surfaces[key] = surface(vertices * scale, triangles)
+        return self._surfaces[key]
+
+    def _path(self, name: str) -> Path:
+        if not name.startswith(_PACKAGE):
+            raise ValueError(f"the mesh {name!r} is not given as {_PACKAGE}...")
+        return self._files.package_dir / name.removeprefix(_PACKAGE)
+
+
+def _of_link(link: ET.Element, shapes: _Shapes) -> Iterator[LinkShape]:
+    name = link.get("name", "")
+    for element in link.findall("visual") or link.findall("collision"):
+        kind = element.find("geometry/*")
+        if kind is None:
+            raise ValueError(f"a shape of the link {name} has no geometry")
+        yield LinkShape(name, _origin(element), shapes.of(kind))
+
+
+def _origin(element: ET.Element) -> pin.SE3:
+    origin = element.find("origin")
+    if origin is None:
+        return pin.SE3.Identity()
+    rpy, xyz = (_numbers(origin, key, 3, "0 0 0") for key in ("rpy", "xyz"))
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+
+
+def _numbers(element: ET.Element, key: str, size: int, otherwise: str = "") -> Vector:
+    values = np.array([float(word) for word in element.get(key, otherwise).split()])
+    if values.shape != (size,) or not np.isfinite(values).all():
+        raise ValueError(
+            f"{key} of a <{element.tag}> is {element.get(key)!r}; finite numbers needed: {size}"
+        )
+    return values

@@ -1,0 +1,1 @@
+"""Checks of how the joints and the tip move: limits at exact extrema, states, poses, lines."""

@@ -1,0 +1,104 @@
+"""The robot's shapes, and the pairs of them that a certificate leaves out."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin.arrays import Vector
+from baxter_kin.description import RobotDescription
+from planner.verification.body import links
+from planner.verification.body.enclosed import is_enclosed
+from planner.verification.body.robot_body import RobotBody, robot_body
+from planner.verification.body.solid import Solid, distance_request
+from planner.verification.urdf_robot import read_model
+from tests.conftest import at
+
+FILES = RobotDescription.installed()
+
+
+@pytest.fixture(scope="module")
+def body() -> RobotBody:
+    return robot_body(FILES)
+
+
+def configurations(count: int) -> list[Vector]:
+    """Random, each joint one time in four at an end of its range."""
+    rng, model = np.random.default_rng(5), read_model(FILES)
+    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    found = []
+    for _ in range(count):
+        q = rng.uniform(low, high)
+        ends = np.where(rng.random(model.nq) < 0.5, low, high)
+        found.append(np.where(rng.random(model.nq) < 0.25, ends, q))
+    return found
+
+
+def distance(first: Solid, second: Solid, data: pin.Data) -> float:
+    poses = [data.oMi[solid.joint] * solid.T_joint_shape for solid in (first, second)]
+    placed = [coal.Transform3s(T.rotation, T.translation) for T in poses]
+    request, result = distance_request(), coal.DistanceResult()
+    return float(coal.distance(first.shape, placed[0], second.shape, placed[1], request, result))
+
+
+def test_links_two_joints_apart_that_are_left_out_never_touch(body: RobotBody) -> None:
+    model = read_model(FILES)
+    data = model.createData()
+    among = [
+        (first, second)
+        for first, second in combinations(body.solids, 2)
+        if links.joints_between(model, first.joint, second.joint) == links.MOUNTED
+        and not links.is_fold(model, first, second)
+        and "right" not in first.name + second.name
+    ]
+    least: dict[tuple[str, str], float] = {}
+    for q in configurations(30):
+        pin.forwardKinematics(model, data, q)
+        for first, second in among:
+            names = (first.name, second.name)
+            least[names] = min(least.get(names, 1.0), distance(first, second, data))
+    assert least
+    assert min(least.values()) > 5e-4, min(least.items(), key=lambda item: item[1])
+
+
+def test_one_pair_of_each_arm_can_fold(body: RobotBody) -> None:
+    model = read_model(FILES)
+    folds = [
+        {a.name, b.name} for a, b in combinations(body.solids, 2) if links.is_fold(model, a, b)
+    ]
+    assert folds == [{f"{side}_upper_elbow", f"{side}_upper_forearm"} for side in ("left", "right")]
+
+
+def test_every_link_with_a_mesh_is_there_and_what_is_no_part_is_not(body: RobotBody) -> None:
+    names = [solid.name for solid in body.solids]
+    assert body.source == "Rethink's meshes"
+    assert {"torso", "pedestal", "left_hand_link", "right_wrist", "l_gripper_r_finger_tip"} <= set(
+        names
+    )
+    assert not [name for name in names if "collision_head" in name or name.endswith("_visual")]
+
+
+def test_covers_and_balls_contain_their_shapes(body: RobotBody) -> None:
+    for solid in body.solids:
+        if solid.is_surface:
+            vertices = np.array(solid.shape.vertices())
+            corners = np.array(solid.cover.points())
+            sides = np.random.default_rng(1).normal(size=(200, 3))
+            beyond = (vertices @ sides.T).max(axis=0) - (corners @ sides.T).max(axis=0)
+            assert beyond.max() < 1e-12
+            away = np.linalg.norm(vertices - solid.centre, axis=1)
+            assert away.max() <= solid.radius_m + 1e-12
+
+
+def test_a_thing_inside_a_link_is_found_though_no_surface_is_near(body: RobotBody) -> None:
+    wrist = next(solid for solid in body.solids if solid.name == "left_wrist")
+    marble = Solid.of("marble", 0, at(0, 0, 0), coal.Sphere(0.001))
+    corners = np.array(wrist.shape.vertices())
+    x, y, z = wrist.T_joint_shape.act((corners.min(axis=0) + corners.max(axis=0)) / 2)
+    assert is_enclosed(marble, at(x, y, z), wrist, wrist.T_joint_shape)
+    for beside in (at(x + 0.06, y, z), at(x, y, z + 0.08), at(x + 1.0, y, z)):
+        assert not is_enclosed(marble, beside, wrist, wrist.T_joint_shape)
