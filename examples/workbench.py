@@ -21,6 +21,7 @@ from planner import (
     Manipulator,
     PickAndPlace,
     Plan,
+    RobotBody,
     load_object,
     make_block,
     overhead_grasp,
@@ -76,12 +77,13 @@ class Workbench:
     def __init__(self) -> None:
         """Robot and table, no blocks."""
         self.robot = Baxter.load()
-        self.world = World(self.robot)
+        body = RobotBody.load()
+        self.world = World(self.robot, body)
         self.recorder = Recorder(self.robot)
         self.simulation = Simulation(self.world, [self.recorder])
         self.tasks: list[Task] = []
         self.motion_s = 0.0
-        self._arms = {side: Manipulator.of(self.robot, side) for side in SIDES}
+        self._arms = {side: Manipulator.of(self.robot, side, body=body) for side in SIDES}
         table = pose_from_quaternion((1.0, 0.0, -0.93), (0.0, 0.0, 0.0, 1.0))
         self.simulation.spawn(load_object("table", table))
 
@@ -104,7 +106,9 @@ class Workbench:
         pick = overhead_grasp(arm.hand, body)
         place = T_base_goal * body.T_base_body.inverse() * pick
         task = PickAndPlace(block, pick, place)
-        return plan_pick_and_place(task, arm, self.world.scene, self.world.arm_q(side))
+        return plan_pick_and_place(
+            task, arm, self.world.scene, self.world.arm_q(side), held=self.world.held
+        )
 
     def carry(self, sides: Sequence[str], block: str, T_base_goal: pin.SE3) -> bool:
         """Bring a block to a pose with the arm that needs the least motion; whether it is there."""
@@ -131,7 +135,7 @@ class Workbench:
         q_now, q_rest = self.world.arm_q(side), arm.arm.neutral
         if np.array_equal(q_now, q_rest):
             return True
-        plan = plan_start_move(arm, self.world.scene, q_now, q_rest)
+        plan = plan_start_move(arm, self.world.scene, q_now, q_rest, held=self.world.held)
         verdict, is_done = self.execute(plan, f"{side} arm goes back, ")
         if not is_done:
             self.tasks.append(Task("-", side, plan.motion_time_s, 0.0, np.nan, verdict, False))

@@ -29,6 +29,7 @@ from planner.pick_place import (
 )
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure
 from planner.plan_file import load_plan, save_plan
+from planner.robot_body import RobotBody
 from planner.scene import Body, Box, Cylinder, Part, Scene, Sphere
 from planner.situation import Holding, Situation
 from planner.straight import plan_straight_move
@@ -71,6 +72,7 @@ __all__ = [
     "PlanFailure",
     "PlanFileError",
     "PlannerError",
+    "RobotBody",
     "RobotShapes",
     "Scene",
     "SceneError",

@@ -92,6 +92,7 @@ class ShapePairs:
         geometry: all shapes; those of the robot first, as `RobotShapes` numbers them.
         covers: what the triangles of each shape need; None for convex ones.
         names: the link or body that each shape belongs to.
+        padding_m: by how much each shape counts as thicker than it is, but in contacts.
         needs_m: of the pairs that may be nearer than a margin because that is meant: the number of
             the pair -> the distance that it must exceed, negative for a contact that may press.
     """
@@ -102,6 +103,7 @@ class ShapePairs:
         self.geometry.removeAllCollisionPairs()
         self.covers: list[Cover | None] = list(shapes.covers)
         self.names: list[str] = list(shapes.links)
+        self.padding_m: list[float] = list(shapes.padding_m)
         self.needs_m: dict[int, float] = {}
 
     def add(
@@ -119,6 +121,7 @@ class ShapePairs:
                 is_surface = isinstance(shape, coal.BVHModelBase)
                 self.covers.append(Cover.box_around(shape) if is_surface else None)
                 self.names.append(body.name)
+                self.padding_m.append(0.0)
         return added
 
     def pair(self, first: int, second: int, *, need_m: float | None = None) -> None:
@@ -140,7 +143,9 @@ class CheckedPairs:
         numbers: the shapes of every pair, shape (n, 2).
         needs_m: what the distance of a pair must exceed where that is not the margin, shape (n,);
             NaN for all others.
-        distances: of the pairs.
+        padding_m: what is subtracted from the distance of a pair, shape (n,), because its shapes
+            count as thicker than they are.
+        distances: of the pairs, less the padding.
     """
 
     def __init__(self, built: ShapePairs) -> None:
@@ -150,7 +155,9 @@ class CheckedPairs:
         self.numbers: Indices = np.array(pairs, dtype=np.intp).reshape(-1, 2)
         self.needs_m: Vector = np.full(len(pairs), np.nan)
         self.needs_m[list(built.needs_m)] = list(built.needs_m.values())
-        self.distances = Distances(self.geometry, built.covers)
+        thicker = np.array(built.padding_m)[self.numbers].sum(axis=1)
+        self.padding_m: Vector = np.where(self.is_contact, 0.0, thicker)
+        self.distances = Distances(self.geometry, built.covers, self.padding_m)
 
     @property
     def is_contact(self) -> NDArray[np.bool_]:
@@ -279,6 +286,7 @@ class ClearanceChecker:
         placed = levers.place(full, full[levers.q_index][None])
         distances.place(placed.shapes[0])
         bounds = levers.gaps_m(placed, np.zeros(len(pairs), dtype=np.intp), *pairs.T)
+        bounds -= self.checked.padding_m
         nearest, least_m = 0, np.inf
         for pair in np.argsort(bounds).tolist():
             if bounds[pair] >= least_m:
@@ -303,7 +311,7 @@ class ClearanceChecker:
     ) -> set[int]:
         """Add the bodies; returns the shapes of those that the held body may touch."""
         supports = set()
-        arm = sorted(self._shapes.of_arm(self.arm))
+        arm = sorted(self._shapes.of_arm(self.arm) & self._shapes.details)
         hand, pads = self._shapes.of_hand(self.arm), self._shapes.of_pads(self.arm)
         for body in scene:
             carries = held is not None and body.name in held.supports
@@ -321,7 +329,8 @@ class ClearanceChecker:
 
     def _add_held(self, held: Held, supports: set[int]) -> None:
         tip = self.robot.frames[self.robot.getFrameId(self.arm.tip_frame)]
-        others = sorted(set(range(self._pairs.geometry.ngeoms)) - self._shapes.of_hand(self.arm))
+        bodies = set(range(len(self._shapes.links), self._pairs.geometry.ngeoms))
+        others = sorted((self._shapes.wholes - self._shapes.of_hand(self.arm)) | bodies)
         T_joint_body = tip.placement * held.T_tip_body
         added = self._pairs.add(held.body, tip.parentJoint, T_joint_body, in_pieces=bool(supports))
         for index in added:

@@ -134,12 +134,7 @@ def coal_shape(shape: Shape) -> coal.CollisionGeometry:
         return coal.Sphere(shape.radius_m)
     if shape.is_convex:
         return convex(shape.vertices, shape.triangles)
-    surface = coal.BVHModelOBBRSS()
-    surface.beginModel(len(shape.triangles), len(shape.vertices))
-    surface.addVertices(shape.vertices)
-    surface.addTriangles(shape.triangles)
-    surface.endModel()
-    return surface
+    return surface(shape.vertices, shape.triangles)
 
 
 def convex_pieces(shape: Shape) -> tuple[coal.ShapeBase, ...]:
@@ -179,11 +174,21 @@ def convex(vertices: Vector, triangles: Indices) -> coal.Convex:
     return coal.Convex(points, faces)
 
 
+def surface(vertices: Vector, triangles: Indices) -> coal.BVHModelOBBRSS:
+    """Coal's triangles, shapes (n, 3), m, and (m, 3); nothing is known of inside and outside."""
+    made = coal.BVHModelOBBRSS()
+    made.beginModel(len(triangles), len(vertices))
+    made.addVertices(vertices)
+    made.addTriangles(triangles)
+    made.endModel()
+    return made
+
+
 def shape_of(geometry: coal.CollisionGeometry) -> Shape:
     """Coal's shape as ours.
 
     Raises:
-        SceneError: when it is neither box, cylinder nor sphere.
+        SceneError: when it is neither box, cylinder, sphere nor convex.
     """
     if isinstance(geometry, coal.Box):
         x, y, z = (2 * geometry.halfSide).tolist()
@@ -192,7 +197,12 @@ def shape_of(geometry: coal.CollisionGeometry) -> Shape:
         return Cylinder(geometry.radius, 2 * geometry.halfLength)
     if isinstance(geometry, coal.Sphere):
         return Sphere(geometry.radius)
-    raise SceneError(f"only boxes, cylinders and spheres are known, not {type(geometry).__name__}")
+    if isinstance(geometry, coal.ConvexBase):
+        faces = [geometry.polygons(i) for i in range(geometry.num_polygons)]
+        return Mesh(geometry.points(), np.array([[face[k] for k in range(3)] for face in faces]))
+    raise SceneError(
+        f"only boxes, cylinders, spheres and convex shapes are known, not {type(geometry).__name__}"
+    )
 
 
 def _gap_m(body: Body, other: Body) -> float:

@@ -12,7 +12,7 @@ import pinocchio as pin
 from baxter_kin.arrays import Vector
 from planner.approach import Approach, plan_entry, plan_transfer
 from planner.choice import Choice
-from planner.errors import MotionError
+from planner.errors import MotionError, TrajectoryError
 from planner.lines import Lines
 from planner.manipulator import Manipulator
 from planner.straight import plan_straight_move
@@ -135,32 +135,34 @@ class Cycles:
         lines, limits = self._lines, self._manipulator.limits
         pick = self._approach("pick: descend", choice.q_pick, lines.T_base_above_pick)
         place = self._approach("place: descend", choice.q_place, lines.T_base_above_place)
-        with _at("pick: approach"):
+        with at_stage("pick: approach"):
             entry = plan_entry(self._q_start, pick, limits)
-        with _at("place: approach"):
+        with at_stage("place: approach"):
             transfer = plan_transfer(pick, place, limits)
         return Cycle(*entry, *transfer, self._end(place.q_target))
 
     def _approach(self, stage: str, q: Vector, T_base_above: pin.SE3) -> Approach:
         key = stage, q.tobytes()
         if key not in self._approaches:
-            with _at(stage):
+            with at_stage(stage):
                 self._approaches[key] = Approach.of(self._manipulator, q, T_base_above)
         return self._approaches[key]
 
     def _end(self, q_place: Vector) -> Trajectory:
         arm, limits, key = self._manipulator.arm, self._manipulator.limits, q_place.tobytes()
         if key not in self._ends:
-            with _at("place: retract"):
+            with at_stage("place: retract"):
                 T_base_end = self._lines.T_base_end
                 self._ends[key] = plan_straight_move(arm, q_place, T_base_end, limits)
         return self._ends[key]
 
 
 @contextmanager
-def _at(stage: str) -> Iterator[None]:
+def at_stage(stage: str) -> Iterator[None]:
     """Says which stage an impossible motion belongs to."""
     try:
         yield
-    except MotionError as cause:
+    except StageError:
+        raise
+    except (MotionError, TrajectoryError) as cause:
         raise StageError(stage, str(cause)) from cause

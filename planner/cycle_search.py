@@ -10,6 +10,7 @@ direct way is clear, pairs that failed only sideways are led around what is ther
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +21,7 @@ import numpy as np
 from baxter_kin.arrays import Vector
 from planner.choice import Choices
 from planner.cycle import Cycle, Cycles, Route, StageError
-from planner.detour import Detour
+from planner.detour import TIMEOUT_S, Detour
 from planner.hand_lines import refuse_blocked_hand
 from planner.lines import Lines
 from planner.manipulator import Manipulator
@@ -42,6 +43,13 @@ MOST_SIDEWAYS = 6
 
 MOST_DETOURS = 4
 """Pairs that are led around obstacles."""
+
+DIRECT_S, AROUND_S = 1.2, 2.2
+"""Time of computation after which no further direct way is tried, and no further way around. Most
+tasks take a tenth of that; with it a refusal comes within three seconds."""
+
+LEAST_SEARCH_S = 0.2
+"""What a search for a way around is given at least."""
 
 SCREENED = ("pick: descend", "place: descend", "pick: approach", "place: approach")
 """Stages whose motions are looked at in samples first, those that rule out most others first."""
@@ -75,6 +83,7 @@ class CycleSearch:
         self._body, self._lines, self._margin_m = body, lines, margin_m
         self._manipulator, self._scene, self._q_start = manipulator, scene, q_start
         self._held = tuple(held)
+        self._begun_s = time.thread_time()
         self._cycles = Cycles(manipulator, q_start, lines)
         self._missed: list[_Miss] = []
         self._sideways: list[Cycle] = []  # failed only there
@@ -156,10 +165,17 @@ class CycleSearch:
         others = ((pair, self._cycle(pairs, pair)) for pair in islice(tried, MOST_TRIED - COMPARED))
         for pair, cycle in chain(first, others):
             yield self._learnt(pairs, pair, cycle)
-            if len(self._sideways) == MOST_SIDEWAYS:
+            if len(self._sideways) == MOST_SIDEWAYS or self._spent_s() > DIRECT_S:
                 break
         for cycle in self._sideways[:MOST_DETOURS]:
-            yield self._along(Detour(self._manipulator, self._lines, cycle))
+            left_s = AROUND_S - self._spent_s()
+            if left_s > 0.0:
+                timeout_s = max(min(left_s, TIMEOUT_S), LEAST_SEARCH_S)
+                yield self._along(Detour(self._manipulator, self._lines, cycle, timeout_s))
+
+    def _spent_s(self) -> float:
+        """Time of computation since the search began."""
+        return time.thread_time() - self._begun_s
 
     def _cycle(self, pairs: Pairs, pair: tuple[int, int]) -> Cycle | StageError:
         try:

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector
-from planner.cycle import Cycle, StageError
+from planner.cycle import Cycle, StageError, at_stage
 from planner.errors import MotionError
 from planner.free_move import MARGIN_M, plan_free_move
 from planner.lines import Lines, raised
@@ -54,11 +54,13 @@ class Detour:
         manipulator: the arm and its hand.
         lines: where the cycle leads the tip.
         direct: the same cycle without obstacles; what is clear of it is kept.
+        timeout_s: when to give up the search for one way around.
     """
 
     manipulator: Manipulator
     lines: Lines
     direct: Cycle
+    timeout_s: float = TIMEOUT_S
 
     def entry(self, around: Surroundings) -> tuple[Trajectory, Trajectory]:
         """To the line above the pick, and down it.
@@ -71,7 +73,8 @@ class Detour:
             return direct.to_pick, direct.down_to_pick
         start = _Rest(direct.to_pick.q_start, self.manipulator.limits)
         goal = partial(self._line, direct.q_pick, self.lines.T_base_pick)
-        across, _, down = self._across("pick: approach", lambda _: start, goal, around)
+        with at_stage("pick: approach"):
+            across, _, down = self._across("pick: approach", lambda _: start, goal, around)
         return across, down
 
     def transfer(self, around: Surroundings) -> tuple[Trajectory, Trajectory, Trajectory]:
@@ -85,7 +88,8 @@ class Detour:
             return direct.up_from_pick, direct.to_place, direct.down_to_place
         start = partial(self._line, direct.q_pick, lines.T_base_pick)
         goal = partial(self._line, direct.q_place, lines.T_base_place)
-        across, down_to_pick, down = self._across("place: approach", start, goal, around)
+        with at_stage("place: approach"):
+            across, down_to_pick, down = self._across("place: approach", start, goal, around)
         return down_to_pick.reversed(), across, down
 
     @property
@@ -138,7 +142,7 @@ class Detour:
             self.manipulator.limits,
             around.space,
             around.is_clear,
-            timeout_s=TIMEOUT_S,
+            timeout_s=self.timeout_s,
             margin_m=around.margin_m + MARGIN_M,
         )
         if found.trajectory is None:

@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Indices, Vector
-from planner.contact import convex
+from planner.contact import DISTANCE_TOLERANCE_M, convex
 
 UNKNOWN_DEPTH_M = -0.01
 """Stands for the distance where coal finds shapes inside each other but not how deep."""
@@ -90,13 +90,17 @@ class Cover:
 class Distances:
     """Distances of pairs of shapes, at poses that are set; not to be shared between threads."""
 
-    def __init__(self, geometry: pin.GeometryModel, covers: Sequence[Cover | None]) -> None:
+    def __init__(
+        self, geometry: pin.GeometryModel, covers: Sequence[Cover | None], padding_m: Vector
+    ) -> None:
         """For all pairs of a geometry model.
 
         Args:
             geometry: the shapes; kept alive here, as coal keeps bare pointers.
             covers: of each shape what its triangles need; None for a convex one.
+            padding_m: what is subtracted from the distance of each pair, shape (pairs,).
         """
+        self._padding_m = padding_m.tolist()
         self._shapes = [shape.geometry for shape in geometry.geometryObjects]
         self._covers = list(covers)
         self._pairs = [(pair.first, pair.second) for pair in geometry.collisionPairs]
@@ -104,6 +108,7 @@ class Distances:
         self._coarse: dict[int, list[coal.ComputeDistance]] = {}
         self._is_convex = [cover is None for cover in self._covers]
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
+        self._request.gjk_tolerance = DISTANCE_TOLERANCE_M
         self._poses = np.zeros((0, 4, 4))
         self._placed: list[coal.Transform3s | None] = []
 
@@ -117,6 +122,11 @@ class Distances:
 
         Negative when they are inside each other, as far as triangles can tell that.
         """
+        padding_m: float = self._padding_m[pair]
+        return self._bare(pair, within_m + padding_m) - padding_m
+
+    def _bare(self, pair: int, within_m: float) -> float:
+        """The same without padding."""
         first, second = self._pairs[pair]
         if self._is_convex[first] and self._is_convex[second]:
             return self._distance(self._functor(pair), first, second, np.inf)

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Indices, Vector
-from planner.collision import Held, ShapePairs
+from planner.collision import CheckedPairs, Held, ShapePairs
 from planner.contact import PRESSING_TOLERANCE_M, touching
 from planner.grasp import Grasp
 from planner.lever_arms import LeverArms, Placed
@@ -100,7 +100,8 @@ class TravelCheck:
         self._manipulator, self._travel = manipulator, travel
         shapes, arm = manipulator.shapes, manipulator.arm
         self._pairs = ShapePairs(shapes)
-        self._fingers = shapes.of_fingers(arm)
+        self._fingers, pieces = shapes.of_fingers(arm), shapes.finger_pieces(arm)
+        self._pieces = (*pieces[0], *pieces[1])
         self._hand, self._pads = shapes.of_hand(arm), shapes.of_pads(arm)
         self._signs = dict.fromkeys(self._fingers[0], 1) | dict.fromkeys(self._fingers[1], -1)
         moving = set(self._signs)
@@ -136,7 +137,7 @@ class TravelCheck:
     def _motion(self, poses: Vector) -> FingerMotion:
         travel = self._travel
         length_m = abs(travel.end_m - travel.begin_m)
-        return FingerMotion(poses, length_m, self._rates, self._checked.numbers, self._levers)
+        return FingerMotion(poses, length_m, self._rates, self._checked, self._levers)
 
     def _add_scene(self) -> dict[str, list[int]]:
         standing = {}
@@ -148,7 +149,7 @@ class TravelCheck:
             standing[body.name] = added
             self._of_scene.update(added)
             for index in added:
-                for finger in self._signs:
+                for finger in self._pieces:
                     self._pairs.pair(
                         finger, index, need_m=self._grasping_need(finger) if is_touchable else None
                     )
@@ -164,12 +165,13 @@ class TravelCheck:
         pin.framesForwardKinematics(robot, data, q)
         T_base_tip = data.oMf[robot.getFrameId(manipulator.arm.tip_frame)]
         T_joint_body = data.oMi[joint].inverse() * T_base_tip * pushed.T_tip_body
-        others = set(range(shapes.model.ngeoms)) - self._hand
+        others = shapes.wholes - self._hand
+        fingers = shapes.finger_pieces(manipulator.arm)[1 - travel.pusher]
         added = self._pairs.add(pushed.body, joint, T_joint_body, in_pieces=True)
         for index in added:
-            for finger in self._fingers[1 - travel.pusher]:
+            for finger in fingers:
                 self._pairs.pair(index, finger, need_m=self._grasping_need(finger))
-            for palm in sorted(shapes.of_palm(manipulator.arm)):
+            for palm in sorted(shapes.of_palm(manipulator.arm) & shapes.details):
                 self._pairs.pair(index, palm, need_m=0.0)
             for link in sorted(others):
                 self._pairs.pair(index, link)
@@ -202,14 +204,14 @@ class FingerMotion:
         ends: poses of all shapes at the begin and at the end, shape (2, n, 4, 4).
         length_m: how far a finger goes.
         rates: how fast each pair comes nearer at most, per speed of a finger, shape (pairs,).
-        numbers: the shapes of each pair, shape (pairs, 2).
+        checked: the pairs.
         levers: bounds on distances.
     """
 
     ends: Vector
     length_m: float
     rates: Vector
-    numbers: Indices
+    checked: CheckedPairs
     levers: LeverArms
 
     @property
@@ -226,7 +228,8 @@ class FingerMotion:
         travels = FINGER_SPEED_M_S * (ends_s - starts_s) / 2
 
         def gaps_m(interval: Indices, pair: Indices) -> Vector:
-            return self.levers.gaps_m(placed, interval, *self.numbers[pair].T)
+            gaps = self.levers.gaps_m(placed, interval, *self.checked.numbers[pair].T)
+            return gaps - self.checked.padding_m[pair]
 
         def motions_m(interval: Indices, pair: Indices) -> Vector:
             moved: Vector = travels[interval] * self.rates[pair]

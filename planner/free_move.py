@@ -174,9 +174,7 @@ def _blocked_end(ends: Vector, space: Space) -> FreeMoveFailure | None:
     for kind, q in zip(kinds, ends, strict=True):
         if not space.is_free(q):
             nearest = space.clearance(q)
-            depth_mm = -1e3 * nearest.distance_m
-            where = f"{nearest.first} is {depth_mm:.1f} mm inside {nearest.second}"
-            return FreeMoveFailure(kind, f"{kind.value}: {where}", nearest)
+            return FreeMoveFailure(kind, f"{kind.value}: {nearest.text}", nearest)
     return None
 
 

@@ -32,8 +32,9 @@ ROUNDING_M = 1e-9
 CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
 """Along which the fingers move, seen from the tip."""
 
-AS_NEAR_M = 1e-6
-"""Parts of a body this much farther from a pad than the nearest touch it too."""
+AS_NEAR_M = 1e-4
+"""Parts this much farther from each other than the nearest touch too; pads are of rubber, and as
+near to their mesh as this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,9 +78,9 @@ class Hand:
         pads = shapes.of_pads(arm)
         left, right = (
             tuple(shapes.part_at_tip(i, arm) for i in sorted(finger, key=lambda i: i not in pads))
-            for finger in shapes.of_fingers(arm)
+            for finger in shapes.finger_pieces(arm)
         )
-        counts = [sum(i in pads for i in finger) for finger in shapes.of_fingers(arm)]
+        counts = [sum(i in pads for i in finger) for finger in shapes.finger_pieces(arm)]
         left_pad, right_pad = left[: counts[0]], right[: counts[1]]
         inner = min(extent(p, 1)[0] for p in left_pad), max(extent(p, 1)[1] for p in right_pad)
         further_in = [part for part in left if extent(part, 1)[0] < inner[0] - AS_NEAR_M]

@@ -14,6 +14,7 @@ from baxter_kin.errors import expect
 from planner.collision import RobotShapes
 from planner.errors import TaskError
 from planner.hand import Hand
+from planner.robot_body import RobotBody
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,12 +47,18 @@ class Manipulator:
 
     @classmethod
     def of(
-        cls, robot: Baxter, limb: str, *, speed_ratio: float = 1.0, q_others: Vector | None = None
+        cls,
+        robot: Baxter,
+        limb: str,
+        *,
+        speed_ratio: float = 1.0,
+        q_others: Vector | None = None,
+        body: RobotBody | None = None,
     ) -> Manipulator:
         """Everything for one limb, its velocity limits scaled by `speed_ratio` in (0, 1].
 
         Where `q_others` is not given, the other arm is in neutral and its hand open, as in a new
-        world.
+        world. Where `body` is not given, the robot is its URDF's collision shapes.
 
         Raises:
             UnknownNameError: when `limb` is neither "left" nor "right".
@@ -59,7 +66,7 @@ class Manipulator:
             ConfigurationError: when `q_others` has another shape or is not finite.
         """
         expect(robot, Baxter, "robot", TaskError)
-        arm, shapes = robot.arm(limb), RobotShapes(robot)
+        arm, shapes = robot.arm(limb), RobotShapes(robot, body)
         return cls(
             robot=robot,
             arm=arm,

@@ -116,9 +116,12 @@ class PlanBuilder:
         refuse_blocked(label, self.q, around, "where it stands")
         refuse_blocked(label, q_goal, around, "where it shall go")
         limits, margin_m = self._manipulator.limits, around.margin_m + MARGIN_M
-        found = plan_free_move(
-            self.q, q_goal, limits, around.space, around.is_clear, margin_m=margin_m
-        )
+        try:
+            found = plan_free_move(
+                self.q, q_goal, limits, around.space, around.is_clear, margin_m=margin_m
+            )
+        except MotionError as cause:
+            raise NoSolutionError.at(label, str(cause)) from cause
         if found.trajectory is None:
             raise NoSolutionError.at(label, str(found.failure))
         self.add_move(label, found.trajectory, around)

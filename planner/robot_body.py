@@ -112,7 +112,7 @@ def _arrays() -> dict[str, NDArray[Any]]:
 
 
 def _link(arrays: dict[str, NDArray[Any]], row: int) -> LinkBody:
-    """The body in row `row` of the table of links: a shape, turned and moved to the link's frame."""
+    """The body in a row of the table of links: a shape, brought to the frame of the link."""
     shape = str(arrays["link/shape"][row])
     R, p = arrays["link/R_link_shape"][row], arrays["link/p_link_shape"][row]
     margin_m, stand_out_m = arrays[f"{shape}/margin_standout"].tolist()

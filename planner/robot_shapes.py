@@ -1,59 +1,102 @@
-"""RobotShapes: the robot's collision shapes, and the pairs of them worth checking."""
+"""RobotShapes: the robot's shapes, and the pairs of them worth checking."""
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import coal
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
+from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import expect
-from planner.contact import has_depth, shape_of
+from planner.contact import convex, has_depth, shape_of, surface
 from planner.distances import Cover
 from planner.errors import SceneError
+from planner.robot_body import LinkBody, RobotBody
 from planner.scene import Part
 
 
 class RobotShapes:
-    """The robot's collision shapes and the pairs of them worth checking."""
+    """The shapes of a robot: those of its URDF, or those of a body that contains its meshes.
 
-    def __init__(self, robot: Baxter) -> None:
-        """Remember the robot; nothing is read before it is asked for."""
-        self.robot = robot
+    Of a body, a link is one closed surface, covered by convex pieces. One that touches things on
+    purpose, as fingers do, counts as its convex pieces where bodies are near, because how deep
+    something is inside them is known, and as the surface of these where the rest of the robot is.
+
+    Attributes:
+        robot: the robot.
+        body: what it is taken to be; None for the URDF's collision shapes.
+    """
+
+    def __init__(self, robot: Baxter, body: RobotBody | None = None) -> None:
+        """Remember both; no shape is made before it is asked for.
+
+        Args:
+            robot: the robot.
+            body: `RobotBody.load()`, say; the URDF's collision shapes when not given, which are
+                smaller than Rethink's meshes by up to 91 mm.
+
+        Raises:
+            SceneError: when one is of another class.
+        """
+        self.robot = expect(robot, Baxter, "robot", SceneError)
+        self.body = None if body is None else expect(body, RobotBody, "body", SceneError)
 
     @cached_property
     def model(self) -> pin.GeometryModel:
         """Every shape, without pairs."""
-        files = self.robot.description
-        shapes = pin.buildGeomFromUrdf(
-            self.robot.model,
-            str(files.urdf),
-            pin.GeometryType.COLLISION,
-            package_dirs=[str(files.package_dir)],
-        )
-        shapes.addAllCollisionPairs()
-        pin.removeCollisionPairs(self.robot.model, shapes, str(files.srdf))
+        shapes, frames = pin.GeometryModel(), self.robot.model.frames
+        for made in self._made:
+            frame = frames[self.robot.model.getFrameId(made.link)]
+            name, placement = f"{made.link}/{shapes.ngeoms}", frame.placement * made.T_link_shape
+            shapes.addGeometryObject(
+                pin.GeometryObject(name, frame.parentJoint, placement, made.geometry)
+            )
         return shapes
 
     @cached_property
     def links(self) -> tuple[str, ...]:
         """The link that each shape belongs to."""
-        frames = self.robot.model.frames
-        return tuple(str(frames[s.parentFrame].name) for s in self.model.geometryObjects)
+        return tuple(made.link for made in self._made)
+
+    @cached_property
+    def padding_m(self) -> tuple[float, ...]:
+        """By how much each shape counts as thicker than it is."""
+        return tuple(made.padding_m for made in self._made)
 
     @cached_property
     def covers(self) -> tuple[Cover | None, ...]:
         """What the triangles of each shape need; None for convex ones."""
-        return tuple(
-            Cover.box_around(s.geometry) if not has_depth(s.geometry) else None
-            for s in self.model.geometryObjects
-        )
+        return tuple(made.cover for made in self._made)
+
+    @cached_property
+    def wholes(self) -> frozenset[int]:
+        """The shapes that count against the rest of the robot."""
+        return frozenset(i for i, made in enumerate(self._made) if made.is_whole)
+
+    @cached_property
+    def details(self) -> frozenset[int]:
+        """The shapes that count against bodies."""
+        return frozenset(i for i, made in enumerate(self._made) if made.is_detail)
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """The pairs of shapes that may meet."""
-        return tuple((pair.first, pair.second) for pair in self.model.collisionPairs)
+        """The pairs of shapes of the robot that may meet."""
+        skipped = _srdf_pairs(self.robot) if self.body is None else self.body.skipped_pairs.keys()
+        links, shapes, wholes = self.links, self.model.geometryObjects, sorted(self.wholes)
+        return tuple(
+            (first, second)
+            for second in wholes
+            for first in wholes
+            if first < second
+            and shapes[first].parentJoint != shapes[second].parentJoint
+            and frozenset((links[first], links[second])) not in skipped
+        )
 
     def of_arm(self, arm: Arm) -> frozenset[int]:
         """The shapes that an arm moves, those of its hand among them."""
@@ -71,17 +114,24 @@ class RobotShapes:
         )
         return first, second
 
+    def finger_pieces(self, arm: Arm) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Those of them that count against bodies."""
+        first, second = (
+            tuple(i for i in finger if i in self.details) for finger in self.of_fingers(arm)
+        )
+        return first, second
+
     def of_palm(self, arm: Arm) -> frozenset[int]:
         """The shapes of the hand that are not of a finger."""
         return self.of_hand(arm).difference(*self.of_fingers(arm))
 
     def of_pads(self, arm: Arm) -> frozenset[int]:
         """The shapes of both finger tips, which may press on what is grasped."""
-        fingers = {index for finger in self.of_fingers(arm) for index in finger}
+        fingers = {index for finger in self.finger_pieces(arm) for index in finger}
         return frozenset(index for index in fingers if self.links[index].endswith("_tip"))
 
     def part_at_tip(self, index: int, arm: Arm) -> Part:
-        """A shape of the hand, seen from the tip with the fingers closed."""
+        """A convex shape of the hand, seen from the tip with the fingers closed."""
         expect(arm, Arm, "arm", SceneError)
         shape = self.model.geometryObjects[index]
         return Part(shape_of(shape.geometry), self._T_tip_shape(index, arm))
@@ -95,6 +145,11 @@ class RobotShapes:
         reach = np.abs(T_tip_shape.rotation[2]) @ (geometry.aabb_local.max_ - middle)
         return float(T_tip_shape.act(middle)[2] + reach)
 
+    @cached_property
+    def _made(self) -> tuple[_Made, ...]:
+        """The shapes of all links."""
+        return tuple(_of_urdf(self.robot) if self.body is None else _of_body(self.body))
+
     def _T_tip_shape(self, index: int, arm: Arm) -> pin.SE3:
         shape = self.model.geometryObjects[index]
         model, data = self.robot.model, self.robot.model.createData()
@@ -107,3 +162,70 @@ class RobotShapes:
         moved = set(model.subtrees[model.getJointId(joint)].tolist())
         shapes = self.model.geometryObjects
         return frozenset(i for i, shape in enumerate(shapes) if shape.parentJoint in moved)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Made:
+    """A shape of a link, what its triangles need, and what it counts against."""
+
+    link: str
+    geometry: coal.CollisionGeometry
+    T_link_shape: pin.SE3 = field(default_factory=pin.SE3.Identity)
+    cover: Cover | None = None
+    padding_m: float = 0.0
+    is_whole: bool = True
+    is_detail: bool = True
+
+
+def _of_urdf(robot: Baxter) -> Iterator[_Made]:
+    """The URDF's collision shapes."""
+    files, frames = robot.description, robot.model.frames
+    shapes = pin.buildGeomFromUrdf(
+        robot.model,
+        str(files.urdf),
+        pin.GeometryType.COLLISION,
+        package_dirs=[str(files.package_dir)],
+    )
+    for shape in shapes.geometryObjects:
+        frame = frames[shape.parentFrame]
+        cover = None if has_depth(shape.geometry) else Cover.box_around(shape.geometry)
+        T_link_shape = frame.placement.inverse() * shape.placement
+        yield _Made(str(frame.name), shape.geometry, T_link_shape, cover)
+
+
+def _srdf_pairs(robot: Baxter) -> frozenset[frozenset[str]]:
+    """Pairs of links that the SRDF rules out."""
+    root = ET.parse(robot.description.srdf).getroot()
+    return frozenset(
+        frozenset((entry.attrib["link1"], entry.attrib["link2"]))
+        for entry in root.iter("disable_collisions")
+    )
+
+
+def _of_body(body: RobotBody) -> Iterator[_Made]:
+    """The shapes of a body; links of equal body share them."""
+    known: dict[tuple[bytes, ...], list[_Made]] = {}
+    for link in body.links.values():
+        key = tuple(part.vertices.tobytes() for part in (link.surface, *link.pieces))
+        if key not in known:
+            known[key] = list(_of_link(link))
+        yield from (replace(made, link=link.name, padding_m=link.margin_m) for made in known[key])
+
+
+def _of_link(link: LinkBody) -> Iterator[_Made]:
+    pieces = tuple(convex(*piece) for piece in link.pieces)
+    if link.is_touching and len(pieces) == 1:
+        yield _Made(link.name, pieces[0])
+        return
+    whole = joined(link.pieces) if link.is_touching else link.surface
+    cover = Cover(pieces, *whole, is_closed=True)
+    yield _Made(link.name, surface(*whole), cover=cover, is_detail=not link.is_touching)
+    if link.is_touching:
+        yield from (_Made(link.name, piece, is_whole=False) for piece in pieces)
+
+
+def joined(pieces: Sequence[tuple[Vector, Indices]]) -> tuple[Vector, Indices]:
+    """Several surfaces as one: vertices, shape (n, 3), and triangles, shape (m, 3)."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
+    triangles = [faces + start for (_, faces), start in zip(pieces, starts, strict=False)]
+    return np.concatenate([vertices for vertices, _ in pieces]), np.concatenate(triangles)

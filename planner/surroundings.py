@@ -114,6 +114,7 @@ class Surroundings:
         checked.distances.place(placed.shapes[0])
         needs = np.where(checked.is_contact, checked.needs_m, self.margin_m)[pairs]
         gaps = levers.gaps_m(placed, np.zeros(len(pairs), dtype=np.intp), *checked.numbers[pairs].T)
+        gaps -= checked.padding_m[pairs]
         worst: tuple[Clearance, float] | None = None
         for pair, need in zip(pairs[gaps <= needs].tolist(), needs[gaps <= needs], strict=True):
             distance_m = checked.distances.measure(pair, max(float(need), 0.0) + ACCURACY_M)

@@ -178,6 +178,7 @@ class ArmMotion:
         """Of a checked trajectory; `full` says where all other joints stand, shape (19,)."""
         self.duration_s = trajectory.duration
         self._full, self._span, self._levers = full, JointSpan(trajectory), checker.levers
+        self._padding_m = checker.checked.padding_m
         self._moving, self._other = _outer_first(checker.pairs, self._levers.depth)
 
     def around(self, starts_s: Vector, ends_s: Vector) -> Around:
@@ -187,7 +188,8 @@ class ArmMotion:
         motions = self._levers.motions_m(placed, turns)
 
         def gaps_m(interval: Indices, pair: Indices) -> Vector:
-            return self._levers.gaps_m(placed, interval, self._moving[pair], self._other[pair])
+            moving, other = self._moving[pair], self._other[pair]
+            return self._levers.gaps_m(placed, interval, moving, other) - self._padding_m[pair]
 
         def motions_m(interval: Indices, pair: Indices) -> Vector:
             seen_from = self._levers.depth[self._other[pair]]
@@ -254,12 +256,13 @@ class _Search:
         """Measure the pairs at one end; those that are too close are judged together."""
         distances = self._checked.distances
         close: dict[int, float] = {}
+        most_needed_m = float(self._needed_m.max(initial=0.0)) + RESOLUTION_M
         for index in np.argsort(gaps, kind="stable").tolist():
             pair = int(self._pairs[index])
+            if gaps[index] >= max(self._nearest.distance_m, most_needed_m):
+                break
             too_close_m = float(self._needed_m[pair]) + RESOLUTION_M
             least_m = max(self._nearest.distance_m, too_close_m)
-            if gaps[index] >= least_m:
-                continue
             self._evaluations += 1
             found = distances.measure(pair, np.nextafter(least_m, np.inf))
             if found > 0.0 and distances.is_within(pair):

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from planner.collision import Clearance
+from planner.collision import SHOWN_M, Clearance
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +81,12 @@ class SweptContact:
                 f"{near.first} is not proven to keep {1e3 * self.needed_m:.3g} mm from "
                 f"{near.second}: {1e3 * near.distance_m:.3f} mm apart {at}"
             )
-        if near.distance_m <= 0.0:
+        if near.distance_m <= -SHOWN_M:
             return (
                 f"{near.first} would be {-1e3 * near.distance_m:.1f} mm inside {near.second} {at}"
             )
+        if near.distance_m < SHOWN_M:
+            return f"{near.first} would touch {near.second} {at}"
         return (
             f"{near.first} would be {1e3 * near.distance_m:.1f} mm from {near.second} {at}; "
             f"{1e3 * self.needed_m:.1f} mm are asked for"

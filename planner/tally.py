@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import float_array
 from baxter_kin.errors import ConfigurationError
-from planner.collision import Clearance
+from planner.collision import SHOWN_M, Clearance
 from planner.surroundings import Surroundings
 
 MOST_MEASURED = 64
@@ -41,7 +41,12 @@ class CollisionCount:
     def nearest(self) -> str:
         """Who, and how deep or how far apart at best."""
         distance_mm = 1e3 * self.distance_m
-        gap = f"{distance_mm:.1f} mm apart" if distance_mm > 0.0 else f"{-distance_mm:.1f} mm deep"
+        if abs(self.distance_m) < SHOWN_M:
+            gap = "touching"
+        elif distance_mm > 0.0:
+            gap = f"{distance_mm:.1f} mm apart"
+        else:
+            gap = f"{-distance_mm:.1f} mm deep"
         return f"{self.first} with {self.second}, at best {gap}"
 
 
@@ -52,12 +57,15 @@ class Tally:
     Attributes:
         stage: label of the move that would end there.
         solutions: how many were looked at, evenly chosen from all samples.
-        collisions: what collides in the others, the most frequent first.
+        collisions: what collides in the others, or is nearer than the margin, the most frequent
+            first.
+        margin_m: the distance that was asked for.
     """
 
     stage: str
     solutions: int
     collisions: tuple[CollisionCount, ...]
+    margin_m: float = 0.0
 
     @classmethod
     def of(cls, stage: str, qs: ArrayLike, around: Surroundings) -> Tally:
@@ -73,7 +81,7 @@ class Tally:
         """
         solutions = _evenly(float_array(qs, "qs", ConfigurationError))
         blocked = [around.clearance(q) for q in solutions if not around.is_free(q)]
-        return cls(stage, len(solutions), _counts(blocked))
+        return cls(stage, len(solutions), _counts(blocked), around.margin_m)
 
     @property
     def colliding(self) -> int:
@@ -95,7 +103,17 @@ class Tally:
         ]
         if len(self.collisions) > MOST_NAMED:
             named.append(f"{len(self.collisions) - MOST_NAMED} other pairs")
-        return f"{share} IK solutions collide: {'; '.join(named)}"
+        return f"{share} IK solutions {self._verb}: {'; '.join(named)}"
+
+    @property
+    def _verb(self) -> str:
+        if any(collision.distance_m < SHOWN_M for collision in self.collisions):
+            return "collide" if self.margin_m == 0.0 else f"collide or {self._closer}"
+        return self._closer
+
+    @property
+    def _closer(self) -> str:
+        return f"come closer than the {1e3 * self.margin_m:.1f} mm asked for"
 
 
 def _evenly(qs: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[np.ndarray]:

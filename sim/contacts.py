@@ -20,9 +20,10 @@ from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
 from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
 from planner.collision import Held
-from planner.contact import PRESSING_TOLERANCE_M
+from planner.contact import PRESSING_TOLERANCE_M, gap_m
 from planner.free_space import Touches
 from planner.phases import LONGEST_DROP_M
+from planner.situation import Holding
 from sim.errors import SimulationError
 from sim.falling import Rest
 from sim.world import World
@@ -76,7 +77,31 @@ class ContactWatch:
         steps = max(1, math.ceil(trajectory.duration / CHECK_S))
         times = np.linspace(0.0, trajectory.duration, steps + 1)
         path = self._configurations(side, trajectory.sample(times).q)
-        around, lasting = self._surroundings(side), self._lasting[side]
+        return self._found(side, path, times, self._surroundings(side))
+
+    def of_fingers(self, side: str, finger_m: float, speed_m_s: float) -> list[Contact]:
+        """The contacts of fingers that go from where they are to a position, likewise.
+
+        What lies between the pads, or was just let go, is theirs to touch: it is left out.
+        """
+        begin_m = self._world.finger_m(side)
+        count = max(1, math.ceil(abs(finger_m - begin_m) / (speed_m_s * CHECK_S)))
+        positions = np.linspace(begin_m, finger_m, count + 1)
+        full = np.tile(self._world.q, (len(positions), 1))
+        hand = self._world.hands[side]
+        names = list(hand.finger_joints(0.0))
+        where = list(self._world.robot.indices(tuple(names)))
+        for row, position in zip(full, positions.tolist(), strict=True):
+            row[where] = list(hand.finger_joints(position).values())
+        around = self._surroundings(side)
+        for name in around.touched_by_pads():
+            around = around.less(name)
+        return self._found(side, full, np.abs(positions - begin_m) / speed_m_s, around)
+
+    def _found(
+        self, side: str, path: Vector, times: Vector, around: _Surroundings
+    ) -> list[Contact]:
+        lasting = self._lasting[side]
         found: list[Contact] = []
         for index, q in enumerate(path):
             while around.is_touched(q):
@@ -133,6 +158,19 @@ class _Surroundings:
         """The same without one more body."""
         return _Surroundings(self._world, self._side, self._left_out | {name})
 
+    def touched_by_pads(self) -> list[str]:
+        """Movable bodies that a pad touches now: what the hand holds, or has just let go."""
+        hand = self._world.hands[self._side]
+        tip, finger_m = self._world.T_base_tip(self._side), self._world.finger_m(self._side)
+        pads = hand.pads_at(tip, finger_m)
+        return [
+            body.name
+            for body in self._scene
+            if body.is_movable
+            and min(gap_m(pad, part) for pad in pads for part in body.placed_parts)
+            <= PRESSING_TOLERANCE_M
+        ]
+
     def touched_at(self, q: Vector) -> frozenset[str]:
         """Which of the bodies left out are run into at a full configuration."""
         return frozenset(
@@ -173,7 +211,7 @@ class _Surroundings:
 def is_as_planned(world: World, plan: Plan) -> bool:
     """Whether a world is as a plan has it before its first step, so that its proofs count."""
     situation = plan.situation
-    if situation is None or world.holding(plan.limb) is not None:
+    if situation is None or not _is_held_alike(world.held, situation.held):
         return False
     own = world.robot.arm(plan.limb).joint_names
     joints = dict(zip(world.robot.joint_names, world.q.tolist(), strict=True))
@@ -190,6 +228,17 @@ def falls_as_planned(world: World, name: str, rest: Rest) -> bool:
     """Whether a body that is let go rests as a plan expects: level, on what is just below it."""
     stands = len(rest.legs) == 1 and rest.beside_m == 0.0
     return stands and rest.fall_m <= LONGEST_DROP_M and not world.riders(name)
+
+
+def _is_held_alike(held: tuple[Holding, ...], planned: tuple[Holding, ...]) -> bool:
+    """Whether the hands hold the same bodies in the same places."""
+    expected = {holding.side: holding for holding in planned}
+    return len(held) == len(planned) and all(
+        holding.side in expected
+        and holding.body == expected[holding.side].body
+        and holding.T_tip_body.isApprox(expected[holding.side].T_tip_body, AS_PLANNED)
+        for holding in held
+    )
 
 
 def _is_same(body: Body, planned: Body) -> bool:

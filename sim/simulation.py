@@ -5,9 +5,10 @@ ticks, so nothing is rounded to the tick and the same plans give the same snapsh
 There are no blind waits: after a grasp the next step begins as soon as the pads are on the body,
 plus the dwell that was asked for.
 
-Moves are looked at for contacts (`sim.contacts`) unless the plan proves them clear and the world is
-as the plan has it: as its `situation` says before the first step, and changed since then only by
-grasps that went as planned. A release may let a body fall a little, so proofs count until then.
+Moves and opening fingers are looked at for contacts (`sim.contacts`), whatever a plan says of
+itself, unless a certificate of this very plan is at hand (`planner.verify`) and the world is as the
+plan has it: as its `situation` says before the first step, and changed since then only by grasps
+that went as planned. A release may let a body fall a little, so certificates count until then.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.errors import expect
-from planner import Body, Grip, GripperAction, Move, Plan
+from planner import Body, Certificate, Grip, GripperAction, Move, Plan
 from planner.errors import expect_all
 from planner.plan import Step
 from sim import sentences
@@ -28,7 +29,7 @@ from sim.contacts import Contact, ContactWatch, falls_as_planned, is_as_planned
 from sim.errors import SimulationError
 from sim.events import Detail, Event, EventKind, Observer, Snapshot
 from sim.falling import GRAVITY_M_S2, Rest
-from sim.gripper import Gripper
+from sim.gripper import FINGER_SPEED_M_S, Gripper
 from sim.outcome import Dwell, Outcome
 from sim.world import World
 
@@ -67,7 +68,7 @@ class Simulation:
             observers: who is told, in this order.
             tick_s: time between snapshots, at least `SHORTEST_TICK_S`.
             dwell: pauses after gripper actions.
-            check_contacts: whether moves without a valid proof are looked at; without, the arm
+            check_contacts: whether moves without a certificate are looked at; without, the arm
                 passes through everything.
 
         Raises:
@@ -126,20 +127,27 @@ class Simulation:
             raise SimulationError(f"wait at most {LONGEST_WAIT_S:g} s at once, got {duration_s:g}")
         self._advance(duration_s, lambda _: None)
 
-    def execute(self, plan: Plan, title: str = "") -> Outcome:
+    def execute(
+        self, plan: Plan, title: str = "", *, certificate: Certificate | None = None
+    ) -> Outcome:
         """Do every step of a plan, or stop at the first that fails.
 
         Args:
             plan: a valid plan that starts where the arm stands.
             title: put before each caption.
+            certificate: what `verify` made of this very plan; while the world is as the plan has
+                it, moves are then not looked at for contacts.
 
         Raises:
             SimulationError: when the plan is invalid or starts elsewhere; nothing has moved then.
         """
         self._check_start(expect(plan, Plan, "plan", SimulationError))
+        if certificate is not None:
+            expect(certificate, Certificate, "certificate", SimulationError)
         started = self.time_s
         failure = None
-        self._is_as_planned = is_as_planned(self.world, plan)
+        is_certified = certificate is not None and certificate.is_valid and certificate.is_of(plan)
+        self._is_as_planned = is_certified and is_as_planned(self.world, plan)
         for step in plan:
             self._caption = f"{title}{step.label}"
             failure = self._do(plan.limb, step)
@@ -168,8 +176,7 @@ class Simulation:
             return self._move(limb, step)
         if step.action is GripperAction.CLOSE:
             return self._close(limb, step)
-        self._open(limb, step)
-        return None
+        return self._open(limb, step)
 
     def _move(self, limb: str, move: Move) -> str | None:
         if move.ik is not None:
@@ -186,8 +193,9 @@ class Simulation:
         return None
 
     def _contacts(self, limb: str, move: Move) -> list[Contact]:
-        is_proven = self._is_as_planned and move.proof is not None
-        return [] if is_proven or not self._checks else self._watch.along(limb, move.trajectory)
+        if self._is_as_planned or not self._checks:
+            return []
+        return self._watch.along(limb, move.trajectory)
 
     def _follow(self, limb: str, move: Move, begin_s: float, end_s: float) -> None:
         """Follow a move that began at a time, until so long after."""
@@ -244,10 +252,10 @@ class Simulation:
         self._tell(EventKind.MISSED, text, detail=closing.miss)
         return f"{grip.label}: {text}"
 
-    def _open(self, limb: str, grip: Grip) -> None:
+    def _open(self, limb: str, grip: Grip) -> str | None:
         gripper = self.grippers[limb]
         name = gripper.release()
-        finger_m = gripper.open_m if grip.opening_m is None else grip.opening_m
+        finger_m, failure = self._free_opening(limb, grip)
         if name is None:
             self._slide(limb, finger_m)
             self._tell(EventKind.OPENED, sentences.of_opening(limb, gripper.state.percent))
@@ -255,6 +263,21 @@ class Simulation:
             self._tell(EventKind.RELEASED, f"{name} released")
             self._let_go(limb, name, finger_m)
         self.wait(self._dwell.after_release_s)
+        return failure
+
+    def _free_opening(self, limb: str, grip: Grip) -> tuple[float, str | None]:
+        """How far the fingers open, and why no farther."""
+        begin_m = self.world.finger_m(limb)
+        end_m = self.grippers[limb].open_m if grip.opening_m is None else grip.opening_m
+        if self._is_as_planned or not self._checks:
+            return end_m, None
+        for contact in self._watch.of_fingers(limb, end_m, FINGER_SPEED_M_S):
+            self._tell(EventKind.HIT, sentences.of_contact(contact, limb), detail=contact)
+            if contact.stops:
+                way = contact.free_s * FINGER_SPEED_M_S
+                stop_m = begin_m + way if end_m > begin_m else begin_m - way
+                return stop_m, f"{grip.label}: {sentences.of_stop(contact, limb)}"
+        return end_m, None
 
     def _let_go(self, limb: str, name: str, finger_m: float) -> None:
         """Open the fingers while the body falls to its rest."""

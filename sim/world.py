@@ -20,6 +20,7 @@ from planner import Body, Hand, RobotShapes, Scene
 from planner.contact import PRESSING_TOLERANCE_M
 from planner.errors import SceneError
 from planner.landing import FLOOR, FLOOR_Z_M
+from planner.robot_body import RobotBody
 from planner.situation import Holding
 from sim.errors import SimulationError
 from sim.falling import Rest, come_to_rest
@@ -40,10 +41,15 @@ class World:
         supports: name of each body at rest -> what it stands on.
     """
 
-    def __init__(self, robot: Baxter) -> None:
-        """An empty world with the robot in neutral, its hands open."""
+    def __init__(self, robot: Baxter, body: RobotBody | None = None) -> None:
+        """An empty world with the robot in neutral, its hands open.
+
+        Args:
+            robot: the robot.
+            body: what it is taken to be; its URDF's collision shapes when not given.
+        """
         self.robot = expect(robot, Baxter, "robot", SimulationError)
-        self.shapes = RobotShapes(robot)
+        self.shapes = RobotShapes(robot, body)
         self.hands = {side: Hand.of(robot, arm, self.shapes) for side, arm in robot.arms.items()}
         self.supports: dict[str, str] = {}
         self._bodies: dict[str, Body] = {}  # as they were spawned
@@ -91,6 +97,11 @@ class World:
     def finger_m(self, side: str) -> float:
         """Finger position of a hand, 0 closed .. stroke."""
         return float(self._q[self._finger_indices[self._side(side)][0]])
+
+    @property
+    def held(self) -> tuple[Holding, ...]:
+        """What the hands hold."""
+        return tuple(self._held.values())
 
     def holding(self, side: str) -> Holding | None:
         """What a hand holds, or None."""

@@ -193,7 +193,7 @@ class _Check:
                     yield from broken(held, solid, [Span(0, count, rule)], run.when)
         begin, end = stage.held.at(T[0]), stage.held.at(T[-1])
         puts_down = grip is not None and not _closes(grip)
-        supports = stage.supports(begin), stage.supports(end) if puts_down else set()
+        supports = stage.supports(begin), stage.supports(end, DROP_M) if puts_down else set()
         for name, thing in stage.things.items():
             for other in thing.tracks():
                 for held in tracks:

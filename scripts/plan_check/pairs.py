@@ -62,9 +62,8 @@ def _finding(
     chosen = touching[:: max(1, len(touching) // MEASURED_HITS)]
     depths = [(depth_m(a, b, sample), sample) for sample in chosen]
     deepest, sample = max(depths)
-    _, last_s = when(span.first + hits[-1][0])
-    where = when(span.first + sample)
-    text = f"deepest in {where[0]} at {where[1]:.3f} s, last seen at {last_s:.3f} s"
+    deep, last = when(span.first + sample), when(span.first + hits[-1][0])
+    text = f"deepest in {deep[0]} at {deep[1]:.3f} s, last seen in {last[0]} at {last[1]:.3f} s"
     return Finding(span.rule.kind, label, time_s, *names, deepest, text)
 
 

@@ -122,9 +122,13 @@ def _bins(rng: np.random.Generator) -> Problem:
 
 def _margins(rng: np.random.Generator) -> Problem:
     m = _manipulator(_limb(rng))
-    problem = _transfer(rng, m, _block(rng, m, lowest=0.06))
+    problem = _transfer(rng, m, _block(rng, m, lowest=0.06), highest_m=0.0)
+    assert problem.task is not None
+    # fingers may come near the body only where the tip goes straight, so from above it
+    task = replace(problem.task, clear_m=0.13, hover_m=max(0.13, problem.task.hover_m))
     margin_m = float(rng.uniform(0.002, 0.020))
-    return replace(_among(rng, problem, int(rng.integers(0, 3))), margin_m=margin_m)
+    problem = replace(problem, task=task, margin_m=margin_m)
+    return _among(rng, problem, int(rng.integers(0, 3)))
 
 
 def _rods(rng: np.random.Generator) -> Problem:
@@ -154,9 +158,8 @@ def _other_hand(rng: np.random.Generator) -> Problem:
     down_m = float(rng.uniform(0.0, size[2] / 2 - 0.008)) if size[2] > 0.05 else 0.0
     world.attach(other, "held", _at(0.0, 0.0, down_m))
     manipulator = replace(base, q_others=world.q)
-    return replace(
-        problem, manipulator=manipulator, scene=world.scene, held=getattr(world, "held", ())
-    )
+    held = tuple(found for found in [world.holding(other)] if found is not None)
+    return replace(problem, manipulator=manipulator, scene=world.scene, held=held)
 
 
 def _free(rng: np.random.Generator) -> Problem:
@@ -358,7 +361,12 @@ def _obstacle(rng: np.random.Generator, name: str, ends: list[Array], m: Manipul
 
 
 def _transfer(
-    rng: np.random.Generator, m: Manipulator, parts: list[Part], tip_height_m: float | None = None
+    rng: np.random.Generator,
+    m: Manipulator,
+    parts: list[Part],
+    tip_height_m: float | None = None,
+    *,
+    highest_m: float = 0.004,
 ) -> Problem:
     """A body on the table, and another place and yaw for it."""
     (x, y), (to_x, to_y) = _places(rng, m)
@@ -371,7 +379,7 @@ def _transfer(
     turn = float(rng.choice([0.0, rng.uniform(-math.pi / 2, math.pi / 2)]))
     middle = T_pick.translation
     T_move = _at(to_x, to_y, 0.0, turn) * _at(-middle[0], -middle[1], 0.0)
-    lift_m = float(rng.choice([0.0, rng.uniform(0.0, 0.004)]))
+    lift_m = float(rng.choice([0.0, rng.uniform(0.0, highest_m)]))
     T_place = _at(0.0, 0.0, lift_m) * T_move * T_pick
     task = PickAndPlace(BODY, T_pick, T_place, hover_m=float(rng.uniform(0.08, 0.2)))
     return Problem(m, Scene.of([_table(), body]), _start(rng, m), task)

@@ -173,9 +173,9 @@ class Stage:
             if solids
         }
 
-    def supports(self, thing: Thing) -> set[str]:
-        """Names of the bodies that carry another where it is."""
-        lower, higher = thing.raised(-DOWN_M), thing.raised(UP_M)
+    def supports(self, thing: Thing, down_m: float = DOWN_M) -> set[str]:
+        """Names of the bodies that carry another where it is, or would if it fell so far."""
+        lower, higher = thing.raised(-down_m), thing.raised(UP_M)
         return {
             name
             for name, other in self.things.items()

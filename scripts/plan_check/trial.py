@@ -77,10 +77,11 @@ def _planned(problem: Problem) -> Plan:
     m, margin_m, held = problem.manipulator, problem.margin_m, problem.held
     if problem.task is None:
         goal = problem.q_goal
-        return plan_start_move(m, problem.scene, problem.q_start, goal, margin_m=margin_m)
-    options = {"held": held} if held else {}
+        return plan_start_move(
+            m, problem.scene, problem.q_start, goal, margin_m=margin_m, held=held
+        )
     return plan_pick_and_place(
-        problem.task, m, problem.scene, problem.q_start, margin_m=margin_m, **options
+        problem.task, m, problem.scene, problem.q_start, margin_m=margin_m, held=held
     )
 
 

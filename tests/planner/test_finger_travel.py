@@ -21,7 +21,7 @@ from planner import (
     Scene,
     plan_pick_and_place,
 )
-from planner.contact import gap_m
+from planner.contact import PRESSING_TOLERANCE_M, gap_m
 from planner.finger_travel import FingerTravel, TravelCheck, closing_travel, prove_travel
 from planner.phases import LEAST_ROOM_M
 from planner.swept_result import SweptContact, SweptProof
@@ -181,6 +181,7 @@ def test_what_a_finger_pushes_hits_its_neighbour_or_not(
     """A cube beside the middle is pushed by one finger, towards a wall that stands further in."""
     body = cube(x=0.7, y=0.15 + off)
     assume(abs(off) > 1e-4)
+    assume(abs(off) + gap > PRESSING_TOLERANCE_M)  # else it stands against the rail to begin with
     away = -float(np.sign(off))
     rail_y = 0.15 + off + away * (0.01 + abs(off) + gap + 0.001)
     rail = box("rail", (0.05, 0.002, 0.004), 0.7, rail_y, Z_TABLE + 0.002)

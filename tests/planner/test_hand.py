@@ -73,10 +73,9 @@ def test_the_gap_between_the_pads_is_that_of_the_collision_shapes(
 def test_the_gap_is_what_pinocchio_says_for_the_finger_joints(
     robot: Baxter, hands: dict[str, Hand], side: str, finger_m: float
 ) -> None:
-    hand = hands[side]
-    shapes = RobotShapes(robot).model
-    tips = [f"{side[0]}_gripper_{finger}_finger_tip_0" for finger in "lr"]
-    first, second = (shapes.getGeometryId(name) for name in tips)
+    hand, of_robot = hands[side], RobotShapes(robot)
+    first, second = sorted(of_robot.of_pads(robot.arm(side)))
+    shapes = of_robot.model
     shapes.removeAllCollisionPairs()
     shapes.addCollisionPair(pin.CollisionPair(first, second))
     data, geometry = robot.model.createData(), shapes.createData()

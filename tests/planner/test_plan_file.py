@@ -40,6 +40,7 @@ from planner import (
     Sphere,
     Trajectory,
     load_plan,
+    plan_file,
     plan_pick_and_place,
     save_plan,
 )
@@ -441,3 +442,13 @@ def test_arrays_are_known_by_the_annotation_of_this_numpy() -> None:
     for annotation in (Vector, NDArray[np.float64], np.ndarray[Any, np.dtype[np.float64]]):
         again = from_json(to_json(array, annotation, "array"), annotation, "array")
         assert again.tolist() == array.tolist()
+
+
+def test_a_plan_too_large_is_neither_written_nor_read(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_plan(plan, tmp_path / "plan.json")
+    monkeypatch.setattr(plan_file, "MOST", {**plan_file.MOST, "segments": 1})
+    for action in (lambda f: save_plan(plan, f), load_plan):
+        with pytest.raises(PlanFileError, match="segments; at most 1 can be checked"):
+            action(tmp_path / "plan.json")

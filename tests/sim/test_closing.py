@@ -88,8 +88,7 @@ def gaps_m(world: World, name: str) -> list[float]:
     box = coal.Box(*body.parts[0].shape.size_m)  # type: ignore[union-attr]
     T = body.T_base_body * body.parts[0].T_body_part
     gaps = []
-    for finger in "lr":
-        index = shapes.getGeometryId(f"l_gripper_{finger}_finger_tip_0")
+    for index in sorted(world.shapes.of_pads(world.robot.arm("left"))):
         pad, at_pad = shapes.geometryObjects[index].geometry, placed.oMg[index]
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         request.gjk_tolerance = 1e-9

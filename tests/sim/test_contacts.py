@@ -13,6 +13,7 @@ import pytest
 from baxter_kin import Baxter
 from planner import (
     Body,
+    Certificate,
     ClearanceChecker,
     Grip,
     GripperAction,
@@ -24,6 +25,7 @@ from planner import (
     plan_joint_move,
     plan_pick_and_place,
     plan_straight_move,
+    verify,
 )
 from planner.contact import PRESSING_TOLERANCE_M
 from sim import Contact, Event, EventKind, Observer, Outcome, Simulation, SimulationError, World
@@ -213,7 +215,7 @@ class TestMovable:
 
 
 class TestProofs:
-    """Moves that a plan proves clear, in the world it was made for, are not looked at."""
+    """Moves of a certified plan, in the world it was made for, are not looked at."""
 
     @pytest.fixture
     def looks(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
@@ -228,9 +230,28 @@ class TestProofs:
         monkeypatch.setattr(ContactWatch, "along", noted)
         return found
 
-    def test_none_of_them_is(self, bench: Bench, looks: list[Any]) -> None:
-        assert bench.simulation.execute(bench.plan).is_success
+    @pytest.fixture
+    def certificate(self, bench: Bench) -> Certificate:
+        found = verify(bench.plan)
+        assert found.is_valid, found.verdict
+        return found
+
+    def test_none_of_them_is(
+        self, bench: Bench, looks: list[Any], certificate: Certificate
+    ) -> None:
+        assert bench.simulation.execute(bench.plan, certificate=certificate).is_success
         assert looks == []
+
+    def test_a_plans_own_proofs_are_not_believed(self, bench: Bench, looks: list[Any]) -> None:
+        assert bench.simulation.execute(bench.plan).is_success
+        assert looks == [move.trajectory for move in bench.plan.moves]
+
+    def test_a_certificate_of_another_plan_is_not_one_of_this(
+        self, bench: Bench, looks: list[Any], certificate: Certificate
+    ) -> None:
+        copy = replace(bench.plan)
+        assert bench.simulation.execute(copy, certificate=certificate).is_success
+        assert looks == [move.trajectory for move in bench.plan.moves]
 
     @pytest.mark.parametrize(
         ("x", "height_m", "as_planned"),
@@ -245,10 +266,14 @@ class TestProofs:
         assert falls_as_planned(bench.world, "red", rest) == as_planned
 
     def test_the_way_back_from_another_release_is(
-        self, bench: Bench, looks: list[Any], monkeypatch: pytest.MonkeyPatch
+        self,
+        bench: Bench,
+        looks: list[Any],
+        certificate: Certificate,
+        monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         monkeypatch.setattr("sim.simulation.falls_as_planned", lambda *_: False)
-        assert bench.simulation.execute(bench.plan).is_success
+        assert bench.simulation.execute(bench.plan, certificate=certificate).is_success
         assert looks == [bench.plan.moves[-1].trajectory]
 
     @pytest.mark.parametrize(
@@ -261,10 +286,14 @@ class TestProofs:
         ],
     )
     def test_in_another_world_every_move_is(
-        self, bench: Bench, looks: list[Any], change: Callable[[World], None]
+        self,
+        bench: Bench,
+        looks: list[Any],
+        certificate: Certificate,
+        change: Callable[[World], None],
     ) -> None:
         change(bench.world)
-        bench.simulation.execute(bench.plan)
+        bench.simulation.execute(bench.plan, certificate=certificate)
         assert looks == [move.trajectory for move in bench.plan.moves]
 
     def test_a_plan_without_proofs_is(self, bench: Bench, looks: list[Any]) -> None:

@@ -1,0 +1,155 @@
+"""The robot's body as shapes: what contains what, and what was believed of smaller ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Arm, Baxter, pose_from_quaternion
+from planner import (
+    Body,
+    Box,
+    ClearanceChecker,
+    Manipulator,
+    Part,
+    PickAndPlace,
+    RobotShapes,
+    Scene,
+    SceneError,
+    plan_pick_and_place,
+)
+from planner.distances import Cover
+from planner.robot_body import RobotBody
+from planner.scene import Sphere
+from tests.conftest import at
+
+DOWN = (0.0, 1.0, 0.0, 0.0)
+PICK = pose_from_quaternion((0.70, 0.15, -0.129), DOWN)
+PLACE = pose_from_quaternion((0.75, 0.0, -0.129), DOWN)
+
+
+@pytest.fixture(scope="module")
+def body() -> RobotBody:
+    return RobotBody.load()
+
+
+@pytest.fixture(scope="module")
+def shapes(robot: Baxter, body: RobotBody) -> RobotShapes:
+    return RobotShapes(robot, body)
+
+
+def ball(radius_m: float, x: float, y: float, z: float) -> Body:
+    return Body("ball", (Part(Sphere(radius_m), at(0, 0, 0)),), at(x, y, z))
+
+
+def test_the_elbow_was_believed_to_pass_a_cube_that_it_goes_into(
+    robot: Baxter, body: RobotBody, manipulator: Manipulator, scene: Scene
+) -> None:
+    """18.8 mm of clearance were proven, of shapes up to 91 mm smaller than the robot."""
+    cube = Body("cube", (Part(Box((0.02, 0.02, 0.02)), at(0, 0, 0)),), at(0.482, 0.271, 0.345))
+    task, start = PickAndPlace("block", PICK, PLACE), manipulator.arm.neutral
+    believed = plan_pick_and_place(task, manipulator, scene, start)
+    real = Manipulator.of(robot, "left", body=body)
+    checker = ClearanceChecker(real.shapes, real.arm, Scene.of([cube]))
+    qs = (
+        q
+        for move in believed.moves
+        for q in real.configurations(
+            move.trajectory.sample(np.linspace(0.0, move.trajectory.duration, 100)).q, 0.01
+        )
+    )
+    found = min((checker.clearance(q) for q in qs), key=lambda near: near.distance_m)
+    assert found.distance_m < 0.0
+    assert "elbow" in found.first
+    around = plan_pick_and_place(task, real, scene.with_body(cube), start)
+    if around.is_valid:
+        assert around.proven_clearance_m is not None
+        assert around.proven_clearance_m > 0.0
+        assert around.motion_time_s > believed.motion_time_s
+
+
+def test_links_without_a_mesh_are_the_urdfs_shapes_and_placeholders_are_none(
+    shapes: RobotShapes,
+) -> None:
+    assert {"left_hand_link", "right_hand_link"} <= set(shapes.links)
+    assert not any("collision_head" in link or "visual" in link for link in shapes.links)
+
+
+def test_every_link_counts_once_against_the_robot_and_once_against_bodies(
+    shapes: RobotShapes,
+) -> None:
+    for link in set(shapes.links):
+        of_link = {i for i, name in enumerate(shapes.links) if name == link}
+        assert len(of_link & shapes.wholes) >= 1
+        assert of_link & shapes.details
+    assert shapes.wholes | shapes.details == set(range(len(shapes.links)))
+
+
+def test_what_moves_with_the_last_joint_is_the_hand(shapes: RobotShapes, arm: Arm) -> None:
+    hand, fingers, pads = shapes.of_hand(arm), shapes.of_fingers(arm), shapes.of_pads(arm)
+    assert hand < shapes.of_arm(arm)
+    assert set(fingers[0]) | set(fingers[1]) < hand
+    assert pads < set(fingers[0]) | set(fingers[1])
+    assert not shapes.of_palm(arm) & pads
+    assert f"{arm.side}_wrist" in {shapes.links[i] for i in shapes.of_palm(arm)}
+
+
+def test_a_ball_wholly_inside_a_link_is_inside_though_it_touches_no_triangle(
+    robot: Baxter, left: Arm, shapes: RobotShapes
+) -> None:
+    q = np.array(robot.configuration(left.joints(left.neutral)))
+    number = shapes.links.index("left_lower_elbow")
+    cover, shape = shapes.covers[number], shapes.model.geometryObjects[number]
+    assert cover is not None
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, q)
+    middle = (cover.vertices.max(axis=0) + cover.vertices.min(axis=0)) / 2
+    x, y, z = (data.oMi[shape.parentJoint] * shape.placement).act(middle)
+    inside = Scene.of([ball(0.003, x, y, z)])
+    found = ClearanceChecker(shapes, left, inside).clearance(q)
+    assert found.distance_m < 0.0
+    assert found.second == "ball"
+
+
+def test_a_padding_is_taken_from_every_distance_but_those_of_contacts(
+    robot: Baxter, left: Arm, body: RobotBody
+) -> None:
+    padded = replace(
+        body,
+        links=MappingProxyType(
+            {
+                name: replace(link, margin_m=link.margin_m + 0.004)
+                for name, link in body.links.items()
+            }
+        ),
+    )
+    q = np.array(robot.configuration(left.joints(left.neutral)))
+    tip = left.T_base_tip(left.neutral).translation
+    scene = Scene.of([ball(0.01, tip[0], tip[1], tip[2] - 0.05)])
+    bare, thick = (
+        ClearanceChecker(RobotShapes(robot, given), left, scene).clearance(q).distance_m
+        for given in (body, padded)
+    )
+    assert thick == pytest.approx(bare - 2 * 0.004, abs=1e-5)  # two links are nearest
+
+
+def test_a_body_of_another_kind_is_refused(robot: Baxter) -> None:
+    with pytest.raises(SceneError, match="body"):
+        RobotShapes(robot, "fat")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_a_closed_surface_winds_about_what_it_encloses(shapes: RobotShapes, inside: bool) -> None:
+    cover = next(
+        cover
+        for cover, link in zip(shapes.covers, shapes.links, strict=True)
+        if cover is not None and link == "left_wrist"
+    )
+    assert isinstance(cover, Cover)
+    middle = (cover.vertices.max(axis=0) + cover.vertices.min(axis=0)) / 2
+    point = middle if inside else cover.vertices.max(axis=0) + 0.001
+    assert cover.winds_about(point) is inside
