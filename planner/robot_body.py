@@ -1,6 +1,6 @@
-"""RobotBody: what the planner takes Baxter to be, never smaller than Rethink's meshes.
+"""RobotBody: a body for Baxter that is meant to be nowhere smaller than Rethink's meshes.
 
-Two levels a link, both built from the meshes by `scripts/build_body.py` and both closed:
+Two levels a link, both built from the meshes and both closed:
 
 - `surface`: triangles that enclose the link's mesh and stand out from it by at most `stand_out_m`;
 - `pieces`: a few convex polyhedra whose union contains the surface and all that it encloses.
@@ -13,7 +13,7 @@ Links that touch things on purpose (fingers, their tips) and links that are conv
 pieces only, and these are as close to the mesh as `stand_out_m` says.
 
 All coordinates are metres in the frame of the URDF's link, where the fixed or moving joint above it
-puts it. `tests/planner/test_robot_body.py` proves the containment against the mesh files.
+puts it. The data is a first, coarse version; its containment was measured at samples, not proven.
 """
 
 from __future__ import annotations
@@ -93,8 +93,8 @@ class RobotBody:
         arrays = _arrays()
         if int(arrays["version"]) != VERSION:
             raise BodyFileError(
-                f"{FILE} has version {int(arrays['version'])}, this code reads {VERSION};"
-                " build it again with scripts/build_body.py"
+                f"{FILE} has version {int(arrays['version'])}, this code reads {VERSION}:"
+                " install the package again"
             )
         links = {name: _link(arrays, row) for row, name in enumerate(arrays["link/name"].tolist())}
         pairs = zip(arrays["pair/links"].tolist(), arrays["pair/reason"].tolist(), strict=True)

@@ -1,0 +1,76 @@
+"""Where to cut what touches things on purpose: fingers, tips, and the gripper's base.
+
+Their pieces are the body, without a surface beside them, so the cuts follow the shape: the bar of a
+finger is an I, a paddle is bent along x, a half-round tip ends in a bevel. Pockets in a finger's
+foot, the slots of the tips (where the finger sits) and the screws' holes are filled.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from body.convex import FAR as END
+from body.convex import Cell, cells_at, cut_up
+from numpy.typing import NDArray
+
+F = NDArray[np.float64]
+Box = tuple[tuple[float, ...], tuple[float, ...]]
+
+INNER = np.array([0.0, 1.0, 0.0])
+"""The side of a finger's and a tip's mesh that faces the other finger."""
+
+
+def _across(axis: int, *cuts: float) -> list[Box]:
+    """Slabs between cuts across one axis."""
+    slabs = []
+    for low, high in zip((-END, *cuts), (*cuts, END), strict=True):
+        corners = np.array([[-END] * 3, [END] * 3])
+        corners[:, axis] = low, high
+        slabs.append((tuple(corners[0]), tuple(corners[1])))
+    return slabs
+
+
+def _bar(low: float, high: float, outer: float = END) -> list[Box]:
+    """Flange, web, flange of a finger's bar between two heights."""
+    return [
+        ((-END, -14.5, low), (END, outer, high)),
+        ((-END, -19.5, low), (END, -14.5, high)),
+        ((-END, -END, low), (END, -19.5, high)),
+    ]
+
+
+BOXES: dict[str, list[Box]] = {
+    "extended_narrow": [
+        *_bar(28.5, 108.7),
+        ((-END, -END, 108.7), (END, END, END)),
+        *_bar(19.0, 28.5),
+        *_bar(14.4, 19.0),
+        ((-END, -END, 12.25), (END, -5.0, 14.4)),
+        ((-END, -5.0, 12.25), (END, 10.0, 14.4)),
+        ((-END, 10.0, 12.25), (END, END, 14.4)),
+        ((-END, -END, -END), (END, END, 12.25)),
+    ],
+    "paddle_tip": _across(0, -14.0, -7.75, 0.0, 7.75, 14.0),
+    "half_round_tip": [
+        ((-END, -END, -END), (0.25, END, -28.5)),
+        ((0.25, -END, -END), (END, END, -28.5)),
+        ((-END, -END, -28.5), (0.25, END, -1.0)),
+        ((0.25, -END, -28.5), (END, END, -1.0)),
+        ((-END, -END, -1.0), (END, END, END)),
+    ],
+}
+
+CUTS = {
+    "extended_wide": 12,
+    "standard_narrow": 12,
+    "standard_wide": 12,
+    "basic_hard_tip": 3,
+    "basic_soft_tip": 4,
+}
+"""Most cells of fingers and tips that other grippers have; no URDF here shows them."""
+
+
+def cells_of_hand(mesh: str, soup: F) -> list[Cell]:
+    """The cells of a finger or a tip."""
+    if mesh in BOXES:
+        return cells_at(soup, BOXES[mesh])
+    return cut_up(soup, CUTS[mesh], gain=0.003)

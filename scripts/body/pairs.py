@@ -1,0 +1,241 @@
+"""Which two links need no check against each other, and why.
+
+Nothing is taken from the SRDF, whose list was made for other shapes. Four reasons count:
+
+- no joint moves one against the other;
+- one joint joins them and their covers overlap by design, in every configuration looked at;
+- they overlap in every configuration looked at though more than one joint is between them;
+- they cannot meet: for boxes of joint angles, the distance of their convex pieces at the box's middle
+  exceeds what half the box can move them; boxes where it does not are halved until it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations, product
+
+import coal
+import numpy as np
+import pinocchio as pin
+from baxter_kin.description import RobotDescription
+from numpy.typing import NDArray
+
+from planner.robot_body import LinkBody
+
+F = NDArray[np.float64]
+
+RIGID = "no joint moves one against the other"
+JOINED = "joined by one joint, their covers overlap by design"
+NESTED = "their covers overlap in every configuration"
+APART = "cannot meet: proven for all joint angles, at least {:.0f} mm apart"
+
+MOST_JOINTS = 3
+"""Between two links for which the proof is tried."""
+
+MOST_BOXES = 60_000
+"""Of joint angles before the proof is given up."""
+
+SAMPLES = 10_000
+"""Configurations within the limits by which overlaps are counted."""
+
+
+class Poses:
+    """Where links are: forward kinematics of the full robot with both arms, head and fingers."""
+
+    def __init__(self, links: Mapping[str, LinkBody]) -> None:
+        """Build the model from the installed URDF."""
+        self.model = pin.buildModelFromUrdf(str(RobotDescription.installed().urdf))
+        self.data = self.model.createData()
+        self.frame = {name: self.model.getFrameId(name) for name in links}
+        self.low = np.array(self.model.lowerPositionLimit)
+        self.high = np.array(self.model.upperPositionLimit)
+
+    def joint(self, link: str) -> int:
+        """The joint that carries a link; 0 is the base."""
+        return int(self.model.frames[self.frame[link]].parentJoint)
+
+    def between(self, a: str, b: str) -> list[int]:
+        """The joints that move one link against the other."""
+        up, down = self._chain(self.joint(a)), self._chain(self.joint(b))
+        return sorted(set(up) ^ set(down))
+
+    def _chain(self, joint: int) -> list[int]:
+        chain = []
+        while joint:
+            chain.append(joint)
+            joint = int(self.model.parents[joint])
+        return chain
+
+    def set(self, q: F) -> None:
+        """Move all links."""
+        pin.framesForwardKinematics(self.model, self.data, q)
+
+    def of(self, link: str) -> pin.SE3:
+        """The pose of a link's frame in base."""
+        return self.data.oMf[self.frame[link]]
+
+
+def reasons(links: Mapping[str, LinkBody], seed: int = 0) -> dict[frozenset[str], str]:
+    """Why pairs of links are skipped, for those that are."""
+    poses = Poses(links)
+    found: dict[frozenset[str], str] = {}
+    open_pairs: list[tuple[str, str]] = []
+    for a, b in combinations(links, 2):
+        joints = poses.between(a, b)
+        if not joints:
+            found[frozenset((a, b))] = RIGID
+        elif len(joints) <= MOST_JOINTS:
+            least = least_distance(poses, links[a], links[b], joints)
+            if least is None:
+                open_pairs.append((a, b))
+            else:
+                found[frozenset((a, b))] = APART.format(np.floor(1e3 * least))
+    shares = overlaps(poses, links, open_pairs, seed=seed)
+    for (a, b), share in shares.items():
+        if share == 1.0:
+            joined = len(poses.between(a, b)) == 1
+            found[frozenset((a, b))] = JOINED if joined else NESTED
+    return found
+
+
+def convex(body: LinkBody) -> list[coal.Convex]:
+    """The pieces of a link as Coal's convex shapes."""
+    return [_convex(vertices, triangles) for vertices, triangles in body.pieces]
+
+
+def _convex(vertices: F, triangles: NDArray[np.int64]) -> coal.Convex:
+    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for vertex in vertices:
+        points.append(vertex)
+    for a, b, c in triangles.tolist():
+        faces.append(coal.Triangle(a, b, c))
+    return coal.Convex(points, faces)
+
+
+def _mesh(body: LinkBody) -> coal.BVHModelOBBRSS:
+    mesh = coal.BVHModelOBBRSS()
+    mesh.beginModel(len(body.surface.triangles), len(body.surface.vertices))
+    mesh.addVertices(np.array(body.surface.vertices))
+    mesh.addTriangles(np.array(body.surface.triangles))
+    mesh.endModel()
+    return mesh
+
+
+def least_distance(poses: Poses, a: LinkBody, b: LinkBody, joints: list[int]) -> float | None:
+    """A lower bound of the distance of two links over all angles of the joints between; or None."""
+    pieces = list(product(convex(a), convex(b)))
+    index = [int(poses.model.idx_qs[joint]) for joint in joints]
+    q = pin.neutral(poses.model)
+    levers = np.array([_lever(poses, a, b, joints, joint) for joint in joints])
+    stack = [(poses.low[index], poses.high[index])]
+    least = np.inf
+    for _ in range(MOST_BOXES):
+        if not stack:
+            return least
+        low, high = stack.pop()
+        q[index] = (low + high) / 2.0
+        poses.set(q)
+        reach = levers * (high - low) / 2.0
+        distance = _distance(pieces, poses.of(a.name), poses.of(b.name))
+        if distance <= 0.0:
+            return None
+        if distance - reach.sum() > 0.2 * distance:
+            least = min(least, distance - float(reach.sum()))
+            continue
+        k = int(reach.argmax())
+        middle_high, middle_low = high.copy(), low.copy()
+        middle_high[k] = middle_low[k] = q[index[k]]
+        stack += [(low, middle_high), (middle_low, high)]
+    return None
+
+
+def _lever(poses: Poses, a: LinkBody, b: LinkBody, joints: list[int], joint: int) -> float:
+    """How far a joint moves any point of the link it carries, per radian (or metre)."""
+    if poses.model.joints[joint].shortname().startswith("JointModelP"):
+        return 1.0
+    moved = a if joint in poses._chain(poses.joint(a.name)) else b
+    chain = [j for j in reversed(poses._chain(poses.joint(moved.name))) if j in joints]
+    after = chain[chain.index(joint) + 1 :]
+    travel = sum(_size(poses, j) for j in after)
+    frame = poses.model.frames[poses.frame[moved.name]].placement
+    corners = np.concatenate([vertices for vertices, _ in moved.pieces])
+    local = corners @ frame.rotation.T + frame.translation
+    if not after:
+        # the joint turns about one axis: the distance from it, not from a point on it
+        name = poses.model.joints[joint].shortname()
+        axis = {"JointModelRX": 0, "JointModelRY": 1, "JointModelRZ": 2}.get(name)
+        if axis is not None:
+            local = np.delete(local, axis, axis=1)
+    return travel + float(np.linalg.norm(local, axis=1).max())
+
+
+def _size(poses: Poses, joint: int) -> float:
+    """How far a joint's frame is from its parent's, at most."""
+    size = float(np.linalg.norm(poses.model.jointPlacements[joint].translation))
+    if poses.model.joints[joint].shortname().startswith("JointModelP"):
+        index = int(poses.model.idx_qs[joint])
+        size += max(abs(poses.low[index]), abs(poses.high[index]))
+    return size
+
+
+def _distance(
+    pieces: list[tuple[coal.Convex, coal.Convex]], T_a: pin.SE3, T_b: pin.SE3
+) -> float:
+    request = coal.DistanceRequest()
+    A, B = _transform(T_a), _transform(T_b)
+    least = np.inf
+    for p, r in pieces:
+        result = coal.DistanceResult()
+        least = min(least, float(coal.distance(p, A, r, B, request, result)))
+    return least
+
+
+def _transform(T: pin.SE3) -> coal.Transform3s:
+    return coal.Transform3s(T.rotation, T.translation)
+
+
+def configurations(poses: Poses, count: int, seed: int) -> Iterator[F]:
+    """Uniform within the joint limits."""
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        yield rng.uniform(poses.low, poses.high)
+
+
+def overlaps(
+    poses: Poses,
+    links: Mapping[str, LinkBody],
+    pairs: list[tuple[str, str]],
+    *,
+    seed: int,
+    count: int = SAMPLES,
+) -> dict[tuple[str, str], float]:
+    """In which share of configurations the bodies of each pair overlap."""
+    shapes = {name: _shapes(links[name]) for name in {name for pair in pairs for name in pair}}
+    hits = dict.fromkeys(pairs, 0)
+    for q in configurations(poses, count, seed):
+        poses.set(q)
+        for a, b in pairs:
+            hits[a, b] += touches(shapes[a], shapes[b], poses.of(a), poses.of(b))
+    return {pair: number / count for pair, number in hits.items()}
+
+
+Shapes = tuple[list[coal.Convex], "coal.BVHModelOBBRSS | None"]
+
+
+def _shapes(body: LinkBody) -> Shapes:
+    return convex(body), None if body.is_touching else _mesh(body)
+
+
+def touches(a: Shapes, b: Shapes, T_a: pin.SE3, T_b: pin.SE3) -> bool:
+    """Whether two links' pieces overlap, and their surfaces too where they have some."""
+    A, B = _transform(T_a), _transform(T_b)
+    if not any(_collide(p, A, r, B) for p, r in product(a[0], b[0])):
+        return False
+    first = [a[1]] if a[1] is not None else a[0]
+    second = [b[1]] if b[1] is not None else b[0]
+    return any(_collide(p, A, r, B) for p, r in product(first, second))
+
+
+def _collide(a: object, A: object, b: object, B: object) -> bool:
+    request, result = coal.CollisionRequest(), coal.CollisionResult()
+    return bool(coal.collide(a, A, b, B, request, result))
