@@ -6,7 +6,7 @@ for, so is what they contain; only else are the triangles looked at, and of them
 what is asked for.
 
 Triangles are a surface, and what is wholly inside touches none of them. Where a surface is closed,
-as the robot's are, that is found out by its winding number about a point of the other shape
+as a robot's body shall be, that is found out by its winding number about a point of the other shape
 (Jacobson, Kavan and Sorkine-Hornung, "Robust inside-outside segmentation using generalized winding
 numbers", ACM Trans. Graphics 32(4), 2013), and only where a motion begins and ends: a motion cannot
 lead into a closed surface without crossing it, and a shape that crosses it is at distance zero.

@@ -22,7 +22,7 @@ from planner.scene import Part
 
 
 class RobotShapes:
-    """The shapes of a robot: those of its URDF, or those of a body that contains its meshes.
+    """The shapes of a robot: those of its URDF, or those of a body that is given.
 
     Of a body, a link is one closed surface, covered by convex pieces. One that touches things on
     purpose, as fingers do, counts as its convex pieces where bodies are near, because how deep

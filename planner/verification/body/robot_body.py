@@ -1,6 +1,6 @@
 """The robot's shapes as Rethink drew them: the visual meshes of its description.
 
-The planner's body is another one, made to contain these meshes. Of the description's shapes
+The planner's shapes are others. Of the description's shapes
 
 - the visual shape counts for every link that has one, mesh or not;
 - the collision shape counts for a link that has no visual one, which is `<side>_hand_link`;
