@@ -23,7 +23,7 @@ from baxter_kin.frames import checked_pose
 from planner.contact import PRESSING_TOLERANCE_M, coal_shape, convex_pieces
 from planner.distances import UNKNOWN_DEPTH_M, Cover, Distances
 from planner.errors import SceneError
-from planner.lever_arms import LeverArms
+from planner.lever_arms import LeverArms, Placed
 from planner.robot_shapes import RobotShapes
 from planner.scene import Body, Scene
 
@@ -58,6 +58,12 @@ class Clearance:
         if self.distance_m < SHOWN_M:
             return f"{self.first} touches {self.second}"
         return f"{self.first} is {1e3 * self.distance_m:.1f} mm from {self.second}"
+
+    def too_near(self, needed_m: float) -> str:
+        """The same where more is needed: a margin, m, or zero or less for a contact."""
+        if self.distance_m > 0.0 and needed_m > 0.0:
+            return f"{self.text}, and {1e3 * needed_m:.1f} mm are asked for"
+        return self.text
 
 
 SHOWN_M = 5e-5
@@ -163,6 +169,21 @@ class CheckedPairs:
     def is_contact(self) -> NDArray[np.bool_]:
         """Whether a pair need not keep a margin, shape (n,)."""
         return ~np.isnan(self.needs_m)
+
+    def needed_m(self, margin_m: float) -> Vector:
+        """What the distance of every pair must exceed when a margin is asked for, shape (n,)."""
+        return np.where(self.is_contact, self.needs_m, margin_m)
+
+    def gaps_m(self, levers: LeverArms, placed: Placed, number: Indices, pair: Indices) -> Vector:
+        """Lower bounds on distances, less the padding, shape (k,), m.
+
+        Args:
+            levers: of the same geometry.
+            placed: m configurations.
+            number: which of them, shape (k,).
+            pair: which pair there, shape (k,).
+        """
+        return levers.gaps_m(placed, number, *self.numbers[pair].T) - self.padding_m[pair]
 
     def between(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
         """A distance of a pair, by its names."""
@@ -282,11 +303,10 @@ class ClearanceChecker:
 
     def _nearest(self, full: Vector) -> tuple[int, float]:
         """The nearest pair and its distance."""
-        levers, pairs, distances = self.levers, self.pairs, self.checked.distances
-        placed = levers.place(full, full[levers.q_index][None])
+        levers, distances = self.levers, self.checked.distances
+        placed, pairs = levers.place(full, full[levers.q_index][None]), np.arange(len(self.pairs))
         distances.place(placed.shapes[0])
-        bounds = levers.gaps_m(placed, np.zeros(len(pairs), dtype=np.intp), *pairs.T)
-        bounds -= self.checked.padding_m
+        bounds = self.checked.gaps_m(levers, placed, np.zeros_like(pairs), pairs)
         nearest, least_m = 0, np.inf
         for pair in np.argsort(bounds).tolist():
             if bounds[pair] >= least_m:

@@ -228,8 +228,7 @@ class FingerMotion:
         travels = FINGER_SPEED_M_S * (ends_s - starts_s) / 2
 
         def gaps_m(interval: Indices, pair: Indices) -> Vector:
-            gaps = self.levers.gaps_m(placed, interval, *self.checked.numbers[pair].T)
-            return gaps - self.checked.padding_m[pair]
+            return self.checked.gaps_m(self.levers, placed, interval, pair)
 
         def motions_m(interval: Indices, pair: Indices) -> Vector:
             moved: Vector = travels[interval] * self.rates[pair]

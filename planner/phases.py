@@ -59,7 +59,6 @@ class Phases:
 
     Attributes:
         body: what is carried, as it stands before.
-        grasp: how it is held.
         opening_m: finger position with which the hand comes down to it.
         leaving_m: finger position with which the hand rises from it again.
         closing: the fingers' way at the pick.
@@ -70,7 +69,6 @@ class Phases:
     """
 
     body: Body
-    grasp: Grasp
     opening_m: float
     leaving_m: float
     closing: tuple[FingerTravel, ...]
@@ -122,7 +120,6 @@ class PhaseMaker:
         leaving_m, blocked_opening = self._opening_at_place(body, grasp, landing)
         return Phases(
             body,
-            grasp,
             opening_m,
             leaving_m,
             closing_travel(self.scene, self.name, lines.T_base_pick, opening_m, grasp),

@@ -197,11 +197,9 @@ def refuse_blocked(label: str, q: Vector, around: Surroundings, where: str) -> N
     near = around.clearance(q)
     if near.distance_m > around.margin_m:
         return
-    reason = f"the arm is blocked {where}: {near.text}"
-    if near.distance_m > 0.0:
-        reason += f", and {1e3 * around.margin_m:.1f} mm are asked for"
-        if around.is_of_robot(near):
-            reason += "; the robot's own body cannot keep that there"
+    reason = f"the arm is blocked {where}: {near.too_near(around.margin_m)}"
+    if near.distance_m > 0.0 and around.is_of_robot(near):
+        reason += "; the robot's own body cannot keep that there"
     raise NoSolutionError.at(label, reason, is_certain=True)
 
 
@@ -209,8 +207,6 @@ def blocked_fingers(
     label: str, action: GripperAction, contact: SweptContact, *, is_certain: bool = False
 ) -> PlanFailure:
     """What stands in the way of fingers that open or close."""
-    near = contact.nearest
-    reason = f"while the fingers {action.value}, {near.text}"
-    if near.distance_m > 0.0 and contact.needed_m > 0.0:
-        reason += f", and {1e3 * contact.needed_m:.1f} mm are asked for"
+    too_near = contact.nearest.too_near(contact.needed_m)
+    reason = f"while the fingers {action.value}, {too_near}"
     return PlanFailure(label, reason, contact=contact, is_certain=is_certain)

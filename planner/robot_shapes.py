@@ -217,14 +217,14 @@ def _of_link(link: LinkBody) -> Iterator[_Made]:
     if link.is_touching and len(pieces) == 1:
         yield _Made(link.name, pieces[0])
         return
-    whole = joined(link.pieces) if link.is_touching else link.surface
+    whole = _joined(link.pieces) if link.is_touching else link.surface
     cover = Cover(pieces, *whole, is_closed=True)
     yield _Made(link.name, surface(*whole), cover=cover, is_detail=not link.is_touching)
     if link.is_touching:
         yield from (_Made(link.name, piece, is_whole=False) for piece in pieces)
 
 
-def joined(pieces: Sequence[tuple[Vector, Indices]]) -> tuple[Vector, Indices]:
+def _joined(pieces: Sequence[tuple[Vector, Indices]]) -> tuple[Vector, Indices]:
     """Several surfaces as one: vertices, shape (n, 3), and triangles, shape (m, 3)."""
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
     triangles = [faces + start for (_, faces), start in zip(pieces, starts, strict=False)]

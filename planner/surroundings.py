@@ -112,9 +112,8 @@ class Surroundings:
         placed = Placed(np.zeros((1, 0, 4, 4)), np.array(poses)[None])
         placed.shapes[0, self._of_hand] = T_base_tip.homogeneous @ poses[self._of_hand]
         checked.distances.place(placed.shapes[0])
-        needs = np.where(checked.is_contact, checked.needs_m, self.margin_m)[pairs]
-        gaps = levers.gaps_m(placed, np.zeros(len(pairs), dtype=np.intp), *checked.numbers[pairs].T)
-        gaps -= checked.padding_m[pairs]
+        needs = checked.needed_m(self.margin_m)[pairs]
+        gaps = checked.gaps_m(levers, placed, np.zeros_like(pairs), pairs)
         worst: tuple[Clearance, float] | None = None
         for pair, need in zip(pairs[gaps <= needs].tolist(), needs[gaps <= needs], strict=True):
             distance_m = checked.distances.measure(pair, max(float(need), 0.0) + ACCURACY_M)

@@ -223,7 +223,7 @@ class _Search:
         self._checked, self._motion, self._margin_m, self._pairs = checked, motion, margin_m, pairs
         self._duration_s = motion.duration_s
         self._touch = checked.is_contact
-        self._needed_m = np.where(self._touch, checked.needs_m, margin_m)
+        self._needed_m = checked.needed_m(margin_m)
         self._nearest = Clearance(np.inf, "", "")
         self._proven_m = np.inf
         self._intervals = self._evaluations = 0

@@ -60,11 +60,6 @@ class Thing:
             for b in other.tracks()
         )
 
-    @property
-    def lowest_m(self) -> float:
-        """Its lowest point."""
-        return min(float((t.solid.vertices @ t.T[2, :3]).min() + t.T[2, 3]) for t in self.tracks())
-
 
 @dataclass(frozen=True)
 class Stage:
