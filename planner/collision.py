@@ -302,16 +302,19 @@ class ClearanceChecker:
         return self.checked.between(pair, distance_m, time_s)
 
     def _nearest(self, full: Vector) -> tuple[int, float]:
-        """The nearest pair and its distance."""
+        """The nearest pair and its distance.
+
+        Bounds below zero say nothing of how deep two are inside each other.
+        """
         levers, distances = self.levers, self.checked.distances
         placed, pairs = levers.place(full, full[levers.q_index][None]), np.arange(len(self.pairs))
         distances.place(placed.shapes[0])
         bounds = self.checked.gaps_m(levers, placed, np.zeros_like(pairs), pairs)
         nearest, least_m = 0, np.inf
         for pair in np.argsort(bounds).tolist():
-            if bounds[pair] >= least_m:
+            if bounds[pair] >= max(least_m, 0.0):
                 break
-            distance_m = distances.measure(pair, least_m)
+            distance_m = distances.measure(pair, max(least_m, 0.0))
             if distance_m > 0.0 and distances.is_within(pair):
                 distance_m = UNKNOWN_DEPTH_M
             need_m = self.checked.needs_m[pair]

@@ -235,7 +235,7 @@ def test_an_arm_in_the_way_is_gone_around(bench: Workbench) -> None:
     assert around.motion_time_s > direct.motion_time_s
     assert around.clearance is not None
     assert around.clearance.second.startswith("right_")
-    assert verify(around).is_valid
+    assert verify(around.without_statements()).is_valid
     assert bench.execute(around, "")[1]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import coal
@@ -10,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from planner import Move, Plan
 from planner.mesh import Mesh
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -54,17 +52,3 @@ def hull(points: NDArray[np.float64]) -> Mesh:
     inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), a - vertices.mean(axis=0)) < 0.0
     triangles[inwards] = triangles[inwards][:, ::-1]
     return Mesh(vertices, triangles)
-
-
-def unstated(plan: Plan) -> Plan:
-    """The plan without what it says of its own clearance, as is true of it in any other world.
-
-    Or for other shapes: what a plan proves of the URDF's is not so of the meshes, which are larger.
-    """
-    steps = [
-        replace(step, clearance=None, proof=None)
-        if isinstance(step, Move)
-        else replace(step, proof=None)
-        for step in plan
-    ]
-    return replace(plan, steps=tuple(steps))

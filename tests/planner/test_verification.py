@@ -33,7 +33,6 @@ from planner import (
     verify,
 )
 from tests.conftest import at
-from tests.planner.conftest import unstated
 
 T = TypeVar("T")
 
@@ -136,7 +135,7 @@ def plan(manipulator: Manipulator, world: Scene) -> Plan:
     task = PickAndPlace("block", PICK, PLACE)
     made = plan_pick_and_place(task, manipulator, world, manipulator.arm.neutral)
     assert made.is_valid, str(made.failure)
-    return unstated(replace(made, situation=Situation.of(manipulator, world)))
+    return Plan.without_statements(replace(made, situation=Situation.of(manipulator, world)))
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +183,7 @@ def test_the_right_arm_passes_too(robot: Baxter, table: Body) -> None:
     scene = Scene.of([table, narrow])
     task = PickAndPlace("block", pose_from_quaternion((0.70, -0.15, -0.129), DOWN), PLACE)
     made = plan_pick_and_place(task, right, scene, right.arm.neutral)
-    found = verify(unstated(made), Situation.of(right, scene))
+    found = verify(Plan.without_statements(made), Situation.of(right, scene))
     assert found.is_valid, found.verdict
 
 

@@ -40,7 +40,6 @@ from sim import (
 from sim.closed_loop import LOOKS, WIDTH_TOLERANCE_M, mean_of, split_at_close
 from sim.noisy_poses import displaced
 from tests.conftest import at
-from tests.planner.conftest import unstated
 
 UPRIGHT_M = 0.026
 """The tip above the bottom of the block."""
@@ -120,7 +119,7 @@ def test_with_exact_eyes_the_first_attempt_succeeds(bench: Bench) -> None:
     assert bench.off_m <= SEEN_WITHIN_M
     assert result.plan is result.attempts[0].plan
     assert result.plan is not None
-    assert verify(unstated(result.plan)).is_valid
+    assert verify(result.plan.without_statements()).is_valid
 
 
 @pytest.mark.parametrize("misses", [1, 3])
