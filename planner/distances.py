@@ -5,17 +5,18 @@ long, so it has covers: a few convex shapes that contain it. Where these are as 
 for, so is what they contain; only else are the triangles looked at, and of them only those within
 what is asked for.
 
-Triangles are a surface, and what is wholly inside touches none of them. Where a surface is closed,
-as a robot's body shall be, that is found out by its winding number about a point of the other shape
-(Jacobson, Kavan and Sorkine-Hornung, "Robust inside-outside segmentation using generalized winding
-numbers", ACM Trans. Graphics 32(4), 2013), and only where a motion begins and ends: a motion cannot
-lead into a closed surface without crossing it, and a shape that crosses it is at distance zero.
+Triangles are a surface, and what is wholly inside touches none of them. Where a closed surface
+around what they enclose is known, as of a robot's links, that is found out by its winding number
+about a point of the other shape (Jacobson, Kavan and Sorkine-Hornung, "Robust inside-outside
+segmentation using generalized winding numbers", ACM Trans. Graphics 32(4), 2013), and only where a
+motion begins and ends: none leads inside without crossing triangles, but through their openings.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import coal
@@ -49,21 +50,25 @@ INSIDE = 0.5
 """A closed surface winds about a point inside once, about one outside not at all."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Cover:
     """What is known of a shape of triangles that is not convex.
 
     Attributes:
         pieces: convex shapes that contain it, in its own frame.
-        vertices: of its triangles, shape (n, 3), m.
-        triangles: shape (m, 3).
-        is_closed: whether it encloses a volume, its triangles turned outwards.
+        vertices: of a closed surface around what it encloses, shape (n, 3), m; none where it
+            encloses nothing.
+        triangles: of the same, shape (m, 3), turned outwards.
     """
 
     pieces: tuple[coal.ShapeBase, ...]
     vertices: Vector
     triangles: Indices
-    is_closed: bool = False
+
+    @cached_property
+    def bounds(self) -> tuple[Vector, Vector]:
+        """The corners of the box around what it encloses; the wrong way round for nothing."""
+        return self.vertices.min(axis=0, initial=np.inf), self.vertices.max(axis=0, initial=-np.inf)
 
     @classmethod
     def box_around(cls, geometry: coal.BVHModelBase) -> Cover:
@@ -76,6 +81,9 @@ class Cover:
 
     def winds_about(self, point: Vector) -> bool:
         """Whether it encloses a point of its own frame, shape (3,)."""
+        low, high = self.bounds
+        if (point < low).any() or (point > high).any():
+            return False
         a, b, c = (self.vertices[self.triangles] - point).swapaxes(0, 1)
         la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
         volume = np.einsum("ij,ij->i", a, np.cross(b, c))
@@ -144,20 +152,16 @@ class Distances:
         )
 
     def is_within(self, pair: int) -> bool:
-        """Whether one shape of a pair is wholly inside the closed surface of the other.
+        """Whether one shape of a pair is wholly inside what the other encloses.
 
-        Asked where their surfaces do not touch.
+        Asked where their triangles do not touch.
         """
         first, second = self._pairs[pair]
-        if self._is_convex[first] and self._is_convex[second]:
-            return False
-        if self.covers_apart(pair) > 0.0:
-            return False
         return self._encloses(first, second) or self._encloses(second, first)
 
     def _encloses(self, outer: int, inner: int) -> bool:
         cover = self._covers[outer]
-        if cover is None or not cover.is_closed:
+        if cover is None:
             return False
         T, T_inner = self._poses[outer], self._poses[inner]
         point_base = T_inner[:3, :3] @ _point_of(self._shapes[inner]) + T_inner[:3, 3]

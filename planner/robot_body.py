@@ -1,46 +1,54 @@
-"""RobotBody: a draft of a body for Baxter, from Rethink's meshes; it does not contain them yet.
+"""RobotBody: what Baxter is taken to be, from Rethink's meshes.
 
-Two levels a link:
+A link has three parts, in metres in the frame of the URDF's link:
 
-- `surface`: triangles around the link's mesh;
-- `pieces`: a few convex polyhedra around the surface.
+- `surface`: triangles, fewer than the mesh of example-robot-data has, and no point of the mesh is
+  farther from them than `margin_m`, which is taken from every distance. So a distance of the body
+  is at most that of the mesh.
+- `enclosure`: a closed surface around the volume that the link's covers enclose. Distances to
+  triangles do not tell that something is wholly inside; where motions begin and end, a point of it
+  is looked for there. In between nothing gets in without touching triangles, but through the
+  openings that covers have where the next link enters, as through those of the meshes.
+- `pieces`: a few convex polyhedra, every triangle whole in one of them: bounds for what is far.
 
-Links that touch things on purpose (fingers, their tips) and links that are convex anyway have
-pieces only. All coordinates are metres in the frame of the URDF's link.
+Fingers and their tips, which touch things on purpose, and shapes that are convex anyway have pieces
+only; these contain the mesh, or the URDF's shape where a link has none. They fill pockets: at the
+foot of a finger by up to 5.7 mm, grooves of the pads by 0.4 mm.
 
-What the stored data is short of, measured with up to 150,000 samples a mesh: the mesh stands out
-of the surface by 9.9 mm on E0 (upper elbow), 6.9 mm on the torso where the margin is 4 mm, 1.0 mm
-on the gripper base, 0.1 to 0.6 mm on the others but S0, where no sample does; the 1.3 mm of the
-pedestal are within its margin. The surfaces of torso, pedestal and gripper base are not closed, so
-what is inside them is not told reliably. That the pieces cover what a surface encloses is not
-shown. `stand_out_m` holds placeholders. Pairs of links one joint apart are skipped without a proof
-that they cannot meet.
+`tests/planner/test_robot_body.py` shows the margin for every triangle of arms, head, hands and
+fingers; of torso and pedestal it was looked at in samples 4 mm apart only. Pairs of links are left
+out where they are rigid to each other, where a proof over all angles of the joints between finds
+them apart (as far as `skipped_pairs` says), or where one joint joins them and they touched in each
+of 10,000 configurations. Not in the meshes, and so not in the body: cables, covers put on later,
+and whatever is mounted on the robot.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from importlib import resources
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import BodyFileError
+from baxter_kin.arrays import finite_scalar
+from planner.errors import BodyFileError, SceneError
 
-VERSION = 1
+VERSION = 2
 """Of the data file's layout; a file of another version is refused."""
 
-FILE = "robot_body.npz"
+FILE = Path(__file__).with_name("robot_body.npz")
 
 Vertices = NDArray[np.float64]
 Triangles = NDArray[np.int64]
 
 
-class Polyhedron(NamedTuple):
-    """A closed mesh: `vertices` (n, 3) in m, `triangles` (m, 3), counter-clockwise from outside."""
+class Triangulated(NamedTuple):
+    """Triangles: `vertices` (n, 3) in m, `triangles` (m, 3), counter-clockwise from outside."""
 
     vertices: Vertices
     triangles: Triangles
@@ -53,18 +61,18 @@ class LinkBody:
     Attributes:
         name: of the URDF's link.
         mesh: stem of the mesh file it comes from, or "" where the URDF has a simple shape instead.
-        surface: triangles around the mesh; without any where the pieces alone are the body.
-        margin_m: what is added to the surface.
-        stand_out_m: how far the finest level shall go beyond the mesh; not measured yet.
+        surface: triangles near the mesh's; without any where the pieces alone are the body.
+        margin_m: how far the mesh may be from them.
+        enclosure: closed surface around what the link encloses; without any where there is none.
         pieces: convex polyhedra around the surface.
     """
 
     name: str
     mesh: str
-    surface: Polyhedron
+    surface: Triangulated
     margin_m: float
-    stand_out_m: float
-    pieces: tuple[Polyhedron, ...]
+    enclosure: Triangulated
+    pieces: tuple[Triangulated, ...]
 
     @property
     def is_touching(self) -> bool:
@@ -86,15 +94,24 @@ class RobotBody:
 
     @classmethod
     def load(cls) -> RobotBody:
-        """Read the data file that comes with the package.
+        """The body that comes with the package; its file is read once.
 
         Raises:
             BodyFileError: when the file is missing, unreadable or of another version.
         """
-        arrays = _arrays()
+        return _stored()
+
+    @classmethod
+    def read(cls, file: Path) -> RobotBody:
+        """The body in a file as `scripts/build_body.py` writes it.
+
+        Raises:
+            BodyFileError: as `load`.
+        """
+        arrays = _arrays(file)
         if int(arrays["version"]) != VERSION:
             raise BodyFileError(
-                f"{FILE} has version {int(arrays['version'])}, this code reads {VERSION}:"
+                f"{file} has version {int(arrays['version'])}, this code reads {VERSION}:"
                 " install the package again"
             )
         links = {name: _link(arrays, row) for row, name in enumerate(arrays["link/name"].tolist())}
@@ -102,44 +119,63 @@ class RobotBody:
         reasons = {frozenset(names): reason for names, reason in pairs}
         return cls(MappingProxyType(links), MappingProxyType(reasons))
 
+    def padded(self, padding_m: float) -> RobotBody:
+        """The same body, every link thicker by `padding_m` where it must not touch anything.
 
-def _arrays() -> dict[str, NDArray[Any]]:
+        What fingers grasp they still touch where they are.
+
+        Raises:
+            SceneError: when the padding is not finite or negative.
+        """
+        padding_m = finite_scalar(padding_m, "padding_m", SceneError)
+        if padding_m < 0.0:
+            raise SceneError(f"padding_m is {padding_m:g}; a body cannot be made thinner")
+        links = {
+            name: replace(link, margin_m=link.margin_m + padding_m)
+            for name, link in self.links.items()
+        }
+        return RobotBody(MappingProxyType(links), self.skipped_pairs)
+
+
+@cache
+def _stored() -> RobotBody:
+    return RobotBody.read(FILE)
+
+
+def _arrays(file: Path) -> dict[str, NDArray[Any]]:
     try:
-        file = resources.files("planner").joinpath(FILE)
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
             return dict(data)
     except (OSError, ValueError) as error:
-        raise BodyFileError(f"{FILE} cannot be read: {error}") from error
+        raise BodyFileError(f"{file} cannot be read: {error}") from error
 
 
 def _link(arrays: dict[str, NDArray[Any]], row: int) -> LinkBody:
     """The body in a row of the table of links: a shape, brought to the frame of the link."""
     shape = str(arrays["link/shape"][row])
     R, p = arrays["link/R_link_shape"][row], arrays["link/p_link_shape"][row]
-    margin_m, stand_out_m = arrays[f"{shape}/margin_standout"].tolist()
-    counts = arrays[f"{shape}/piece_counts"]
-    polyhedra = _split(
-        arrays[f"{shape}/vertices"] @ R.T + p, arrays[f"{shape}/triangles"].astype(np.int64), counts
-    )
+    vertices = np.concatenate([arrays[f"{shape}/vertices"], arrays[f"{shape}/corners"]]) @ R.T + p
+    triangles = arrays[f"{shape}/triangles"].astype(np.int64)
+    surface, enclosure, *pieces = _split(vertices, triangles, arrays[f"{shape}/counts"])
     return LinkBody(
         name=str(arrays["link/name"][row]),
         mesh=str(arrays["link/mesh"][row]),
-        surface=polyhedra[0],
-        margin_m=margin_m,
-        stand_out_m=stand_out_m,
-        pieces=polyhedra[1:],
+        surface=surface,
+        margin_m=float(arrays[f"{shape}/margin_m"]),
+        enclosure=enclosure,
+        pieces=tuple(pieces),
     )
 
 
 def _split(
     vertices: Vertices, triangles: Triangles, counts: NDArray[np.int64]
-) -> tuple[Polyhedron, ...]:
-    """Polyhedra stored one after the other; `counts` (k, 2): their vertices and triangles."""
+) -> tuple[Triangulated, ...]:
+    """Meshes stored one after the other; `counts` (k, 2): their vertices and triangles."""
     parts = []
     ends = np.cumsum(counts, axis=0)
     for (v_end, t_end), (v_count, t_count) in zip(ends.tolist(), counts.tolist(), strict=True):
         parts.append(
-            Polyhedron(
+            Triangulated(
                 _frozen(vertices[v_end - v_count : v_end]),
                 _frozen(triangles[t_end - t_count : t_end]),
             )

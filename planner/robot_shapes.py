@@ -5,7 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import coal
 import numpy as np
@@ -24,8 +24,8 @@ from planner.scene import Part
 class RobotShapes:
     """The shapes of a robot: those of its URDF, or those of a body that is given.
 
-    Of a body, a link is one closed surface, covered by convex pieces. One that touches things on
-    purpose, as fingers do, counts as its convex pieces where bodies are near, because how deep
+    Of a body, a link is one surface of triangles, covered by convex pieces. One that touches things
+    on purpose, as fingers do, counts as its convex pieces where bodies are near, because how deep
     something is inside them is known, and as the surface of these where the rest of the robot is.
 
     Attributes:
@@ -202,14 +202,18 @@ def _srdf_pairs(robot: Baxter) -> frozenset[frozenset[str]]:
     )
 
 
-def _of_body(body: RobotBody) -> Iterator[_Made]:
-    """The shapes of a body; links of equal body share them."""
+@lru_cache(maxsize=4)
+def _of_body(body: RobotBody) -> tuple[_Made, ...]:
+    """The shapes of a body, made once; links of equal body share them."""
     known: dict[tuple[bytes, ...], list[_Made]] = {}
+    shapes = []
     for link in body.links.values():
-        key = tuple(part.vertices.tobytes() for part in (link.surface, *link.pieces))
+        parts = (link.surface, link.enclosure, *link.pieces)
+        key = tuple(part.vertices.tobytes() for part in parts)
         if key not in known:
             known[key] = list(_of_link(link))
-        yield from (replace(made, link=link.name, padding_m=link.margin_m) for made in known[key])
+        shapes += [replace(made, link=link.name, padding_m=link.margin_m) for made in known[key]]
+    return tuple(shapes)
 
 
 def _of_link(link: LinkBody) -> Iterator[_Made]:
@@ -218,7 +222,7 @@ def _of_link(link: LinkBody) -> Iterator[_Made]:
         yield _Made(link.name, pieces[0])
         return
     whole = _joined(link.pieces) if link.is_touching else link.surface
-    cover = Cover(pieces, *whole, is_closed=True)
+    cover = Cover(pieces, *(whole if link.is_touching else link.enclosure))
     yield _Made(link.name, surface(*whole), cover=cover, is_detail=not link.is_touching)
     if link.is_touching:
         yield from (_Made(link.name, piece, is_whole=False) for piece in pieces)

@@ -1,72 +1,64 @@
-"""Make `planner/robot_body.npz`: what the planner takes Baxter to be, never smaller than its meshes.
+"""Make `planner/robot_body.npz`: what the planner takes Baxter to be, from its meshes.
 
-    python scripts/build_body.py [--out FILE] [--surfaces DIR] [--only MESH ...] [--table]
+    python scripts/build_body.py [--out FILE] [--keep DIR]
 
-Reads the COLLADA meshes of example-robot-data (Rethink Robotics, BSD-3-Clause). Around every link's
-mesh it puts a closed surface, thinned out without touching the mesh, cuts it into convex pieces that
-contain it, and finds out which pairs of links need no check (`body/` has the steps).
-Needs the `body` extra and about half an hour; `--surfaces` keeps finished surfaces in a folder and
-takes those that are there. `--table` prints what the existing file holds, and writes nothing.
+Reads the COLLADA meshes of example-robot-data (Rethink Robotics, BSD-3-Clause). Of every link it
+makes triangles that are fewer, what they enclose, and convex pieces around them; then it finds out
+which pairs of links need no check (`body/` has the steps). Needs the `body` extra and twenty
+minutes; `--keep` puts finished triangles and enclosures into a folder and takes those there.
+`tests/planner/test_robot_body.py` shows for the file what the builder only samples.
 """
 
 from __future__ import annotations
 
 import argparse
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from body.covering import cover
+from body.enclosing import enclosure
+from body.hands import hand
+from body.meshes import placed_shapes, triangles
+from body.packing import Shape, packed, primitive, shape_name
+from body.pairs import reasons
+from body.thinning import Mesh, thinned
 
 from baxter_kin.description import RobotDescription
+from planner.robot_body import RobotBody
 
 TARGET = Path(__file__).resolve().parent.parent / "planner" / "robot_body.npz"
 
+MARGIN = 0.5
+"""What the planner adds to a link's triangles, mm."""
+
+DEVIATION = 0.43
+"""By how much they may deviate at samples, mm."""
+
+SPACING = {"base_link": 4.0, "PEDESTAL": 4.0}
+"""Of these samples, mm; 2 where not named."""
+
+MOST_PIECES = {"H0": 1, "H1": 2, "electric_gripper_base": 3, "W2": 3}
+"""Of a link; five of those not named."""
+
 
 def main() -> None:
-    """Build the file, or tell what is in it."""
+    """Build the file."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--out", type=Path, default=TARGET, help="default: %(default)s")
-    parser.add_argument("--surfaces", type=Path, help="folder of finished surfaces")
-    parser.add_argument("--only", nargs="+", metavar="MESH", help="these surfaces, no file")
-    parser.add_argument("--table", action="store_true", help="print figures of the file")
+    parser.add_argument("--keep", type=Path, help="folder of what takes long to make")
     options = parser.parse_args()
-    if options.table:
-        from body.table import table
-
-        print(table())
-        return
     with tempfile.TemporaryDirectory() as scratch:
-        folder = options.surfaces or Path(scratch)
+        folder = options.keep or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        if options.only:
-            for mesh in options.only:
-                _surface(mesh, folder)
-            return
-        _build(options.out, folder)
+        build(options.out, folder)
 
 
-def _surface(mesh: str, folder: Path) -> tuple[np.ndarray, np.ndarray]:
-    from body.wrapping import surface
-
-    file = folder / f"{mesh}.npz"
-    if not file.exists():
-        vertices, faces = surface(mesh)
-        np.savez(file, vertices=vertices, faces=faces)
-        print(f"{mesh}: {len(faces)} triangles", flush=True)
-    with np.load(file) as data:
-        return data["vertices"], data["faces"]
-
-
-def _build(out: Path, folder: Path) -> None:
-    from body.meshes import placed_shapes
-    from body.packing import packed, primitive, shape_name
-    from body.pairs import reasons
-    from body.shapes import OTHER_FINGERS, hand, link
-
-    from planner.robot_body import RobotBody
-
+def build(out: Path, folder: Path) -> None:
+    """Write the file, once without pairs to find these with it."""
     links = list(placed_shapes())
-    shapes = {}
+    shapes: dict[str, Shape] = {}
     for placed in links:
         name = shape_name(placed)
         if name in shapes:
@@ -74,16 +66,35 @@ def _build(out: Path, folder: Path) -> None:
         if not placed.mesh:
             shapes[name] = primitive(*placed.primitive)
         elif "finger" in placed.link:
-            shapes[name] = hand(name)
+            shapes[name] = Shape(hand(name))
         else:
-            shapes[name] = link(name, *_surface(name, folder))
-        print(f"{name}: {len(shapes[name].pieces)} pieces", flush=True)
-    shapes |= {name: hand(name) for name in OTHER_FINGERS}
+            shapes[name] = _link(name, folder)
+        shape = shapes[name]
+        counts = [len(mesh[1]) for mesh in (shape.surface, shape.enclosure)]
+        print(f"{name}: {counts} triangles, {len(shape.pieces)} pieces", flush=True)
     notice = (RobotDescription.installed().urdf.parent.parent / "LICENSE").read_text("utf-8")
     np.savez_compressed(out, allow_pickle=False, **packed(shapes, links, {}, notice))
-    pairs = reasons(RobotBody.load(out).links)
+    pairs = reasons(RobotBody.read(out).links)
     np.savez_compressed(out, allow_pickle=False, **packed(shapes, links, pairs, notice))
     print(f"{out}: {out.stat().st_size / 1e3:.0f} kB, {len(pairs)} pairs skipped")
+
+
+def _link(mesh: str, folder: Path) -> Shape:
+    def fewer() -> Mesh:
+        return thinned(triangles(mesh), DEVIATION, SPACING.get(mesh, 2.0))
+
+    vertices, faces = _kept(folder / f"{mesh}_triangles.npz", fewer)
+    pieces = cover(vertices[faces], MOST_PIECES.get(mesh, 5))
+    inside = _kept(folder / f"{mesh}_enclosure.npz", lambda: enclosure(mesh))
+    return Shape(pieces, (vertices, faces), inside, MARGIN)
+
+
+def _kept(file: Path, make: Callable[[], Mesh]) -> Mesh:
+    if not file.exists():
+        vertices, faces = make()
+        np.savez(file, vertices=vertices, faces=faces)
+    with np.load(file) as data:
+        return data["vertices"], data["faces"]
 
 
 if __name__ == "__main__":

@@ -1,9 +1,8 @@
-"""Convex pieces that contain a closed surface and all it encloses.
+"""Convex polyhedra around parts of a mesh.
 
-Space is cut into boxes ("cells") by planes across the axes; the piece of a cell contains the part of the
-surface in the cell and the cell's corners inside the surface. So it contains the part of
-the solid in the cell: that part's extreme points are vertices of the surface, points where its edges
-leave the cell, where the cell's edges pass through it, or corners of the cell.
+Space is cut into boxes ("cells") by planes across the axes. The hull of what the mesh has in a cell
+contains the solid's part there too, as long as no corner of the cell is inside the solid: the
+extreme points of that part are vertices of the mesh, or points where its triangles leave the cell.
 """
 
 from __future__ import annotations
@@ -11,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import igl
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
+from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 F = NDArray[np.float64]
 Mesh = tuple[F, NDArray[np.int64]]
@@ -24,6 +22,9 @@ FAR = 1e4
 
 MOST_PLANES = 34
 """Of a piece: at most 2 * 34 - 4 = 64 vertices."""
+
+GRID = 1e-3
+"""Of the corners of pieces, mm, so that none are nearly the same."""
 
 PAD = 2e-3
 """Pieces are larger than what they contain by this, mm: far above all rounding."""
@@ -89,11 +90,6 @@ def _fan(triangle: F, heights: F, axis: int, bound: float) -> list[list[F]]:
     return [[corners[0], corners[i], corners[i + 1]] for i in range(1, len(corners) - 1)]
 
 
-def whole(soup: F) -> Cell:
-    """One cell around everything."""
-    return Cell(np.full(3, -FAR), np.full(3, FAR), soup)
-
-
 def cells_at(soup: F, boxes: Sequence[tuple[tuple[float, ...], tuple[float, ...]]]) -> list[Cell]:
     """The cells of given boxes, which together cover the mesh."""
     return [
@@ -102,60 +98,17 @@ def cells_at(soup: F, boxes: Sequence[tuple[tuple[float, ...], tuple[float, ...]
     ]
 
 
-def cut_up(soup: F, most: int, gain: float = 0.01) -> list[Cell]:
-    """Cells from the cuts that take most volume off the hulls, one after the other.
-
-    Stops at `most` cells or when a cut gains less than that part of the first hull.
-    """
-    first = whole(soup)
-    queue = [_best_cut(first)]
-    total = _volume(soup)
-    while len(queue) < most:
-        index = max(range(len(queue)), key=lambda i: queue[i][0])
-        won, cell, axis, at = queue[index]
-        if won < gain * total:
-            break
-        queue[index : index + 1] = [_best_cut(part) for part in _cut(cell, axis, at)]
-    return [cell for _, cell, _, _ in queue]
+def piece(cell: Cell, *, inner: F | None = None) -> Mesh:
+    """The convex piece of a cell, which contains its part of the mesh."""
+    return around(cell.soup.reshape(-1, 3), tolerance=0.03, inner=inner)
 
 
-def _best_cut(cell: Cell) -> tuple[float, Cell, int, float]:
-    best = (0.0, cell, 0, 0.0)
-    volume = _volume(cell.soup)
-    points = cell.soup.reshape(-1, 3)
-    for axis in range(3):
-        for at in np.linspace(points[:, axis].min(), points[:, axis].max(), 16)[1:-1]:
-            parts = _cut(cell, axis, float(at))
-            won = volume - sum(_volume(part.soup) for part in parts)
-            if won > best[0]:
-                best = (won, cell, axis, float(at))
-    return best
+def around(points: F, *, tolerance: float, inner: F | None = None) -> Mesh:
+    """A convex polyhedron that contains points, with few planes.
 
-
-def _cut(cell: Cell, axis: int, at: float) -> tuple[Cell, Cell]:
-    high, low = cell.high.copy(), cell.low.copy()
-    high[axis] = low[axis] = at
-    return (
-        Cell(cell.low, high, _half(cell.soup, axis, at, 1.0)),
-        Cell(low, cell.high, _half(cell.soup, axis, at, -1.0)),
-    )
-
-
-def _volume(soup: F) -> float:
-    try:
-        return float(ConvexHull(soup.reshape(-1, 3)).volume)
-    except (QhullError, ValueError):
-        return 0.0
-
-
-def piece(cell: Cell, solid: F, *, tolerance: float = 0.03, inner: F | None = None) -> Mesh:
-    """The convex piece of a cell: few planes around its part of the surface.
-
-    Planes are added until the piece stands out from the hull by less than `tolerance` (mm) or has
+    Planes are added until it stands out from the hull by less than `tolerance` (mm) or has
     `MOST_PLANES`; those that face along `inner` first.
     """
-    corners = np.array(np.meshgrid(*np.array([cell.low, cell.high]).T)).reshape(3, -1).T
-    points = np.concatenate([cell.soup.reshape(-1, 3), corners[_inside(corners, solid)]])
     hull = ConvexHull(points)
     facets, extreme = hull.equations, points[hull.vertices]
     weight = np.ones(len(facets))
@@ -173,13 +126,5 @@ def piece(cell: Cell, solid: F, *, tolerance: float = 0.03, inner: F | None = No
 
 
 def _merged(points: F) -> F:
-    """Points without repetitions within a nanometre; where planes meet, they come out often."""
-    _, first = np.unique(np.rint(points * 1e6), axis=0, return_index=True)
-    return points[first]
-
-
-def _inside(points: F, soup: F) -> NDArray[np.bool_]:
-    """Which points the triangles wind around."""
-    corners = np.ascontiguousarray(soup.reshape(-1, 3))
-    faces = np.arange(len(corners)).reshape(-1, 3)
-    return np.asarray(np.abs(igl.winding_number(corners, faces, points)) > 0.5)
+    """Points on a grid, none twice: where planes meet, they come out often; by less than `PAD`."""
+    return np.unique(np.rint(points / GRID), axis=0) * GRID

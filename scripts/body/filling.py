@@ -6,9 +6,10 @@ Put into the link before wrapping, it keeps the wrap from entering through slits
 from __future__ import annotations
 
 import numpy as np
-from body.measuring import samples
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, label
+
+from body.measuring import samples
 
 F = NDArray[np.float64]
 

@@ -8,9 +8,11 @@ foot, the slots of the tips (where the finger sits) and the screws' holes are fi
 from __future__ import annotations
 
 import numpy as np
-from body.convex import FAR as END
-from body.convex import Cell, cells_at, cut_up
 from numpy.typing import NDArray
+
+from body.convex import FAR as END
+from body.convex import Mesh, cells_at, piece
+from body.meshes import triangles
 
 F = NDArray[np.float64]
 Box = tuple[tuple[float, ...], tuple[float, ...]]
@@ -59,18 +61,8 @@ BOXES: dict[str, list[Box]] = {
     ],
 }
 
-CUTS = {
-    "extended_wide": 12,
-    "standard_narrow": 12,
-    "standard_wide": 12,
-    "basic_hard_tip": 3,
-    "basic_soft_tip": 4,
-}
-"""Most cells of fingers and tips that other grippers have; no URDF here shows them."""
 
-
-def cells_of_hand(mesh: str, soup: F) -> list[Cell]:
-    """The cells of a finger or a tip."""
-    if mesh in BOXES:
-        return cells_at(soup, BOXES[mesh])
-    return cut_up(soup, CUTS[mesh], gain=0.003)
+def hand(mesh: str) -> list[Mesh]:
+    """The pieces of a finger or a tip, which contain it."""
+    inner = INNER if mesh.endswith("tip") else None
+    return [piece(cell, inner=inner) for cell in cells_at(triangles(mesh), BOXES[mesh])]

@@ -46,9 +46,7 @@ def _files() -> dict[str, Path]:
 @cache
 def triangles(mesh: str) -> F:
     """All triangles of a mesh file, shape (n, 3, 3), mm; those without area are left out."""
-    document = collada.Collada(
-        str(_files()[mesh]), ignore=[DaeUnsupportedError, DaeBrokenRefError]
-    )
+    document = collada.Collada(str(_files()[mesh]), ignore=[DaeUnsupportedError, DaeBrokenRefError])
     found = []
     for geometry in document.scene.objects("geometry"):
         for primitive in geometry.primitives():

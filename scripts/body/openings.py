@@ -2,17 +2,21 @@
 
 Covers are open where the next link enters: collars, the slots that take an elbow's disc, the discs'
 flanks. There the other link's cover stands, so nothing is lost by closing them; wrapped open, the
-surface would line the inside of every cover. A plug is the hull of what the mesh has inside a box, so it ends
-flush with the opening's rim, or a cylinder a little larger than the disc that turns in the slot.
+surface would line the inside of every cover. A plug is the hull of what the mesh has inside a box,
+so it ends flush with the opening's rim, or a cylinder a little larger than the disc that turns in
+the slot.
 All lengths in mm, in the frame of the mesh.
 """
 
 from __future__ import annotations
 
+import manifold3d
 import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
 from body.convex import clipped, convex_hull
 from body.meshes import triangles
-from numpy.typing import NDArray
 
 F = NDArray[np.float64]
 INF = 1e6
@@ -43,7 +47,7 @@ DISCS: dict[str, tuple[str, tuple[float, float, float], float, float]] = {
     "E0": ("y", (69.0, 0.0, 262.42), 61.0, 34.5),
     "PEDESTAL": ("z", (0.0, 0.0, -370.0), 100.3, 280.0),
 }
-"""Cylinders: axis, centre, radius, half length. For slots, the radius of the disc that turns there."""
+"""Cylinders: axis, centre, radius, half length. For slots, the radius of the disc that turns in."""
 
 CORES: dict[str, list[tuple[tuple[float, float, float], tuple[float, float, float], float]]] = {
     "W2": [((-INF, -INF, 90), (INF, INF, 112), 0.92)],
@@ -102,9 +106,6 @@ def _core(
 
 def _floor(soup: F, height: float, thickness: float) -> F:
     """A plate inside the largest outline of the mesh at that height, half a millimetre smaller."""
-    import manifold3d
-    import trimesh
-
     mesh = trimesh.Trimesh(soup.reshape(-1, 3), np.arange(3 * len(soup)).reshape(-1, 3))
     section = mesh.section((0.0, 0.0, 1.0), (0.0, 0.0, height))
     if section is None:

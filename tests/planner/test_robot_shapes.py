@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from types import MappingProxyType
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -118,15 +115,7 @@ def test_a_ball_wholly_inside_a_link_is_inside_though_it_touches_no_triangle(
 def test_a_padding_is_taken_from_every_distance_but_those_of_contacts(
     robot: Baxter, left: Arm, body: RobotBody
 ) -> None:
-    padded = replace(
-        body,
-        links=MappingProxyType(
-            {
-                name: replace(link, margin_m=link.margin_m + 0.004)
-                for name, link in body.links.items()
-            }
-        ),
-    )
+    padded = body.padded(0.004)
     q = np.array(robot.configuration(left.joints(left.neutral)))
     tip = left.T_base_tip(left.neutral).translation
     scene = Scene.of([ball(0.01, tip[0], tip[1], tip[2] - 0.05)])
@@ -135,6 +124,12 @@ def test_a_padding_is_taken_from_every_distance_but_those_of_contacts(
         for given in (body, padded)
     )
     assert thick == pytest.approx(bare - 2 * 0.004, abs=1e-5)  # two links are nearest
+
+
+@pytest.mark.parametrize("padding_m", [-1e-3, np.nan, np.inf])
+def test_a_padding_that_is_none_is_refused(body: RobotBody, padding_m: float) -> None:
+    with pytest.raises(SceneError, match="padding_m"):
+        body.padded(padding_m)
 
 
 def test_a_body_of_another_kind_is_refused(robot: Baxter) -> None:
