@@ -30,15 +30,15 @@ JOINED = "joined by one joint, their covers overlap by design"
 NESTED = "their covers overlap in every configuration"
 APART = "cannot meet: proven for all joint angles, at least {:.1f} mm apart"
 
-MOST_JOINTS = 3
-"""Between two links for which the proof is tried."""
+MOST_JOINTS = 2
+"""Between two links for which the proof is tried; what is farther apart is always checked, so that
+a clearance that is stated counts it."""
 
 MOST_BOXES = 20_000
 """Of joint angles before the proof by pieces is given up."""
 
-MOST_JOINTS_OF_TRIANGLES = 2
 FEWER_BOXES = 3_000
-"""The same for the proof by triangles."""
+"""Of them before the proof by triangles is."""
 
 NEAR_M = 1e-3
 """Beyond the margins, so that what rubs in a bearing counts as touching."""
@@ -96,7 +96,7 @@ def reasons(links: Mapping[str, LinkBody], seed: int = 0) -> dict[frozenset[str]
             least = least_distance(
                 poses, links[a], links[b], joints=joints, level=convex, most_boxes=MOST_BOXES
             )
-            if least is None and len(joints) <= MOST_JOINTS_OF_TRIANGLES:
+            if least is None:
                 least = least_distance(
                     poses, links[a], links[b], joints=joints, level=finest, most_boxes=FEWER_BOXES
                 )

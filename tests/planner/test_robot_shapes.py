@@ -18,6 +18,7 @@ from planner import (
     Scene,
     SceneError,
     plan_pick_and_place,
+    verify,
 )
 from planner.distances import Cover
 from planner.robot_body import RobotBody
@@ -148,3 +149,14 @@ def test_a_closed_surface_winds_about_what_it_encloses(shapes: RobotShapes, insi
     middle = (cover.vertices.max(axis=0) + cover.vertices.min(axis=0)) / 2
     point = middle if inside else cover.vertices.max(axis=0) + 0.001
     assert cover.winds_about(point) is inside
+
+
+def test_verify_accepts_what_a_plan_with_the_body_states(
+    robot: Baxter, body: RobotBody, scene: Scene
+) -> None:
+    """It measures on the original meshes, by other code."""
+    real = Manipulator.of(robot, "left", body=body)
+    plan = plan_pick_and_place(PickAndPlace("block", PICK, PLACE), real, scene, real.arm.neutral)
+    assert plan.proven_clearance_m is not None
+    assert plan.proven_clearance_m > 0.02
+    assert verify(plan).is_valid
