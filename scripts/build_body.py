@@ -4,8 +4,9 @@
 
 Reads the COLLADA meshes of example-robot-data (Rethink Robotics, BSD-3-Clause). Of every link it
 makes triangles that are fewer, what they enclose, and convex pieces around them; then it finds out
-which pairs of links need no check (`body/` has the steps). Needs the `body` extra and twenty
-minutes; `--keep` puts finished triangles and enclosures into a folder and takes those there.
+which pairs of links need no check (`body/` has the steps). Needs the `body` extra, and hours for
+the last look at fine samples; `--keep` puts finished triangles and enclosures into a folder and
+takes those there. In the stored file that last look was taken of half the links only.
 `tests/planner/test_robot_body.py` shows for the file what the builder only samples.
 """
 

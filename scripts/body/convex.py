@@ -1,14 +1,6 @@
-"""Convex polyhedra around parts of a mesh.
-
-Space is cut into boxes ("cells") by planes across the axes. The hull of what the mesh has in a cell
-contains the solid's part there too, as long as no corner of the cell is inside the solid: the
-extreme points of that part are vertices of the mesh, or points where its triangles leave the cell.
-"""
+"""Convex polyhedra around parts of a mesh."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +8,6 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 F = NDArray[np.float64]
 Mesh = tuple[F, NDArray[np.int64]]
-
-FAR = 1e4
-"""Where the outermost cells end, mm."""
 
 MOST_PLANES = 34
 """Of a piece: at most 2 * 34 - 4 = 64 vertices."""
@@ -28,14 +17,6 @@ GRID = 1e-3
 
 PAD = 2e-3
 """Pieces are larger than what they contain by this, mm: far above all rounding."""
-
-
-class Cell(NamedTuple):
-    """A box from `low` to `high`, and what it has of the surface: triangles (n, 3, 3)."""
-
-    low: F
-    high: F
-    soup: F
 
 
 def convex_hull(points: F) -> Mesh:
@@ -88,19 +69,6 @@ def _fan(triangle: F, heights: F, axis: int, bound: float) -> list[list[F]]:
             point[axis] = bound
             corners.append(point)
     return [[corners[0], corners[i], corners[i + 1]] for i in range(1, len(corners) - 1)]
-
-
-def cells_at(soup: F, boxes: Sequence[tuple[tuple[float, ...], tuple[float, ...]]]) -> list[Cell]:
-    """The cells of given boxes, which together cover the mesh."""
-    return [
-        Cell(np.array(low), np.array(high), clipped(soup, np.array(low), np.array(high)))
-        for low, high in boxes
-    ]
-
-
-def piece(cell: Cell, *, inner: F | None = None) -> Mesh:
-    """The convex piece of a cell, which contains its part of the mesh."""
-    return around(cell.soup.reshape(-1, 3), tolerance=0.03, inner=inner)
 
 
 def around(points: F, *, tolerance: float, inner: F | None = None) -> Mesh:

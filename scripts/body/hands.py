@@ -1,8 +1,12 @@
-"""Where to cut what touches things on purpose: fingers, tips, and the gripper's base.
+"""Where to cut what touches things on purpose: fingers and their tips.
 
 Their pieces are the body, without a surface beside them, so the cuts follow the shape: the bar of a
 finger is an I, a paddle is bent along x, a half-round tip ends in a bevel. Pockets in a finger's
 foot, the slots of the tips (where the finger sits) and the screws' holes are filled.
+
+The hull of what the mesh has in a box contains the solid's part there too, as long as no corner of
+the box is inside the solid: the extreme points of that part are vertices of the mesh, or points
+where its triangles leave the box.
 """
 
 from __future__ import annotations
@@ -10,12 +14,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from body.convex import FAR as END
-from body.convex import Mesh, cells_at, piece
+from body.convex import Mesh, around, clipped
 from body.meshes import triangles
 
 F = NDArray[np.float64]
 Box = tuple[tuple[float, ...], tuple[float, ...]]
+
+END = 1e4
+"""Where the outermost boxes end, mm."""
 
 INNER = np.array([0.0, 1.0, 0.0])
 """The side of a finger's and a tip's mesh that faces the other finger."""
@@ -31,10 +37,10 @@ def _across(axis: int, *cuts: float) -> list[Box]:
     return slabs
 
 
-def _bar(low: float, high: float, outer: float = END) -> list[Box]:
+def _bar(low: float, high: float) -> list[Box]:
     """Flange, web, flange of a finger's bar between two heights."""
     return [
-        ((-END, -14.5, low), (END, outer, high)),
+        ((-END, -14.5, low), (END, END, high)),
         ((-END, -19.5, low), (END, -14.5, high)),
         ((-END, -END, low), (END, -19.5, high)),
     ]
@@ -65,4 +71,6 @@ BOXES: dict[str, list[Box]] = {
 def hand(mesh: str) -> list[Mesh]:
     """The pieces of a finger or a tip, which contain it."""
     inner = INNER if mesh.endswith("tip") else None
-    return [piece(cell, inner=inner) for cell in cells_at(triangles(mesh), BOXES[mesh])]
+    soup = triangles(mesh)
+    parts = (clipped(soup, np.array(low), np.array(high)) for low, high in BOXES[mesh])
+    return [around(part.reshape(-1, 3), tolerance=0.03, inner=inner) for part in parts]

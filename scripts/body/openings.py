@@ -57,7 +57,6 @@ CORES: dict[str, list[tuple[tuple[float, float, float], tuple[float, float, floa
 
 BLOCKS: dict[str, list[tuple[tuple[float, float, float], tuple[float, float, float]]]] = {
     "electric_gripper_base": [((-19, 8, -43), (18, 16.5, 43))],
-    "PEDESTAL": [],
 }
 """Boxes that are filled as they are."""
 

@@ -12,8 +12,8 @@ Nothing is taken from the SRDF, whose list was made for other shapes. Four reaso
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from itertools import combinations, product
-from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -21,6 +21,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin.description import RobotDescription
+from planner.contact import coal_pose, convex, surface
 from planner.robot_body import LinkBody
 
 F = NDArray[np.float64]
@@ -94,7 +95,7 @@ def reasons(links: Mapping[str, LinkBody], seed: int = 0) -> dict[frozenset[str]
             found[frozenset((a, b))] = RIGID
         elif len(joints) <= MOST_JOINTS:
             least = least_distance(
-                poses, links[a], links[b], joints=joints, level=convex, most_boxes=MOST_BOXES
+                poses, links[a], links[b], joints=joints, level=pieces_of, most_boxes=MOST_BOXES
             )
             if least is None:
                 least = least_distance(
@@ -114,32 +115,16 @@ def reasons(links: Mapping[str, LinkBody], seed: int = 0) -> dict[frozenset[str]
     return found
 
 
-def convex(body: LinkBody) -> list[coal.Convex]:
+@cache
+def pieces_of(body: LinkBody) -> list[coal.CollisionGeometry]:
     """The pieces of a link as Coal's convex shapes."""
-    return [_convex(vertices, triangles) for vertices, triangles in body.pieces]
+    return [convex(*piece) for piece in body.pieces]
 
 
+@cache
 def finest(body: LinkBody) -> list[coal.CollisionGeometry]:
     """The triangles of a link, or its pieces where these are the body."""
-    return convex(body) if body.is_touching else [_mesh(body)]
-
-
-def _convex(vertices: F, triangles: NDArray[np.int64]) -> coal.Convex:
-    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    for vertex in vertices:
-        points.append(vertex)
-    for a, b, c in triangles.tolist():
-        faces.append(coal.Triangle(a, b, c))
-    return coal.Convex(points, faces)
-
-
-def _mesh(body: LinkBody) -> coal.BVHModelOBBRSS:
-    mesh = coal.BVHModelOBBRSS()
-    mesh.beginModel(len(body.surface.triangles), len(body.surface.vertices))
-    mesh.addVertices(np.array(body.surface.vertices))
-    mesh.addTriangles(np.array(body.surface.triangles))
-    mesh.endModel()
-    return mesh
+    return pieces_of(body) if body.is_touching else [surface(*body.surface)]
 
 
 def least_distance(
@@ -153,7 +138,7 @@ def least_distance(
 ) -> float | None:
     """A lower bound of the distance of two links over all angles of the joints between; or None.
 
-    Measured on one of their levels, `convex` or `finest`, less the margins.
+    Measured on one of their levels, `pieces_of` or `finest`, less the margins.
     """
     pieces, margin_m = list(product(level(a), level(b))), a.margin_m + b.margin_m
     index = [int(poses.model.idx_qs[joint]) for joint in joints]
@@ -210,18 +195,16 @@ def _size(poses: Poses, joint: int) -> float:
     return size
 
 
-def _distance(pieces: list[tuple[coal.Convex, coal.Convex]], T_a: pin.SE3, T_b: pin.SE3) -> float:
+def _distance(
+    pieces: list[tuple[coal.CollisionGeometry, coal.CollisionGeometry]], T_a: pin.SE3, T_b: pin.SE3
+) -> float:
     request = coal.DistanceRequest()
-    A, B = _transform(T_a), _transform(T_b)
+    A, B = coal_pose(T_a), coal_pose(T_b)
     least = np.inf
     for p, r in pieces:
         result = coal.DistanceResult()
         least = min(least, float(coal.distance(p, A, r, B, request, result)))
     return least
-
-
-def _transform(T: pin.SE3) -> coal.Transform3s:
-    return coal.Transform3s(T.rotation, T.translation)
 
 
 def configurations(poses: Poses, count: int, seed: int) -> Iterator[F]:
@@ -240,35 +223,21 @@ def overlaps(
     count: int = SAMPLES,
 ) -> dict[tuple[str, str], float]:
     """In which share of configurations the bodies of each pair overlap."""
-    shapes = {name: _shapes(links[name]) for name in {name for pair in pairs for name in pair}}
     hits = dict.fromkeys(pairs, 0)
     for q in configurations(poses, count, seed):
         poses.set(q)
         for a, b in pairs:
-            hits[a, b] += touches(shapes[a], shapes[b], poses.of(a), poses.of(b))
+            hits[a, b] += touches(links[a], links[b], poses.of(a), poses.of(b))
     return {pair: number / count for pair, number in hits.items()}
 
 
-class _Shapes(NamedTuple):
-    """The finest level of a link for Coal, and what is around it."""
-
-    pieces: list[coal.Convex]
-    finest: list[coal.CollisionGeometry]
-    margin_m: float
-
-
-def _shapes(body: LinkBody) -> _Shapes:
-    pieces = convex(body)
-    return _Shapes(pieces, finest(body), body.margin_m)
-
-
-def touches(a: _Shapes, b: _Shapes, T_a: pin.SE3, T_b: pin.SE3) -> bool:
+def touches(a: LinkBody, b: LinkBody, T_a: pin.SE3, T_b: pin.SE3) -> bool:
     """Whether two links are nearer than their margins."""
-    A, B = _transform(T_a), _transform(T_b)
+    A, B = coal_pose(T_a), coal_pose(T_b)
     near_m = a.margin_m + b.margin_m + NEAR_M
-    if not any(_collide(p, A, r, B, near_m) for p, r in product(a.pieces, b.pieces)):
+    if not any(_collide(p, A, r, B, near_m) for p, r in product(pieces_of(a), pieces_of(b))):
         return False
-    return any(_collide(p, A, r, B, near_m) for p, r in product(a.finest, b.finest))
+    return any(_collide(p, A, r, B, near_m) for p, r in product(finest(a), finest(b)))
 
 
 def _collide(a: object, A: object, b: object, B: object, near_m: float) -> bool:

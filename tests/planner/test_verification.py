@@ -135,7 +135,7 @@ def plan(manipulator: Manipulator, world: Scene) -> Plan:
     task = PickAndPlace("block", PICK, PLACE)
     made = plan_pick_and_place(task, manipulator, world, manipulator.arm.neutral)
     assert made.is_valid, str(made.failure)
-    return Plan.without_statements(replace(made, situation=Situation.of(manipulator, world)))
+    return replace(made, situation=Situation.of(manipulator, world)).without_statements()
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +183,7 @@ def test_the_right_arm_passes_too(robot: Baxter, table: Body) -> None:
     scene = Scene.of([table, narrow])
     task = PickAndPlace("block", pose_from_quaternion((0.70, -0.15, -0.129), DOWN), PLACE)
     made = plan_pick_and_place(task, right, scene, right.arm.neutral)
-    found = verify(Plan.without_statements(made), Situation.of(right, scene))
+    found = verify(made.without_statements(), Situation.of(right, scene))
     assert found.is_valid, found.verdict
 
 

@@ -75,7 +75,7 @@ def plan(manipulator: Manipulator, small: Scene) -> Plan:
     task = PickAndPlace("block", pick, place)
     made = plan_pick_and_place(task, manipulator, small, manipulator.arm.neutral)
     assert made.is_valid, str(made.failure)
-    return Plan.without_statements(replace(made, situation=Situation.of(manipulator, small)))
+    return replace(made, situation=Situation.of(manipulator, small)).without_statements()
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +154,7 @@ def test_an_elbow_may_not_go_into_a_cube_that_the_urdfs_cylinder_misses(
     task = PickAndPlace("block", *poses)
     made = plan_pick_and_place(task, manipulator, scene, manipulator.arm.neutral)
     cube = Body("cube", (Part(Box((0.02, 0.02, 0.02)), at(0, 0, 0)),), at(0.482, 0.271, 0.345))
-    found = verify(Plan.without_statements(made), Situation.of(manipulator, scene.with_body(cube)))
+    found = verify(made.without_statements(), Situation.of(manipulator, scene.with_body(cube)))
     # where the hand lets go, the cube's centre is inside the elbow: the winding number there is 1
     inside = "bodies inside a link"
     assert failed(found) == {"clearance", "clearance between samples", inside}
