@@ -27,7 +27,7 @@ NAMES = (
     "4_pick_and_place",
     "5_your_own_task",
 )
-LONGEST_CELL_S = 120
+LONGEST_CELL_S = 300
 
 
 def read(name: str) -> NotebookNode:

@@ -37,6 +37,9 @@ SWITCHES = (
 """Drawing without a graphics card, and no talk of the browser's own."""
 
 SIZE: ViewportSize = {"width": 960, "height": 600}
+DEADLINE_S = 300.0
+"""A frame without a graphics card takes 1.5 s on two quiet cores; how long else is not tested."""
+
 GREEN = (0.05, 0.95, 0.05, 1.0)
 BLOCK_AT_START = (0.70, 0.25, -0.13)
 BLOCK_AT_END = (0.70, -0.15, -0.13)
@@ -81,6 +84,7 @@ def browser() -> Iterator[Browser]:
 def watched_page(browser: Browser) -> Iterator[Watched]:
     """A new page that notes what it does."""
     page = browser.new_page(viewport=SIZE)
+    page.set_default_timeout(1000.0 * DEADLINE_S)
     watched = Watched(page)
     page.on("pageerror", lambda error: watched.errors.append(str(error)))
     page.on("request", lambda request: watched.requests.append(request.url))
