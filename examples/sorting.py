@@ -2,7 +2,7 @@
 
 Red ones go to the left side, blue ones to the right, each carried by the arm that needs the least
 motion. While one arm works, the other stands beside the table, and plans treat it as an obstacle.
-The right hand opens only 48.2 mm, so no block is wider than 4 cm.
+The right hand opens only 52.7 mm, so no block is wider than 4 cm.
 """
 
 from __future__ import annotations

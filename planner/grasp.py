@@ -71,7 +71,8 @@ class Grasp:
     Attributes:
         finger_m: finger position, 0 .. stroke.
         T_tip_body: the body's pose seen from the tip once both pads touch it.
-        width_m: distance between the pads.
+        width_m: distance between the pads, where these are nearest to each other: Rethink's are
+            hollow by up to 0.9 mm, so it may be less than the body is wide.
         push_m: how far the first pad pushed the body along the closing axis before the second
             touched; positive along y of the gripper.
         pad_m: how much of a pad is on the body, along the shorter side of where they overlap; the

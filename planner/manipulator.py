@@ -58,7 +58,7 @@ class Manipulator:
         """Everything for one limb, its velocity limits scaled by `speed_ratio` in (0, 1].
 
         Where `q_others` is not given, the other arm is in neutral and its hand open, as in a new
-        world. Where `body` is not given, the robot is its URDF's collision shapes.
+        world. Where `body` is not given, the robot is `RobotBody.load()`.
 
         Raises:
             UnknownNameError: when `limb` is neither "left" nor "right".

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -14,7 +13,7 @@ import pinocchio as pin
 from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import expect
-from planner.contact import convex, has_depth, shape_of, surface
+from planner.contact import convex, shape_of, surface
 from planner.distances import Cover
 from planner.errors import SceneError
 from planner.robot_body import LinkBody, RobotBody
@@ -22,15 +21,15 @@ from planner.scene import Part
 
 
 class RobotShapes:
-    """The shapes of a robot: those of its URDF, or those of a body that is given.
+    """The shapes of a robot, of the body that it is taken to be.
 
-    Of a body, a link is one surface of triangles, covered by convex pieces. One that touches things
-    on purpose, as fingers do, counts as its convex pieces where bodies are near, because how deep
+    A link is one surface of triangles, covered by convex pieces. One that touches things on
+    purpose, as fingers do, counts as its convex pieces where bodies are near, because how deep
     something is inside them is known, and as the surface of these where the rest of the robot is.
 
     Attributes:
         robot: the robot.
-        body: what it is taken to be; None for the URDF's collision shapes.
+        body: what it is taken to be.
     """
 
     def __init__(self, robot: Baxter, body: RobotBody | None = None) -> None:
@@ -38,14 +37,15 @@ class RobotShapes:
 
         Args:
             robot: the robot.
-            body: `RobotBody.load()`, say; the URDF's collision shapes when not given, which are
-                smaller than Rethink's meshes by up to 91 mm.
+            body: `RobotBody.load()` when not given.
 
         Raises:
             SceneError: when one is of another class.
+            BodyFileError: when the body that comes with the package cannot be read.
         """
         self.robot = expect(robot, Baxter, "robot", SceneError)
-        self.body = None if body is None else expect(body, RobotBody, "body", SceneError)
+        given = RobotBody.load() if body is None else body
+        self.body = expect(given, RobotBody, "body", SceneError)
 
     @cached_property
     def model(self) -> pin.GeometryModel:
@@ -87,7 +87,7 @@ class RobotShapes:
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """The pairs of shapes of the robot that may meet."""
-        skipped = _srdf_pairs(self.robot) if self.body is None else self.body.skipped_pairs.keys()
+        skipped = self.body.skipped_pairs.keys()
         links, shapes, wholes = self.links, self.model.geometryObjects, sorted(self.wholes)
         return tuple(
             (first, second)
@@ -148,7 +148,7 @@ class RobotShapes:
     @cached_property
     def _made(self) -> tuple[_Made, ...]:
         """The shapes of all links."""
-        return tuple(_of_urdf(self.robot) if self.body is None else _of_body(self.body))
+        return _of_body(self.body)
 
     def _T_tip_shape(self, index: int, arm: Arm) -> pin.SE3:
         shape = self.model.geometryObjects[index]
@@ -175,31 +175,6 @@ class _Made:
     padding_m: float = 0.0
     is_whole: bool = True
     is_detail: bool = True
-
-
-def _of_urdf(robot: Baxter) -> Iterator[_Made]:
-    """The URDF's collision shapes."""
-    files, frames = robot.description, robot.model.frames
-    shapes = pin.buildGeomFromUrdf(
-        robot.model,
-        str(files.urdf),
-        pin.GeometryType.COLLISION,
-        package_dirs=[str(files.package_dir)],
-    )
-    for shape in shapes.geometryObjects:
-        frame = frames[shape.parentFrame]
-        cover = None if has_depth(shape.geometry) else Cover.box_around(shape.geometry)
-        T_link_shape = frame.placement.inverse() * shape.placement
-        yield _Made(str(frame.name), shape.geometry, T_link_shape, cover)
-
-
-def _srdf_pairs(robot: Baxter) -> frozenset[frozenset[str]]:
-    """Pairs of links that the SRDF rules out."""
-    root = ET.parse(robot.description.srdf).getroot()
-    return frozenset(
-        frozenset((entry.attrib["link1"], entry.attrib["link2"]))
-        for entry in root.iter("disable_collisions")
-    )
 
 
 @lru_cache(maxsize=4)

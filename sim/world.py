@@ -46,7 +46,7 @@ class World:
 
         Args:
             robot: the robot.
-            body: what it is taken to be; its URDF's collision shapes when not given.
+            body: what it is taken to be; `RobotBody.load()` when not given.
         """
         self.robot = expect(robot, Baxter, "robot", SimulationError)
         self.shapes = RobotShapes(robot, body)

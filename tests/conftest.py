@@ -16,6 +16,8 @@ from hypothesis import settings
 from baxter_kin import Arm, Baxter, IKService, pose_from_quaternion
 from baxter_kin.files import PathLike
 from planner import Body, Manipulator, Scene, load_object
+from planner.robot_body import RobotBody
+from tests.bodies import with_plain_fingers
 from tests.skips import (  # noqa: F401 - pytest finds its hooks here
     pytest_addoption,
     pytest_sessionfinish,
@@ -65,6 +67,12 @@ def ik(left: Arm) -> IKService:
 def manipulator(robot: Baxter) -> Manipulator:
     """The left arm, as the demo plans for it."""
     return Manipulator.of(robot, "left")
+
+
+@pytest.fixture(scope="session")
+def plain(robot: Baxter) -> RobotBody:
+    """The robot with boxes for fingers, so that contacts are known by hand."""
+    return with_plain_fingers(robot)
 
 
 @pytest.fixture(scope="session")

@@ -19,7 +19,7 @@ from baxter_kin import Baxter, IKService, pose_from_quaternion
 from baxter_kin.arrays import Vector
 from examples import right_arm, sorting, three_poses, tower
 from examples.workbench import SIDES, TABLE_Z_M, Workbench, on_table, play, scattered
-from planner import Manipulator, RobotBody, make_block, plan_pick_and_place
+from planner import make_block, verify
 from sim import EventKind, Recording
 from tests.closeness import Closeness
 
@@ -34,9 +34,14 @@ PLACED_WITHIN_M = 0.003
 PRESSING_M = 1e-6
 """What touches on purpose may press in by that; contacts are found to 1e-8 m."""
 
+FURTHER_IN_M = 2.264e-3
+"""By how much the URDF's tips of the right hand, which `Closeness` looks at, reach further in than
+Rethink's meshes, which hold the blocks: (11.028 mm - 6.5 mm) / 2."""
+
 LARGEST_PAGE = 5e6
 WAY_OF_LEFT_M = (0.804, 0.063, 0.04)
-"""Here the right hand stands between two places of the left arm's, and leaves room around it."""
+"""Here the right hand stands between two places of the left arm's."""
+BESIDE_M = (0.78, -0.12, 0.10)
 ON_THE_PLACE_M = (0.70, 0.00, -0.05)
 
 
@@ -154,8 +159,8 @@ def test_one_arm_waits_in_neutral_while_the_other_moves(
 
 def test_the_right_hand_refuses_the_wide_block(runs: Callable[[str], Run]) -> None:
     run = runs("right_arm")
-    assert "wide measures 50.0 mm" in run.said
-    assert "the right hand opens only 48.2 mm" in run.said
+    assert "wide measures 55.0 mm" in run.said
+    assert "the right hand opens only 52.7 mm" in run.said
     assert {move.limb for move in run.recording.moves} == {"right"}
     np.testing.assert_allclose(run.centre("block")[:2], right_arm.HERE_M, atol=PLACED_WITHIN_M)
 
@@ -200,7 +205,9 @@ def test_the_robot_touches_blocks_with_its_pads_only(
 
 
 def test_nothing_is_ever_inside_another(closeness: Mapping[tuple[str, str], float]) -> None:
-    assert min(closeness.values()) > -PRESSING_M
+    for pair, distance in closeness.items():
+        is_of_right_tip = any(link.startswith("r_gripper") and "tip" in link for link in pair)
+        assert distance > -PRESSING_M - (FURTHER_IN_M if is_of_right_tip else 0.0), pair
 
 
 def is_body(name: str) -> bool:
@@ -227,28 +234,21 @@ def stand(bench: Workbench, tip_m: tuple[float, float, float]) -> None:
     bench.world.move_arm("right", ik.solve(pose_from_quaternion(tip_m, (0, 1, 0, 0))).q)
 
 
-def test_a_way_around_an_arm_that_only_its_urdf_shapes_leave_is_refused(bench: Workbench) -> None:
-    """The wrists' meshes are up to 36 mm larger than the shapes that the way was found with."""
+def test_another_arm_in_the_way_is_named_and_one_beside_it_is_passed(
+    bench: Workbench,
+) -> None:
+    """Its wrist's mesh is 36 mm larger than the shapes of the URDF, which left a way around it."""
     goal = on_table(0.70, 0.0, 0.04)
     direct = bench.plan("left", "block", goal)
+    assert direct.is_valid
     stand(bench, WAY_OF_LEFT_M)
-    around = bench.plan("left", "block", goal)
-    assert around.motion_time_s > direct.motion_time_s
-    assert around.clearance is not None
-    assert around.clearance.second.startswith("right_")
-    outcome, is_done = bench.execute(around, "")
-    assert not is_done
-    assert outcome.startswith("refused: not valid")
-    assert "right_" in outcome
-
-
-def test_with_the_body_of_the_meshes_that_way_is_not_even_planned(bench: Workbench) -> None:
-    stand(bench, WAY_OF_LEFT_M)
-    task = bench.task("left", "block", on_table(0.70, 0.0, 0.04))
-    real = Manipulator.of(bench.robot, "left", body=RobotBody.load(), q_others=bench.world.q)
-    plan = plan_pick_and_place(task, real, bench.world.scene, bench.world.arm_q("left"))
-    assert not plan.is_valid
-    assert "right_" in str(plan.failure)
+    refused = bench.plan("left", "block", goal)
+    assert not refused.is_valid
+    assert "right_" in str(refused.failure)
+    stand(bench, BESIDE_M)
+    beside = bench.plan("left", "block", goal)
+    assert beside.is_valid
+    assert verify(beside).is_valid
 
 
 def test_a_plan_that_did_not_know_of_the_other_arm_stops_before_it(bench: Workbench) -> None:
@@ -263,7 +263,7 @@ def test_an_arm_on_the_place_is_named(bench: Workbench) -> None:
     stand(bench, ON_THE_PLACE_M)
     plan = bench.plan("left", "block", on_table(0.70, 0.0, 0.04))
     assert not plan.is_valid
-    assert "right_wrist" in str(plan.failure)
+    assert "right_" in str(plan.failure)
 
 
 def test_what_is_refused_is_told_with_its_reason(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,13 +11,6 @@ from numpy.typing import NDArray
 
 from planner.mesh import Mesh
 
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-SIDES = [
-    *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
-    *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
-]
-"""A cube's surface, counter-clockwise seen from outside."""
-
 
 def distance(first: Any, T_first: pin.SE3, second: Any, T_second: pin.SE3) -> float:
     """Coal's distance between two placed shapes, with coal's own settings."""

@@ -27,8 +27,9 @@ from planner.contact import (
 from planner.mesh import Mesh
 from planner.scene import Shape
 from planner.swept import ACCURACY_M
+from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
-from tests.planner.conftest import CORNERS, SIDES, distance, hull, mesh_of
+from tests.planner.conftest import distance, hull, mesh_of
 
 CONTACT_TOLERANCE_M = 1e-6
 """Where a rounded shape touches, distances are found to 1e-8, at grazing angles magnified."""

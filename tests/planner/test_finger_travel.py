@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from baxter_kin import pose_from_quaternion
+from baxter_kin import Baxter, pose_from_quaternion
 from planner import (
     Body,
     Box,
@@ -24,6 +24,7 @@ from planner import (
 from planner.contact import PRESSING_TOLERANCE_M, gap_m
 from planner.finger_travel import FingerTravel, TravelCheck, closing_travel, prove_travel
 from planner.phases import LEAST_ROOM_M
+from planner.robot_body import RobotBody
 from planner.swept_result import SweptContact, SweptProof
 from tests.conftest import at
 
@@ -133,7 +134,11 @@ def test_the_fingers_open_all_the_way_where_nothing_is_in_it(
     assert all(step.proof is not None for step in plan)
 
 
-def test_a_margin_is_kept_by_fingers_on_their_way(manipulator: Manipulator, table: Body) -> None:
+def test_a_margin_is_kept_by_fingers_on_their_way(
+    robot: Baxter, plain: RobotBody, table: Body
+) -> None:
+    """Boxes for fingers: the way that they lose is what they must be farther away."""
+    manipulator = Manipulator.of(robot, "left", body=plain)
     wide, narrow = (
         openings(planned(manipulator, table, cube(), post(0.015, 0.030), margin_m=margin_m))[0]
         for margin_m in (0.001, 0.003)
@@ -143,7 +148,7 @@ def test_a_margin_is_kept_by_fingers_on_their_way(manipulator: Manipulator, tabl
     assert wide - narrow == pytest.approx(0.002, abs=2e-4)  # found in steps of 0.1 mm
 
 
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(
     x=st.floats(-0.03, 0.03),
     y=st.floats(-0.05, 0.05),

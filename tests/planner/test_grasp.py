@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from baxter_kin import Baxter
 from planner import Body, Box, Grasp, Hand, Miss, MissKind, Part, RobotShapes, make_block
 from planner.grasp import LEAST_PAD_M, NEAR_EDGE_M
+from planner.robot_body import RobotBody
 from planner.scene import Sphere
 from tests.conftest import at
 
@@ -22,9 +23,9 @@ ORIGIN = at(0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
-def hand(robot: Baxter) -> Hand:
-    """The left one, its tip at the origin of base."""
-    return Hand.of(robot, robot.arm("left"), RobotShapes(robot))
+def hand(robot: Baxter, plain: RobotBody) -> Hand:
+    """The left one with boxes for pads, its tip at the origin of base."""
+    return Hand.of(robot, robot.arm("left"), RobotShapes(robot, plain))
 
 
 def closed_on(hand: Hand, body: Body) -> Grasp | Miss:

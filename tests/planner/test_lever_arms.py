@@ -73,15 +73,14 @@ def rig(robot: Baxter, left: Arm) -> Rig:
 
 def surface(geometry: Any) -> Vector:
     """The extreme points of a shape of the arm."""
-    if isinstance(geometry, coal.Box):
-        return np.asarray(
-            np.stack(np.meshgrid(*[[-1, 1]] * 3), -1).reshape(-1, 3) * geometry.halfSide
-        )
-    assert isinstance(geometry, coal.Cylinder)
-    turn = np.linspace(0.0, 2 * np.pi, 40)
-    rim = geometry.radius * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
-    end = np.array([0.0, 0.0, geometry.halfLength])
-    return np.concatenate([rim + end, rim - end])
+    if isinstance(geometry, coal.Convex):
+        return np.array([geometry.point(i) for i in range(geometry.num_points)])
+    return np.asarray(geometry.vertices())
+
+
+def acted(T: pin.SE3, geometry: Any) -> Vector:
+    """Its extreme points where it is placed, shape (n, 3)."""
+    return surface(geometry) @ T.rotation.T + T.translation
 
 
 def test_every_shape_of_the_arm_moves_and_no_other(rig: Rig) -> None:
@@ -107,7 +106,7 @@ def test_no_point_of_a_shape_moves_farther(rig: Rig, seed: int, size: float) -> 
     q, turns, q_after = rig.random_turn(seed, size)
     before, after, bound = rig.poses(q), rig.poses(q_after), rig.bound(q, turns)
     for i, geometry in rig.moving():
-        moved = [before[i].act(p) - after[i].act(p) for p in surface(geometry)]
+        moved = acted(before[i], geometry) - acted(after[i], geometry)
         assert np.linalg.norm(moved, axis=1).max() <= bound[i, 0] + ROUNDING_M
 
 
@@ -120,7 +119,7 @@ def test_nor_seen_from_another_link(rig: Rig, seed: int, size: float) -> None:
     for (i, geometry), (k, _) in product(rig.moving(), rig.moving()):
         if depth[k] <= depth[i]:
             was, now = before[k].actInv(before[i]), after[k].actInv(after[i])
-            moved = [was.act(p) - now.act(p) for p in surface(geometry)]
+            moved = acted(was, geometry) - acted(now, geometry)
             assert np.linalg.norm(moved, axis=1).max() <= bound[i, depth[k]] + ROUNDING_M
 
 
@@ -128,7 +127,7 @@ def test_one_joint_alone_comes_near_the_bound(rig: Rig) -> None:
     q, turns = np.zeros(7), np.array([0.0, 1e-4, 0.0, 0.0, 0.0, 0.0, 0.0])
     before, after, bound = rig.poses(q), rig.poses(q + turns), rig.bound(q, turns)
     for i, geometry in rig.moving():
-        moved = [before[i].act(p) - after[i].act(p) for p in surface(geometry)]
+        moved = acted(before[i], geometry) - acted(after[i], geometry)
         farthest = np.linalg.norm(moved, axis=1).max()
         assert bound[i, 0] <= CAPSULE_PLAY * farthest
 

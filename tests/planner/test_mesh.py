@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from planner.errors import SceneError
 from planner.mesh import LARGEST_SHAPE_M
-from tests.planner.conftest import CORNERS, SIDES, hull, mesh_of
+from tests.bodies import CORNERS, SIDES
+from tests.planner.conftest import hull, mesh_of
 
 TRIANGLE = np.eye(3)
 

@@ -33,6 +33,7 @@ from planner import (
 )
 from planner.grasp import extent
 from planner.overhead import FINGER_CLEARANCE_M, LOWEST_SHARE, MESH_STEP_RAD
+from planner.robot_body import RobotBody
 from tests.conftest import at
 from tests.planner.conftest import hull
 
@@ -54,8 +55,18 @@ lengths_m = st.floats(0.05, 0.20)
 sides = st.sampled_from(["left", "right"])
 
 
+HOLLOW_M = 0.9e-3
+"""How far the middle of a real pad is behind its foremost points, and a little more."""
+
+
 @pytest.fixture(scope="module")
-def hands(robot: Baxter) -> dict[str, Hand]:
+def hands(robot: Baxter, plain: RobotBody) -> dict[str, Hand]:
+    shapes = RobotShapes(robot, plain)
+    return {side: Hand.of(robot, arm, shapes) for side, arm in robot.arms.items()}
+
+
+@pytest.fixture(scope="module")
+def real_hands(robot: Baxter) -> dict[str, Hand]:
     shapes = RobotShapes(robot)
     return {side: Hand.of(robot, arm, shapes) for side, arm in robot.arms.items()}
 
@@ -79,6 +90,15 @@ def test_any_block_that_fits_is_grasped_where_it_stands(
     assert isinstance(grasp, Grasp)
     assert grasp.width_m == pytest.approx(edges[1], abs=CONTACT_TOLERANCE_M)
     assert abs(grasp.push_m) < CONTACT_TOLERANCE_M
+
+
+@given(side=sides, edges=st.tuples(lengths_m, graspable_m, heights_m), yaw=yaws_rad)
+def test_and_by_the_real_hands_as_far_as_their_pads_are_hollow(
+    real_hands: dict[str, Hand], side: str, edges: tuple[float, float, float], yaw: float
+) -> None:
+    grasp = closed(real_hands[side], standing(*edges, yaw))
+    assert isinstance(grasp, Grasp)
+    assert edges[1] - 2 * HOLLOW_M <= grasp.width_m <= edges[1] + CONTACT_TOLERANCE_M
 
 
 @given(side=sides, width=graspable_m, height=heights_m, yaw=yaws_rad)

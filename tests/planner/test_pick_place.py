@@ -259,7 +259,7 @@ def test_every_move_is_clear_of_everything(plan: Plan) -> None:
 
 def test_the_least_clearance_is_that_of_the_fingers_above_the_table(plan: Plan) -> None:
     assert plan.clearance is not None
-    assert plan.clearance.distance_m == pytest.approx(20.2e-3, abs=0.05e-3)
+    assert plan.clearance.distance_m == pytest.approx(22.2e-3, abs=0.05e-3)
     assert plan.clearance.second == "table"
     assert "finger" in plan.clearance.first
 
@@ -398,7 +398,8 @@ class TestImpossible:
         assert plan.failure is not None
         assert plan.failure.stage == "place: descend"
         assert re.fullmatch(
-            r"all \d+ IK solutions collide: block with table, at best 20.0 mm deep",
+            r"all \d+ IK solutions collide: block with table, at best 20.0 mm deep \(\d+\); "
+            r"torso with left_upper_elbow, at best [\d.]+ mm deep \(\d+\)",
             plan.failure.reason,
         )
         assert plan.failure.is_certain
@@ -412,7 +413,7 @@ class TestImpossible:
         plan = planned(task, manipulator, Scene.of([table, tile]))
         assert plan.failure is not None
         assert plan.failure.stage == "pick: descend"
-        assert "finger with table, at best" in plan.failure.reason
+        assert "finger_tip with table, at best 3.8 mm deep" in plan.failure.reason
 
     @pytest.mark.parametrize(("dx", "dy"), [(0.055, 0.0), (0.0, 0.12), (-0.055, 0.0)])
     def test_a_block_beside_the_pads_is_not_grasped(
@@ -435,7 +436,7 @@ class TestImpossible:
         plan = planned(TASK, manipulator, Scene.of([table, shifted]))
         assert plan.failure is not None
         assert plan.failure.stage == "pick: descend"
-        assert "finger with block, at best" in plan.failure.reason
+        assert "finger_tip with block, at best" in plan.failure.reason
 
     def test_an_obstacle_under_the_hand_is_a_collision_that_names_it(
         self, manipulator: Manipulator, scene: Scene
@@ -459,7 +460,7 @@ class TestImpossible:
         self, manipulator: Manipulator, scene: Scene
     ) -> None:
         """A bead that the shoulders of the hand meet on the way up, whatever the arm does."""
-        bead = box("bead", (0.004, 0.004, 0.004), 0.70, 0.20, 0.031)
+        bead = box("bead", (0.004, 0.004, 0.004), 0.70, 0.19, 0.020)
         plan = planned(TASK, manipulator, scene.with_body(bead))
         failure = plan.failure
         assert failure is not None
@@ -518,7 +519,7 @@ class TestImpossible:
         assert plan.failure is not None
         assert plan.failure.stage == "pick: open"
         assert "crate measures 50.0 mm" in plan.failure.reason or "60.0" in plan.failure.reason
-        assert "the left hand opens only 57.7 mm" in plan.failure.reason
+        assert "the left hand opens only 57.0 mm" in plan.failure.reason
         assert labels(plan) == []
 
     def test_the_right_hand_refuses_the_block_with_both_widths(
@@ -529,7 +530,7 @@ class TestImpossible:
         plan = planned(task, right, scene)
         assert plan.failure is not None
         assert "block measures 50.0 mm" in plan.failure.reason
-        assert "the right hand opens only 48.2 mm" in plan.failure.reason
+        assert "the right hand opens only 52.7 mm" in plan.failure.reason
 
     def test_a_start_inside_something_fails_at_the_first_move(
         self, manipulator: Manipulator, scene: Scene
@@ -549,7 +550,7 @@ class TestImpossible:
 class TestObstacles:
     """Sideways motions go around what is in the way, and stop at nothing."""
 
-    @pytest.fixture(params=[0.2, 0.3])
+    @pytest.fixture(params=[0.2, 0.26])
     def walled(self, request: pytest.FixtureRequest, scene: Scene) -> Scene:
         height: float = request.param
         return scene.with_body(box("wall", (0.3, 0.02, height), 0.72, 0.075, -0.155 + height / 2))
@@ -589,26 +590,22 @@ class TestObstacles:
         for one, other in zip(first.moves, again.moves, strict=True):
             assert one.trajectory.q.tolist() == other.trajectory.q.tolist()
 
-    def test_a_wall_that_only_the_urdfs_shapes_pass_over_was_believed_to_be_clear(
+    def test_a_wall_that_the_forearm_goes_into_was_believed_to_be_passed(
         self, robot: Baxter, manipulator: Manipulator, scene: Scene
     ) -> None:
-        """The forearm's mesh goes 4 mm into a wall of 30 cm; with a real body 20 cm are passed."""
-        low, high = (
-            scene.with_body(box("wall", (0.3, 0.02, h), 0.72, 0.075, -0.155 + h / 2))
-            for h in (0.2, 0.3)
-        )
-        believed = planned(TASK, manipulator, high)
+        """30 cm high; of shapes smaller than the meshes, `verify` says that they are too small."""
+        wall = box("wall", (0.3, 0.02, 0.3), 0.72, 0.075, -0.005)
+        body = RobotBody.load()
+        lacking = {name: link for name, link in body.links.items() if "forearm" not in name}
+        thin = Manipulator.of(robot, "left", body=replace(body, links=lacking))
+        believed = planned(TASK, thin, scene.with_body(wall))
         assert believed.is_valid
         found = verify(believed)
         assert not found.is_valid
-        assert found["clearance"].value < -0.003
+        assert found["clearance"].value < -0.001
         assert "left_lower_forearm with wall" in found["clearance"].where
-        real = Manipulator.of(robot, "left", body=RobotBody.load())
-        assert planned(TASK, real, high).failure is not None
-        over = planned(TASK, real, low)
-        assert over.is_valid, str(over.failure)
-        certificate = verify(over)
-        assert certificate.is_valid, certificate.verdict
+        refused = planned(TASK, manipulator, scene.with_body(wall))
+        assert "left_lower_forearm with wall, at best" in str(refused.failure)
 
     def test_where_no_way_is_found_the_search_says_so(
         self, manipulator: Manipulator, walled: Scene, monkeypatch: pytest.MonkeyPatch
@@ -653,7 +650,7 @@ class TestMargin:
         plan = plan_pick_and_place(TASK, manipulator, scene, start, margin_m=0.025)
         assert plan.failure is not None
         assert plan.failure.stage == "pick: descend"
-        assert "finger with table, at best 20.2 mm apart" in plan.failure.reason
+        assert "finger_tip with table, at best 22.2 mm apart" in plan.failure.reason
 
     def test_a_start_nearer_than_that_is_refused(
         self, manipulator: Manipulator, scene: Scene

@@ -31,8 +31,9 @@ from planner.contact import PRESSING_TOLERANCE_M
 from planner.scene import Shape
 from planner.swept import ACCURACY_M, RESOLUTION_M, SLACK_M, TIGHTNESS, prove_clear
 from planner.swept_result import SweptContact, SweptProof, SweptResult
+from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
-from tests.planner.conftest import CORNERS, SIDES, mesh_of
+from tests.planner.conftest import mesh_of
 
 Vector = NDArray[np.float64]
 

@@ -23,7 +23,8 @@ from planner.contact import coal_shape
 from planner.mesh import Mesh
 from planner.scene import Box, Cylinder, Shape, Sphere
 from planner.verification.body.solid import ACCURACY_M, distance_request
-from tests.planner.conftest import CORNERS, SIDES, hull
+from tests.bodies import CORNERS, SIDES
+from tests.planner.conftest import hull
 
 PAIRS = 100_000
 LEAST_M, GREATEST_M = 1e-6, 10.0

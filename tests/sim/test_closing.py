@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from planner import Body, Grasp, Manipulator, MissKind, make_block
+from planner.robot_body import RobotBody
 from sim import Closing, Gripper, World
 from sim.closing import closing_of
 from tests.conftest import at, overhead
@@ -36,18 +37,24 @@ def q_level(manipulator: Manipulator) -> np.ndarray:
     return answer.q
 
 
-@pytest.fixture(scope="module")
-def shared(robot: Baxter, table: Body, q_level: np.ndarray) -> World:
+@pytest.fixture(scope="module", params=["plain fingers", "Rethink's"])
+def shared(
+    request: pytest.FixtureRequest,
+    robot: Baxter,
+    table: Body,
+    q_level: np.ndarray,
+    plain: RobotBody,
+) -> World:
     """The left hand around nothing, on the table; each example removes what it adds."""
-    world = World(robot)
+    world = World(robot, plain if request.param == "plain fingers" else None)
     world.move_arm("left", q_level)
     world.spawn(table)
     return world
 
 
 @pytest.fixture
-def world(robot: Baxter, table: Body, q_level: np.ndarray) -> World:
-    world = World(robot)
+def world(robot: Baxter, table: Body, q_level: np.ndarray, plain: RobotBody) -> World:
+    world = World(robot, plain)
     world.move_arm("left", q_level)
     world.spawn(table)
     return world
@@ -80,21 +87,23 @@ def close(world: World, wanted: str | None = None) -> Closing:
 
 
 def gaps_m(world: World, name: str) -> list[float]:
-    """Distance of each pad to a block, by Pinocchio's kinematics and coal."""
+    """Distance of each finger's pad to a block, by Pinocchio's kinematics and coal."""
     model, shapes = world.robot.model, world.shapes.model
     data, placed = model.createData(), shapes.createData()
     pin.updateGeometryPlacements(model, data, shapes, placed, world.q)
     body = world.body(name)
     box = coal.Box(*body.parts[0].shape.size_m)  # type: ignore[union-attr]
     T = body.T_base_body * body.parts[0].T_body_part
-    gaps = []
-    for index in sorted(world.shapes.of_pads(world.robot.arm("left"))):
+    gaps: dict[str, float] = {}
+    for index in world.shapes.of_pads(world.robot.arm("left")):
         pad, at_pad = shapes.geometryObjects[index].geometry, placed.oMg[index]
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         request.gjk_tolerance = 1e-9
         poses = [coal.Transform3s(P.rotation, P.translation) for P in (at_pad, T)]
-        gaps.append(coal.distance(pad, poses[0], box, poses[1], request, result))
-    return gaps
+        gap = coal.distance(pad, poses[0], box, poses[1], request, result)
+        link = world.shapes.links[index]
+        gaps[link] = min(gap, gaps.get(link, gap))
+    return list(gaps.values())
 
 
 class TestHolding:
@@ -182,9 +191,14 @@ class TestHolding:
         assert world.supports["top"] == "b"
 
     def test_a_hand_that_is_not_quite_level_slides_the_block_along_the_table(
-        self, robot: Baxter, table: Body, manipulator: Manipulator, block: Body
+        self,
+        robot: Baxter,
+        table: Body,
+        manipulator: Manipulator,
+        block: Body,
+        plain: RobotBody,
     ) -> None:
-        world = World(robot)
+        world = World(robot, plain)
         world.move_arm("left", manipulator.ik.solve(overhead(0.70, 0.15, -0.129)).q)
         world.spawn(table)
         world.spawn(block)

@@ -281,7 +281,7 @@ class TestProofs:
         [
             lambda world: world.place_body("red", at(0.70, 0.1501, TABLE_Z_M + 0.025)),
             lambda world: world.spawn(make_block("far", at(1.2, -0.3, 0.0))),
-            lambda world: world.move_arm("right", world.robot.arm("right").start),
+            lambda world: world.move_arm("right", world.robot.arm("right").neutral + 0.01),
             lambda world: world.set_fingers("right", 0.01),
         ],
     )

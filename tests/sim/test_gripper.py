@@ -64,7 +64,7 @@ def test_it_reports_its_position_in_per_cent(shared: World, share: float) -> Non
 
 
 @pytest.mark.parametrize(
-    ("side", "closed", "opened"), [("left", 16.0, 57.67), ("right", 6.5, 48.17)]
+    ("side", "closed", "opened"), [("left", 15.298, 56.964), ("right", 11.028, 52.694)]
 )
 def test_the_gap_is_that_of_the_pads(world: World, side: str, closed: float, opened: float) -> None:
     gripper = Gripper(world, side)
@@ -88,7 +88,7 @@ def test_a_gripping_gripper_says_so(world: World, gripper: Gripper) -> None:
     close(gripper)
     state = gripper.state
     assert (state.is_gripping, state.has_missed) == (True, False)
-    assert state.percent == pytest.approx(100 * (0.05 - 0.016) / 2 / 0.020833, abs=1e-3)
+    assert state.percent == pytest.approx(100 * (0.05 - 0.015298) / 2 / 0.020833, abs=1e-3)
 
 
 def test_a_close_pushes_the_block_between_the_pads(world: World, gripper: Gripper) -> None:

@@ -389,7 +389,7 @@ class TestMiss:
         _, outcome = missed
         assert not outcome.is_success
         assert outcome.failure == (
-            "pick: close: missed: the fingers closed fully on block, 16.0 mm apart, and hold "
+            "pick: close: missed: the fingers closed fully on block, 15.3 mm apart, and hold "
             "nothing: block is 395 mm beside the tip and -2 mm ahead of it, not between the pads"
         )
 
@@ -589,7 +589,7 @@ class TestTelling:
         self, cycle: tuple[Run, Outcome]
     ) -> None:
         texts = {event.kind: event.text for event in cycle[0].witness.events}
-        assert texts[EventKind.GRASPED] == "block grasped, 52.6 mm between the pads (88 % open)"
+        assert texts[EventKind.GRASPED] == "block grasped, 52.4 mm between the pads (89 % open)"
         assert texts[EventKind.RELEASED] == "block released"
         assert texts[EventKind.SETTLED] == "block at rest on table"
 
