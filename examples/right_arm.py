@@ -1,7 +1,7 @@
 """The right arm and a block of 4 cm.
 
-It carries the block across the table and back. Its hand opens only 52.7 mm: a block of 5.5 cm, which
-the left one could take, is refused before anything moves.
+It carries the block across the table and back. Its hand opens only 52.7 mm: a block of 5.5 cm,
+which the left one could take, is refused before anything moves.
 """
 
 from __future__ import annotations

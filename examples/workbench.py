@@ -143,11 +143,7 @@ class Workbench:
         return is_done
 
     def execute(self, plan: Plan, title: str) -> tuple[str, bool]:
-        """Verify a plan, then execute it; what came of it, and whether all went well.
-
-        It is planned with the URDF's shapes and measured on the larger meshes, so it is asked
-        whether it is clear of everything, not whether by as much as it states.
-        """
+        """Verify a plan, then execute it; what came of it, and whether all went well."""
         certificate = verify(plan)
         if not certificate.is_valid:
             return f"refused: {certificate.verdict}", False

@@ -51,7 +51,13 @@ tasks take a tenth of that; with it a refusal comes within three seconds."""
 LEAST_SEARCH_S = 0.2
 """What a search for a way around is given at least."""
 
-SCREENED = ("pick: descend", "place: descend", "pick: approach", "place: approach")
+SCREENED = (
+    "pick: descend",
+    "place: descend",
+    "place: retract",
+    "pick: approach",
+    "place: approach",
+)
 """Stages whose motions are looked at in samples first, those that rule out most others first."""
 
 
@@ -209,9 +215,10 @@ class CycleSearch:
         builder = self._builder()
         if failure is None and not isinstance(route, StageError):
             failure = self._built(builder, route)
+        plan = builder.plan(failure)
         if failure is not None:
-            self._missed.append(_Miss(route, failure))
-        return builder.plan(failure)
+            self._missed.append(_Miss(plan, failure))
+        return plan
 
     def _built(self, builder: PlanBuilder, route: Route) -> PlanFailure | None:
         """Build the whole cycle; returns why it cannot be done, or None."""
@@ -239,17 +246,15 @@ class CycleSearch:
         tallies = tuple(tally for tally in pairs.tallies() if tally.colliding)
         told = [_told(failures), *(f"{tally.stage}: {tally}" for tally in tallies)]
         reason = f"{best.failure.reason} ({'; '.join(told)})"
-        builder = self._builder()
-        if not isinstance(best.route, StageError):
-            self._built(builder, best.route)
-        return builder.plan(replace(best.failure, reason=reason, tried=failures, tallies=tallies))
+        failure = replace(best.failure, reason=reason, tried=failures, tallies=tallies)
+        return replace(best.plan, failure=failure)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Miss:
-    """A route that failed, and why."""
+    """What there is of a plan that failed, and why."""
 
-    route: Route | StageError
+    plan: Plan
     failure: PlanFailure
 
     def nearness(self) -> tuple[int, float]:

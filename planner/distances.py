@@ -43,7 +43,7 @@ BOX_SIDES = np.array(
 )
 """A cube around the origin, its triangles counter-clockwise seen from outside."""
 
-MOST_CONTACTS = 256
+MOST_CONTACTS = 32
 """Triangles that are looked at to say how deep something is in a surface."""
 
 INSIDE = 0.5

@@ -1,4 +1,4 @@
-"""The hand: two fingers that close on things, as the collision shapes of the URDF say.
+"""The hand: two fingers that close on things, of the shapes that the robot's body has there.
 
 The closing axis is y of the gripper frame. The left finger slides along +y by the finger position
 `x`, 0 .. stroke, the right one mirrors it. Every shape of a finger moves along; the pads are the
@@ -63,7 +63,7 @@ class Hand:
 
     @classmethod
     def of(cls, robot: Baxter, arm: Arm, shapes: RobotShapes) -> Hand:
-        """The hand of an arm, measured on the robot's collision shapes.
+        """The hand of an arm, measured on the robot's shapes.
 
         Raises:
             SceneError: when an argument is of another class.

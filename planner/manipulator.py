@@ -26,7 +26,7 @@ class Manipulator:
         arm: the arm that moves.
         ik: its inverse kinematics.
         hand: its fingers.
-        shapes: the robot's collision shapes.
+        shapes: the robot's shapes.
         limits: what its moves may use; the arm's own when made by `of`.
         q_others: a full configuration, shape (19,), that says where all other joints stand.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from typing import TypeAlias
 
@@ -180,20 +180,6 @@ class Plan:
         moves = [move.clearance for move in self.moves]
         grips = [step.proof.nearest for step in self if isinstance(step, Grip) and step.proof]
         return least(near for near in (*moves, *grips) if near is not None)
-
-    def without_statements(self) -> Plan:
-        """The same plan without what it states of its own clearance.
-
-        That is of the shapes it was planned with. Of larger ones, such as the meshes that `verify`
-        measures, it may not be so although the plan is clear of everything.
-        """
-        steps = (
-            replace(step, clearance=None, proof=None)
-            if isinstance(step, Move)
-            else replace(step, proof=None)
-            for step in self
-        )
-        return replace(self, steps=tuple(steps))
 
     def __iter__(self) -> Iterator[Step]:
         """The steps."""

@@ -1,7 +1,7 @@
 """Closing: what the fingers meet on their way, what they push, and where they end.
 
 Both fingers move alike, one along -y of the tip and one along +y, while the arm stands still. All
-their collision shapes count. The model is quasi-static, in one dimension:
+their shapes count. The model is quasi-static, in one dimension:
 
 - A movable body that a finger meets moves with it from then on, along the closing axis only,
   unturned (see `planner.grasp`), and so does what stands on it, and what it meets in turn.

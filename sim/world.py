@@ -36,7 +36,7 @@ class World:
 
     Attributes:
         robot: the robot.
-        shapes: its collision shapes.
+        shapes: its shapes.
         hands: left and right hand by side.
         supports: name of each body at rest -> what it stands on.
     """

@@ -263,7 +263,7 @@ def test_an_arm_on_the_place_is_named(bench: Workbench) -> None:
     stand(bench, ON_THE_PLACE_M)
     plan = bench.plan("left", "block", on_table(0.70, 0.0, 0.04))
     assert not plan.is_valid
-    assert "right_" in str(plan.failure)
+    assert "with r_gripper_" in str(plan.failure)
 
 
 def test_what_is_refused_is_told_with_its_reason(capsys: pytest.CaptureFixture[str]) -> None:
