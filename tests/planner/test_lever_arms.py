@@ -80,7 +80,7 @@ def surface(geometry: Any) -> Vector:
 
 def acted(T: pin.SE3, geometry: Any) -> Vector:
     """Its extreme points where it is placed, shape (n, 3)."""
-    return surface(geometry) @ T.rotation.T + T.translation
+    return np.asarray(surface(geometry) @ T.rotation.T + T.translation)
 
 
 def test_every_shape_of_the_arm_moves_and_no_other(rig: Rig) -> None:
