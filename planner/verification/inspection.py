@@ -68,7 +68,8 @@ def verify(
         TaskError: when an argument is of another class, nobody says the situation, its joints are
             not the robot's, limits are those of other joints, or plan or scene are too large
             (`planner.plan_file.MOST`).
-        DescriptionError: when the robot's files cannot be read.
+        DescriptionError: when the URDF cannot be read; where only its meshes cannot, the verdict
+            says what was measured instead.
     """
     expect(plan, Plan, "plan", TaskError)
     known = plan.situation if situation is None else situation

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import pose_from_quaternion
+from baxter_kin import Baxter, pose_from_quaternion
 from baxter_kin.description import RobotDescription
 from planner import (
     Body,
@@ -335,3 +336,16 @@ def test_the_nearest_is_that_of_all_pairs_at_all_samples(plan: Plan) -> None:
                 least = min(least, distances.shapes_apart(number, sample, least))
         assert found.least_m == pytest.approx(least, abs=1e-6)
         assert found.proven_m < least
+
+
+def test_without_the_meshes_it_judges_by_the_planners_body_and_says_so(
+    robot: Baxter, plan: Plan, manipulator: Manipulator, small: Scene, tmp_path: Path
+) -> None:
+    bare = replace(robot.description, package_dir=tmp_path)
+    found = verify(plan, description=bare)
+    assert found.is_valid, found.verdict
+    assert "measured on the planner's own body, since cannot read" in found.verdict
+    assert str(tmp_path) in found.verdict
+    cube = Body("cube", (Part(Box((0.02, 0.02, 0.02)), at(0, 0, 0)),), at(0.482, 0.271, 0.345))
+    there = Situation.of(manipulator, small.with_body(cube))
+    assert not verify(plan, there, description=bare).is_valid

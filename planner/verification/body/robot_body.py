@@ -8,10 +8,14 @@ The planner's shapes are others. Of the description's shapes
   to keep the arms away from the head, the spheres of 1 mm that stand for head, screen and sonar
   ring among the collision shapes, and the cylinders of `*_upper_forearm_visual` and
   `*_upper_elbow_visual`, links that exist to be looked at but have nothing to see.
+
+Where the mesh files cannot be read, the planner's stored body stands for them, and `source` says so:
+then the planner's shapes are on both sides of the check.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -19,6 +23,8 @@ import pinocchio as pin
 
 from baxter_kin.description import RobotDescription
 from baxter_kin.errors import DescriptionError
+from planner.contact import convex, surface
+from planner.robot_body import RobotBody as StoredBody
 from planner.verification.body.solid import Solid
 from planner.verification.body.urdf_shapes import LinkShape, link_shapes
 from planner.verification.urdf_robot import read_model
@@ -45,18 +51,29 @@ def robot_body(files: RobotDescription) -> RobotBody:
     """The robot's shapes, read once for the same files.
 
     Raises:
-        DescriptionError: when the meshes cannot be read and there is no other body.
+        DescriptionError: when the URDF cannot be read.
+        BodyFileError: when neither the meshes nor the stored body can be read.
     """
     model = read_model(files)
+    try:
+        shapes, source = link_shapes(files, NO_PARTS), "Rethink's meshes"
+    except DescriptionError as cause:
+        shapes, source = list(_stored_shapes()), f"the planner's own body, since {cause}"
     placed = sorted(
-        ((_frame(model, shape.link), shape) for shape in link_shapes(files, NO_PARTS)),
-        key=lambda pair: pair[0],
+        ((_frame(model, shape.link), shape) for shape in shapes), key=lambda pair: pair[0]
     )
     measured: dict[int, Solid] = {}
-    return RobotBody(
-        tuple(_solid(model.frames[frame], shape, measured) for frame, shape in placed),
-        "Rethink's meshes",
-    )
+    solids = tuple(_solid(model.frames[frame], shape, measured) for frame, shape in placed)
+    return RobotBody(solids, source)
+
+
+def _stored_shapes() -> Iterator[LinkShape]:
+    """The triangles and pieces that the planner takes the links to be."""
+    for link in StoredBody.load().links.values():
+        if not link.is_touching:
+            yield LinkShape(link.name, pin.SE3.Identity(), surface(*link.surface))
+        for piece in link.pieces if link.is_touching else ():
+            yield LinkShape(link.name, pin.SE3.Identity(), convex(*piece))
 
 
 def _frame(model: pin.Model, link: str) -> int:
