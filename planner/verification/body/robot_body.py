@@ -9,8 +9,8 @@ The planner's shapes are others. Of the description's shapes
   ring among the collision shapes, and the cylinders of `*_upper_forearm_visual` and
   `*_upper_elbow_visual`, links that exist to be looked at but have nothing to see.
 
-Where the mesh files cannot be read, the planner's stored body stands for them, and `source` says so:
-then the planner's shapes are on both sides of the check.
+Where the mesh files cannot be read, the planner's stored body stands for them, and `source` says
+so: then the planner's shapes are on both sides of the check.
 """
 
 from __future__ import annotations
