@@ -93,7 +93,8 @@ def plan_pick_and_place(
         scene: all bodies, the one to carry among them.
         q_start: where the arm stands, shape (7,), rad.
         margin_m: distance that is proven to be kept from everything at all times, contacts on
-            purpose left out, and the hand from what it grasps; not negative.
+            purpose left out, the hand from what it grasps, and links up to two joints apart; not
+            negative.
         held: what the other hand holds, as `World.held` says.
 
     Returns:
@@ -140,7 +141,8 @@ def plan_start_move(
         scene: all bodies.
         q_now: where the arm stands, shape (7,), rad.
         q_start: where it shall stand; every joint at zero when not given.
-        margin_m: distance that is proven to be kept from everything; not negative.
+        margin_m: distance that is proven to be kept from everything, links up to two joints apart
+            left out; not negative.
         held: what the other hand holds, as `World.held` says.
 
     Returns:
@@ -183,7 +185,8 @@ def plan_retract(
         scene: all bodies that must not be touched.
         q_now: where the arm stands, shape (7,), rad.
         height_m: how far to rise, above zero.
-        margin_m: distance that is proven to be kept from everything; not negative.
+        margin_m: distance that is proven to be kept from everything, links up to two joints apart
+            left out; not negative.
         held: what the other hand holds, as `World.held` says.
 
     Returns:

@@ -40,6 +40,7 @@ class StepFound:
         step: the move or gripper action.
         least: at samples.
         proven: what it is at least in between.
+        counted: at samples, of the pairs that a plan's own statements count.
         stated: how much more the move states to have measured, at the moment that it names, than
             there is.
     """
@@ -47,6 +48,7 @@ class StepFound:
     step: Move | Grip
     least: Worst
     proven: Worst
+    counted: Worst
     stated: Worst | None = None
 
     def is_open(self, clearance_m: float) -> bool:
@@ -141,7 +143,17 @@ class _Survey:
                 where = self._stretch.where(section, min(samples))
                 self._astray.append(f"{where}, {self._pairs[number]}")
         self._contacts(section, touching)
-        return self._step(section, found, self._stated(section, apart))
+        counted = [number for number in apart if self._pairs[number].is_stated]
+        nearest_counted = found
+        if found.pair >= 0 and not self._pairs[found.pair].is_stated:
+            nearest_counted, _ = nearest(self._distances, counted, section.first, section.last)
+        return StepFound(
+            section.step,
+            self._worst(section, found, found.least_m),
+            self._worst(section, found, found.proven_m),
+            self._worst(section, nearest_counted, nearest_counted.least_m),
+            self._stated(section, counted),
+        )
 
     def _stated(self, section: Section, apart: list[int]) -> Worst | None:
         """A stated distance against the one at the last sample before its moment.
@@ -163,13 +175,12 @@ class _Survey:
         where = f"{1e3 * near.distance_m:.3f} mm stated, {1e3 * found.least_m:.3f} mm measured"
         return Worst(wanted - found.least_m, f"{self._stretch.where(section, sample)}: {where}")
 
-    def _step(self, section: Section, found: Nearest, stated: Worst | None) -> StepFound:
+    def _worst(self, section: Section, found: Nearest, value: float) -> Worst:
+        """A distance, with where the nearest pair is."""
         if found.pair < 0:
-            where = f"{section.step.label}, nothing within {FARTHEST_M:g} m"
-        else:
-            where = f"{self._stretch.where(section, found.sample)}, {self._pairs[found.pair]}"
-        return StepFound(
-            section.step, Worst(found.least_m, where), Worst(found.proven_m, where), stated
+            return Worst(value, f"{section.step.label}, nothing within {FARTHEST_M:g} m")
+        return Worst(
+            value, f"{self._stretch.where(section, found.sample)}, {self._pairs[found.pair]}"
         )
 
     def _has_turn(self, number: int) -> bool:

@@ -17,7 +17,7 @@ NO_PROOFS = "nothing is stated"
 
 
 def proof_checks(found: Iterable[StepFound]) -> Iterator[Check]:
-    """What each step states, against its least distance that was measured.
+    """What each step states, against the least distance measured of the pairs that it counts.
 
     The distance that it says it measured is compared at the moment that it says; it may be more
     than the least, which need not lie at a moment that was looked at.
@@ -41,8 +41,8 @@ def _beyond(steps: list[StepFound]) -> Iterator[Worst]:
 
 
 def _excess(step: StepFound, stated_m: float) -> Worst:
-    text = f"{1e3 * stated_m:.3f} mm proven, {1e3 * step.least.value:.3f} mm measured"
-    return Worst(stated_m - step.least.value, f"{step.step.label}: {text}: {step.least.where}")
+    text = f"{1e3 * stated_m:.3f} mm proven, {1e3 * step.counted.value:.3f} mm measured"
+    return Worst(stated_m - step.counted.value, f"{step.step.label}: {text}: {step.counted.where}")
 
 
 def _out_of_order(steps: list[StepFound]) -> Iterator[Worst]:
@@ -60,8 +60,8 @@ def _kept(steps: list[StepFound]) -> Iterator[Worst]:
     for step in steps:
         proof = _proof(step.step)
         if proof is not None:
-            text = f"{1e3 * proof.margin_m:.3f} mm asked for, {step.least.where}"
-            yield Worst(step.least.value - proof.margin_m, text)
+            text = f"{1e3 * proof.margin_m:.3f} mm asked for, {step.counted.where}"
+            yield Worst(step.counted.value - proof.margin_m, text)
 
 
 def _proof(step: Move | Grip) -> SweptProof | None:

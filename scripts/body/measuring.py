@@ -19,20 +19,38 @@ def samples_of(soup: F, spacing: float) -> tuple[F, NDArray[np.int64]]:
 
     Triangles are halved until no edge is longer; so there are few points on narrow ones.
     """
-    owners = np.arange(len(soup))
-    points, numbers, rows = [soup.reshape(-1, 3)], [np.repeat(owners, 3)], np.arange(3)
+    pieces, owners = divided(soup, spacing)
+    points = np.concatenate([soup.reshape(-1, 3), pieces.mean(axis=1)])
+    return points, np.concatenate([np.repeat(np.arange(len(soup)), 3), owners])
+
+
+def divided(soup: F, longest: float) -> tuple[F, NDArray[np.int64]]:
+    """Triangles halved until no edge is longer, and the number of the one that each is of."""
+    owners, pieces, numbers = np.arange(len(soup)), [], []
     while len(soup):
-        edges = np.linalg.norm(soup - np.roll(soup, -1, axis=1), axis=2)
-        is_done = edges.max(axis=1) <= spacing
-        points.append(soup[is_done].mean(axis=1))
+        is_done = longest_edges(soup) <= longest
+        pieces.append(soup[is_done])
         numbers.append(owners[is_done])
-        soup, owners, edges = soup[~is_done], owners[~is_done], edges[~is_done]
-        turned = (rows + edges.argmax(axis=1)[:, None]) % 3
-        a, b, c = np.take_along_axis(soup, turned[:, :, None], axis=1).swapaxes(0, 1)
-        middle = (a + b) / 2.0
-        soup = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
-        owners = np.tile(owners, 2)
-    return np.concatenate(points), np.concatenate(numbers)
+        soup, owners = halved(soup[~is_done]), np.tile(owners[~is_done], 2)
+    return np.concatenate(pieces), np.concatenate(numbers)
+
+
+def halved(soup: F) -> F:
+    """Each triangle cut in two across its longest edge: first all first halves."""
+    turned = (np.arange(3) + _edges(soup).argmax(axis=1)[:, None]) % 3
+    a, b, c = np.take_along_axis(soup, turned[:, :, None], axis=1).swapaxes(0, 1)
+    middle = (a + b) / 2.0
+    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+
+
+def longest_edges(soup: F) -> F:
+    """Of each triangle."""
+    return np.asarray(_edges(soup).max(axis=1))
+
+
+def _edges(soup: F) -> F:
+    """The length of each edge, from each corner on, shape (n, 3)."""
+    return np.asarray(np.linalg.norm(soup - np.roll(soup, -1, axis=1), axis=2))
 
 
 def distances(points: F, soup: F) -> F:

@@ -2,8 +2,10 @@
 
 Edges collapse by quadric error (Garland and Heckbert, "Surface simplification using quadric error
 metrics", SIGGRAPH 1997; here pymeshlab's). That bounds nothing, so the deviation is measured both
-ways, and the fewest triangles are searched for that keep it. What holds for the file that is built
-is shown by `tests/planner/test_robot_body.py`, which does not sample.
+ways, and the fewest triangles are searched for that keep it. Last, every triangle of the file of
+which a part is not shown to be near the fewer ones is added to them. That needs no samples: the
+distance to a convex set is convex, so a triangle whose corners are all near one other triangle is
+near it everywhere, and where no single one is near all corners the triangle is halved.
 """
 
 from __future__ import annotations
@@ -11,8 +13,9 @@ from __future__ import annotations
 import numpy as np
 import pymeshlab
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from body.measuring import distances, samples_of
+from body.measuring import distances, divided, halved, longest_edges, samples_of
 
 F = NDArray[np.float64]
 Mesh = tuple[F, NDArray[np.int64]]
@@ -23,17 +26,22 @@ WELDED = 1e-3
 CLOSE_ENOUGH = 0.1
 """The search for a closed surface ends when the next step would save less than this share."""
 
-FINE = 0.4
-"""Spacing of the samples of the last look, mm."""
+NEIGHBOURHOOD, FEW, MANY = 5.0, 3, 60
+"""Fewer triangles are cut into pieces of that size, mm, and so many of these around a point are asked
+whether a triangle is near them; of smaller ones, more."""
+
+LEAST = 0.05
+"""What is not shown to be near when its edges are shorter, mm, counts as far."""
 
 SHARES = 0.75 ** np.arange(1, 11)
 """Of the triangles, that are tried."""
 
 
-def thinned(soup: F, deviation: float, spacing: float) -> Mesh:
-    """Few triangles that deviate from (n, 3, 3) others, and these from them, by less; mm.
+def thinned(soup: F, deviation: float, margin: float, spacing: float) -> Mesh:
+    """Few triangles, no point of (n, 3, 3) others farther from them than a margin; mm.
 
-    Where collapsed ones deviate by more, they are left out, and the original ones stay.
+    Neither deviates from the other by more than `deviation` at samples. Where collapsed ones do,
+    they are left out, and the original ones stay.
     """
     vertices, faces = welded(soup)
     best = vertices, faces
@@ -45,7 +53,13 @@ def thinned(soup: F, deviation: float, spacing: float) -> Mesh:
             best = mended
         elif len(mended[1]) > 1.5 * len(best[1]):
             break
-    return _mended(soup, best, deviation, FINE)
+    return completed(soup, best, margin)
+
+
+def completed(soup: F, fewer: Mesh, margin: float) -> Mesh:
+    """Fewer triangles with those of the others added that are not shown to be within a margin, mm."""
+    corners = fewer[0][fewer[1]]
+    return welded(np.concatenate([corners, soup[_is_far(soup, corners, margin)]]))
 
 
 def thinned_closed(soup: F, deviation: float, spacing: float) -> Mesh:
@@ -98,6 +112,55 @@ def _mended(soup: F, fewer: Mesh, deviation: float, spacing: float) -> Mesh:
     kept = corners[_off(corners, soup, spacing) < deviation]
     missed = soup[_off(soup, kept, spacing) >= deviation]
     return welded(np.concatenate([kept, missed]))
+
+
+def _is_far(soup: F, others: F, margin: float) -> NDArray[np.bool_]:
+    """Which triangles (n, 3, 3) have a part that is not shown to be near one of some others."""
+    pieces, owners = divided(others, NEIGHBOURHOOD)
+    tree = cKDTree(pieces.mean(axis=1))
+
+    def is_near(corners: F, points: F, count: int) -> NDArray[np.bool_]:
+        """Of each triangle, asking the others around points of it, shape (n, k, 3)."""
+        around = tree.query(points, k=count)[1].reshape(len(corners), count * points.shape[1])
+        found = np.zeros(len(corners), dtype=bool)
+        for column in owners[around].T:
+            left = np.flatnonzero(~found)
+            triangles = others[column[left]]
+            off = [_to_triangle(corners[left, k], triangles) for k in range(3)]
+            found[left] = np.max(off, axis=0, initial=0.0) <= margin
+        return found
+
+    is_far = np.zeros(len(soup), dtype=bool)
+    corners, numbers = soup, np.arange(len(soup))
+    while len(corners):
+        points = np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1)
+        is_open = ~is_near(corners, points, FEW)
+        corners, numbers = corners[is_open], numbers[is_open]
+        small = np.flatnonzero(longest_edges(corners) < NEIGHBOURHOOD)
+        middles = corners[small].mean(axis=1, keepdims=True)
+        is_open = np.ones(len(corners), dtype=bool)
+        is_open[small] = ~is_near(corners[small], middles, MANY)
+        is_far[numbers[is_open & (longest_edges(corners) < LEAST)]] = True
+        is_open &= ~is_far[numbers]
+        corners, numbers = halved(corners[is_open]), np.tile(numbers[is_open], 2)
+    return is_far
+
+
+def _to_triangle(points: F, triangles: F) -> F:
+    """The distance of each point to a triangle, shapes (n, 3) and (n, 3, 3)."""
+    a, b, c = triangles.swapaxes(0, 1)
+    normal = np.cross(b - a, c - a)
+    size = np.linalg.norm(normal, axis=1)
+    is_above = size > 0.0
+    to_edges = []
+    for start, end in ((a, b), (b, c), (c, a)):
+        along, away = end - start, points - start
+        length = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
+        share = np.clip(np.einsum("ij,ij->i", away, along) / length, 0.0, 1.0)
+        to_edges.append(np.linalg.norm(away - share[:, None] * along, axis=1))
+        is_above &= np.einsum("ij,ij->i", np.cross(along, away), normal) >= 0.0
+    height = np.abs(np.einsum("ij,ij->i", points - a, normal)) / np.maximum(size, 1e-12)
+    return np.asarray(np.where(is_above, height, np.min(to_edges, axis=0)))
 
 
 def _off(corners: F, others: F, spacing: float) -> F:

@@ -172,8 +172,8 @@ class _Check:
                     continue
                 if self._stage.robot.are_joined(first, second):
                     continue
-                is_hand = {first, second} <= self._stage.hand
-                rule = FORBIDDEN if is_hand else self._rest
+                is_near = self._stage.robot.are_neighbours(first, second)
+                rule = FORBIDDEN if is_near else self._rest
                 for one in links[first]:
                     for other in links[second]:
                         pair = (one, other) if one.moves else (other, one)

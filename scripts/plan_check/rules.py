@@ -7,7 +7,8 @@ By meaning, not by what a planner allows:
   how far into the hand a body reaches is chosen with the grasp.
 - A held body and what carries it: from the grasp until it is lifted, and when it is put down.
 - Nothing else. Contact is what is deeper than `CONTACT_M`.
-- Palm and fingers of one hand among themselves keep no margin; they must not meet.
+- Links up to two joints apart, as palm and fingers of a hand, keep no margin, because how near they
+  are is how the robot is built; they must not meet.
 """
 
 from __future__ import annotations

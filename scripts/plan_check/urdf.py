@@ -104,10 +104,17 @@ class Robot:
     @cache  # noqa: B019 - there is one robot
     def are_joined(self, first: str, second: str) -> bool:
         """Whether two links are rigid to each other, or only one joint is between them."""
-        groups = {self.group[first], self.group[second]}
-        return len(groups) == 1 or any(
-            {self.group[joint.parent], self.group[joint.child]} == groups for joint in self.joints
-        )
+        return self.group[second] in self._around(self.group[first])
+
+    @cache  # noqa: B019 - there is one robot
+    def are_neighbours(self, first: str, second: str) -> bool:
+        """The same with two joints between them."""
+        return any(self.are_joined(link, second) for link in self._around(self.group[first]))
+
+    def _around(self, group: str) -> set[str]:
+        """The first links of what is joined to a rigid group, itself among them."""
+        ends = [{self.group[joint.parent], self.group[joint.child]} for joint in self.joints]
+        return {group}.union(*(pair for pair in ends if group in pair))
 
 
 @cache

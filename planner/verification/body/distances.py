@@ -28,11 +28,14 @@ class Pair:
         second: any other.
         body: the body that the fingers, or what is held, may touch on purpose in it; None for
             pairs that may never touch.
+        is_stated: whether what a plan states of its clearance counts it: not the palm and what the
+            hand grasps, which are as near as the grasp has them.
     """
 
     first: Solid
     second: Solid
     body: str | None = None
+    is_stated: bool = True
 
     def __str__(self) -> str:
         """Both names."""

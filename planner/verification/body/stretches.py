@@ -36,6 +36,9 @@ TRAVELS_M = (1e-3, 1e-4)
 """Bounds on the travel of anything between two samples; the next where one leaves open whether
 things touch."""
 
+PUSHED_M = 1e-9
+"""A body that is pushed by less is not; both pads touch it at once."""
+
 FINGER_STEP_M = 1e-4
 """The same for fingers that close and open, and what they push."""
 
@@ -112,8 +115,10 @@ class Stretches:
         near = {run.released, run.wanted} - {None}
         found = list(self._own)
         for link, solid in product(self._arm, stretch.still):
-            is_touched = link in self._fingers and solid.name in near
-            found.append(Pair(link, solid, solid.name if is_touched else None))
+            is_near = solid.name in near
+            is_touched = is_near and link in self._fingers
+            is_stated = not (is_near and link in self._palm)
+            found.append(Pair(link, solid, solid.name if is_touched else None, is_stated))
         found += [Pair(part, link) for part, link in product(stretch.held, self.rest + self._inner)]
         found += [Pair(h, solid, solid.name) for h, solid in product(stretch.held, stretch.still)]
         return found
@@ -167,8 +172,9 @@ class Stretches:
         held = stretch.held
         found += [Pair(f, part, part.name) for f, part in product(self._fingers, held)]
         if travel.grip.action is GripperAction.CLOSE:
-            found += [Pair(part, palm) for part, palm in product(held, self._palm)]
-        if travel.push_m:
+            among = product(held, self._palm)
+            found += [Pair(part, palm, is_stated=False) for part, palm in among]
+        if abs(travel.push_m) > PUSHED_M:
             links_ = self.rest + self._inner
             found += [Pair(part, link) for part, link in product(held, links_)]
             found += [Pair(part, solid, solid.name) for part, solid in product(held, stretch.still)]
