@@ -18,8 +18,8 @@ foot of a finger by up to 5.7 mm, grooves of the pads by 0.4 mm.
 `tests/planner/test_robot_body.py` shows the margin for every triangle of the meshes. Pairs of links
 are left out where they are rigid to each other, where a proof over all angles of the joints between
 finds them apart (as far as `skipped_pairs` says), or where one joint joins them and they touched in
-each of 10,000 configurations. Not in the meshes, and so not in the body: cables, covers put on later,
-and whatever is mounted on the robot.
+each of 10,000 configurations. Not in the meshes, and so not in the body: cables, covers put on
+later, and whatever is mounted on the robot.
 """
 
 from __future__ import annotations

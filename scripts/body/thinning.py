@@ -27,8 +27,8 @@ CLOSE_ENOUGH = 0.1
 """The search for a closed surface ends when the next step would save less than this share."""
 
 NEIGHBOURHOOD, FEW, MANY = 5.0, 3, 60
-"""Fewer triangles are cut into pieces of that size, mm, and so many of these around a point are asked
-whether a triangle is near them; of smaller ones, more."""
+"""Fewer triangles are cut into pieces of that size, mm, and so many of these around a point are
+asked whether a triangle is near them; of smaller ones, more."""
 
 LEAST = 0.05
 """What is not shown to be near when its edges are shorter, mm, counts as far."""
@@ -57,7 +57,7 @@ def thinned(soup: F, deviation: float, margin: float, spacing: float) -> Mesh:
 
 
 def completed(soup: F, fewer: Mesh, margin: float) -> Mesh:
-    """Fewer triangles with those of the others added that are not shown to be within a margin, mm."""
+    """Fewer triangles, with those of the others that are not shown to be within a margin, mm."""
     corners = fewer[0][fewer[1]]
     return welded(np.concatenate([corners, soup[_is_far(soup, corners, margin)]]))
 
