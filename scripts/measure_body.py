@@ -4,9 +4,9 @@
 
 Both arms stand anywhere within their limits, fingers too, among boxes at random places. For each
 arm the planner's clearance is compared with distances of the original meshes, by other kinematics
-and FCL (`plan_check`). Told are the greatest differences; the exit status is 1 when a mesh is nearer
-than the planner says, when a clearance below 50 mm is over 2 mm less than that of the meshes, or
-when something counts as touching whose meshes are 3 mm apart.
+and FCL (`plan_check`). It prints the greatest differences. The exit status is 1 when a mesh is
+nearer than the planner says, when a clearance below 50 mm is over 2 mm less than that of the
+meshes, or when something counts as touching whose meshes are 3 mm apart.
 """
 
 from __future__ import annotations

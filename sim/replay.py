@@ -15,6 +15,7 @@ from collections.abc import Iterable
 from baxter_kin import Baxter
 from baxter_kin.arrays import positive_scalar
 from baxter_kin.files import PathLike, replace_file
+from planner.robot_body import RobotBody
 from sim.animation import animation_commands, recorded_tracks
 from sim.appearance import Appearance
 from sim.disk import explained
@@ -54,6 +55,7 @@ class Replay:
         *,
         height_px: int = FRAME_HEIGHT_PX,
         title: str = TITLE,
+        body: RobotBody | None = None,
     ) -> None:
         """Make the page.
 
@@ -62,13 +64,14 @@ class Replay:
             robot: the robot it happened to.
             height_px: how high the frame shall be.
             title: shown on the page.
+            body: what plans are made with, to be seen instead of the meshes, or with them.
 
         Raises:
             RecordingError: when there is nothing to replay, the recording is of another robot, or
                 the height is not a positive number.
         """
         self.height_px = math.ceil(positive_scalar(height_px, "height_px", RecordingError))
-        self.html = replay_html(recording, robot, title=title)
+        self.html = replay_html(recording, robot, title=title, body=body)
 
     def _repr_html_(self) -> str:
         """The page in a frame, where it runs scripts but reaches neither notebook nor server."""
@@ -80,7 +83,12 @@ class Replay:
 
 
 def write_replay(
-    path: PathLike, recording: Recording, robot: Baxter, *, title: str = TITLE
+    path: PathLike,
+    recording: Recording,
+    robot: Baxter,
+    *,
+    title: str = TITLE,
+    body: RobotBody | None = None,
 ) -> None:
     """Write the replay to a file, all of it or nothing.
 
@@ -89,25 +97,31 @@ def write_replay(
         recording: what happened.
         robot: the robot it happened to.
         title: shown on the page, and its name in the browser.
+        body: what plans are made with; the page then shows it or the meshes or both, as chosen
+            there, and is 2 MB larger.
 
     Raises:
         RecordingError: when there is nothing to replay, the recording is of another robot, or the
             file cannot be written.
     """
-    text = replay_html(recording, robot, title=title)
+    text = replay_html(recording, robot, title=title, body=body)
     with explained(f"cannot write the replay to {path!s}"):
         replace_file(path, text.encode())
 
 
-def replay_html(recording: Recording, robot: Baxter, *, title: str = TITLE) -> str:
-    """The replay as the text of a page.
+def replay_html(
+    recording: Recording, robot: Baxter, *, title: str = TITLE, body: RobotBody | None = None
+) -> str:
+    """The replay as the text of a page; arguments as of `write_replay`.
 
     Raises:
         RecordingError: when there is nothing to replay, or the recording is of another robot.
     """
     _check(recording, robot)
+    if body is not None and not isinstance(body, RobotBody):
+        raise RecordingError(f"a replay shows a RobotBody, got {type(body).__name__}")
     appearance = Appearance.load()
-    content = _content(recording, robot, RobotTree(robot.model, appearance))
+    content = _content(recording, robot, RobotTree(robot.model, appearance), body)
     return page(
         "replay.html",
         title=html.escape(str(title)),
@@ -126,7 +140,9 @@ def _check(recording: Recording, robot: Baxter) -> None:
         raise RecordingError("the recording's joints are not those of this robot")
 
 
-def _content(recording: Recording, robot: Baxter, tree: RobotTree) -> Command:
+def _content(
+    recording: Recording, robot: Baxter, tree: RobotTree, body: RobotBody | None
+) -> Command:
     """What the page decodes: commands in their order, the geometries they share, and the story."""
     phases = gripper_timelines(recording)
     pieces = {
@@ -136,6 +152,7 @@ def _content(recording: Recording, robot: Baxter, tree: RobotTree) -> Command:
     commands = [
         *stage_commands(),
         *tree.commands(),
+        *(() if body is None else tree.body_commands(body)),
         *(command for body in recording.bodies.values() for command in body_commands(body)),
         *(line for path, piece in pieces.items() for line in _lines(path, piece)),
         *animation_commands(recorded_tracks(recording, tree), recording.duration_s),
@@ -144,6 +161,9 @@ def _content(recording: Recording, robot: Baxter, tree: RobotTree) -> Command:
         "geometries": _shared_geometries(commands),
         "commands": commands,
         "duration": recording.duration_s,
+        "layers": {}
+        if body is None
+        else {"meshes": tree.mesh_paths, "body": tree.body_paths(body)},
         **_story(recording, phases, pieces),
     }
 

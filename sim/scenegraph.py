@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from urllib.parse import quote
+from zlib import crc32
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from baxter_kin.arrays import Vector
 from baxter_kin.frames import BASE_HEIGHT_M
 from planner.mesh import Mesh
+from planner.robot_body import RobotBody
 from planner.scene import Body, Box, Cylinder, Part
 from sim.appearance import Appearance, RobotPart
 from sim.errors import SimulationError
@@ -43,6 +45,11 @@ FLOOR_OPACITIES = (1.0, 1.0, 0.45, 0.0)
 TUBE_STEP_M = 2.0**-12
 """Corners of tubes are rounded to this, a quarter of a millimetre."""
 
+BODY_RGB: Rgb = (0.95, 0.55, 0.12)
+BODY_OPACITY = 0.7
+BODY_STEP_M = 2.0**-14
+"""How the body that plans are made with looks, and to what its corners are rounded, 0.06 mm."""
+
 FLOOR_SEGMENTS = 72
 FLOOR_RGB: Rgb = (0.80, 0.82, 0.84)
 
@@ -65,6 +72,7 @@ class RobotTree:
 
     Attributes:
         paths: the moving node of each joint, in the order of a full configuration.
+        mesh_paths: the node of each part of the appearance.
     """
 
     def __init__(self, model: pin.Model, appearance: Appearance) -> None:
@@ -84,14 +92,43 @@ class RobotTree:
         if unknown:
             raise SimulationError(f"the robot's appearance names unknown joints: {sorted(unknown)}")
         self._axes = _axes(model)
+        self.mesh_paths = tuple(
+            f"{self._moving[part.joint]}/{part.mesh.name}-{index}"
+            for index, part in enumerate(self._parts)
+        )
         self.paths = tuple(self._moving[name] for name in model.names)[1:]
 
     def commands(self) -> Iterator[Command]:
         """Place the joints and hang the parts on them."""
         for path, T_parent_joint in zip(self.paths, self._model.jointPlacements[1:], strict=True):
             yield set_transform(path.removesuffix("/moves"), T_parent_joint)
-        for index, part in enumerate(self._parts):
-            yield from _part_commands(f"{self._moving[part.joint]}/{part.mesh.name}-{index}", part)
+        for path, part in zip(self.mesh_paths, self._parts, strict=True):
+            yield from _part_commands(path, part)
+
+    def body_commands(self, body: RobotBody) -> Iterator[Command]:
+        """Hang a body that plans are made with on the joints, beside the meshes."""
+        for path, link in zip(self.body_paths(body), body.links.values(), strict=True):
+            pieces = link.pieces if link.is_touching else (link.surface,)
+            starts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
+            vertices = np.concatenate([piece.vertices for piece in pieces])
+            faces = [piece.triangles + start for piece, start in zip(pieces, starts, strict=False)]
+            points = short_numbers(vertices, BODY_STEP_M)
+            geometry = triangles(
+                points, compact(np.concatenate(faces)), uuid=f"body {crc32(points.tobytes())}"
+            )
+            surface = material(BODY_RGB, opacity=BODY_OPACITY) | {"flatShading": True}
+            frame = self._model.frames[self._model.getFrameId(link.name)]
+            yield set_object(path, geometry, surface)
+            yield set_transform(path, frame.placement)
+
+    def body_paths(self, body: RobotBody) -> tuple[str, ...]:
+        """The node of each link's body."""
+        model = self._model
+        joints = (model.frames[model.getFrameId(name)].parentJoint for name in body.links)
+        return tuple(
+            f"{self._moving[model.names[joint]]}/body {name}"
+            for joint, name in zip(joints, body.links, strict=True)
+        )
 
     def motion(self, joint: int, value: float) -> tuple[str, list[float]]:
         """Which property of its node a joint sets, and to what.

@@ -46,6 +46,7 @@ class Options:
         speed_ratio: scale of the velocity limits, in (0, 1].
         is_headless: without the live view, as fast as possible.
         html: where to write the replay, or None.
+        shows_body: whether the replay can show the body that is planned with, too.
         csv: where to write the RSDK's CSV, or None.
         record: where to write everything that happened, or None; the format by its suffix, one of
             `RECORD_SUFFIXES`.
@@ -67,6 +68,7 @@ class Options:
     speed_ratio: float
     is_headless: bool
     html: Path | None
+    shows_body: bool
     csv: Path | None
     record: Path | None
     report: Path | None
@@ -102,6 +104,7 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
         speed_ratio=raw.speed,
         is_headless=raw.headless,
         html=raw.html,
+        shows_body=raw.show_body,
         csv=raw.csv,
         record=raw.record,
         report=raw.report,
@@ -243,6 +246,11 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
     """Where it is shown and written."""
     parser.add_argument("--headless", action="store_true", help="no live view, no real time")
     parser.add_argument("--html", type=file_to_write, metavar="FILE", help="write a replay page")
+    parser.add_argument(
+        "--show-body",
+        action="store_true",
+        help="let that page show the shapes that are planned with, too (2 MB more)",
+    )
     parser.add_argument(
         "--csv", type=file_to_write, metavar="FILE", help="write joints as the RSDK does"
     )

@@ -10,6 +10,7 @@ from baxter_kin import Baxter
 from baxter_kin.demo.live import LiveView
 from baxter_kin.demo.narration import Narrator
 from baxter_kin.demo.options import Options
+from planner import RobotBody
 from sim import CsvRecorder, LogRecorder, McapRecorder, Observer, Recorder, World
 
 WAIT_FOR_BROWSER_S = 15.0
@@ -41,7 +42,8 @@ def outputs(
         yield _recorder(options.record, robot, cleanup)
     if options.html is not None:
         recorder = Recorder(robot, keep=REPLAY_SNAPSHOTS)
-        cleanup.callback(_write_replay, options.html, recorder, robot, narrator)
+        body = world.shapes.body if options.shows_body else None
+        cleanup.callback(_write_replay, options.html, recorder, robot, narrator, body)
         yield recorder
     if not options.is_headless:
         yield _live(world, narrator, cleanup)
@@ -75,9 +77,11 @@ def _live(world: World, narrator: Narrator, cleanup: ExitStack) -> LiveView:
     return LiveView(viewer)
 
 
-def _write_replay(path: Path, recorder: Recorder, robot: Baxter, narrator: Narrator) -> None:
+def _write_replay(
+    path: Path, recorder: Recorder, robot: Baxter, narrator: Narrator, body: RobotBody | None
+) -> None:
     from sim.replay import write_replay  # noqa: PLC0415 - only when asked for
 
     if recorder.has_snapshots:
-        write_replay(path, recorder.recording(), robot)
+        write_replay(path, recorder.recording(), robot, body=body)
         narrator.say(f"replay: {path}")

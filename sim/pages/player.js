@@ -105,6 +105,16 @@ function showMarks() {
   element("marks").classList.toggle("dense", recording.marks.length > MOST_LABELS);
 }
 
+// The robot's meshes, the body that plans are made with, or both; only pages with a body ask.
+function showLayer() {
+  const chosen = element("layer").value;
+  for (const [layer, paths] of Object.entries(recording.layers)) {
+    const value = chosen === layer || chosen === "both";
+    for (const path of paths) viewer.handle_command({ type: "set_property", path, property: "visible", value });
+  }
+  viewer.set_dirty();
+}
+
 let overtime = 0;
 function advance(elapsed) {
   const next = replay.time + elapsed * replay.speed;
@@ -133,6 +143,7 @@ const KEYS = {
 function listen() {
   element("play").addEventListener("click", replay.toggle);
   element("scrub").addEventListener("input", (event) => replay.jump(Number(event.target.value)));
+  element("layer").addEventListener("change", showLayer);
   element("speed").addEventListener("change", (event) => { replay.speed = Number(event.target.value); });
   document.addEventListener("keydown", (event) => {
     const act = KEYS[event.key];
@@ -151,6 +162,8 @@ startWith(() => {
   lines = recording.paths.map(line);
   replay.duration = recording.duration;
   element("scrub").max = replay.duration;
+  element("layered").hidden = Object.keys(recording.layers).length === 0;
+  showLayer();
   showMarks();
   listen();
   replay.seek(0);

@@ -213,6 +213,13 @@ def red_pixels(picture: NDArray[np.int16]) -> int:
     return int(((red > 60) & (green < red / 3) & (blue < red / 3)).sum())
 
 
+def amber_pixels(picture: NDArray[np.int16]) -> int:
+    """How much of the picture is of the colour of the body that is planned with."""
+    red, green, blue = np.moveaxis(picture, -1, 0)
+    is_hue = (green > 0.4 * red) & (green < 0.75 * red) & (blue < red / 4)
+    return int(((red > 80) & is_hue).sum())
+
+
 def green_centre(picture: NDArray[np.int16]) -> NDArray[np.float64] | None:
     """Where the green block is, (column, row) in pixels; None when it is not there."""
     red, green, blue = np.moveaxis(picture, -1, 0)

@@ -13,6 +13,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from baxter_kin import Baxter
+from planner import RobotBody
 from sim.errors import RecordingError
 from sim.events import EventKind
 from sim.recording import Recording
@@ -21,6 +22,7 @@ from tests.sim.conftest import (
     APPEARS_S,
     DURATION_S,
     Watched,
+    amber_pixels,
     green_centre,
     orange_pixels,
     red_pixels,
@@ -68,6 +70,38 @@ def seek(replay: Watched, time_s: float) -> None:
 
 def test_shows_the_robot(replay: Watched) -> None:
     assert red_pixels(replay.picture()) > 5000
+
+
+def test_a_page_without_the_body_does_not_ask_for_it(replay: Watched) -> None:
+    assert not replay.page.is_visible("#layer")
+
+
+def test_shows_the_body_and_the_meshes_each_alone(
+    watched: Watched, tmp_path: Path, recording: Recording, robot: Baxter
+) -> None:
+    path = tmp_path / "body.html"
+    write_replay(path, recording, robot, body=RobotBody.load())
+    watched.page.goto(path.as_uri())
+    watched.page.wait_for_function("replay.ready")
+    watched.run("replay.pause()")
+    pixels = {}
+    for layer in ("meshes", "body", "both"):
+        watched.page.select_option("#layer", layer)
+        picture = watched.picture()
+        pixels[layer] = red_pixels(picture), amber_pixels(picture)
+    assert pixels["meshes"][0] > 5000
+    assert pixels["meshes"][1] < 100
+    assert pixels["body"][0] < 100
+    assert pixels["body"][1] > 20_000
+    assert min(pixels["both"]) > 1000
+    assert watched.errors == []
+
+
+def test_a_body_that_is_none_is_refused(
+    tmp_path: Path, recording: Recording, robot: Baxter
+) -> None:
+    with pytest.raises(RecordingError, match="RobotBody"):
+        write_replay(tmp_path / "page.html", recording, robot, body="thin")  # type: ignore[arg-type]
 
 
 def test_shows_no_block_before_it_is_there(replay: Watched) -> None:
