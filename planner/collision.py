@@ -21,7 +21,7 @@ from baxter_kin.arrays import Indices, Vector, finite_array
 from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.frames import checked_pose
 from planner.contact import PRESSING_TOLERANCE_M, coal_shape, convex_pieces
-from planner.distances import UNKNOWN_DEPTH_M, Cover, Distances
+from planner.distances import UNKNOWN_DEPTH_M, Distances, Enclosure
 from planner.errors import SceneError
 from planner.lever_arms import LeverArms, Placed
 from planner.robot_shapes import RobotShapes
@@ -96,7 +96,7 @@ class ShapePairs:
 
     Attributes:
         geometry: all shapes; those of the robot first, as `RobotShapes` numbers them.
-        covers: what the triangles of each shape need; None for convex ones.
+        enclosures: what each shape of triangles encloses; None for convex ones.
         names: the link or body that each shape belongs to.
         padding_m: by how much each shape counts as thicker than it is, but in contacts.
         needs_m: of the pairs that may be nearer than a margin because that is meant: the number of
@@ -107,7 +107,7 @@ class ShapePairs:
         """Begin with the robot's shapes, and no pairs."""
         self.geometry: pin.GeometryModel = shapes.model.copy()
         self.geometry.removeAllCollisionPairs()
-        self.covers: list[Cover | None] = list(shapes.covers)
+        self.enclosures: list[Enclosure | None] = list(shapes.enclosures)
         self.names: list[str] = list(shapes.links)
         self.padding_m: list[float] = list(shapes.padding_m)
         self.needs_m: dict[int, float] = {}
@@ -125,7 +125,7 @@ class ShapePairs:
                 placed = pin.GeometryObject(name, joint, placement, shape)
                 added.append(int(self.geometry.addGeometryObject(placed)))
                 is_surface = isinstance(shape, coal.BVHModelBase)
-                self.covers.append(Cover.box_around(shape) if is_surface else None)
+                self.enclosures.append(Enclosure.none() if is_surface else None)
                 self.names.append(body.name)
                 self.padding_m.append(0.0)
         return added
@@ -163,7 +163,7 @@ class CheckedPairs:
         self.needs_m[list(built.needs_m)] = list(built.needs_m.values())
         thicker = np.array(built.padding_m)[self.numbers].sum(axis=1)
         self.padding_m: Vector = np.where(self.is_contact, 0.0, thicker)
-        self.distances = Distances(self.geometry, built.covers, self.padding_m)
+        self.distances = Distances(self.geometry, built.enclosures, self.padding_m)
 
     @property
     def is_contact(self) -> NDArray[np.bool_]:

@@ -1,9 +1,8 @@
 """Distances between the shapes of a geometry model, as closely as each question needs.
 
-A convex shape's distance is exact. One of triangles that is not convex takes a thousand times as
-long, so it has covers: a few convex shapes that contain it. Where these are as far away as is asked
-for, so is what they contain; only else are the triangles looked at, and of them only those within
-what is asked for.
+A convex shape's distance is exact. That of triangles takes a hundred times as long, but whether
+they are farther apart than a share of their distance is found out nearly as fast. So of a pair that
+was far apart before, only a share of that is asked for, where a lower bound will do.
 
 Triangles are a surface, and what is wholly inside touches none of them. Where a closed surface
 around what they enclose is known, as of a robot's links, that is found out by its winding number
@@ -17,31 +16,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 
 import coal
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Indices, Vector
-from planner.contact import DISTANCE_TOLERANCE_M, convex
+from planner.contact import DISTANCE_TOLERANCE_M
 
 UNKNOWN_DEPTH_M = -0.01
 """Stands for the distance where coal finds shapes inside each other but not how deep."""
 
 _NO_DISTANCE_M = -1e6
 
-LEAST_HALF_M = 1e-6
-"""By how much a box around triangles is larger, so that flat ones have a volume around them."""
-
-BOX_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
-BOX_SIDES = np.array(
-    [
-        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
-        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
-    ]
-)
-"""A cube around the origin, its triangles counter-clockwise seen from outside."""
+EASY, BOLDER = 0.8, 1.15
+"""Of the distance that a pair had, the share that is asked for where more would be of no use; and
+by how much more each time that it was there."""
 
 MOST_CONTACTS = 32
 """Triangles that are looked at to say how deep something is in a surface."""
@@ -51,17 +41,14 @@ INSIDE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Cover:
-    """What is known of a shape of triangles that is not convex.
+class Enclosure:
+    """A closed surface around what a shape of triangles encloses.
 
     Attributes:
-        pieces: convex shapes that contain it, in its own frame.
-        vertices: of a closed surface around what it encloses, shape (n, 3), m; none where it
-            encloses nothing.
-        triangles: of the same, shape (m, 3), turned outwards.
+        vertices: shape (n, 3), m, in the shape's own frame; none where it encloses nothing.
+        triangles: shape (m, 3), turned outwards.
     """
 
-    pieces: tuple[coal.ShapeBase, ...]
     vertices: Vector
     triangles: Indices
 
@@ -71,13 +58,9 @@ class Cover:
         return self.vertices.min(axis=0, initial=np.inf), self.vertices.max(axis=0, initial=-np.inf)
 
     @classmethod
-    def box_around(cls, geometry: coal.BVHModelBase) -> Cover:
-        """The box around any triangles; nothing counts as inside of them."""
-        geometry.computeLocalAABB()
-        bounds = geometry.aabb_local
-        middle, half = (bounds.max_ + bounds.min_) / 2, (bounds.max_ - bounds.min_) / 2
-        box = convex(middle + (half + LEAST_HALF_M) * BOX_CORNERS, BOX_SIDES)
-        return cls((box,), np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp))
+    def none(cls) -> Enclosure:
+        """Nothing counts as inside."""
+        return cls(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp))
 
     def winds_about(self, point: Vector) -> bool:
         """Whether it encloses a point of its own frame, shape (3,)."""
@@ -99,22 +82,24 @@ class Distances:
     """Distances of pairs of shapes, at poses that are set; not to be shared between threads."""
 
     def __init__(
-        self, geometry: pin.GeometryModel, covers: Sequence[Cover | None], padding_m: Vector
+        self,
+        geometry: pin.GeometryModel,
+        enclosures: Sequence[Enclosure | None],
+        padding_m: Vector,
     ) -> None:
         """For all pairs of a geometry model.
 
         Args:
             geometry: the shapes; kept alive here, as coal keeps bare pointers.
-            covers: of each shape what its triangles need; None for a convex one.
+            enclosures: of each shape of triangles what it encloses; None for a convex one.
             padding_m: what is subtracted from the distance of each pair, shape (pairs,).
         """
         self._padding_m = padding_m.tolist()
         self._shapes = [shape.geometry for shape in geometry.geometryObjects]
-        self._covers = list(covers)
+        self._enclosures = list(enclosures)
         self._pairs = [(pair.first, pair.second) for pair in geometry.collisionPairs]
-        self._exact: dict[int, coal.ComputeDistance] = {}
-        self._coarse: dict[int, list[coal.ComputeDistance]] = {}
-        self._is_convex = [cover is None for cover in self._covers]
+        self._functors: dict[int, coal.ComputeDistance] = {}
+        self._easy_m: dict[int, float] = {}
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
         self._request.gjk_tolerance = DISTANCE_TOLERANCE_M
         self._poses = np.zeros((0, 4, 4))
@@ -125,31 +110,26 @@ class Distances:
         self._poses = poses
         self._placed = [None] * len(poses)
 
-    def measure(self, pair: int, within_m: float = np.inf) -> float:
+    def measure(self, pair: int, within_m: float = np.inf, exact_below_m: float = np.inf) -> float:
         """The distance of a pair; where it is not less than `within_m`, that or more.
 
+        Where it is not less than `exact_below_m`, it may be a lower bound that is not either.
         Negative when they are inside each other, as far as triangles can tell that.
         """
+        first, second = self._pairs[pair]
         padding_m: float = self._padding_m[pair]
-        return self._bare(pair, within_m + padding_m) - padding_m
-
-    def _bare(self, pair: int, within_m: float) -> float:
-        """The same without padding."""
-        first, second = self._pairs[pair]
-        if self._is_convex[first] and self._is_convex[second]:
-            return self._distance(self._functor(pair), first, second, np.inf)
-        least_m = self.covers_apart(pair)
-        if least_m >= within_m:
-            return least_m
-        found = self._distance(self._functor(pair), first, second, within_m)
-        return found if found > 0.0 else -self._depth(first, second)
-
-    def covers_apart(self, pair: int) -> float:
-        """The distance of what covers the shapes of a pair: a lower bound where that is above 0."""
-        first, second = self._pairs[pair]
-        return min(
-            self._distance(functor, first, second, np.inf) for functor in self._covering(pair)
-        )
+        if self._enclosures[first] is None and self._enclosures[second] is None:
+            return self._distance(pair, np.inf) - padding_m
+        easy_m = self._easy_m.get(pair, 0.0)
+        ask_m = min(within_m, max(exact_below_m, easy_m))
+        found = self._distance(pair, ask_m + padding_m)
+        if found <= 0.0:
+            return -self._depth(first, second) - padding_m
+        if found < ask_m + padding_m:
+            self._easy_m[pair] = EASY * (found - padding_m)
+            return found - padding_m
+        self._easy_m[pair] = max(easy_m, BOLDER * ask_m)
+        return ask_m
 
     def is_within(self, pair: int) -> bool:
         """Whether one shape of a pair is wholly inside what the other encloses.
@@ -160,39 +140,24 @@ class Distances:
         return self._encloses(first, second) or self._encloses(second, first)
 
     def _encloses(self, outer: int, inner: int) -> bool:
-        cover = self._covers[outer]
-        if cover is None:
+        enclosure = self._enclosures[outer]
+        if enclosure is None:
             return False
         T, T_inner = self._poses[outer], self._poses[inner]
         point_base = T_inner[:3, :3] @ _point_of(self._shapes[inner]) + T_inner[:3, 3]
-        return cover.winds_about(T[:3, :3].T @ (point_base - T[:3, 3]))
+        return enclosure.winds_about(T[:3, :3].T @ (point_base - T[:3, 3]))
 
-    def _functor(self, pair: int) -> coal.ComputeDistance:
-        if pair not in self._exact:
-            first, second = self._pairs[pair]
-            self._exact[pair] = coal.ComputeDistance(self._shapes[first], self._shapes[second])
-        return self._exact[pair]
-
-    def _covering(self, pair: int) -> list[coal.ComputeDistance]:
-        if pair not in self._coarse:
-            self._coarse[pair] = [
-                coal.ComputeDistance(one, other)
-                for one, other in product(*map(self._pieces, self._pairs[pair]))
-            ]
-        return self._coarse[pair]
-
-    def _pieces(self, shape: int) -> tuple[coal.ShapeBase, ...]:
-        cover = self._covers[shape]
-        return (self._shapes[shape],) if cover is None else cover.pieces
-
-    def _distance(
-        self, functor: coal.ComputeDistance, first: int, second: int, within_m: float
-    ) -> float:
+    def _distance(self, pair: int, within_m: float) -> float:
+        """Without padding; where it is not less than `within_m`, that."""
+        first, second = self._pairs[pair]
+        if pair not in self._functors:
+            self._functors[pair] = coal.ComputeDistance(self._shapes[first], self._shapes[second])
         result = self._result
         result.clear()
         if within_m < np.inf:
             result.min_distance = within_m
-        found: float = functor(self._pose(first), self._pose(second), self._request, result)
+        T_first, T_second = self._pose(first), self._pose(second)
+        found: float = self._functors[pair](T_first, T_second, self._request, result)
         return found if found > _NO_DISTANCE_M else UNKNOWN_DEPTH_M
 
     def _depth(self, first: int, second: int) -> float:

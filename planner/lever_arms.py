@@ -146,7 +146,8 @@ class _Covers(NamedTuple):
         lowest, highest = (np.empty((len(geometries), 3)) for _ in range(2))
         axes, radii = np.zeros((len(geometries), 3)), np.empty(len(geometries))
         for number, geometry in enumerate(geometries):
-            geometry.computeLocalAABB()
+            if geometry.aabb_radius < 0.0:  # not known yet, and slow for thousands of triangles
+                geometry.computeLocalAABB()
             box = geometry.aabb_local
             lowest[number], highest[number] = box.min_, box.max_
             half = (highest[number] - lowest[number]) / 2

@@ -9,7 +9,8 @@ A link has three parts, in metres in the frame of the URDF's link:
   triangles do not tell that something is wholly inside; where motions begin and end, a point of it
   is looked for there. In between nothing gets in without touching triangles, but through the
   openings that covers have where the next link enters, as through those of the meshes.
-- `pieces`: a few convex polyhedra, every triangle whole in one of them: bounds for what is far.
+- `pieces`: a few convex polyhedra, every triangle whole in one of them: bounds, of which the proofs
+  that pairs of links stay apart are made.
 
 Fingers and their tips, which touch things on purpose, and shapes that are convex anyway have pieces
 only; these contain the mesh, or the URDF's shape where a link has none. They fill pockets: at the

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import coal
@@ -14,7 +14,7 @@ from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import expect
 from planner.contact import convex, shape_of, surface
-from planner.distances import Cover
+from planner.distances import Enclosure
 from planner.errors import SceneError
 from planner.robot_body import LinkBody, RobotBody
 from planner.scene import Part
@@ -23,9 +23,9 @@ from planner.scene import Part
 class RobotShapes:
     """The shapes of a robot, of the body that it is taken to be.
 
-    A link is one surface of triangles, covered by convex pieces. One that touches things on
-    purpose, as fingers do, counts as its convex pieces where bodies are near, because how deep
-    something is inside them is known, and as the surface of these where the rest of the robot is.
+    A link is one surface of triangles. One that touches things on purpose, as fingers do, counts as
+    its convex pieces where bodies are near, because how deep something is inside them is known, and
+    as the surface of these where the rest of the robot is.
 
     Attributes:
         robot: the robot.
@@ -53,10 +53,9 @@ class RobotShapes:
         shapes, frames = pin.GeometryModel(), self.robot.model.frames
         for made in self._made:
             frame = frames[self.robot.model.getFrameId(made.link)]
-            name, placement = f"{made.link}/{shapes.ngeoms}", frame.placement * made.T_link_shape
-            shapes.addGeometryObject(
-                pin.GeometryObject(name, frame.parentJoint, placement, made.geometry)
-            )
+            name, joint = f"{made.link}/{shapes.ngeoms}", frame.parentJoint
+            placed = pin.GeometryObject(name, joint, frame.placement, made.geometry)
+            shapes.addGeometryObject(placed)
         return shapes
 
     @cached_property
@@ -70,9 +69,9 @@ class RobotShapes:
         return tuple(made.padding_m for made in self._made)
 
     @cached_property
-    def covers(self) -> tuple[Cover | None, ...]:
-        """What the triangles of each shape need; None for convex ones."""
-        return tuple(made.cover for made in self._made)
+    def enclosures(self) -> tuple[Enclosure | None, ...]:
+        """What each shape of triangles encloses; None for convex ones."""
+        return tuple(made.enclosure for made in self._made)
 
     @cached_property
     def wholes(self) -> frozenset[int]:
@@ -166,12 +165,11 @@ class RobotShapes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Made:
-    """A shape of a link, what its triangles need, and what it counts against."""
+    """A shape of a link in its frame, what its triangles enclose, and what it counts against."""
 
     link: str
     geometry: coal.CollisionGeometry
-    T_link_shape: pin.SE3 = field(default_factory=pin.SE3.Identity)
-    cover: Cover | None = None
+    enclosure: Enclosure | None = None
     padding_m: float = 0.0
     is_whole: bool = True
     is_detail: bool = True
@@ -192,15 +190,16 @@ def _of_body(body: RobotBody) -> tuple[_Made, ...]:
 
 
 def _of_link(link: LinkBody) -> Iterator[_Made]:
-    pieces = tuple(convex(*piece) for piece in link.pieces)
-    if link.is_touching and len(pieces) == 1:
+    if not link.is_touching:
+        yield _Made(link.name, surface(*link.surface), Enclosure(*link.enclosure))
+        return
+    pieces = [convex(*piece) for piece in link.pieces]
+    if len(pieces) == 1:
         yield _Made(link.name, pieces[0])
         return
-    whole = _joined(link.pieces) if link.is_touching else link.surface
-    cover = Cover(pieces, *(whole if link.is_touching else link.enclosure))
-    yield _Made(link.name, surface(*whole), cover=cover, is_detail=not link.is_touching)
-    if link.is_touching:
-        yield from (_Made(link.name, piece, is_whole=False) for piece in pieces)
+    whole = _joined(link.pieces)
+    yield _Made(link.name, surface(*whole), Enclosure(*whole), is_detail=False)
+    yield from (_Made(link.name, piece, is_whole=False) for piece in pieces)
 
 
 def _joined(pieces: Sequence[tuple[Vector, Indices]]) -> tuple[Vector, Indices]:

@@ -308,6 +308,7 @@ class _Search:
         """
         wanted_m = self._wanted_m()[tasks.pair] + motions
         within_m = np.maximum(wanted_m + 2.0 * ACCURACY_M * np.maximum(1.0, wanted_m), 0.0)
+        too_close_m = self._needed_m + RESOLUTION_M
         found, distances = np.empty(len(tasks.pair)), self._checked.distances
         numbers, begins = np.unique(tasks.interval, return_index=True)
         ends = np.searchsorted(tasks.interval, numbers, side="right")
@@ -316,8 +317,10 @@ class _Search:
         ):
             distances.place(poses[number])
             for task in range(begin, end):
-                least_m = max(float(within_m[task]), self._nearest.distance_m)
-                found[task] = distances.measure(int(tasks.pair[task]), least_m)
+                pair = int(tasks.pair[task])
+                exact_m = max(self._nearest.distance_m, float(too_close_m[pair]))
+                least_m = max(float(within_m[task]), exact_m)
+                found[task] = distances.measure(pair, least_m, np.nextafter(exact_m, np.inf))
         self._evaluations += len(found)
         self._judge(tasks, found)
         return found

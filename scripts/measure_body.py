@@ -49,6 +49,7 @@ class Look:
     """An arm in one configuration.
 
     Attributes:
+        number: of the configuration.
         said_m: the planner's clearance.
         pair: of what.
         of_pair_m: the distance of the meshes of that pair.
@@ -56,6 +57,7 @@ class Look:
         nearest: of which pair that is.
     """
 
+    number: int
     said_m: float
     pair: tuple[str, str]
     of_pair_m: float
@@ -65,13 +67,15 @@ class Look:
     @property
     def fault(self) -> str | None:
         """What is wrong with it, in a sentence."""
-        said, named = f"{1e3 * self.said_m:.2f} mm said", " and ".join(self.pair)
+        said = f"{self.number}: {1e3 * self.said_m:.2f} mm said"
+        named = " and ".join(self.pair)
         if self.said_m > self.least_m + ROUNDING_M:
             return f"{said}, but {' and '.join(self.nearest)} are {1e3 * self.least_m:.2f} mm apart"
         if 0.0 < self.said_m < NEAR_M and self.of_pair_m > self.said_m + WITHIN_M:
             return f"{said} of {named}, whose meshes are {1e3 * self.of_pair_m:.2f} mm apart"
         if self.said_m <= 0.0 and self.of_pair_m >= APART_M:
-            return f"{named} are said to touch, {1e3 * self.of_pair_m:.2f} mm apart"
+            apart = f"{1e3 * self.of_pair_m:.2f} mm apart"
+            return f"{self.number}: {named} are said to touch, {apart}"
         return None
 
 
@@ -113,20 +117,23 @@ def looks(seed: Sequence[int]) -> list[Look]:
     solids = {**load_robot().solids, **{body.name: (_solid(body),) for body in scene}}
     poses |= {body.name: body.T_base_body.homogeneous for body in scene}
     distances = _Distances(solids, poses)
-    return [_look(arm, scene, np.array(q), distances) for arm in baxter.arms.values()]
+    arms = baxter.arms.values()
+    return [_look(seed[-1], arm, scene, np.array(q), distances) for arm in arms]
 
 
-def _look(arm: Arm, scene: Scene, q: Array, meshes: _Distances) -> Look:
+def _look(number: int, arm: Arm, scene: Scene, q: Array, meshes: _Distances) -> Look:
     found = ClearanceChecker(_shapes(), arm, scene).clearance(q)
     pair = found.first, found.second
     of_pair = meshes.of(*pair, np.inf)
+    if found.distance_m <= 0.0 and of_pair >= APART_M and meshes.are_nested(*pair):
+        of_pair = 0.0
     least, nearest = of_pair, pair
     if found.distance_m > 0.0:
         for one, other in _pairs(arm.side, tuple(body.name for body in scene)):
             distance = meshes.of(one, other, min(found.distance_m, least))
             if distance < least:
                 least, nearest = distance, (one, other)
-    return Look(found.distance_m, pair, of_pair, least, nearest)
+    return Look(number, found.distance_m, pair, of_pair, least, nearest)
 
 
 class _Distances:
@@ -146,6 +153,14 @@ class _Distances:
             default=np.inf,
         )
 
+    def are_nested(self, one: str, other: str) -> bool:
+        """Whether one is inside the other, all of it."""
+        T = inverse(self._poses[other]) @ self._poses[one]
+        return any(
+            _holds(second, first, T) or _holds(first, second, inverse(T))
+            for first, second in product(self._solids[one], self._solids[other])
+        )
+
     def _gap_m(self, one: str, first: Solid, other: str, second: Solid) -> float:
         """Of axis-aligned boxes in base around the boxes around both."""
         spans = []
@@ -156,6 +171,11 @@ class _Distances:
         (low, high), (other_low, other_high) = spans
         away = np.maximum(np.maximum(other_low - high, low - other_high), 0.0)
         return float(np.linalg.norm(away))
+
+
+def _holds(outer: Solid, inner: Solid, T_outer_inner: Array) -> bool:
+    middle = T_outer_inner[:3, :3] @ inner.centre + T_outer_inner[:3, 3]
+    return bool(outer.contains(middle[None])[0])
 
 
 def _boxes(rng: np.random.Generator) -> Iterator[Body]:

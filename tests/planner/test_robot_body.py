@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull, cKDTree
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector
-from planner.distances import Cover
+from planner.distances import Enclosure
 from planner.robot_body import LinkBody, RobotBody
 from planner.verification.body.collada import read_collada
 
@@ -155,13 +155,13 @@ def test_what_is_enclosed_is_found(body: RobotBody, meshes: Mapping[str, Corners
     for link in different(body.links):
         if link.is_touching:
             continue
-        cover = Cover((), *link.enclosure)
+        enclosure = Enclosure(*link.enclosure)
         points = meshes[link.name].reshape(-1, 3)
         points = points[:: max(1, len(points) // 60)]
-        enclosure = link.enclosure.vertices[link.enclosure.triangles]
-        near = cKDTree(divided(enclosure, 2e-3)[0].mean(axis=1))
+        corners = link.enclosure.vertices[link.enclosure.triangles]
+        near = cKDTree(divided(corners, 2e-3)[0].mean(axis=1))
         for point, gap_m in zip(points, near.query(points)[0], strict=True):
-            assert cover.winds_about(point) or gap_m < 2 * MARGIN_M, (link.name, point)
+            assert enclosure.winds_about(point) or gap_m < 2 * MARGIN_M, (link.name, point)
 
 
 def test_fingers_and_tips_are_covered_by_their_pieces(

@@ -20,7 +20,7 @@ from planner import (
     plan_pick_and_place,
     verify,
 )
-from planner.distances import Cover
+from planner.distances import Enclosure
 from planner.robot_body import RobotBody
 from planner.scene import Sphere
 from tests.conftest import at
@@ -101,11 +101,11 @@ def test_a_ball_wholly_inside_a_link_is_inside_though_it_touches_no_triangle(
 ) -> None:
     q = np.array(robot.configuration(left.joints(left.neutral)))
     number = shapes.links.index("left_lower_elbow")
-    cover, shape = shapes.covers[number], shapes.model.geometryObjects[number]
-    assert cover is not None
+    enclosure, shape = shapes.enclosures[number], shapes.model.geometryObjects[number]
+    assert enclosure is not None
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, q)
-    middle = (cover.vertices.max(axis=0) + cover.vertices.min(axis=0)) / 2
+    middle = (enclosure.vertices.max(axis=0) + enclosure.vertices.min(axis=0)) / 2
     x, y, z = (data.oMi[shape.parentJoint] * shape.placement).act(middle)
     inside = Scene.of([ball(0.003, x, y, z)])
     found = ClearanceChecker(shapes, left, inside).clearance(q)
@@ -140,15 +140,15 @@ def test_a_body_of_another_kind_is_refused(robot: Baxter) -> None:
 
 @pytest.mark.parametrize("inside", [True, False])
 def test_a_closed_surface_winds_about_what_it_encloses(shapes: RobotShapes, inside: bool) -> None:
-    cover = next(
-        cover
-        for cover, link in zip(shapes.covers, shapes.links, strict=True)
-        if cover is not None and link == "left_wrist"
+    enclosure = next(
+        enclosure
+        for enclosure, link in zip(shapes.enclosures, shapes.links, strict=True)
+        if enclosure is not None and link == "left_wrist"
     )
-    assert isinstance(cover, Cover)
-    middle = (cover.vertices.max(axis=0) + cover.vertices.min(axis=0)) / 2
-    point = middle if inside else cover.vertices.max(axis=0) + 0.001
-    assert cover.winds_about(point) is inside
+    assert isinstance(enclosure, Enclosure)
+    middle = (enclosure.vertices.max(axis=0) + enclosure.vertices.min(axis=0)) / 2
+    point = middle if inside else enclosure.vertices.max(axis=0) + 0.001
+    assert enclosure.winds_about(point) is inside
 
 
 def test_verify_accepts_what_a_plan_with_the_body_states(
