@@ -201,12 +201,12 @@ def test_a_body_inside_a_link_gives_a_negative_clearance_that_names_both(
 class TestAllowedContacts:
     """Fingers and the body they grasp; a held body and what it stands on."""
 
-    @pytest.fixture(scope="class")
+    @pytest.fixture
     def shapes(self, robot: Baxter, plain: RobotBody) -> RobotShapes:
         """With boxes for pads."""
         return RobotShapes(robot, plain)
 
-    @pytest.fixture(scope="class")
+    @pytest.fixture
     def manipulator(self, robot: Baxter, plain: RobotBody) -> Manipulator:
         """With boxes for pads."""
         return Manipulator.of(robot, "left", body=plain)
