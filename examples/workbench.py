@@ -100,16 +100,13 @@ class Workbench:
 
     def plan(self, side: str, block: str, T_base_goal: pin.SE3) -> Plan:
         """How an arm brings a block to a pose, grasped from above."""
-        task, q_now = self.task(side, block, T_base_goal), self.world.arm_q(side)
+        arm, body = self.arm(side), self.world.body(block)
+        pick = overhead_grasp(arm.hand, body)
+        place = T_base_goal * body.T_base_body.inverse() * pick
+        task = PickAndPlace(block, pick, place)
         return plan_pick_and_place(
-            task, self.arm(side), self.world.scene, q_now, held=self.world.held
+            task, arm, self.world.scene, self.world.arm_q(side), held=self.world.held
         )
-
-    def task(self, side: str, block: str, T_base_goal: pin.SE3) -> PickAndPlace:
-        """Where an arm grasps a block from above to bring it to a pose, and where it lets go."""
-        body = self.world.body(block)
-        pick = overhead_grasp(self.arm(side).hand, body)
-        return PickAndPlace(block, pick, T_base_goal * body.T_base_body.inverse() * pick)
 
     def carry(self, sides: Sequence[str], block: str, T_base_goal: pin.SE3) -> bool:
         """Bring a block to a pose with the arm that needs the least motion; whether it is there."""

@@ -46,7 +46,7 @@ MOST_DETOURS = 4
 
 DIRECT_S, AROUND_S = 1.2, 2.2
 """Time of computation after which no further direct way is tried, and no further way around. Most
-tasks take a tenth of that; with it a refusal comes within three seconds."""
+tasks take a tenth of that; a way that was begun is finished, so refusals may take longer."""
 
 LEAST_SEARCH_S = 0.2
 """What a search for a way around is given at least."""

@@ -79,6 +79,18 @@ class LinkBody:
         """Whether the pieces alone are the body, exact enough to touch with."""
         return len(self.surface.triangles) == 0
 
+    @property
+    def whole(self) -> Triangulated:
+        """All of its triangles: the surface, or those of all pieces where these are the body."""
+        if not self.is_touching:
+            return self.surface
+        starts = np.cumsum([0, *(len(piece.vertices) for piece in self.pieces)])
+        triangles = [
+            piece.triangles + start for piece, start in zip(self.pieces, starts, strict=False)
+        ]
+        vertices = np.concatenate([piece.vertices for piece in self.pieces])
+        return Triangulated(vertices, np.concatenate(triangles))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotBody:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -11,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import expect
 from planner.contact import convex, shape_of, surface
 from planner.distances import Enclosure
@@ -197,13 +196,6 @@ def _of_link(link: LinkBody) -> Iterator[_Made]:
     if len(pieces) == 1:
         yield _Made(link.name, pieces[0])
         return
-    whole = _joined(link.pieces)
+    whole = link.whole
     yield _Made(link.name, surface(*whole), Enclosure(*whole), is_detail=False)
     yield from (_Made(link.name, piece, is_whole=False) for piece in pieces)
-
-
-def _joined(pieces: Sequence[tuple[Vector, Indices]]) -> tuple[Vector, Indices]:
-    """Several surfaces as one: vertices, shape (n, 3), and triangles, shape (m, 3)."""
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
-    triangles = [faces + start for (_, faces), start in zip(pieces, starts, strict=False)]
-    return np.concatenate([vertices for vertices, _ in pieces]), np.concatenate(triangles)

@@ -108,14 +108,9 @@ class RobotTree:
     def body_commands(self, body: RobotBody) -> Iterator[Command]:
         """Hang a body that plans are made with on the joints, beside the meshes."""
         for path, link in zip(self.body_paths(body), body.links.values(), strict=True):
-            pieces = link.pieces if link.is_touching else (link.surface,)
-            starts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
-            vertices = np.concatenate([piece.vertices for piece in pieces])
-            faces = [piece.triangles + start for piece, start in zip(pieces, starts, strict=False)]
+            vertices, faces = link.whole
             points = short_numbers(vertices, BODY_STEP_M)
-            geometry = triangles(
-                points, compact(np.concatenate(faces)), uuid=f"body {crc32(points.tobytes())}"
-            )
+            geometry = triangles(points, compact(faces), uuid=f"body {crc32(points.tobytes())}")
             surface = material(BODY_RGB, opacity=BODY_OPACITY) | {"flatShading": True}
             frame = self._model.frames[self._model.getFrameId(link.name)]
             yield set_object(path, geometry, surface)

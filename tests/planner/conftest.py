@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from planner import Move, Plan
+from baxter_kin import Baxter
+from planner import Hand, Move, Plan, RobotBody, RobotShapes
 from planner.mesh import Mesh
 
 
@@ -26,6 +27,12 @@ def distance(first: Any, T_first: pin.SE3, second: Any, T_second: pin.SE3) -> fl
             coal.DistanceResult(),
         )
     )
+
+
+def hands_of(robot: Baxter, body: RobotBody | None = None) -> dict[str, Hand]:
+    """Both hands by side, of the robot's own body when none is given."""
+    shapes = RobotShapes(robot, body)
+    return {side: Hand.of(robot, arm, shapes) for side, arm in robot.arms.items()}
 
 
 def without_statements(plan: Plan) -> Plan:

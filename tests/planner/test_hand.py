@@ -16,6 +16,7 @@ from planner.robot_body import RobotBody
 from planner.scene import Shape, Sphere
 from planner.verification.body.robot_body import robot_body
 from tests.conftest import at, overhead
+from tests.planner.conftest import hands_of
 
 GAP_TOLERANCE_M = 5e-6
 """The gaps are given in mm with two decimals."""
@@ -35,8 +36,7 @@ PICK = overhead(0.70, 0.15, -0.129)
 
 @pytest.fixture(scope="module")
 def real_hands(robot: Baxter) -> dict[str, Hand]:
-    shapes = RobotShapes(robot)
-    return {side: Hand.of(robot, arm, shapes) for side, arm in robot.arms.items()}
+    return hands_of(robot)
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +47,7 @@ def real_hand(real_hands: dict[str, Hand]) -> Hand:
 
 @pytest.fixture(scope="module")
 def hands(robot: Baxter, plain: RobotBody) -> dict[str, Hand]:
-    shapes = RobotShapes(robot, plain)
-    return {side: Hand.of(robot, arm, shapes) for side, arm in robot.arms.items()}
+    return hands_of(robot, plain)
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,6 @@ from planner import (
     MissKind,
     Part,
     PickAndPlace,
-    RobotShapes,
     Scene,
     SceneError,
     make_block,
@@ -35,7 +34,7 @@ from planner.grasp import extent
 from planner.overhead import FINGER_CLEARANCE_M, LOWEST_SHARE, MESH_STEP_RAD
 from planner.robot_body import RobotBody
 from tests.conftest import at
-from tests.planner.conftest import hull
+from tests.planner.conftest import hands_of, hull
 
 ROUNDING_M = 1e-9
 """Sums of a few lengths of the order of a metre."""
@@ -61,14 +60,12 @@ HOLLOW_M = 0.9e-3
 
 @pytest.fixture(scope="module")
 def hands(robot: Baxter, plain: RobotBody) -> dict[str, Hand]:
-    shapes = RobotShapes(robot, plain)
-    return {side: Hand.of(robot, arm, shapes) for side, arm in robot.arms.items()}
+    return hands_of(robot, plain)
 
 
 @pytest.fixture(scope="module")
 def real_hands(robot: Baxter) -> dict[str, Hand]:
-    shapes = RobotShapes(robot)
-    return {side: Hand.of(robot, arm, shapes) for side, arm in robot.arms.items()}
+    return hands_of(robot)
 
 
 def standing(x_m: float, y_m: float, height_m: float, yaw_rad: float = 0.0) -> Body:
