@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from planner import Manipulator, StraightMoveError, plan_path_move
-from planner.approach import SPEEDS, Approach, plan_entry, plan_transfer
+from planner.approach import Approach, plan_entry, plan_transfer
 from planner.lines import raised
+from planner.rest_time import rest_to_rest_s
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 from tests.conftest import overhead
 
@@ -38,7 +39,7 @@ def joints_on(*parts: Trajectory) -> bool:
 def test_faster_at_the_upper_end_is_sooner_down(approaches: tuple[Approach, Approach]) -> None:
     for approach in approaches:
         durations = [approach.descents[speed].duration for speed in sorted(approach.descents)]
-        assert len(durations) == len(SPEEDS)
+        assert len(durations) == 2
         assert durations == sorted(durations, reverse=True)
 
 
@@ -50,6 +51,18 @@ def test_descents_begin_as_they_say_and_end_at_rest(approaches: tuple[Approach, 
                 np.testing.assert_allclose(x, y, atol=CONTINUITY_TOLERANCE)
             assert np.abs(descent.v[-1]).max() == 0.0
             np.testing.assert_allclose(descent.q_goal, approach.q_target, atol=1e-9)
+
+
+def test_short_lines_are_passed_faster_than_long_ones(manipulator: Manipulator) -> None:
+    """In fractions of the line a second, times what a motion from rest to rest covers."""
+    q = manipulator.ik.solve(PICK, current=manipulator.arm.start).q
+    shares = []
+    for rise_m in (0.05, 0.15):
+        approach = Approach.of(manipulator, q, raised(PICK, rise_m))
+        way = approach.q_target - approach.q_above
+        mean = 1.0 / float(rest_to_rest_s(way, manipulator.limits))
+        shares.append([speed / mean for speed in sorted(approach.descents)])
+    np.testing.assert_allclose(shares, [[2.3, 2.9], [1.7, 2.3]])
 
 
 def test_an_entry_passes_the_upper_end_and_beats_stopping_there(
