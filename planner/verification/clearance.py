@@ -9,7 +9,7 @@ is put down. Anywhere else the same shapes must be apart like all others.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,9 +27,6 @@ from planner.verification.certificate import Worst, greatest, least
 from planner.verification.story import FingerTravel, Stage
 from planner.verification.tolerances import Tolerances
 from planner.verification.urdf_robot import UrdfRobot
-
-FOLD_M = 0.005
-"""How far the elbow's fold is measured; it keeps 36 mm until the elbow is bent to its end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +59,6 @@ class Found:
 
     Attributes:
         steps: the least distances of pairs that must not touch.
-        fold: the least distance of the elbow's two halves, not told apart beyond `FOLD_M`.
         press: how deep an allowed contact presses.
         slide: how far a held body moves sideways while it touches what it may touch.
         astray: how many contacts are made out of turn.
@@ -71,7 +67,6 @@ class Found:
     """
 
     steps: tuple[StepFound, ...]
-    fold: Worst
     press: Worst
     slide: Worst
     astray: Worst
@@ -91,7 +86,7 @@ def survey(
     for travel_m in TRAVELS_M:
         stretch = stretches.of_run(stage, travel_m)
         survey_ = _Survey(robot, stretch, stretches.pairs_of_run(stage, stretch), allowed)
-        found = survey_.found(stretches.folds())
+        found = survey_.found()
         if not any(step.is_open(allowed.clearance_m) for step in found.steps):
             break
     return found
@@ -119,12 +114,11 @@ class _Survey:
         self._slides: list[Worst] = []
         self._astray: list[str] = []
 
-    def found(self, folds: Sequence[Pair] = ()) -> Found:
+    def found(self) -> Found:
         steps = tuple(self._section(section) for section in self._stretch.sections)
         astray = self._astray
         return Found(
             steps,
-            self._fold(folds),
             self._press,
             greatest(self._slides, "no held body touches anything"),
             Worst(len(astray), astray[0] if astray else "no contact out of turn"),
@@ -233,12 +227,6 @@ class _Survey:
         tips = [self._distances.tip_base(s).translation[:2] for s in range(first, last + 1)]
         slide = float(np.ptp(np.array(tips), axis=0).max())
         self._slides.append(Worst(slide, f"{self._stretch.where(section, last)}, {pair}"))
-
-    def _fold(self, folds: Sequence[Pair]) -> Worst:
-        last = len(self._stretch.q) - 1
-        distances = Distances(self._robot, self._stretch, list(folds))
-        found = is_farther(distances, list(range(len(folds))), 0, last, FOLD_M)
-        return Worst(found.least_m, "elbow folded onto itself" if found.pair >= 0 else "not near")
 
     def at_start(self) -> Worst:
         """The least distance of all pairs at the first sample."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from planner.plan import Move
-from planner.verification.certificate import Check, Worst, greatest, least
+from planner.verification.certificate import Check, Worst, greatest
 from planner.verification.clearance import Found, least_of
 from planner.verification.motion.motion_checks import NO_MOVES
 from planner.verification.tolerances import Tolerances
@@ -26,7 +26,6 @@ def clearance_checks(
         nearest, proven = least_of(some, none)
         yield nearest.above(bound, f"clearance{kind}", "m")
         yield proven.above(bound, f"clearance{kind} between samples", "m")
-    yield least((f.fold for f in found), NO_MOVES).above(0.0, "clearance of the elbow's fold", "m")
     inside = greatest([standing_inside, *(f.enclosed for f in found)], NO_MOVES)
     yield inside.at_most(0.0, "bodies inside a link")
     press = greatest((f.press for f in found), NO_MOVES)

@@ -35,11 +35,9 @@ MOST_JOINTS = 2
 """Between two links for which the proof is tried; what is farther apart is always checked, so that
 a clearance that is stated counts it."""
 
-MOST_BOXES = 20_000
-"""Of joint angles before the proof by pieces is given up."""
+MOST_BOXES = 60_000
+"""Of joint angles before a proof is given up."""
 
-FEWER_BOXES = 3_000
-"""Of them before the proof by triangles is."""
 
 NEAR_M = 1e-3
 """Beyond the margins, so that what rubs in a bearing counts as touching."""
@@ -94,13 +92,10 @@ def reasons(links: Mapping[str, LinkBody], seed: int = 0) -> dict[frozenset[str]
         if not joints:
             found[frozenset((a, b))] = RIGID
         elif len(joints) <= MOST_JOINTS:
-            least = least_distance(
-                poses, links[a], links[b], joints=joints, level=pieces_of, most_boxes=MOST_BOXES
-            )
+            both = links[a], links[b]
+            least = least_distance(poses, *both, joints=joints, level=pieces_of)
             if least is None:
-                least = least_distance(
-                    poses, links[a], links[b], joints=joints, level=finest, most_boxes=FEWER_BOXES
-                )
+                least = least_distance(poses, *both, joints=joints, level=finest)
             if least is None:
                 open_pairs.append((a, b))
             else:
@@ -134,7 +129,6 @@ def least_distance(
     *,
     joints: list[int],
     level: Callable[[LinkBody], list[coal.CollisionGeometry]],
-    most_boxes: int,
 ) -> float | None:
     """A lower bound of the distance of two links over all angles of the joints between; or None.
 
@@ -146,7 +140,7 @@ def least_distance(
     levers = np.array([_lever(poses, a, b, joints, joint) for joint in joints])
     stack = [(poses.low[index], poses.high[index])]
     least = np.inf
-    for _ in range(most_boxes):
+    for _ in range(MOST_BOXES):
         if not stack:
             return least
         low, high = stack.pop()

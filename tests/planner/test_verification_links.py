@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, product
 
 import coal
 import numpy as np
@@ -52,7 +52,6 @@ def test_links_two_joints_apart_that_are_left_out_never_touch(body: RobotBody) -
         (first, second)
         for first, second in combinations(body.solids, 2)
         if links.joints_between(model, first.joint, second.joint) == links.MOUNTED
-        and not links.is_fold(model, first, second)
         and "right" not in first.name + second.name
     ]
     least: dict[tuple[str, str], float] = {}
@@ -65,12 +64,31 @@ def test_links_two_joints_apart_that_are_left_out_never_touch(body: RobotBody) -
     assert min(least.values()) > 5e-4, min(least.items(), key=lambda item: item[1])
 
 
-def test_one_pair_of_each_arm_can_fold(body: RobotBody) -> None:
+@pytest.mark.parametrize(
+    ("names", "joints", "least_m"),
+    [
+        (("left_upper_elbow", "left_upper_forearm"), ("left_e1", "left_w0"), 1.5e-3),
+        (("left_upper_shoulder", "left_upper_elbow"), ("left_s1", "left_e0"), 3.5e-3),
+    ],
+)
+def test_the_nearest_links_two_joints_apart_never_touch_at_any_two_angles(
+    body: RobotBody, names: tuple[str, str], joints: tuple[str, str], least_m: float
+) -> None:
+    """Nearest where the first joint ends."""
     model = read_model(FILES)
-    folds = [
-        {a.name, b.name} for a, b in combinations(body.solids, 2) if links.is_fold(model, a, b)
-    ]
-    assert folds == [{f"{side}_upper_elbow", f"{side}_upper_forearm"} for side in ("left", "right")]
+    first, second = (next(s for s in body.solids if s.name == name) for name in names)
+    data, q = model.createData(), pin.neutral(model)
+    bends, turns = (model.joints[model.getJointId(name)].idx_q for name in joints)
+    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    ends = np.linspace(low[bends], high[bends], 9)
+    found = []
+    grid = product([*ends, high[bends] - 0.01, low[bends] + 0.01], np.linspace(0.0, 1.0, 61))
+    for bend, share in grid:
+        q[bends], q[turns] = bend, low[turns] + (high[turns] - low[turns]) * share
+        pin.forwardKinematics(model, data, q)
+        found.append(distance(first, second, data))
+    assert least_m < min(found) < 1.2 * least_m
+    assert found.index(min(found)) // 61 == 8
 
 
 def test_every_link_with_a_mesh_is_there_and_what_is_no_part_is_not(body: RobotBody) -> None:

@@ -111,7 +111,7 @@ class Stretches:
             begin += len(path.times_s)
 
     def pairs_of_run(self, run: Run, stretch: Stretch) -> list[Pair]:
-        """All that are checked, the elbow's fold left out."""
+        """All that are checked."""
         near = {run.released, run.wanted} - {None}
         found = list(self._own)
         for link, solid in product(self._arm, stretch.still):
@@ -122,11 +122,6 @@ class Stretches:
         found += [Pair(part, link) for part, link in product(stretch.held, self.rest + self._inner)]
         found += [Pair(h, solid, solid.name) for h, solid in product(stretch.held, stretch.still)]
         return found
-
-    def folds(self) -> list[Pair]:
-        """The elbow of the arm that moves, which can fold onto itself."""
-        model = self._robot.model
-        return [Pair(b, a) for a, b in combinations(self._arm, 2) if links.is_fold(model, a, b)]
 
     def of_rest(self, scene: Scene) -> Stretch:
         """The one sample of what the arm does not move."""
