@@ -6,7 +6,8 @@ Both arms stand anywhere within their limits, fingers too, among boxes at random
 arm the planner's clearance is compared with distances of the original meshes, by other kinematics
 and FCL (`plan_check`). It prints the greatest differences. The exit status is 1 when a mesh is
 nearer than the planner says, when a clearance below 50 mm is over 2 mm less than that of the
-meshes, or when something counts as touching whose meshes are 3 mm apart.
+meshes, or when something counts as touching whose meshes are 3 mm apart, as are those of what is
+rigid to it.
 """
 
 from __future__ import annotations
@@ -125,7 +126,7 @@ def _look(number: int, arm: Arm, scene: Scene, q: Array, meshes: _Distances) -> 
     found = ClearanceChecker(_shapes(), arm, scene).clearance(q)
     pair = found.first, found.second
     of_pair = meshes.of(*pair, np.inf)
-    if found.distance_m <= 0.0 and of_pair >= APART_M and meshes.are_nested(*pair):
+    if found.distance_m <= 0.0 and of_pair >= APART_M and _is_in(meshes, pair):
         of_pair = 0.0
     least, nearest = of_pair, pair
     if found.distance_m > 0.0:
@@ -134,6 +135,22 @@ def _look(number: int, arm: Arm, scene: Scene, q: Array, meshes: _Distances) -> 
             if distance < least:
                 least, nearest = distance, (one, other)
     return Look(number, found.distance_m, pair, of_pair, least, nearest)
+
+
+def _is_in(meshes: _Distances, pair: tuple[str, str]) -> bool:
+    """Whether one is inside the other, or what is rigid to it passes through the other's surface.
+
+    Rays tell what is inside; near an opening, as where an arm is mounted, many of them are free.
+    """
+    if meshes.are_nested(*pair):
+        return True
+    group, solids = load_robot().group, load_robot().solids
+    return any(
+        meshes.of(link, other, 0.0) == 0.0
+        for inner, other in (pair, pair[::-1])
+        for link in solids
+        if inner in group and group[link] == group[inner] and link != other
+    )
 
 
 class _Distances:
