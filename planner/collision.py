@@ -23,7 +23,7 @@ from baxter_kin.frames import checked_pose
 from planner.contact import PRESSING_TOLERANCE_M, coal_shape, convex_pieces
 from planner.distances import UNKNOWN_DEPTH_M, Distances, Enclosure
 from planner.errors import SceneError
-from planner.lever_arms import LeverArms, Placed
+from planner.lever_arms import Covers, LeverArms, Placed
 from planner.robot_shapes import RobotShapes
 from planner.scene import Body, Scene
 
@@ -95,20 +95,24 @@ class ShapePairs:
     """The shapes of a situation, and the pairs of them that are checked, while it is built.
 
     Attributes:
-        geometry: all shapes; those of the robot first, as `RobotShapes` numbers them.
+        geometry: all shapes, without pairs; the robot's first, as `RobotShapes` numbers them.
+        numbers: the shapes of every pair.
         enclosures: what each shape of triangles encloses; None for convex ones.
         names: the link or body that each shape belongs to.
-        padding_m: by how much each shape counts as thicker than it is, but in contacts.
+        margins_m: how far outside each shape what it stands for may be.
+        padding_m: how much thicker than that each counts as, but where a pair has its own need.
         needs_m: of the pairs that may be nearer than a margin because that is meant: the number of
             the pair -> the distance that it must exceed, negative for a contact that may press.
     """
 
     def __init__(self, shapes: RobotShapes) -> None:
         """Begin with the robot's shapes, and no pairs."""
+        self._robot = shapes
         self.geometry: pin.GeometryModel = shapes.model.copy()
-        self.geometry.removeAllCollisionPairs()
+        self.numbers: list[tuple[int, int]] = []
         self.enclosures: list[Enclosure | None] = list(shapes.enclosures)
         self.names: list[str] = list(shapes.links)
+        self.margins_m: list[float] = list(shapes.margins_m)
         self.padding_m: list[float] = list(shapes.padding_m)
         self.needs_m: dict[int, float] = {}
 
@@ -127,14 +131,20 @@ class ShapePairs:
                 is_surface = isinstance(shape, coal.BVHModelBase)
                 self.enclosures.append(Enclosure.none() if is_surface else None)
                 self.names.append(body.name)
+                self.margins_m.append(0.0)
                 self.padding_m.append(0.0)
         return added
 
     def pair(self, first: int, second: int, *, need_m: float | None = None) -> None:
         """Check a pair: against the margin, or against a distance of its own."""
         if need_m is not None:
-            self.needs_m[len(self.geometry.collisionPairs)] = need_m
-        self.geometry.addCollisionPair(pin.CollisionPair(first, second))
+            self.needs_m[len(self.numbers)] = need_m
+        self.numbers.append((first, second))
+
+    def covers(self) -> Covers:
+        """Simple shapes around all shapes."""
+        added = list(self.geometry.geometryObjects)[len(self._robot.links) :]
+        return self._robot.covers.with_those_of([shape.geometry for shape in added])
 
     def built(self) -> CheckedPairs:
         """What is checked; nothing may be added any more."""
@@ -145,7 +155,8 @@ class CheckedPairs:
     """Pairs of shapes whose distances count in one situation.
 
     Attributes:
-        geometry: all shapes, and the pairs.
+        geometry: all shapes, without pairs.
+        covers: simple shapes around them.
         numbers: the shapes of every pair, shape (n, 2).
         needs_m: what the distance of a pair must exceed where that is not the margin, shape (n,);
             NaN for all others.
@@ -157,13 +168,17 @@ class CheckedPairs:
     def __init__(self, built: ShapePairs) -> None:
         """Of what was built."""
         self.geometry, self._names = built.geometry, tuple(built.names)
-        pairs = [(pair.first, pair.second) for pair in self.geometry.collisionPairs]
-        self.numbers: Indices = np.array(pairs, dtype=np.intp).reshape(-1, 2)
-        self.needs_m: Vector = np.full(len(pairs), np.nan)
+        self.covers = built.covers()
+        self.numbers: Indices = np.array(built.numbers, dtype=np.intp).reshape(-1, 2)
+        self.needs_m: Vector = np.full(len(self.numbers), np.nan)
         self.needs_m[list(built.needs_m)] = list(built.needs_m.values())
-        thicker = np.array(built.padding_m)[self.numbers].sum(axis=1)
-        self.padding_m: Vector = np.where(self.is_contact, 0.0, thicker)
-        self.distances = Distances(self.geometry, built.enclosures, self.padding_m)
+        outside, thicker = (
+            np.array(each)[self.numbers].sum(axis=1) for each in (built.margins_m, built.padding_m)
+        )
+        self.padding_m: Vector = outside + np.where(self.is_contact, 0.0, thicker)
+        self.distances = Distances(
+            self.geometry, built.enclosures, built.numbers, self.padding_m.tolist()
+        )
 
     @property
     def is_contact(self) -> NDArray[np.bool_]:
@@ -206,7 +221,7 @@ class ClearanceChecker:
         arm: the arm that moves.
         robot: the model of the whole robot.
         checked: the pairs of shapes that are checked.
-        geometry: all shapes, and these pairs.
+        geometry: all shapes, without pairs.
     """
 
     def __init__(
@@ -249,7 +264,7 @@ class ClearanceChecker:
     @cached_property
     def levers(self) -> LeverArms:
         """Bounds on distances and motions of the shapes while the arm moves."""
-        return LeverArms(self.robot, self.geometry, self.arm)
+        return LeverArms(self.robot, self.geometry, self.arm, self.checked.covers)
 
     def clearance(self, q: ArrayLike) -> Clearance:
         """The least distance at a full configuration, shape (19,).

@@ -29,9 +29,9 @@ UNKNOWN_DEPTH_M = -0.01
 
 _NO_DISTANCE_M = -1e6
 
-EASY, BOLDER = 0.8, 1.15
-"""Of the distance that a pair had, the share that is asked for where more would be of no use; and
-by how much more each time that it was there."""
+FIRST_M, EASY, BOLDER = 0.02, 0.8, 1.1
+"""What is asked for first where more would be of no use; of a distance that a pair had, the share
+that is asked for then; and by how much more each time that it was there."""
 
 MOST_CONTACTS = 32
 """Triangles that are looked at to say how deep something is in a surface."""
@@ -85,19 +85,20 @@ class Distances:
         self,
         geometry: pin.GeometryModel,
         enclosures: Sequence[Enclosure | None],
-        padding_m: Vector,
+        pairs: Sequence[tuple[int, int]],
+        padding_m: Sequence[float],
     ) -> None:
-        """For all pairs of a geometry model.
+        """For pairs of shapes of a geometry model.
 
         Args:
             geometry: the shapes; kept alive here, as coal keeps bare pointers.
             enclosures: of each shape of triangles what it encloses; None for a convex one.
-            padding_m: what is subtracted from the distance of each pair, shape (pairs,).
+            pairs: numbers of two shapes each.
+            padding_m: what is subtracted from the distance of each pair.
         """
-        self._padding_m = padding_m.tolist()
+        self._pairs, self._padding_m = pairs, padding_m
         self._shapes = [shape.geometry for shape in geometry.geometryObjects]
         self._enclosures = list(enclosures)
-        self._pairs = [(pair.first, pair.second) for pair in geometry.collisionPairs]
         self._functors: dict[int, coal.ComputeDistance] = {}
         self._easy_m: dict[int, float] = {}
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
@@ -120,7 +121,7 @@ class Distances:
         padding_m: float = self._padding_m[pair]
         if self._enclosures[first] is None and self._enclosures[second] is None:
             return self._distance(pair, np.inf) - padding_m
-        easy_m = self._easy_m.get(pair, 0.0)
+        easy_m = self._easy_m.get(pair, FIRST_M)
         ask_m = min(within_m, max(exact_below_m, easy_m))
         found = self._distance(pair, ask_m + padding_m)
         if found <= 0.0:

@@ -114,7 +114,8 @@ class TravelCheck:
         if travel.pushed is not None:
             self._add_pushed(travel.pushed, standing)
         self._checked = self._pairs.built()
-        self._levers = LeverArms(manipulator.robot.model, self._checked.geometry, arm)
+        robot = manipulator.robot.model
+        self._levers = LeverArms(robot, self._checked.geometry, arm, self._checked.covers)
         signs = np.array([self._signs.get(i, 0) for i in range(self._checked.geometry.ngeoms)])
         first, second = self._checked.numbers.T
         self._rates = np.abs(signs[first] - signs[second])

@@ -140,8 +140,8 @@ class GuardedSpace:
 class Touches:
     """Whether any pair of shapes is nearer than its own margin.
 
-    The geometry is the checker's; data and broad phase are made anew for every use, because the
-    broad phase keeps bare pointers into both and none may change under it. A margin below zero is
+    The shapes are the checker's; geometry, data and broad phase are made anew for every use, as the
+    broad phase keeps bare pointers into them and none may change under it. A margin below zero is
     how deep shapes may be inside each other before they count; where coal does not know a depth, in
     meshes that are not convex, any contact does.
     """
@@ -150,13 +150,13 @@ class Touches:
         self, checker: ClearanceChecker, margin_m: float = 0.0, nearest_m: Vector | None = None
     ) -> None:
         """For all pairs of a checker, and what distance they were at somewhere else, if given."""
-        self._model, self._geometry = checker.robot, checker.geometry
+        self._model, self._geometry = checker.robot, _of_pairs(checker)
         self._data, self._results = self._model.createData(), self._geometry.createData()
-        margins_m = np.full(len(self._geometry.collisionPairs), margin_m)
+        margins_m = np.full(len(checker.pairs), margin_m)
         if nearest_m is not None:
             margins_m = np.minimum(margins_m, KEPT_SHARE * np.maximum(nearest_m, 0.0))
         if margin_m < 0.0:
-            margins_m[~self._with_depth(checker)] = 0.0
+            margins_m[~_with_depth(checker)] = 0.0
         contacts = checker.may_touch
         margins_m[contacts] = checker.checked.needs_m[contacts]
         margins_m += checker.checked.padding_m
@@ -171,9 +171,21 @@ class Touches:
         found = pin.computeCollisions(self._model, self._data, self._broad_phase, q_full, True)
         return bool(found)
 
-    def _with_depth(self, checker: ClearanceChecker) -> NDArray[np.bool_]:
-        """Of which pairs it is known how deep they are inside each other, shape (pairs,)."""
-        known = np.array([has_depth(shape.geometry) for shape in self._geometry.geometryObjects])
-        first, second = checker.pairs.T
-        of_pairs: NDArray[np.bool_] = np.logical_and(known[first], known[second])
-        return of_pairs
+
+def _of_pairs(checker: ClearanceChecker) -> pin.GeometryModel:
+    """The pairs of a checker and no other shapes: all there are get moved for each question."""
+    geometry, pairs = pin.GeometryModel(), checker.pairs
+    kept = np.unique(pairs)
+    for number in kept.tolist():
+        geometry.addGeometryObject(checker.geometry.geometryObjects[number])
+    for first, second in np.searchsorted(kept, pairs).tolist():
+        geometry.addCollisionPair(pin.CollisionPair(first, second))
+    return geometry
+
+
+def _with_depth(checker: ClearanceChecker) -> NDArray[np.bool_]:
+    """Of which pairs it is known how deep they are inside each other, shape (pairs,)."""
+    known = np.array([has_depth(shape.geometry) for shape in checker.geometry.geometryObjects])
+    first, second = checker.pairs.T
+    of_pairs: NDArray[np.bool_] = np.logical_and(known[first], known[second])
+    return of_pairs

@@ -47,19 +47,22 @@ class LeverArms:
         q_index: where the arm's joints stand in a full configuration, shape (7,).
     """
 
-    def __init__(self, robot: pin.Model, geometry: pin.GeometryModel, arm: Arm) -> None:
-        """Measure the shapes."""
+    def __init__(
+        self, robot: pin.Model, geometry: pin.GeometryModel, arm: Arm, covers: Covers
+    ) -> None:
+        """Of the shapes of a geometry model, and what is around each."""
         self._robot, self._data = robot, robot.createData()
         self._chain = [robot.getJointId(name) for name in arm.joint_names]
         self.q_index = np.array([robot.joints[joint].idx_q for joint in self._chain])
-        self._axes = np.array([_axis(self._data, joint) for joint in self._chain])
+        axes = [_axis(self._data, joint) for joint in self._chain]
+        self._across = np.array([_across(axis) for axis in axes])
         shapes = list(geometry.geometryObjects)
         self._joint = np.array([shape.parentJoint for shape in shapes])
         self._T_joint_shape = np.array([shape.placement.homogeneous for shape in shapes])
         self.depth = _depths(robot, self._chain)[self._joint]
         self._moved = np.flatnonzero(self.depth)
         self._row = np.cumsum(self.depth > 0) - 1  # of a shape among those that move
-        self._covers = _Covers.of([shape.geometry for shape in shapes])
+        self._covers = covers
 
     def place(self, full: Vector, qs: Vector) -> Placed:
         """Poses at arm configurations, shape (m, 7), the other joints as in `full`, shape (19,)."""
@@ -116,18 +119,19 @@ class LeverArms:
 
     def _levers(self, placed: Placed) -> Vector:
         """Greatest distance of each moving shape from each axis before it, (m, moving, 7)."""
-        covers, moved = self._covers, self._moved
+        covers, moved, count = self._covers, self._moved, len(self._chain)
         ends = _points(placed.shapes[:, moved], covers.ends[moved])  # m, moving, 2, 3
-        origins = placed.joints[..., :3, 3]
-        axes = (placed.joints[..., :3, :3] @ self._axes[:, :, None])[..., 0]
-        apart = ends[:, :, :, None] - origins[:, None, None]  # m, moving, 2, 7, 3
-        across = np.cross(apart, axes[:, None, None])
-        levers = np.linalg.norm(across, axis=-1).max(axis=2) + covers.radii[moved][:, None]
-        before: NDArray[np.bool_] = np.arange(len(self._chain)) < self.depth[moved][:, None]
+        across = self._across @ placed.joints[..., :3, :3].swapaxes(-1, -2)  # m, 7, 2, 3
+        offsets = (across @ placed.joints[..., :3, 3, None]).reshape(len(ends), 1, -1)
+        across = across.reshape(len(ends), -1, 3).swapaxes(1, 2)  # m, 3, 14
+        beside = (ends.reshape(len(ends), -1, 3) @ across - offsets) ** 2  # m, 2 moving, 14
+        reach = beside.reshape(len(ends), len(moved), 2, count, 2).sum(axis=4).max(axis=2)
+        levers = np.sqrt(reach) + covers.radii[moved][:, None]
+        before: NDArray[np.bool_] = np.arange(count) < self.depth[moved][:, None]
         return np.where(before, levers, 0.0)
 
 
-class _Covers(NamedTuple):
+class Covers(NamedTuple):
     """Simple shapes around n shapes, each in the frame of its shape.
 
     A box `lowest` .. `highest`, (n, 3); a ball around `centres`, (n, 3), of `ball_radii`, (n,);
@@ -141,8 +145,14 @@ class _Covers(NamedTuple):
     ends: Vector
     radii: Vector
 
+    def with_those_of(self, geometries: list[coal.CollisionGeometry]) -> Covers:
+        """These, and those around further shapes."""
+        added = Covers.of(geometries)
+        return Covers(*(np.concatenate(both) for both in zip(self, added, strict=True)))
+
     @classmethod
-    def of(cls, geometries: list[coal.CollisionGeometry]) -> _Covers:
+    def of(cls, geometries: list[coal.CollisionGeometry]) -> Covers:
+        """Those around some shapes."""
         lowest, highest = (np.empty((len(geometries), 3)) for _ in range(2))
         axes, radii = np.zeros((len(geometries), 3)), np.empty(len(geometries))
         for number, geometry in enumerate(geometries):
@@ -183,6 +193,12 @@ def _axis(data: pin.Data, joint: int) -> Vector:
     """The axis of a revolute joint in its own frame, shape (3,), unit."""
     axis: Vector = np.asarray(data.joints[joint].S).reshape(-1)[3:]
     return axis
+
+
+def _across(axis: Vector) -> Vector:
+    """Two unit vectors across a unit axis and each other, shape (2, 3)."""
+    across: Vector = np.linalg.svd(axis[None])[2][1:]
+    return across
 
 
 def _depths(robot: pin.Model, chain: list[int]) -> Indices:

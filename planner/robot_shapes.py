@@ -15,6 +15,7 @@ from baxter_kin.errors import expect
 from planner.contact import convex, shape_of, surface
 from planner.distances import Enclosure
 from planner.errors import SceneError
+from planner.lever_arms import Covers
 from planner.robot_body import LinkBody, RobotBody
 from planner.scene import Part
 
@@ -63,8 +64,13 @@ class RobotShapes:
         return tuple(made.link for made in self._made)
 
     @cached_property
+    def margins_m(self) -> tuple[float, ...]:
+        """How far outside each shape the link may be."""
+        return tuple(made.margin_m for made in self._made)
+
+    @cached_property
     def padding_m(self) -> tuple[float, ...]:
-        """By how much each shape counts as thicker than it is."""
+        """How much thicker than that each counts as, but where it may come near something."""
         return tuple(made.padding_m for made in self._made)
 
     @cached_property
@@ -95,6 +101,11 @@ class RobotShapes:
             and shapes[first].parentJoint != shapes[second].parentJoint
             and frozenset((links[first], links[second])) not in skipped
         )
+
+    @cached_property
+    def covers(self) -> Covers:
+        """Simple shapes around each."""
+        return Covers.of([made.geometry for made in self._made])
 
     def of_arm(self, arm: Arm) -> frozenset[int]:
         """The shapes that an arm moves, those of its hand among them."""
@@ -169,6 +180,7 @@ class _Made:
     link: str
     geometry: coal.CollisionGeometry
     enclosure: Enclosure | None = None
+    margin_m: float = 0.0
     padding_m: float = 0.0
     is_whole: bool = True
     is_detail: bool = True
@@ -184,7 +196,10 @@ def _of_body(body: RobotBody) -> tuple[_Made, ...]:
         key = tuple(part.vertices.tobytes() for part in parts)
         if key not in known:
             known[key] = list(_of_link(link))
-        shapes += [replace(made, link=link.name, padding_m=link.margin_m) for made in known[key]]
+        shapes += [
+            replace(made, link=link.name, margin_m=link.margin_m, padding_m=link.padding_m)
+            for made in known[key]
+        ]
     return tuple(shapes)
 
 

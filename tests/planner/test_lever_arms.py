@@ -37,8 +37,9 @@ class Rig:
     """The left arm's lever arms, and where Pinocchio says that its shapes are."""
 
     def __init__(self, robot: Baxter, arm: Arm) -> None:
-        self.arm, self.shapes = arm, RobotShapes(robot).model.geometryObjects
-        self.levers = LeverArms(robot.model, RobotShapes(robot).model, arm)
+        shapes = RobotShapes(robot)
+        self.arm, self.shapes = arm, shapes.model.geometryObjects
+        self.levers = LeverArms(robot.model, shapes.model, arm, shapes.covers)
         self.q_others = robot.configuration()
         self._robot = robot
 

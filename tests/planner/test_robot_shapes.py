@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -116,15 +118,32 @@ def test_a_ball_wholly_inside_a_link_is_inside_though_it_touches_no_triangle(
 def test_a_padding_is_taken_from_every_distance_but_those_of_contacts(
     robot: Baxter, left: Arm, body: RobotBody
 ) -> None:
-    padded = body.padded(0.004)
+    both = [RobotShapes(robot, given) for given in (body, body.padded(0.004))]
+    q = np.array(robot.configuration(left.joints(left.neutral)))
+    tip = left.T_base_tip(left.neutral).translation
+    beside = Scene.of([ball(0.01, tip[0], tip[1], tip[2] - 0.05)])
+    for scene, links in ((beside, 1), (Scene.of([]), 2)):
+        bare, thick = (ClearanceChecker(given, left, scene).clearance(q) for given in both)
+        assert thick.distance_m == pytest.approx(bare.distance_m - links * 0.004, abs=1e-5)
+
+
+def test_a_palm_counts_the_margin_of_its_mesh_but_no_padding_against_what_is_grasped(
+    robot: Baxter, left: Arm, body: RobotBody
+) -> None:
     q = np.array(robot.configuration(left.joints(left.neutral)))
     tip = left.T_base_tip(left.neutral).translation
     scene = Scene.of([ball(0.01, tip[0], tip[1], tip[2] - 0.05)])
-    bare, thick = (
-        ClearanceChecker(RobotShapes(robot, given), left, scene).clearance(q).distance_m
-        for given in (body, padded)
-    )
-    assert thick == pytest.approx(bare - 2 * 0.004, abs=1e-5)  # two links are nearest
+    distances = {}
+    for padding_m, touchable in product((0.0, 0.004), (None, "ball")):
+        shapes = RobotShapes(robot, body.padded(padding_m))
+        checker = ClearanceChecker(shapes, left, scene, touchable=touchable)
+        names = [checker.between(pair, 0.0) for pair in range(len(checker.pairs))]
+        wanted = {"left_gripper_base_link", "ball"}
+        palm = [{near.first, near.second} == wanted for near in names].index(True)
+        [distances[padding_m, touchable]] = checker.distances_m(q, [palm])
+    bare_m = distances[0.0, None]
+    assert distances[0.0, "ball"] == distances[0.004, "ball"] == bare_m
+    assert distances[0.004, None] == pytest.approx(bare_m - 0.004)
 
 
 @pytest.mark.parametrize("padding_m", [-1e-3, np.nan, np.inf])
