@@ -228,6 +228,7 @@ class _Search:
         self._duration_s = motion.duration_s
         self._touch = checked.is_contact
         self._needed_m = checked.needed_m(margin_m)
+        self._too_close_m = self._needed_m + RESOLUTION_M
         self._nearest = Clearance(np.inf, "", "")
         self._proven_m = np.inf
         self._intervals = self._evaluations = 0
@@ -261,13 +262,13 @@ class _Search:
         distances = self._checked.distances
         found: dict[int, float] = {}
         nearest_m = self._nearest.distance_m
-        most_needed_m = float(self._needed_m.max(initial=0.0)) + RESOLUTION_M
+        most_needed_m = float(self._too_close_m.max(initial=RESOLUTION_M))
         for index in np.argsort(gaps, kind="stable").tolist():
             pair = int(self._pairs[index])
             if gaps[index] >= max(nearest_m, most_needed_m):
                 break
             counted_m = -np.inf if self._touch[pair] else nearest_m
-            least_m = max(counted_m, float(self._needed_m[pair]) + RESOLUTION_M)
+            least_m = max(counted_m, float(self._too_close_m[pair]))
             distance_m = distances.measure(pair, np.nextafter(least_m, np.inf))
             if distance_m > 0.0 and distances.is_within(pair):
                 distance_m = UNKNOWN_DEPTH_M
@@ -310,7 +311,6 @@ class _Search:
         """
         wanted_m = self._wanted_m()[tasks.pair] + motions
         within_m = np.maximum(wanted_m + 2.0 * ACCURACY_M * np.maximum(1.0, wanted_m), 0.0)
-        too_close_m = self._needed_m + RESOLUTION_M
         distances = self._checked.distances
         found, is_exact = np.empty(len(tasks.pair)), np.empty(len(tasks.pair), dtype=np.bool_)
         numbers, begins = np.unique(tasks.interval, return_index=True)
@@ -322,9 +322,9 @@ class _Search:
             for task in range(begin, end):
                 pair = int(tasks.pair[task])
                 counted_m = -np.inf if self._touch[pair] else REFINED * self._nearest.distance_m
-                exact_m = max(counted_m, float(too_close_m[pair]))
+                exact_m = np.nextafter(max(counted_m, float(self._too_close_m[pair])), np.inf)
                 least_m = max(float(within_m[task]), exact_m)
-                found[task] = distances.measure(pair, least_m, np.nextafter(exact_m, np.inf))
+                found[task] = distances.measure(pair, least_m, exact_m)
                 is_exact[task] = found[task] < exact_m
         self._evaluations += len(found)
         self._judge(tasks, found, is_exact)
@@ -334,9 +334,9 @@ class _Search:
         self, tasks: _Tasks, distances: Vector, is_exact: bool | NDArray[np.bool_] = True
     ) -> None:
         """Stop at a distance that is too small; remember the least of those that are exact."""
-        excess = distances - self._needed_m[tasks.pair]
-        is_too_close = (excess <= RESOLUTION_M).any()
-        if is_too_close or (excess.size and self._evaluations > MOST_EVALUATIONS):
+        is_too_close = (distances <= self._too_close_m[tasks.pair]).any()
+        if is_too_close or (distances.size and self._evaluations > MOST_EVALUATIONS):
+            excess = distances - self._needed_m[tasks.pair]
             self._stop(tasks, distances, int(excess.argmin()))
         counted = np.where(is_exact & ~self._touch[tasks.pair], distances, np.inf)
         if counted.min(initial=np.inf) < self._nearest.distance_m:
