@@ -349,15 +349,16 @@ class ClearanceChecker:
     ) -> set[int]:
         """Add the bodies; returns the shapes of those that the held body may touch."""
         supports = set()
-        arm = sorted(self._shapes.of_arm(self.arm) & self._shapes.details)
+        arm = self._shapes.of_arm(self.arm)
         hand, pads = self._shapes.of_hand(self.arm), self._shapes.of_pads(self.arm)
         for body in scene:
             carries = held is not None and body.name in held.supports
             in_pieces = carries or body.name == touchable
+            of_arm = self._shapes.details if body.name == touchable else self._shapes.wholes
             for index in self._pairs.add(body, 0, body.T_base_body, in_pieces=in_pieces):
                 if carries:
                     supports.add(index)
-                for other in arm:
+                for other in sorted(arm & of_arm):
                     need_m = None
                     if body.name == touchable and other in hand:
                         presses = may_press and other in pads

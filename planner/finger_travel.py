@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -100,8 +101,7 @@ class TravelCheck:
         self._manipulator, self._travel = manipulator, travel
         shapes, arm = manipulator.shapes, manipulator.arm
         self._pairs = ShapePairs(shapes)
-        self._fingers, pieces = shapes.of_fingers(arm), shapes.finger_pieces(arm)
-        self._pieces = (*pieces[0], *pieces[1])
+        self._fingers = shapes.of_fingers(arm)
         self._hand, self._pads = shapes.of_hand(arm), shapes.of_pads(arm)
         self._signs = dict.fromkeys(self._fingers[0], 1) | dict.fromkeys(self._fingers[1], -1)
         moving = set(self._signs)
@@ -142,6 +142,7 @@ class TravelCheck:
 
     def _add_scene(self) -> dict[str, list[int]]:
         standing = {}
+        shapes = self._manipulator.shapes
         for body in self._travel.scene:
             is_touchable = body.name == self._travel.touchable
             pushed = self._travel.pushed
@@ -149,11 +150,10 @@ class TravelCheck:
             added = self._pairs.add(body, 0, body.T_base_body, in_pieces=in_pieces)
             standing[body.name] = added
             self._of_scene.update(added)
-            for index in added:
-                for finger in self._pieces:
-                    self._pairs.pair(
-                        finger, index, need_m=self._grasping_need(finger) if is_touchable else None
-                    )
+            counted = self._signs.keys() & (shapes.details if is_touchable else shapes.wholes)
+            for index, finger in product(added, sorted(counted)):
+                need_m = self._grasping_need(finger) if is_touchable else None
+                self._pairs.pair(finger, index, need_m=need_m)
         return standing
 
     def _add_pushed(self, pushed: Held, standing: dict[str, list[int]]) -> None:

@@ -12,11 +12,12 @@ A link has three parts, in metres in the frame of the URDF's link:
 - `pieces`: a few convex polyhedra, every triangle whole in one of them: bounds, of which the proofs
   that pairs of links stay apart are made.
 
-Fingers and their tips, which touch things on purpose, and shapes that are convex anyway have pieces
-only; these contain the mesh, or the URDF's shape where a link has none. They fill pockets: at the
-foot of a finger by up to 5.7 mm, screws' holes, and what is between the ribs of a paddle, which are
-0.2 mm high and 1.8 mm apart: pads stand on the highest of these, half of a paddle at most 0.15 mm
-before the rib that is nearest.
+Fingers and their tips have all triangles of their meshes. What they grasp they touch with their
+pieces, of which it is known how deep something is inside: these contain the mesh, and fill its
+pockets, at the foot of a finger by up to 5.7 mm, in the pads the holes of screws and what is
+between the ribs of a paddle. Ribs are 0.2 mm high and 1.8 mm apart; pads stand on the highest, half
+of a paddle at most 0.15 mm before the rib that is nearest. A link without a mesh is the URDF's
+shape, as one piece.
 
 `tests/planner/test_robot_body.py` shows the margin for every triangle of the meshes. Pairs of links
 are left out where they are rigid to each other, where a proof over all angles of the joints between
@@ -40,7 +41,7 @@ from numpy.typing import NDArray
 from baxter_kin.arrays import finite_scalar
 from planner.errors import BodyFileError, SceneError
 
-VERSION = 2
+VERSION = 3
 """Of the data file's layout; a file of another version is refused."""
 
 FILE = Path(__file__).with_name("robot_body.npz")
@@ -63,10 +64,11 @@ class LinkBody:
     Attributes:
         name: of the URDF's link.
         mesh: stem of the mesh file it comes from, or "" where the URDF has a simple shape instead.
-        surface: triangles near the mesh's; without any where the pieces alone are the body.
-        margin_m: how far the mesh may be from them.
+        surface: triangles near the mesh's; without any where the pieces are all there is.
+        margin_m: how far the mesh may be from them; 1e-6 m where they are all its own, rounded.
         enclosure: closed surface around what the link encloses; without any where there is none.
         pieces: convex polyhedra around the surface.
+        is_touching: whether the pieces are what it touches things with on purpose.
         padding_m: how much thicker than that it counts as, where it must not touch anything.
     """
 
@@ -76,17 +78,13 @@ class LinkBody:
     margin_m: float
     enclosure: Triangulated
     pieces: tuple[Triangulated, ...]
+    is_touching: bool = False
     padding_m: float = 0.0
 
     @property
-    def is_touching(self) -> bool:
-        """Whether the pieces alone are the body, exact enough to touch with."""
-        return len(self.surface.triangles) == 0
-
-    @property
     def whole(self) -> Triangulated:
-        """All of its triangles: the surface, or those of all pieces where these are the body."""
-        if not self.is_touching:
+        """All of its triangles: the surface, or those of all pieces where it has none."""
+        if len(self.surface.triangles):
             return self.surface
         starts = np.cumsum([0, *(len(piece.vertices) for piece in self.pieces)])
         triangles = [
@@ -180,6 +178,7 @@ def _link(arrays: dict[str, NDArray[Any]], row: int) -> LinkBody:
         margin_m=float(arrays[f"{shape}/margin_m"]),
         enclosure=enclosure,
         pieces=tuple(pieces),
+        is_touching=bool(arrays[f"{shape}/is_touching"]),
     )
 
 

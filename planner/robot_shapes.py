@@ -23,9 +23,8 @@ from planner.scene import Part
 class RobotShapes:
     """The shapes of a robot, of the body that it is taken to be.
 
-    A link is one surface of triangles. One that touches things on purpose, as fingers do, counts as
-    its convex pieces where bodies are near, because how deep something is inside them is known, and
-    as the surface of these where the rest of the robot is.
+    A link is one surface of triangles, or one convex shape. Against what the hand grasps, fingers
+    count as their convex pieces, because how deep something is inside of these is known.
 
     Attributes:
         robot: the robot.
@@ -80,12 +79,12 @@ class RobotShapes:
 
     @cached_property
     def wholes(self) -> frozenset[int]:
-        """The shapes that count against the rest of the robot."""
+        """The shapes that count against what they must not touch, one of each link."""
         return frozenset(i for i, made in enumerate(self._made) if made.is_whole)
 
     @cached_property
     def details(self) -> frozenset[int]:
-        """The shapes that count against bodies."""
+        """The shapes that count against what the hand grasps."""
         return frozenset(i for i, made in enumerate(self._made) if made.is_detail)
 
     @cached_property
@@ -124,7 +123,7 @@ class RobotShapes:
         return first, second
 
     def finger_pieces(self, arm: Arm) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Those of them that count against bodies."""
+        """Those of them that count against what the hand grasps."""
         first, second = (
             tuple(i for i in finger if i in self.details) for finger in self.of_fingers(arm)
         )
@@ -189,28 +188,33 @@ class _Made:
 @lru_cache(maxsize=4)
 def _of_body(body: RobotBody) -> tuple[_Made, ...]:
     """The shapes of a body, made once; links of equal body share them."""
-    known: dict[tuple[bytes, ...], list[_Made]] = {}
+    known: dict[tuple[object, ...], list[_Made]] = {}
     shapes = []
     for link in body.links.values():
         parts = (link.surface, link.enclosure, *link.pieces)
-        key = tuple(part.vertices.tobytes() for part in parts)
+        key = (*(part.vertices.tobytes() for part in parts), link.is_touching, link.margin_m)
         if key not in known:
             known[key] = list(_of_link(link))
-        shapes += [
-            replace(made, link=link.name, margin_m=link.margin_m, padding_m=link.padding_m)
-            for made in known[key]
-        ]
+        shapes += [replace(made, link=link.name, padding_m=link.padding_m) for made in known[key]]
     return tuple(shapes)
 
 
 def _of_link(link: LinkBody) -> Iterator[_Made]:
-    if not link.is_touching:
-        yield _Made(link.name, surface(*link.surface), Enclosure(*link.enclosure))
-        return
-    pieces = [convex(*piece) for piece in link.pieces]
-    if len(pieces) == 1:
-        yield _Made(link.name, pieces[0])
+    pieces = [convex(*piece) for piece in link.pieces] if _is_in_pieces(link) else []
+    if len(pieces) == 1 and not len(link.surface.triangles):
+        yield _Made(link.name, pieces[0], margin_m=link.margin_m)
         return
     whole = link.whole
-    yield _Made(link.name, surface(*whole), Enclosure(*whole), is_detail=False)
+    inside = link.enclosure if len(link.surface.triangles) else whole
+    yield _Made(
+        link.name,
+        surface(*whole),
+        Enclosure(*inside),
+        margin_m=link.margin_m,
+        is_detail=not pieces,
+    )
     yield from (_Made(link.name, piece, is_whole=False) for piece in pieces)
+
+
+def _is_in_pieces(link: LinkBody) -> bool:
+    return link.is_touching or not len(link.surface.triangles)

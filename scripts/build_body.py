@@ -33,6 +33,9 @@ TARGET = Path(__file__).resolve().parent.parent / "planner" / "robot_body.npz"
 MARGIN = 0.5
 """What the planner adds to a link's triangles, mm."""
 
+ROUNDING = 1e-3
+"""The same where all triangles are kept, mm."""
+
 PROVEN = 0.499
 """How far no point of a mesh is from them, mm; the rest is for rounding in the file."""
 
@@ -69,7 +72,7 @@ def build(out: Path, folder: Path) -> None:
         if not placed.mesh:
             shapes[name] = primitive(*placed.primitive)
         elif "finger" in placed.link:
-            shapes[name] = Shape(hand(name))
+            shapes[name] = _finger(name, folder)
         else:
             shapes[name] = _link(name, folder)
         shape = shapes[name]
@@ -90,6 +93,13 @@ def _link(mesh: str, folder: Path) -> Shape:
     pieces = cover(vertices[faces], MOST_PIECES.get(mesh, 5))
     inside = _kept(folder / f"{mesh}_enclosure.npz", lambda: enclosure(mesh))
     return Shape(pieces, (vertices, faces), inside, MARGIN)
+
+
+def _finger(mesh: str, folder: Path) -> Shape:
+    """All of its triangles, and the pieces that it touches with."""
+    vertices, faces = np.unique(triangles(mesh).reshape(-1, 3), axis=0, return_inverse=True)
+    inside = _kept(folder / f"{mesh}_enclosure.npz", lambda: enclosure(mesh))
+    return Shape(hand(mesh), (vertices, faces.reshape(-1, 3)), inside, ROUNDING, is_touching=True)
 
 
 def _kept(file: Path, make: Callable[[], Mesh]) -> Mesh:

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from planner.robot_body import RobotBody, Triangulated
+from planner.robot_body import LinkBody, RobotBody, Triangulated
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 SIDES = [
@@ -21,6 +21,8 @@ SIDES = [
     *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
 ]
 """A cube's surface, counter-clockwise seen from outside."""
+
+NOTHING = Triangulated(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
 
 ROUND = 64
 """Corners of what stands for a disc; a quarter of them apart, so that two are on each axis."""
@@ -46,10 +48,14 @@ def with_plain_fingers(robot: Baxter) -> RobotBody:
             pieces[str(frame.name)].append(Triangulated(placed, triangles))
     body = RobotBody.load()
     plain = {
-        name: replace(link, pieces=tuple(pieces[name])) if name in pieces else link
+        name: _plain(link, pieces[name]) if name in pieces else link
         for name, link in body.links.items()
     }
     return RobotBody(MappingProxyType(plain), body.skipped_pairs)
+
+
+def _plain(link: LinkBody, pieces: list[Triangulated]) -> LinkBody:
+    return replace(link, surface=NOTHING, margin_m=0.0, pieces=tuple(pieces))
 
 
 def _surface(shape: Any) -> Triangulated:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from body.convex import Mesh, convex_hull
 from body.meshes import Placed
 
-VERSION = 2
+VERSION = 3
 
 NOTHING: Mesh = (np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
 
@@ -25,12 +25,16 @@ LARGER = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
-    """A shape in its own frame, mm: triangles and how far they deviate, what is inside, pieces."""
+    """A shape in its own frame, mm: triangles and how far they deviate, what is inside, pieces.
+
+    And whether it touches things on purpose with these.
+    """
 
     pieces: Sequence[Mesh]
     surface: Mesh = NOTHING
     enclosure: Mesh = NOTHING
     deviation: float = 0.0
+    is_touching: bool = False
 
 
 def primitive(kind: str, sizes: tuple[float, ...]) -> Shape:
@@ -72,6 +76,7 @@ def packed(
         arrays[f"{name}/triangles"] = np.concatenate([f for _, f in meshes]).astype(np.uint16)
         arrays[f"{name}/counts"] = np.array([(len(v), len(f)) for v, f in meshes])
         arrays[f"{name}/margin_m"] = np.array(shape.deviation * 1e-3)
+        arrays[f"{name}/is_touching"] = np.array(shape.is_touching)
     arrays["link/name"] = np.array([placed.link for placed in links])
     arrays["link/shape"] = np.array([shape_name(placed) for placed in links])
     arrays["link/mesh"] = np.array([placed.mesh for placed in links])

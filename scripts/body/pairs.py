@@ -118,8 +118,8 @@ def pieces_of(body: LinkBody) -> list[coal.CollisionGeometry]:
 
 @cache
 def finest(body: LinkBody) -> list[coal.CollisionGeometry]:
-    """The triangles of a link, or its pieces where these are the body."""
-    return pieces_of(body) if body.is_touching else [surface(*body.surface)]
+    """The triangles of a link, or its pieces where there are none."""
+    return [surface(*body.surface)] if len(body.surface.triangles) else pieces_of(body)
 
 
 def least_distance(

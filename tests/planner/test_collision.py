@@ -89,6 +89,16 @@ class Independent:
     def least(self, scene: Scene) -> float:
         return min(*self.to_itself(), *(self._to(body) for body in scene))
 
+    def lowest_m(self, part: str) -> float:
+        """The lowest point of the arm's links with that in their names, in base."""
+        body = RobotBody.load()
+        return min(
+            float(self._poses[link].act(vertex)[2]) - self._margins[link]
+            for link in self._arm
+            if part in link
+            for vertex in body.links[link].surface.vertices
+        )
+
     def to_itself(self) -> Iterator[float]:
         for one in self._arm:
             for other in self._shapes:
@@ -167,12 +177,7 @@ def test_clearance_to_a_slab_under_the_lowest_finger_point_is_known_by_hand(
 ) -> None:
     arm = manipulator.arm
     q = manipulator.ik.solve(overhead(0.70, 0.15, 0.1)).q
-    T = arm.T_base_tip(q)
-    lowest = min(
-        Body("part", (shapes.part_at_tip(index, arm),), T * at(0.0, y, 0.0)).extent_m(Z)[0]
-        for finger, y in zip(shapes.finger_pieces(arm), (0.02, -0.02), strict=True)
-        for index in finger
-    )
+    lowest = Independent(robot, arm, full(robot, arm, q)).lowest_m("finger")
     slab = Body("slab", (Part(Box((1.0, 1.0, 0.02)), ORIGIN),), at(0.9, 0.0, lowest - gap - 0.01))
     found = ClearanceChecker(shapes, arm, Scene.of([slab])).clearance(full(robot, arm, q))
     assert found.distance_m == pytest.approx(gap, abs=DISTANCE_TOLERANCE_M)
