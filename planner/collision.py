@@ -23,7 +23,7 @@ from baxter_kin.frames import checked_pose
 from planner.contact import PRESSING_TOLERANCE_M, coal_shape, convex_pieces
 from planner.distances import UNKNOWN_DEPTH_M, Distances, Enclosure
 from planner.errors import SceneError
-from planner.lever_arms import Covers, LeverArms, Placed
+from planner.lever_arms import Covers, LeverArms
 from planner.robot_shapes import RobotShapes
 from planner.scene import Body, Scene
 
@@ -189,16 +189,15 @@ class CheckedPairs:
         """What the distance of every pair must exceed when a margin is asked for, shape (n,)."""
         return np.where(self.is_contact, self.needs_m, margin_m)
 
-    def gaps_m(self, levers: LeverArms, placed: Placed, number: Indices, pair: Indices) -> Vector:
+    def gaps_m(self, poses: Vector, number: Indices, pair: Indices) -> Vector:
         """Lower bounds on distances, less the padding, shape (k,), m.
 
         Args:
-            levers: of the same geometry.
-            placed: m configurations.
-            number: which of them, shape (k,).
+            poses: of all shapes in base, shape (m, n, 4, 4).
+            number: which of the m, shape (k,).
             pair: which pair there, shape (k,).
         """
-        return levers.gaps_m(placed, number, *self.numbers[pair].T) - self.padding_m[pair]
+        return self.covers.gaps_m(poses, number, *self.numbers[pair].T) - self.padding_m[pair]
 
     def between(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
         """A distance of a pair, by its names."""
@@ -322,9 +321,10 @@ class ClearanceChecker:
         Bounds below zero say nothing of how deep two are inside each other.
         """
         levers, distances = self.levers, self.checked.distances
-        placed, pairs = levers.place(full, full[levers.q_index][None]), np.arange(len(self.pairs))
-        distances.place(placed.shapes[0])
-        bounds = self.checked.gaps_m(levers, placed, np.zeros_like(pairs), pairs)
+        poses = levers.place(full, full[levers.q_index][None]).shapes
+        distances.place(poses[0])
+        pairs = np.arange(len(self.pairs))
+        bounds = self.checked.gaps_m(poses, np.zeros_like(pairs), pairs)
         nearest, least_m = 0, np.inf
         for pair in np.argsort(bounds).tolist():
             if bounds[pair] >= max(least_m, 0.0):

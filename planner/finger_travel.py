@@ -24,7 +24,6 @@ from baxter_kin.arrays import Indices, Vector
 from planner.collision import CheckedPairs, Held, ShapePairs
 from planner.contact import PRESSING_TOLERANCE_M, touching
 from planner.grasp import Grasp
-from planner.lever_arms import LeverArms, Placed
 from planner.manipulator import Manipulator
 from planner.scene import Scene
 from planner.swept import Around, prove_motion
@@ -114,8 +113,6 @@ class TravelCheck:
         if travel.pushed is not None:
             self._add_pushed(travel.pushed, standing)
         self._checked = self._pairs.built()
-        robot = manipulator.robot.model
-        self._levers = LeverArms(robot, self._checked.geometry, arm, self._checked.covers)
         signs = np.array([self._signs.get(i, 0) for i in range(self._checked.geometry.ngeoms)])
         first, second = self._checked.numbers.T
         self._rates = np.abs(signs[first] - signs[second])
@@ -138,7 +135,7 @@ class TravelCheck:
     def _motion(self, poses: Vector) -> FingerMotion:
         travel = self._travel
         length_m = abs(travel.end_m - travel.begin_m)
-        return FingerMotion(poses, length_m, self._rates, self._checked, self._levers)
+        return FingerMotion(poses, length_m, self._rates, self._checked)
 
     def _add_scene(self) -> dict[str, list[int]]:
         standing = {}
@@ -206,14 +203,12 @@ class FingerMotion:
         length_m: how far a finger goes.
         rates: how fast each pair comes nearer at most, per speed of a finger, shape (pairs,).
         checked: the pairs.
-        levers: bounds on distances.
     """
 
     ends: Vector
     length_m: float
     rates: Vector
     checked: CheckedPairs
-    levers: LeverArms
 
     @property
     def duration_s(self) -> float:
@@ -225,11 +220,10 @@ class FingerMotion:
         shares = (starts_s + ends_s)[:, None, None] / (2 * max(self.duration_s, SHORTEST_S))
         poses = np.repeat(self.ends[:1], len(starts_s), axis=0)
         poses[..., :3, 3] += shares * (self.ends[1] - self.ends[0])[..., :3, 3]
-        placed = Placed(np.zeros((len(starts_s), 0, 4, 4)), poses)
         travels = FINGER_SPEED_M_S * (ends_s - starts_s) / 2
 
         def gaps_m(interval: Indices, pair: Indices) -> Vector:
-            return self.checked.gaps_m(self.levers, placed, interval, pair)
+            return self.checked.gaps_m(poses, interval, pair)
 
         def motions_m(interval: Indices, pair: Indices) -> Vector:
             moved: Vector = travels[interval] * self.rates[pair]

@@ -96,27 +96,6 @@ class LeverArms:
         all_shapes[:, self._moved] = moved
         return all_shapes
 
-    def gaps_m(self, placed: Placed, number: Indices, first: Indices, second: Indices) -> Vector:
-        """Lower bounds on the distances of pairs, shape (k,), metres; negative says nothing.
-
-        The first of each pair is taken as a ball around it, the second as a box around it.
-
-        Args:
-            placed: m configurations.
-            number: which of them, for each pair, shape (k,).
-            first: a shape, for each pair, shape (k,).
-            second: another.
-        """
-        centres = _points(placed.shapes, self._covers.centres[:, None])[:, :, 0]
-        T = placed.shapes[number, second]
-        apart = centres[number, first] - T[:, :3, 3]
-        inside = np.einsum("kji,kj->ki", T[:, :3, :3], apart)  # in the frame of the second
-        covers = self._covers
-        outside = np.maximum(covers.lowest[second] - inside, inside - covers.highest[second])
-        distances = np.linalg.norm(np.maximum(outside, 0.0), axis=1)
-        gaps: Vector = distances - covers.ball_radii[first]
-        return gaps
-
     def _levers(self, placed: Placed) -> Vector:
         """Greatest distance of each moving shape from each axis before it, (m, moving, 7)."""
         covers, moved, count = self._covers, self._moved, len(self._chain)
@@ -144,6 +123,26 @@ class Covers(NamedTuple):
     ball_radii: Vector
     ends: Vector
     radii: Vector
+
+    def gaps_m(self, poses: Vector, number: Indices, first: Indices, second: Indices) -> Vector:
+        """Lower bounds on the distances of pairs, shape (k,), metres; negative says nothing.
+
+        The first of each pair is taken as a ball around it, the second as a box around it.
+
+        Args:
+            poses: of all shapes in base, shape (m, n, 4, 4).
+            number: which of the m, for each pair, shape (k,).
+            first: a shape, for each pair, shape (k,).
+            second: another.
+        """
+        centres = _points(poses, self.centres[:, None])[:, :, 0]
+        T = poses[number, second]
+        apart = centres[number, first] - T[:, :3, 3]
+        inside = np.einsum("kji,kj->ki", T[:, :3, :3], apart)  # in the frame of the second
+        outside = np.maximum(self.lowest[second] - inside, inside - self.highest[second])
+        distances = np.linalg.norm(np.maximum(outside, 0.0), axis=1)
+        gaps: Vector = distances - self.ball_radii[first]
+        return gaps
 
     def with_those_of(self, geometries: list[coal.CollisionGeometry]) -> Covers:
         """These, and those around further shapes."""

@@ -16,7 +16,6 @@ from planner.collision import Clearance, ClearanceChecker, Held
 from planner.errors import TaskError
 from planner.free_move import Space
 from planner.free_space import FreeSpace
-from planner.lever_arms import Placed
 from planner.manipulator import Manipulator
 from planner.scene import Scene
 from planner.screening import IsFree, looks_clear
@@ -108,12 +107,11 @@ class Surroundings:
         The nearest of these and the distance, m, that it must exceed; None when there is none.
         """
         poses, pairs = self._hand_poses, self._hand_pairs
-        checked, levers = self.checker.checked, self.checker.levers
-        placed = Placed(np.zeros((1, 0, 4, 4)), np.array(poses)[None])
-        placed.shapes[0, self._of_hand] = T_base_tip.homogeneous @ poses[self._of_hand]
-        checked.distances.place(placed.shapes[0])
+        checked, placed = self.checker.checked, np.array(poses)
+        placed[self._of_hand] = T_base_tip.homogeneous @ poses[self._of_hand]
+        checked.distances.place(placed)
         needs = checked.needed_m(self.margin_m)[pairs]
-        gaps = checked.gaps_m(levers, placed, np.zeros_like(pairs), pairs)
+        gaps = checked.gaps_m(placed[None], np.zeros_like(pairs), pairs)
         worst: tuple[Clearance, float] | None = None
         for pair, need in zip(pairs[gaps <= needs].tolist(), needs[gaps <= needs], strict=True):
             distance_m = checked.distances.measure(pair, max(float(need), 0.0) + ACCURACY_M)

@@ -182,7 +182,7 @@ class ArmMotion:
         """Of a checked trajectory; `full` says where all other joints stand, shape (19,)."""
         self.duration_s = trajectory.duration
         self._full, self._span, self._levers = full, JointSpan(trajectory), checker.levers
-        self._padding_m = checker.checked.padding_m
+        self._covers, self._padding_m = checker.checked.covers, checker.checked.padding_m
         self._moving, self._other = _outer_first(checker.pairs, self._levers.depth)
 
     def around(self, starts_s: Vector, ends_s: Vector) -> Around:
@@ -193,7 +193,8 @@ class ArmMotion:
 
         def gaps_m(interval: Indices, pair: Indices) -> Vector:
             moving, other = self._moving[pair], self._other[pair]
-            return self._levers.gaps_m(placed, interval, moving, other) - self._padding_m[pair]
+            gaps = self._covers.gaps_m(placed.shapes, interval, moving, other)
+            return gaps - self._padding_m[pair]
 
         def motions_m(interval: Indices, pair: Indices) -> Vector:
             seen_from = self._levers.depth[self._other[pair]]

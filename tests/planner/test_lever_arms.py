@@ -39,7 +39,8 @@ class Rig:
     def __init__(self, robot: Baxter, arm: Arm) -> None:
         shapes = RobotShapes(robot)
         self.arm, self.shapes = arm, shapes.model.geometryObjects
-        self.levers = LeverArms(robot.model, shapes.model, arm, shapes.covers)
+        self.covers = shapes.covers
+        self.levers = LeverArms(robot.model, shapes.model, arm, self.covers)
         self.q_others = robot.configuration()
         self._robot = robot
 
@@ -139,8 +140,8 @@ def test_gaps_are_below_the_distances_of_coal(rig: Rig, seed: int) -> None:
     rng = np.random.default_rng(seed)
     q = rig.arm.random_configuration(rng)
     first, second = rng.integers(len(rig.shapes), size=(2, 40))
-    where = rig.levers.place(rig.q_others, q[None])
-    gaps = rig.levers.gaps_m(where, np.zeros(40, dtype=np.intp), first, second)
+    placed = rig.levers.place(rig.q_others, q[None]).shapes
+    gaps = rig.covers.gaps_m(placed, np.zeros(40, dtype=np.intp), first, second)
     poses, shapes = rig.poses(q), [shape.geometry for shape in rig.shapes]
     for i, k, gap in zip(first.tolist(), second.tolist(), gaps, strict=True):
         apart = distance(shapes[i], poses[i], shapes[k], poses[k]) if i != k else 0.0
