@@ -26,8 +26,8 @@ from planner.trajectory import JointState, Trajectory
 
 SLOW, MEDIUM, FAST = 1.7, 2.3, 2.9
 """Speeds at the upper end, times the fraction of the line a second that a motion from rest to rest
-covers on average. The best is at about 2.9 for 5 cm, at 1.5 to 2 for 15 cm. Cycles are compared at
-the likeliest, the one that is chosen tries two; all three would save 0.03 % of it."""
+covers on average. The best is at about 2.9 for 5 cm, at 1.5 to 2 for 15 cm, so two are tried, and
+the third where these are too fast; all three would save 0.03 % of a cycle."""
 
 SHORT_M = 0.10
 """Lines up to this are passed fast, longer ones slowly."""
@@ -42,43 +42,34 @@ class Approach:
 
     Attributes:
         path: from above to the pose.
-        limits: of the joints.
         descents: motions that end at the pose at rest, by the speed that they begin with, in
             fractions of the line per second; from rest alone where all others are too fast.
     """
 
     path: StraightPath
-    limits: JointLimits
     descents: Mapping[float, Trajectory]
 
     @classmethod
     def of(cls, manipulator: Manipulator, q_target: Vector, T_base_above: pin.SE3) -> Approach:
-        """The line from above to where the tip is at a configuration, at the likeliest speed.
+        """The line from above to where the tip is at a configuration.
 
         Raises:
             StraightMoveError: when the line leaves the arm's reach or limits on the way up.
         """
         limits = manipulator.limits
         path = plan_straight_path(manipulator.arm, q_target, T_base_above, limits).reversed()
-        approach = cls(path, limits, MappingProxyType({}))
-        for share in _shares(path):
-            tried = approach.also_at(share)
-            if tried.descents:
-                return tried
-        return cls(path, limits, MappingProxyType({0.0: plan_path_move(path, limits)}))
-
-    def at_more_speeds(self) -> Approach:
-        """With a descent at the second likeliest speed too, if there is one."""
-        return self.also_at(_shares(self.path)[1])
-
-    def also_at(self, share: float) -> Approach:
-        """With a descent at one more speed, times the mean one, unless it is too fast."""
-        way = self.q_target - self.q_above
-        speed = share / max(float(rest_to_rest_s(way, self.limits)), SHORTEST_S)
-        found = None if speed in self.descents else _descent(self.path, self.limits, speed)
-        if found is None:
-            return self
-        return Approach(self.path, self.limits, MappingProxyType({**self.descents, speed: found}))
+        way = path.at(1.0).q - path.at(0.0).q
+        mean = 1.0 / max(float(rest_to_rest_s(way, limits)), SHORTEST_S)
+        is_short = path.length_m <= SHORT_M
+        descents: dict[float, Trajectory] = {}
+        for shares in ((MEDIUM, FAST), (SLOW,)) if is_short else ((SLOW, MEDIUM), (FAST,)):
+            planned = {mean * share: _descent(path, limits, mean * share) for share in shares}
+            descents |= {speed: found for speed, found in planned.items() if found is not None}
+            if descents:
+                break
+        else:
+            descents[0.0] = plan_path_move(path, limits)
+        return cls(path, MappingProxyType(descents))
 
     @property
     def q_above(self) -> Vector:
@@ -94,11 +85,6 @@ class Approach:
         """The joints' motion at the upper end, down or up the line."""
         q, v, a = self.path.joint_state(PathState(0.0, speed))
         return JointState(q, -v if rising else v, a)
-
-
-def _shares(path: StraightPath) -> tuple[float, ...]:
-    """The speeds for a line, the likeliest first."""
-    return (FAST, MEDIUM, SLOW) if path.length_m <= SHORT_M else (SLOW, MEDIUM, FAST)
 
 
 def _descent(path: StraightPath, limits: JointLimits, speed: float) -> Trajectory | None:

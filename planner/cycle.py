@@ -125,12 +125,8 @@ class Cycles:
         self._approaches: dict[tuple[str, bytes], Approach] = {}
         self._ends: dict[bytes, Trajectory] = {}
 
-    def of(self, choice: Choice, *, more_speeds: bool = False) -> Cycle:
+    def of(self, choice: Choice) -> Cycle:
         """The motions for a choice of solutions.
-
-        Args:
-            choice: of solutions.
-            more_speeds: whether to try more than one at the upper ends of the lines.
 
         Raises:
             StageError: when the arm cannot follow a line from one of them, or no motion joins the
@@ -139,8 +135,6 @@ class Cycles:
         lines, limits = self._lines, self._manipulator.limits
         pick = self._approach("pick: descend", choice.q_pick, lines.T_base_above_pick)
         place = self._approach("place: descend", choice.q_place, lines.T_base_above_place)
-        if more_speeds:
-            pick, place = pick.at_more_speeds(), place.at_more_speeds()
         with at_stage("pick: approach"):
             entry = plan_entry(self._q_start, pick, limits)
         with at_stage("place: approach"):

@@ -168,9 +168,9 @@ class CycleSearch:
         tried = pairs.open_ones()
         first = [(pair, self._cycle(pairs, pair)) for pair in islice(tried, COMPARED)]
         first.sort(key=lambda each: _duration_s(each[1]))
-        compared = [pair for pair, _ in first]
-        for pair in chain(compared, islice(tried, MOST_TRIED - COMPARED)):
-            yield self._learnt(pairs, pair, self._cycle(pairs, pair, more_speeds=True))
+        others = ((pair, self._cycle(pairs, pair)) for pair in islice(tried, MOST_TRIED - COMPARED))
+        for pair, cycle in chain(first, others):
+            yield self._learnt(pairs, pair, cycle)
             if len(self._sideways) == MOST_SIDEWAYS or self._spent_s() > DIRECT_S:
                 break
         for cycle in self._sideways[:MOST_DETOURS]:
@@ -183,11 +183,9 @@ class CycleSearch:
         """Time of computation since the search began."""
         return time.thread_time() - self._begun_s
 
-    def _cycle(
-        self, pairs: Pairs, pair: tuple[int, int], *, more_speeds: bool = False
-    ) -> Cycle | StageError:
+    def _cycle(self, pairs: Pairs, pair: tuple[int, int]) -> Cycle | StageError:
         try:
-            return self._cycles.of(pairs.choices.at(*pair), more_speeds=more_speeds)
+            return self._cycles.of(pairs.choices.at(*pair))
         except StageError as cause:
             return cause
 
