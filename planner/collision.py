@@ -98,6 +98,7 @@ class ShapePairs:
         geometry: all shapes, without pairs; the robot's first, as `RobotShapes` numbers them.
         numbers: the shapes of every pair.
         enclosures: what each shape of triangles encloses; None for convex ones.
+        pieces: of some shapes of triangles, convex ones that contain them.
         names: the link or body that each shape belongs to.
         margins_m: how far outside each shape what it stands for may be.
         padding_m: how much thicker than that each counts as, but where a pair has its own need.
@@ -107,7 +108,7 @@ class ShapePairs:
 
     def __init__(self, shapes: RobotShapes) -> None:
         """Begin with the robot's shapes, and no pairs."""
-        self._robot = shapes
+        self._robot, self.pieces = shapes, shapes.pieces
         self.geometry: pin.GeometryModel = shapes.model.copy()
         self.numbers: list[tuple[int, int]] = []
         self.enclosures: list[Enclosure | None] = list(shapes.enclosures)
@@ -177,7 +178,7 @@ class CheckedPairs:
         )
         self.padding_m: Vector = outside + np.where(self.is_contact, 0.0, thicker)
         self.distances = Distances(
-            self.geometry, built.enclosures, built.numbers, self.padding_m.tolist()
+            self.geometry, built.enclosures, built.pieces, built.numbers, self.padding_m.tolist()
         )
 
     @property

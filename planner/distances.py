@@ -2,7 +2,8 @@
 
 A convex shape's distance is exact. That of triangles takes a hundred times as long, but whether
 they are farther apart than a share of their distance is found out nearly as fast. So of a pair that
-was far apart before, only a share of that is asked for, where a lower bound will do.
+was far apart before, only a share of that is asked for, where a lower bound will do; and where a
+few convex shapes contain the triangles, these are asked first, and how deep something is in them.
 
 Triangles are a surface, and what is wholly inside touches none of them. Where a closed surface
 around what they enclose is known, as of a robot's links, that is found out by its winding number
@@ -13,7 +14,7 @@ motion begins and ends: none leads inside without crossing triangles, but throug
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -85,6 +86,7 @@ class Distances:
         self,
         geometry: pin.GeometryModel,
         enclosures: Sequence[Enclosure | None],
+        pieces: Mapping[int, Sequence[int]],
         pairs: Sequence[tuple[int, int]],
         padding_m: Sequence[float],
     ) -> None:
@@ -93,13 +95,14 @@ class Distances:
         Args:
             geometry: the shapes; kept alive here, as coal keeps bare pointers.
             enclosures: of each shape of triangles what it encloses; None for a convex one.
+            pieces: of some shapes of triangles, convex ones on the same joint that contain them.
             pairs: numbers of two shapes each.
             padding_m: what is subtracted from the distance of each pair.
         """
-        self._pairs, self._padding_m = pairs, padding_m
+        self._pairs, self._padding_m, self._pieces = pairs, padding_m, pieces
         self._shapes = [shape.geometry for shape in geometry.geometryObjects]
         self._enclosures = list(enclosures)
-        self._functors: dict[int, coal.ComputeDistance] = {}
+        self._functors: dict[tuple[int, int], coal.ComputeDistance] = {}
         self._easy_m: dict[int, float] = {}
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
         self._request.gjk_tolerance = DISTANCE_TOLERANCE_M
@@ -120,10 +123,11 @@ class Distances:
         first, second = self._pairs[pair]
         padding_m: float = self._padding_m[pair]
         if self._enclosures[first] is None and self._enclosures[second] is None:
-            return self._distance(pair, np.inf) - padding_m
+            return self._distance(first, second, np.inf) - padding_m
         easy_m = self._easy_m.get(pair, FIRST_M)
         ask_m = min(within_m, max(exact_below_m, easy_m))
-        found = self._distance(pair, ask_m + padding_m)
+        is_farther = any(d >= ask_m + padding_m for d in self._of_pieces(first, second))
+        found = np.inf if is_farther else self._distance(first, second, ask_m + padding_m)
         if found <= 0.0:
             return -self._depth(first, second) - padding_m
         if found < ask_m + padding_m:
@@ -148,9 +152,15 @@ class Distances:
         point_base = T_inner[:3, :3] @ _point_of(self._shapes[inner]) + T_inner[:3, 3]
         return enclosure.winds_about(T[:3, :3].T @ (point_base - T[:3, 3]))
 
-    def _distance(self, pair: int, within_m: float) -> float:
+    def _of_pieces(self, first: int, second: int) -> Iterator[float]:
+        """How far what contains one of two shapes is from the other, where there is such."""
+        for around, other in ((first, second), (second, first)):
+            if around in self._pieces and self._enclosures[other] is None:
+                yield min(self._distance(piece, other, np.inf) for piece in self._pieces[around])
+
+    def _distance(self, first: int, second: int, within_m: float) -> float:
         """Without padding; where it is not less than `within_m`, that."""
-        first, second = self._pairs[pair]
+        pair = first, second
         if pair not in self._functors:
             self._functors[pair] = coal.ComputeDistance(self._shapes[first], self._shapes[second])
         result = self._result
@@ -162,7 +172,9 @@ class Distances:
         return found if found > _NO_DISTANCE_M else UNKNOWN_DEPTH_M
 
     def _depth(self, first: int, second: int) -> float:
-        """How deep some triangle is in a shape, or two of them in each other; at least that."""
+        """How deep pieces are in a convex shape, or some triangle in a shape; at least that."""
+        for distance_m in self._of_pieces(first, second):
+            return max(-distance_m, 0.0)
         request, result = coal.CollisionRequest(), coal.CollisionResult()
         request.num_max_contacts = MOST_CONTACTS
         request.enable_contact = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -86,6 +86,17 @@ class RobotShapes:
     def details(self) -> frozenset[int]:
         """The shapes that count against what the hand grasps."""
         return frozenset(i for i, made in enumerate(self._made) if made.is_detail)
+
+    @cached_property
+    def pieces(self) -> Mapping[int, tuple[int, ...]]:
+        """Of fingers and their tips: the number of all triangles -> those of the pieces."""
+        found: dict[int, tuple[int, ...]] = {}
+        for number, made in enumerate(self._made):
+            if made.is_whole:
+                whole = number
+            else:
+                found[whole] = (*found.get(whole, ()), number)
+        return found
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
