@@ -38,6 +38,9 @@ DISTANCE_TOLERANCE_M = 2e-6
 """Two runs of GJK on the same pair; its default tolerance is 1e-6."""
 
 X, Y, Z = np.eye(3)
+PIECES_OUTSIDE_M = 3e-5
+"""How far the pieces of a finger may be outside of what they contain, where it is convex."""
+
 ORIGIN = at(0.0, 0.0, 0.0)
 CUBE = Box((0.05, 0.05, 0.05))
 Vector = NDArray[np.float64]
@@ -180,7 +183,8 @@ def test_clearance_to_a_slab_under_the_lowest_finger_point_is_known_by_hand(
     lowest = Independent(robot, arm, full(robot, arm, q)).lowest_m("finger")
     slab = Body("slab", (Part(Box((1.0, 1.0, 0.02)), ORIGIN),), at(0.9, 0.0, lowest - gap - 0.01))
     found = ClearanceChecker(shapes, arm, Scene.of([slab])).clearance(full(robot, arm, q))
-    assert found.distance_m == pytest.approx(gap, abs=DISTANCE_TOLERANCE_M)
+    deeper_m = 0.0 if gap > 0.0 else PIECES_OUTSIDE_M  # how deep is known of the pieces alone
+    assert gap - deeper_m - DISTANCE_TOLERANCE_M <= found.distance_m <= gap + DISTANCE_TOLERANCE_M
     assert "slab" in (found.first, found.second)
     assert "finger" in found.first + found.second
 
