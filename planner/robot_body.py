@@ -12,7 +12,8 @@ A link has three parts, in metres in the frame of the URDF's link:
 - `pieces`: a few convex polyhedra, every triangle whole in one of them: bounds, of which the proofs
   that pairs of links stay apart are made.
 
-Fingers and their tips have all triangles of their meshes. What they grasp they touch with their
+Fingers and their tips have all triangles of their meshes, with a margin of 0.1 mm so that other
+code can prove a plan again that goes as near as it may. What they grasp they touch with their
 pieces, of which it is known how deep something is inside: these contain the mesh, and fill its
 pockets, at the foot of a finger by up to 5.7 mm, in the pads the holes of screws and what is
 between the ribs of a paddle. Ribs are 0.2 mm high and 1.8 mm apart; pads stand on the highest, half
@@ -65,7 +66,7 @@ class LinkBody:
         name: of the URDF's link.
         mesh: stem of the mesh file it comes from, or "" where the URDF has a simple shape instead.
         surface: triangles near the mesh's; without any where the pieces are all there is.
-        margin_m: how far the mesh may be from them; 1e-6 m where they are all its own, rounded.
+        margin_m: what is taken from distances, at least how far the mesh may be from them.
         enclosure: closed surface around what the link encloses; without any where there is none.
         pieces: convex polyhedra around the surface.
         is_touching: whether the pieces are what it touches things with on purpose.

@@ -33,8 +33,8 @@ TARGET = Path(__file__).resolve().parent.parent / "planner" / "robot_body.npz"
 MARGIN = 0.5
 """What the planner adds to a link's triangles, mm."""
 
-ROUNDING = 1e-3
-"""The same where all triangles are kept, mm."""
+FINGERS_MARGIN = 0.1
+"""What it adds to those of fingers and pads, which are all kept, mm: room for another proof."""
 
 PROVEN = 0.499
 """How far no point of a mesh is from them, mm; the rest is for rounding in the file."""
@@ -99,7 +99,7 @@ def _finger(mesh: str, folder: Path) -> Shape:
     """All of its triangles, and the pieces that it touches with."""
     vertices, faces = np.unique(triangles(mesh).reshape(-1, 3), axis=0, return_inverse=True)
     inside = _kept(folder / f"{mesh}_enclosure.npz", lambda: enclosure(mesh))
-    return Shape(hand(mesh), (vertices, faces.reshape(-1, 3)), inside, ROUNDING, is_touching=True)
+    return Shape(hand(mesh), (vertices, faces.reshape(-1, 3)), inside, FINGERS_MARGIN, is_touching=True)
 
 
 def _kept(file: Path, make: Callable[[], Mesh]) -> Mesh:
