@@ -99,7 +99,9 @@ def _finger(mesh: str, folder: Path) -> Shape:
     """All of its triangles, and the pieces that it touches with."""
     vertices, faces = np.unique(triangles(mesh).reshape(-1, 3), axis=0, return_inverse=True)
     inside = _kept(folder / f"{mesh}_enclosure.npz", lambda: enclosure(mesh))
-    return Shape(hand(mesh), (vertices, faces.reshape(-1, 3)), inside, FINGERS_MARGIN, is_touching=True)
+    return Shape(
+        hand(mesh), (vertices, faces.reshape(-1, 3)), inside, FINGERS_MARGIN, is_touching=True
+    )
 
 
 def _kept(file: Path, make: Callable[[], Mesh]) -> Mesh:
