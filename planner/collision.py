@@ -39,7 +39,7 @@ class Clearance:
 
     Attributes:
         distance_m: negative when the two are inside each other; of a surface of triangles, by at
-            least so much.
+            least so much; of fingers, whose pieces fill pockets, by at most so much.
         first: link or body.
         second: link or body.
         time_s: when, from the start of the motion; None when it was at no time of one.
@@ -355,11 +355,12 @@ class ClearanceChecker:
         for body in scene:
             carries = held is not None and body.name in held.supports
             in_pieces = carries or body.name == touchable
-            of_arm = self._shapes.details if body.name == touchable else self._shapes.wholes
+            counted = self._shapes.details if body.name == touchable else self._shapes.wholes
+            of_arm = sorted(arm & counted)
             for index in self._pairs.add(body, 0, body.T_base_body, in_pieces=in_pieces):
                 if carries:
                     supports.add(index)
-                for other in sorted(arm & of_arm):
+                for other in of_arm:
                     need_m = None
                     if body.name == touchable and other in hand:
                         presses = may_press and other in pads

@@ -83,9 +83,19 @@ class LinkBody:
     padding_m: float = 0.0
 
     @property
+    def has_surface(self) -> bool:
+        """Whether there are triangles beside the pieces."""
+        return len(self.surface.triangles) > 0
+
+    @property
+    def is_in_pieces(self) -> bool:
+        """Whether it touches with its pieces, or has nothing else."""
+        return self.is_touching or not self.has_surface
+
+    @property
     def whole(self) -> Triangulated:
         """All of its triangles: the surface, or those of all pieces where it has none."""
-        if len(self.surface.triangles):
+        if self.has_surface:
             return self.surface
         starts = np.cumsum([0, *(len(piece.vertices) for piece in self.pieces)])
         triangles = [

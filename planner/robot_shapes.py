@@ -211,12 +211,12 @@ def _of_body(body: RobotBody) -> tuple[_Made, ...]:
 
 
 def _of_link(link: LinkBody) -> Iterator[_Made]:
-    pieces = [convex(*piece) for piece in link.pieces] if _is_in_pieces(link) else []
-    if len(pieces) == 1 and not len(link.surface.triangles):
+    pieces = [convex(*piece) for piece in link.pieces] if link.is_in_pieces else []
+    if len(pieces) == 1 and not link.has_surface:
         yield _Made(link.name, pieces[0], margin_m=link.margin_m)
         return
     whole = link.whole
-    inside = link.enclosure if len(link.surface.triangles) else whole
+    inside = link.enclosure if link.has_surface else whole
     yield _Made(
         link.name,
         surface(*whole),
@@ -225,7 +225,3 @@ def _of_link(link: LinkBody) -> Iterator[_Made]:
         is_detail=not pieces,
     )
     yield from (_Made(link.name, piece, is_whole=False) for piece in pieces)
-
-
-def _is_in_pieces(link: LinkBody) -> bool:
-    return link.is_touching or not len(link.surface.triangles)

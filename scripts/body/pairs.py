@@ -119,7 +119,7 @@ def pieces_of(body: LinkBody) -> list[coal.CollisionGeometry]:
 @cache
 def finest(body: LinkBody) -> list[coal.CollisionGeometry]:
     """The triangles of a link, or its pieces where there are none."""
-    return [surface(*body.surface)] if len(body.surface.triangles) else pieces_of(body)
+    return [surface(*body.surface)] if body.has_surface else pieces_of(body)
 
 
 def least_distance(

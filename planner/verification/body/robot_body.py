@@ -70,10 +70,9 @@ def robot_body(files: RobotDescription) -> RobotBody:
 def _stored_shapes() -> Iterator[LinkShape]:
     """The triangles and pieces that the planner takes the links to be."""
     for link in StoredBody.load().links.values():
-        is_surface = len(link.surface.triangles) > 0 and not link.is_touching
-        if is_surface:
+        if not link.is_in_pieces:
             yield LinkShape(link.name, pin.SE3.Identity(), surface(*link.surface))
-        for piece in () if is_surface else link.pieces:
+        for piece in link.pieces if link.is_in_pieces else ():
             yield LinkShape(link.name, pin.SE3.Identity(), convex(*piece))
 
 
