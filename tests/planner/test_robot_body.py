@@ -35,8 +35,7 @@ SPACING_M = 5e-3
 """Of points by which near triangles are found."""
 
 EDGE_M = 1e-3
-"""How much of a pad's edge is left out, and how far along it the highest point is
-looked for."""
+"""How much of a pad's edge is left out, and how far along it its highest point is looked for."""
 
 MOST_HALVINGS = 24
 
