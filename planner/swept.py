@@ -127,7 +127,7 @@ class _Tasks:
     @classmethod
     def at(cls, times_s: Vector, number: int, pairs: list[int]) -> _Tasks:
         """Some pairs at one of some times."""
-        return cls(times_s, times_s, np.full(len(pairs), number), np.array(pairs))
+        return cls(times_s, times_s, np.full(len(pairs), number), np.array(pairs, dtype=np.int64))
 
     @property
     def middles_s(self) -> Vector:

@@ -140,6 +140,7 @@ def test_no_sample_comes_closer_than_proven(
 @settings(max_examples=40)
 @given(seed=seeds)
 @example(seed=38)  # several shapes deep in one box, whose bounds are all below zero
+@example(seed=511)  # nothing at the end is nearer than what was found at the start
 def test_a_contact_is_there_at_its_time(
     robot: Baxter, left: Arm, shapes: RobotShapes, seed: int
 ) -> None:
@@ -169,7 +170,7 @@ def test_samples_do_not_see_a_thin_plate_between_them(
 ) -> None:
     stage = Stage(robot, left, shapes, plate_at(left.T_base_tip(swing.sample(1.33).q)))
     every_10_ms = np.arange(0.0, swing.duration, 0.01)
-    assert min(stage.sampled(swing, every_10_ms, finger_m=0.0175)) > 0.002
+    assert min(stage.sampled(swing, every_10_ms, finger_m=0.0175)) > 0.001
 
 
 def test_the_proof_finds_a_thin_plate_between_samples(
