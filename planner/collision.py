@@ -20,7 +20,13 @@ from baxter_kin import Arm
 from baxter_kin.arrays import Indices, Vector, finite_array
 from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.frames import checked_pose
-from planner.contact import PRESSING_TOLERANCE_M, coal_shape, convex_pieces
+from planner.contact import (
+    PRESSING_TOLERANCE_M,
+    boxed,
+    coal_shape,
+    convex_pieces,
+    has_depth,
+)
 from planner.distances import UNKNOWN_DEPTH_M, Distances, Enclosure
 from planner.errors import SceneError
 from planner.lever_arms import Covers, LeverArms
@@ -265,6 +271,22 @@ class ClearanceChecker:
     def levers(self) -> LeverArms:
         """Bounds on distances and motions of the shapes while the arm moves."""
         return LeverArms(self.robot, self.geometry, self.arm, self.checked.covers)
+
+    @cached_property
+    def for_contacts(self) -> pin.GeometryModel:
+        """The shapes of the pairs and no others, with those pairs, made to find contacts fast."""
+        geometry, surfaces = pin.GeometryModel(), self._shapes.for_contacts
+        kept = np.unique(self.pairs)
+        for number in kept.tolist():
+            placed = pin.GeometryObject(self.geometry.geometryObjects[number])
+            if number in surfaces:
+                placed.geometry = surfaces[number]
+            elif not has_depth(placed.geometry):
+                placed.geometry = boxed(placed.geometry)
+            geometry.addGeometryObject(placed)
+        for first, second in np.searchsorted(kept, self.pairs).tolist():
+            geometry.addCollisionPair(pin.CollisionPair(first, second))
+        return geometry
 
     def clearance(self, q: ArrayLike) -> Clearance:
         """The least distance at a full configuration, shape (19,).

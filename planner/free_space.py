@@ -150,7 +150,7 @@ class Touches:
         self, checker: ClearanceChecker, margin_m: float = 0.0, nearest_m: Vector | None = None
     ) -> None:
         """For all pairs of a checker, and what distance they were at somewhere else, if given."""
-        self._model, self._geometry = checker.robot, _of_pairs(checker)
+        self._model, self._geometry = checker.robot, checker.for_contacts.copy()
         self._data, self._results = self._model.createData(), self._geometry.createData()
         margins_m = np.full(len(checker.pairs), margin_m)
         if nearest_m is not None:
@@ -170,17 +170,6 @@ class Touches:
         """At a full configuration, checked, shape (19,)."""
         found = pin.computeCollisions(self._model, self._data, self._broad_phase, q_full, True)
         return bool(found)
-
-
-def _of_pairs(checker: ClearanceChecker) -> pin.GeometryModel:
-    """The pairs of a checker and no other shapes: all there are get moved for each question."""
-    geometry, pairs = pin.GeometryModel(), checker.pairs
-    kept = np.unique(pairs)
-    for number in kept.tolist():
-        geometry.addGeometryObject(checker.geometry.geometryObjects[number])
-    for first, second in np.searchsorted(kept, pairs).tolist():
-        geometry.addCollisionPair(pin.CollisionPair(first, second))
-    return geometry
 
 
 def _with_depth(checker: ClearanceChecker) -> NDArray[np.bool_]:

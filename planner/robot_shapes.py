@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.errors import expect
-from planner.contact import convex, shape_of, surface
+from planner.contact import boxed, convex, has_depth, shape_of, surface
 from planner.distances import Enclosure
 from planner.errors import SceneError
 from planner.lever_arms import Covers
@@ -56,6 +56,11 @@ class RobotShapes:
             placed = pin.GeometryObject(name, joint, frame.placement, made.geometry)
             shapes.addGeometryObject(placed)
         return shapes
+
+    @property
+    def for_contacts(self) -> Mapping[int, coal.BVHModelOBB]:
+        """The surfaces among them once more, as contacts are found in them fastest."""
+        return _for_contacts(self.body)
 
     @cached_property
     def links(self) -> tuple[str, ...]:
@@ -208,6 +213,20 @@ def _of_body(body: RobotBody) -> tuple[_Made, ...]:
             known[key] = list(_of_link(link))
         shapes += [replace(made, link=link.name, padding_m=link.padding_m) for made in known[key]]
     return tuple(shapes)
+
+
+@lru_cache(maxsize=4)
+def _for_contacts(body: RobotBody) -> Mapping[int, coal.BVHModelOBB]:
+    """The surfaces of a body by their numbers, made once, as the shapes are."""
+    known: dict[int, coal.BVHModelOBB] = {}
+    found = {}
+    for number, made in enumerate(_of_body(body)):
+        if not has_depth(made.geometry):
+            key = id(made.geometry)
+            if key not in known:
+                known[key] = boxed(made.geometry)
+            found[number] = known[key]
+    return found
 
 
 def _of_link(link: LinkBody) -> Iterator[_Made]:

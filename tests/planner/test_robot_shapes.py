@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from itertools import product
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, pose_from_quaternion
 from planner import (
@@ -26,10 +29,17 @@ from planner.distances import Enclosure
 from planner.robot_body import RobotBody
 from planner.scene import Sphere
 from tests.conftest import at
+from tests.planner.conftest import distance
 
 DOWN = (0.0, 1.0, 0.0, 0.0)
 PICK = pose_from_quaternion((0.70, 0.15, -0.129), DOWN)
 PLACE = pose_from_quaternion((0.75, 0.0, -0.129), DOWN)
+
+
+SAME_M = 1e-5
+"""Distances by two ways of coal, with its own tolerances."""
+
+seeds = st.integers(0, 2**32 - 1)
 
 
 @pytest.fixture(scope="module")
@@ -179,3 +189,30 @@ def test_verify_accepts_what_a_plan_with_the_body_states(
     assert plan.proven_clearance_m is not None
     assert plan.proven_clearance_m > 0.02
     assert verify(plan).is_valid
+
+
+@settings(max_examples=100)
+@given(seed=seeds)
+def test_contacts_are_found_where_distances_say_so(robot: Baxter, seed: int) -> None:
+    shapes, rng = RobotShapes(robot), np.random.default_rng(seed)
+    number = int(rng.choice(sorted(shapes.for_contacts)))
+    link = shapes.model.geometryObjects[number].geometry
+    others = [
+        coal.Box(*rng.uniform(0.002, 0.2, size=3)),
+        coal.Cylinder(0.03, 0.1),
+        coal.Sphere(0.02),
+    ]
+    other = others[rng.integers(len(others))]
+    vertex = np.array(link.vertex(int(rng.integers(link.num_vertices))))
+    quat = rng.normal(size=4)
+    away = rng.normal(size=3) * rng.choice([0.01, 0.03, 0.1])
+    T = pin.SE3(pin.Quaternion(quat / np.linalg.norm(quat)).matrix(), vertex + away)
+    distance_m = distance(link, pin.SE3.Identity(), other, T)
+    for margin_m in (0.0, 0.5 * distance_m, distance_m - SAME_M, distance_m + SAME_M, 0.05):
+        if margin_m >= 0.0 and abs(margin_m - distance_m) > 0.5 * SAME_M:
+            request, result = coal.CollisionRequest(), coal.CollisionResult()
+            request.security_margin = margin_m
+            placed = coal.Transform3s(T.rotation, T.translation)
+            surface = shapes.for_contacts[number]
+            found = coal.collide(surface, coal.Transform3s(), other, placed, request, result)
+            assert bool(found) == (distance_m <= margin_m)
