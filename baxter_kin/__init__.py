@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from baxter_kin.errors import (
         BaxterError,
         ConfigurationError,
+        CopyError,
         DescriptionError,
         FileError,
         LimitsError,
@@ -32,6 +33,7 @@ __all__ = [
     "Baxter",
     "BaxterError",
     "ConfigurationError",
+    "CopyError",
     "DescriptionError",
     "FileError",
     "Frame",

@@ -8,6 +8,7 @@ BaxterError
 ├── LimitsError               joint limits that make no sense              (also ValueError)
 ├── PoseError                 a position, quaternion or pose that is none  (also ValueError)
 ├── RequestError              an IK request that contradicts itself        (also ValueError)
+├── CopyError                 what cannot be pickled or copied              (also TypeError)
 ├── FileError                 a file that cannot be read or written
 └── MissingLibraryError       a library that the system lacks              (also ImportError)
 ```
@@ -18,7 +19,7 @@ Malformed input raises one of these. "No solution" is a result with a reason, ne
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -28,6 +29,10 @@ LONGEST_NAME = 60
 
 class BaxterError(Exception):
     """Root of every error the toolkit raises on purpose."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What makes it again in another process, whatever its class takes to be made."""
+        return _remade, (type(self), self.args, self.__dict__)
 
 
 class DescriptionError(BaxterError):
@@ -85,13 +90,20 @@ class FileError(BaxterError):
         self.reason = reason
         super().__init__(f"cannot {action} {path}: {reason}")
 
-    def __reduce__(self) -> tuple[type[FileError], tuple[str, object, str]]:
-        """What makes it again in another process."""
-        return type(self), (self.action, self.path, self.reason)
+
+class CopyError(BaxterError, TypeError):
+    """Something that holds an open file, a socket or a thread was pickled or copied."""
 
 
 class MissingLibraryError(BaxterError, ImportError):
     """A library that a dependency leaves to the system, and that the system lacks."""
+
+
+def _remade(cls: type[BaxterError], args: tuple[Any, ...], facts: dict[str, Any]) -> BaxterError:
+    error = cls.__new__(cls, *args)
+    error.args = args
+    error.__dict__.update(facts)
+    return error
 
 
 def expect(value: object, kind: type[T], what: str, error: type[BaxterError]) -> T:

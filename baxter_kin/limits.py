@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, positive_scalar
+from baxter_kin.copying import Frozen, FrozenMapping
 from baxter_kin.errors import ConfigurationError, LimitsError, expect
 
 DEFAULT_ACCELERATION_RAD_S2 = 2.0
@@ -19,7 +19,7 @@ DEFAULT_ACCELERATION_RAD_S2 = 2.0
 DEFAULT_JERK_RAD_S3 = 20.0
 """Nobody published a jerk limit for Baxter; the toolkit's choice: full acceleration in 0.1 s."""
 
-DEFAULT_ORIGINS: Mapping[str, str] = MappingProxyType(
+DEFAULT_ORIGINS: Mapping[str, str] = FrozenMapping(
     {
         "position": "URDF of baxter_description",
         "velocity": "URDF of baxter_description",
@@ -30,7 +30,7 @@ DEFAULT_ORIGINS: Mapping[str, str] = MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointLimits:
+class JointLimits(Frozen):
     """What every joint of an arm may do; n joints.
 
     Attributes:
@@ -66,7 +66,7 @@ class JointLimits:
             object.__setattr__(self, attribute, array)
         self._check_ranges()
         origins = expect(self.origins, Mapping, "origins", LimitsError)  # type: ignore[type-abstract]
-        object.__setattr__(self, "origins", MappingProxyType(dict(origins)))
+        object.__setattr__(self, "origins", FrozenMapping(origins))
 
     def scaled(self, speed_ratio: float) -> JointLimits:
         """The same limits with every velocity limit times `speed_ratio`.

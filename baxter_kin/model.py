@@ -6,13 +6,13 @@ import threading
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.copying import FrozenMapping
 from baxter_kin.description import RobotDescription
 from baxter_kin.errors import ConfigurationError, DescriptionError, UnknownNameError, expect
 from baxter_kin.frames import checked_pose
@@ -211,7 +211,7 @@ class Baxter:
             model = pin.buildModelFromUrdf(str(files.urdf))
         except (RuntimeError, ValueError) as cause:
             raise DescriptionError(f"cannot read {files.urdf}: {cause}") from cause
-        arms = MappingProxyType({side: Arm(side, model) for side in LIMBS})
+        arms = FrozenMapping({side: Arm(side, model) for side in LIMBS})
         return cls(description=files, model=model, arms=arms)
 
     @property
@@ -282,7 +282,10 @@ class _Workspace(threading.local):
     """Pinocchio's scratch memory, one for each thread, so that an arm may be shared."""
 
     def __init__(self, model: pin.Model) -> None:
-        self.data = model.createData()
+        self._model, self.data = model, model.createData()
+
+    def __reduce__(self) -> tuple[type[_Workspace], tuple[pin.Model]]:
+        return type(self), (self._model,)
 
 
 def _known_limb(side: object) -> str:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector
+from baxter_kin.copying import FrozenMapping
 from planner.errors import MotionError
 from planner.manipulator import Manipulator
 from planner.path_timing import plan_path_move
@@ -69,7 +69,7 @@ class Approach:
                 break
         else:
             descents[0.0] = plan_path_move(path, limits)
-        return cls(path, MappingProxyType(descents))
+        return cls(path, FrozenMapping(descents))
 
     @property
     def q_above(self) -> Vector:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import coal
 import numpy as np
@@ -257,6 +257,15 @@ class ClearanceChecker:
         expect(arm, Arm, "arm", SceneError)
         _check_situation(scene, touchable, held)
         self.arm = arm
+        self._made_by = partial(
+            ClearanceChecker,
+            shapes,
+            arm,
+            scene,
+            touchable=touchable,
+            may_press=may_press,
+            held=held,
+        )
         self.robot: pin.Model = shapes.robot.model
         self._shapes = shapes
         self._pairs = ShapePairs(shapes)
@@ -266,6 +275,10 @@ class ClearanceChecker:
             self._add_held(held, supports)
         self.checked = self._pairs.built()
         self.geometry = self.checked.geometry
+
+    def __reduce__(self) -> tuple[partial[ClearanceChecker], tuple[()]]:
+        """What makes it again: coal's shapes stay where they are."""
+        return self._made_by, ()
 
     @cached_property
     def levers(self) -> LeverArms:

@@ -150,6 +150,7 @@ class Touches:
         self, checker: ClearanceChecker, margin_m: float = 0.0, nearest_m: Vector | None = None
     ) -> None:
         """For all pairs of a checker, and what distance they were at somewhere else, if given."""
+        self._made_of = checker, margin_m, nearest_m
         self._model, self._geometry = checker.robot, checker.for_contacts.copy()
         self._data, self._results = self._model.createData(), self._geometry.createData()
         margins_m = np.full(len(checker.pairs), margin_m)
@@ -165,6 +166,10 @@ class Touches:
         self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
             self._model, self._geometry, self._results
         )
+
+    def __reduce__(self) -> tuple[type[Touches], tuple[object, ...]]:
+        """What makes it again: the broad phase stays where it is."""
+        return type(self), self._made_of
 
     def __call__(self, q_full: Vector) -> bool:
         """At a full configuration, checked, shape (19,)."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
+from baxter_kin.copying import Frozen
 from baxter_kin.errors import expect
 from planner.collision import RobotShapes
 from planner.errors import TaskError
@@ -18,7 +19,7 @@ from planner.robot_body import RobotBody
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Manipulator:
+class Manipulator(Frozen):
     """What planning for one arm needs to know.
 
     Attributes:

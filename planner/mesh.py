@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Indices, Vector, finite_array, float_array
+from baxter_kin.copying import Frozen
 from planner.errors import SceneError
 
 LARGEST_SHAPE_M = 10.0
@@ -32,7 +33,7 @@ FLATNESS = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+class Mesh(Frozen):
     """Triangles between points.
 
     Attributes:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import finite_array
+from baxter_kin.copying import FrozenMapping
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.contact import shape_of
 from planner.errors import SceneError
@@ -20,7 +20,7 @@ URDF_FOLDER = Path(__file__).resolve().parents[1] / "urdf"
 BLOCK_EDGE_M = 0.05
 """Edge of the demo's block."""
 
-COLOURS: Mapping[str, tuple[float, float, float, float]] = MappingProxyType(
+COLOURS: Mapping[str, tuple[float, float, float, float]] = FrozenMapping(
     {
         "red": (0.85, 0.08, 0.06, 1.0),
         "green": (0.10, 0.60, 0.18, 1.0),

@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from baxter_kin import IKResult
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
+from baxter_kin.copying import Frozen
 from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
 from baxter_kin.model import LIMBS
 from planner.collision import Clearance, least
@@ -118,7 +119,7 @@ class PlanFailure:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plan:
+class Plan(Frozen):
     """Steps in order. An invalid plan says why and must not be executed.
 
     Attributes:

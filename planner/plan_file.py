@@ -22,8 +22,8 @@ import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 
+from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import FileError
 from baxter_kin.files import PathLike, open_to_read, replace_file
 from planner.errors import PlanFileError, PlannerError
@@ -38,7 +38,7 @@ VERSION = 2
 LARGEST_FILE_BYTES = 32 * 2**20
 """A plan of one pick and place takes 0.03 MB; a larger file than this holds something else."""
 
-MOST: Mapping[str, int] = MappingProxyType(
+MOST: Mapping[str, int] = FrozenMapping(
     {
         "steps": 1_000,
         "segments": 50_000,

@@ -33,13 +33,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.copying import Frozen, FrozenMapping
 from planner.errors import BodyFileError, SceneError
 
 VERSION = 3
@@ -59,7 +59,7 @@ class Triangulated(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LinkBody:
+class LinkBody(Frozen):
     """The body of one link, in the link's frame.
 
     Attributes:
@@ -106,7 +106,7 @@ class LinkBody:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RobotBody:
+class RobotBody(Frozen):
     """The bodies of all links, and the pairs of them that need no check.
 
     Attributes:
@@ -116,6 +116,11 @@ class RobotBody:
 
     links: Mapping[str, LinkBody]
     skipped_pairs: Mapping[frozenset[str], str]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What makes it again; the one that comes with the package is there already."""
+        is_stored = _stored.cache_info().currsize > 0 and self is _stored()
+        return (_stored, ()) if is_stored else Frozen.__reduce__(self)
 
     @classmethod
     def load(cls) -> RobotBody:
@@ -142,7 +147,7 @@ class RobotBody:
         links = {name: _link(arrays, row) for row, name in enumerate(arrays["link/name"].tolist())}
         pairs = zip(arrays["pair/links"].tolist(), arrays["pair/reason"].tolist(), strict=True)
         reasons = {frozenset(names): reason for names, reason in pairs}
-        return cls(MappingProxyType(links), MappingProxyType(reasons))
+        return cls(FrozenMapping(links), FrozenMapping(reasons))
 
     def padded(self, padding_m: float) -> RobotBody:
         """The same body, every link thicker by `padding_m` where it must not touch anything.
@@ -159,7 +164,7 @@ class RobotBody:
             name: replace(link, padding_m=link.padding_m + padding_m)
             for name, link in self.links.items()
         }
-        return RobotBody(MappingProxyType(links), self.skipped_pairs)
+        return RobotBody(FrozenMapping(links), self.skipped_pairs)
 
 
 @cache

@@ -46,6 +46,10 @@ class RobotShapes:
         given = RobotBody.load() if body is None else body
         self.body = expect(given, RobotBody, "body", SceneError)
 
+    def __reduce__(self) -> tuple[type[RobotShapes], tuple[Baxter, RobotBody]]:
+        """What makes them again: coal's shapes stay where they are."""
+        return type(self), (self.robot, self.body)
+
     @cached_property
     def model(self) -> pin.GeometryModel:
         """Every shape, without pairs."""

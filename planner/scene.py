@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
@@ -13,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, positive_scalar
+from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import expect
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.errors import SceneError, expect_all
@@ -201,7 +201,7 @@ class Scene:
         for name, body in self.bodies.items():
             if expect(body, Body, "a body of a scene", SceneError).name != name:
                 raise SceneError(f"body {body.name!r} stands in the scene under the name {name!r}")
-        object.__setattr__(self, "bodies", MappingProxyType(dict(self.bodies)))
+        object.__setattr__(self, "bodies", FrozenMapping(self.bodies))
 
     @classmethod
     def of(cls, bodies: Iterable[Body] = ()) -> Scene:

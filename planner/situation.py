@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import pinocchio as pin
 
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import UnknownNameError, expect
 from baxter_kin.frames import checked_pose
 from baxter_kin.model import LIMBS
@@ -75,7 +75,7 @@ class Situation:
             )
             for name, value in joints.items()
         }
-        object.__setattr__(self, "joints", MappingProxyType(copied))
+        object.__setattr__(self, "joints", FrozenMapping(copied))
         object.__setattr__(self, "held", self._checked_held())
 
     def _checked_held(self) -> tuple[Holding, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from baxter_kin.copying import Frozen
 from baxter_kin.frames import PoseLike, angle_between, checked_pose
 from planner.errors import StraightMoveError
 
@@ -20,7 +21,7 @@ HALF_TURN_MARGIN_RAD = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StraightLine:
+class StraightLine(Frozen):
     """The poses between two, by the fraction s of the way, 0..1.
 
     The position is on the line between both, the orientation on the shortest rotation between them

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, ConfigurationError, JointLimits
 from baxter_kin.arrays import Vector, finite_scalar, float_array
+from baxter_kin.copying import Frozen
 from baxter_kin.errors import expect
 from baxter_kin.frames import PoseLike
 from baxter_kin.ik.reach import ReachBound
@@ -87,7 +88,7 @@ class PathState:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StraightPath:
+class StraightPath(Frozen):
     """The configurations q(s) along a straight line, for s from 0 to 1, the fraction of the way.
 
     Made by `plan_straight_path`. Going back the same line leads through the same configurations.
@@ -119,7 +120,9 @@ class StraightPath:
             raise ConfigurationError("coefficients must be finite numbers")
         coefficients.setflags(write=False)
         object.__setattr__(self, "coefficients", coefficients)
-        object.__setattr__(self, "_derivatives", _differentiated(coefficients))
+        derivatives = _differentiated(coefficients)
+        derivatives.setflags(write=False)
+        object.__setattr__(self, "_derivatives", derivatives)
 
     @property
     def length_m(self) -> float:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Indices, Vector, finite_array, float_array
+from baxter_kin.copying import Frozen
 from baxter_kin.errors import expect
 from planner.errors import TrajectoryError
 
@@ -38,7 +39,7 @@ class PeakRatios(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trajectory:
+class Trajectory(Frozen):
     """A motion of n joints over m segments of constant jerk.
 
     Attributes:

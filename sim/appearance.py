@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import as_file, files
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from baxter_kin.copying import FrozenMapping
 from sim.errors import SimulationError
 
 _ASSET = "appearance.npz"
@@ -117,7 +117,7 @@ def _from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Appearance:
             strict=True,
         )
     )
-    return Appearance(MappingProxyType(meshes), parts, str(arrays["notice"]))
+    return Appearance(FrozenMapping(meshes), parts, str(arrays["notice"]))
 
 
 def _mesh(name: str, arrays: Mapping[str, NDArray[Any]]) -> Mesh:

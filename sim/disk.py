@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from baxter_kin import files
+from baxter_kin.copying import NotCopied
 from baxter_kin.errors import FileError
 from baxter_kin.files import PathLike, open_to_read, open_to_write
 from sim.errors import RecordingError
@@ -31,7 +32,7 @@ class Line(NamedTuple):
     is_complete: bool
 
 
-class Output:
+class Output(NotCopied):
     """A file that is written piece by piece. Once that has failed, it says so every time."""
 
     def __init__(self, path: PathLike) -> None:
@@ -81,7 +82,7 @@ class Output:
         return explained(f"cannot write {self._path}")
 
 
-class LineFile:
+class LineFile(NotCopied):
     """A text file while it is being written; every line is handed to the system at once.
 
     A process that is killed therefore loses no line, and at most its last one is half written. What

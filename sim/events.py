@@ -10,6 +10,7 @@ from typing import TypeAlias
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from baxter_kin.copying import Frozen
 from planner import Body, Grasp
 from planner.grasp import Miss
 from planner.plan import Step
@@ -61,7 +62,7 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Snapshot:
+class Snapshot(Frozen):
     """The world at one tick.
 
     Attributes:

@@ -20,6 +20,7 @@ from tornado.httpserver import HTTPServer
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
+from baxter_kin.copying import NotCopied
 from sim.audience import Audience
 from sim.errors import ViewerError
 
@@ -39,7 +40,7 @@ Files = dict[str, tuple[str, str]]
 """What is served: path, such as "/main.min.js", to media type and text."""
 
 
-class LiveServer:
+class LiveServer(NotCopied):
     """Serves a page and the scene of an audience until closed.
 
     Attributes:

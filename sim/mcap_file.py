@@ -19,6 +19,7 @@ import numpy as np
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector
+from baxter_kin.copying import NotCopied
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
 from baxter_kin.frames import Frame
@@ -48,7 +49,7 @@ CHUNK_BYTES = 65_536
 TOPICS = {"/joint_states": JOINT_STATE, "/tf": TRANSFORMS, "/events": TEXT}
 
 
-class McapFile(Observer):
+class McapFile(NotCopied, Observer):
     """An MCAP file while it is being written."""
 
     def __init__(self, path: PathLike, joint_names: tuple[str, ...]) -> None:

@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from baxter_kin import pose_from_quaternion, quaternion_xyzw
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.copying import NotCopied
 from baxter_kin.errors import BaxterError, expect
 from planner import Scene
 from sim.disk import Line, LineFile, read_lines
@@ -49,7 +50,7 @@ class Look:
         expect(self.name, str, "the name of what is looked at", SimulationError)
 
 
-class LoggedPoses:
+class LoggedPoses(NotCopied):
     """A pose source that writes down what another one sees; close it, or use it in `with`."""
 
     def __init__(self, source: PoseSource, path: str | PathLike[str]) -> None:

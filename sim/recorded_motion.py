@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.copying import Frozen
 from baxter_kin.errors import expect
 from baxter_kin.model import JOINTS, LIMBS
 from planner import Move, Trajectory
@@ -71,7 +72,7 @@ class RecordedMove:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArmMotion:
+class ArmMotion(Frozen):
     """An arm at n times.
 
     Attributes:
@@ -91,6 +92,11 @@ class ArmMotion:
     a: Vector
     j: Vector
     is_exact: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        """Freeze."""
+        for array in (self.times_s, self.q, self.v, self.a, self.j, self.is_exact):
+            array.setflags(write=False)
 
 
 def recorded_move(event: Event) -> RecordedMove | None:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
+from baxter_kin.copying import Frozen, FrozenMapping
 from baxter_kin.errors import UnknownNameError
 from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
@@ -40,7 +40,7 @@ __all__ = [  # the names of the CSV can be had here too
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Recording:
+class Recording(Frozen):
     """A finished recording of n snapshots.
 
     Attributes:
@@ -199,7 +199,7 @@ class Recording:
                 )
             array.setflags(write=False)
             poses[name] = array
-        return MappingProxyType(poses)
+        return FrozenMapping(poses)
 
 
 class NotedRecording(NamedTuple):

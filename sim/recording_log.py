@@ -19,6 +19,7 @@ back as the same float. `sim.log_reading` reads it.
 from __future__ import annotations
 
 from baxter_kin import Baxter
+from baxter_kin.copying import NotCopied
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
@@ -35,7 +36,7 @@ FORMAT = "baxter-kin log"
 VERSION = 1
 
 
-class LogRecorder(Observer):
+class LogRecorder(NotCopied, Observer):
     """Writes the log while the simulation runs. Its memory does not grow."""
 
     def __init__(self, path: PathLike, robot: Baxter, *, scene: Scene | None = None) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector
+from baxter_kin.copying import NotCopied
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
 from baxter_kin.model import JOINTS, LIMBS
@@ -22,7 +23,7 @@ _ROW = ",".join(["{:.6f}", *["{:.12g}"] * 16])
 """Time, and both arms with their grippers."""
 
 
-class CsvFile:
+class CsvFile(NotCopied):
     """The RSDK's CSV while it is being written; use it as a context manager."""
 
     def __init__(self, path: PathLike) -> None:
@@ -73,7 +74,7 @@ class CsvFile:
         self._file.close()
 
 
-class CsvRecorder(Observer):
+class CsvRecorder(NotCopied, Observer):
     """Writes the RSDK's CSV while the simulation runs, so that a run cut short keeps its rows."""
 
     def __init__(self, path: PathLike, robot: Baxter) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
+from baxter_kin.copying import NotCopied
 from baxter_kin.errors import expect
 from planner import Body
 from sim.appearance import Appearance
@@ -44,7 +45,7 @@ FRAME_HEIGHT_PX = 520
 """Height of the view in a notebook."""
 
 
-class Viewer:
+class Viewer(NotCopied):
     """A live view, served from its creation until `close`; use it as a context manager.
 
     As the last value of a notebook's cell it shows itself there. That needs a browser on the

@@ -9,12 +9,12 @@ import importlib.util
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from baxter_kin.benchmark.contestant import Contestant
+from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import BaxterError
 from baxter_kin.model import Arm
 
@@ -37,7 +37,7 @@ class Entrant:
 
     key: str
     module: str
-    options: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    options: Mapping[str, Any] = field(default_factory=lambda: FrozenMapping({}))
     needs: tuple[str, ...] = ()
     install: str = ""
 

@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.copying import Frozen
 from baxter_kin.errors import ConfigurationError, RequestError
 from baxter_kin.ik.scalar import least
 from baxter_kin.ik.self_motion import SelfMotion
@@ -38,7 +39,7 @@ class Objective(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NearestTo:
+class NearestTo(Frozen):
     """Nearest to a seed in joint space.
 
     Cost: `1/2 |q - q_seed|^2`, in rad^2: the least joint motion from where the arm is (Whitney,
@@ -65,7 +66,7 @@ class NearestTo:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TowardsGoal:
+class TowardsGoal(Frozen):
     """Towards a goal in the null space, each joint as strongly as its gain says.
 
     Cost: `1/2 sum_i gain_i (q_i - goal_i)^2`: the criterion whose negative gradient, projected on

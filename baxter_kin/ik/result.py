@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from types import MappingProxyType
 
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
+from baxter_kin.copying import Frozen, FrozenMapping
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.ik.seeds import SeedType
 
@@ -35,7 +35,7 @@ class IKFailure:
 
     def __post_init__(self) -> None:
         """Copy what could change."""
-        object.__setattr__(self, "starts", MappingProxyType(dict(self.starts)))
+        object.__setattr__(self, "starts", FrozenMapping(self.starts))
 
     def __str__(self) -> str:
         """The reason."""
@@ -43,7 +43,7 @@ class IKFailure:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class IKResult:
+class IKResult(Frozen):
     """The answer to one pose.
 
     When `is_valid` is false, `q` and the errors are those of the best attempt; it never reached the

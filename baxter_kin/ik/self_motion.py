@@ -15,6 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, finite_scalar, positive_scalar
+from baxter_kin.copying import Frozen
 from baxter_kin.errors import ConfigurationError, RequestError
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.continuation import CurveEnd, EndKind, walk_both_ways
@@ -40,7 +41,7 @@ _NEAREST_ITERATIONS = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SelfMotion:
+class SelfMotion(Frozen):
     """One connected piece of the self-motion of a pose, between its ends; n points.
 
     It runs in the direction in which `det [J; tangent']` is positive, wherever the tracing began.

@@ -73,12 +73,16 @@ class IKService:
         Raises:
             UnknownNameError: when there is no such backend.
         """
-        wanted = Backend.of(backend)
+        self._wanted = Backend.of(backend)
         self.arm = expect(arm, Arm, "arm", RequestError)
-        self._engines = Engines(arm, wanted)
+        self._engines = Engines(arm, self._wanted)
         self._default = self._engines.default
         self.search = self._default.search
         self.backend = self.search.backend
+
+    def __reduce__(self) -> tuple[type[IKService], tuple[Arm, Backend]]:
+        """What makes it again: its searches are compiled functions, which stay where they are."""
+        return type(self), (self.arm, self._wanted)
 
     def solve(
         self,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from enum import Enum
 from typing import Any
 
@@ -132,6 +132,11 @@ class Certificate:
     limits: str = "no limits"
     geometry: str = "no geometry"
     subject: Subject | None = field(default=None, repr=False, compare=False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy without its subject: it is of no plan, as one that is read from a file."""
+        kept = (getattr(self, each.name) for each in fields(self) if each.name != "subject")
+        return type(self), tuple(kept)
 
     @property
     def is_valid(self) -> bool:

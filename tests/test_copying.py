@@ -1,0 +1,264 @@
+"""Pickle and copy: of everything public, with nothing lost, or with a refusal in words."""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import pickle
+import pickletools
+import pkgutil
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import baxter_kin
+import baxter_kin.ik as inverse
+import planner
+import sim
+from baxter_kin import Arm, Baxter, BaxterError, IKService, StampedPose, UnknownNameError
+from baxter_kin.copying import FrozenMapping
+from baxter_kin.errors import CopyError
+from planner import (
+    ClearanceChecker,
+    FreeSpace,
+    Manipulator,
+    PickAndPlace,
+    Plan,
+    RobotBody,
+    Scene,
+    load_object,
+    plan_pick_and_place,
+    verify,
+)
+from planner.free_move import Obstruction
+from sim import CsvRecorder, LoggedPoses, LogRecorder, McapRecorder, Recorder, Simulation, World
+from sim.viewer import Viewer
+from tests.conftest import at, overhead
+
+COPIES: dict[str, Callable[[Any], Any]] = {
+    "pickle": lambda each: pickle.loads(pickle.dumps(each)),
+    "deepcopy": copy.deepcopy,
+    "copy": copy.copy,
+}
+FAR = at(3.0, 0.0, 0.0)
+SCENE = Scene.of(
+    [
+        load_object("table", at(1.0, 0.0, -0.93)),
+        load_object("block", at(0.6725, 0.1265, -0.155), is_movable=True),
+    ]
+)
+TASK = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
+
+TAKEN: dict[str, tuple[Any, ...]] = {
+    "UnknownNameError": ("limb", "middle", ("left", "right")),
+    "FileError": ("read", "a.json", "it is empty"),
+    "StraightMoveError": (0.5, "the arm ends"),
+    "StageError": ("pick: approach", "it is too far"),
+}
+"""What makes errors that take more than a sentence."""
+
+
+@pytest.fixture(scope="module")
+def plan(manipulator: Manipulator) -> Plan:
+    return plan_pick_and_place(TASK, manipulator, SCENE, manipulator.arm.neutral)
+
+
+@pytest.fixture(scope="module")
+def everything(
+    robot: Baxter, ik: IKService, manipulator: Manipulator, plan: Plan
+) -> dict[str, object]:
+    """Objects of all kinds, as users get them."""
+    arm, world = ik.arm, World(robot)
+    recorder = Recorder(robot)
+    simulation = Simulation(world, [recorder])
+    for body in SCENE:
+        simulation.spawn(body)
+    outcome = simulation.execute(plan)
+    checker = ClearanceChecker(manipulator.shapes, arm, SCENE)
+    space = FreeSpace(manipulator, checker, finger_m=0.01)
+    refused = PickAndPlace("block", FAR, overhead(0.75, 0.0, -0.129))
+    return {
+        "robot": robot,
+        "service": ik,
+        "tool": IKService(arm.with_tip(at(0.0, 0.0, 0.1))),
+        "result": ik.solve(arm.T_base_tip(arm.neutral)),
+        "no result": ik.solve(FAR),
+        "poses": (StampedPose(FAR), inverse.Tolerance.about("z")),
+        "self-motion": inverse.trace_self_motion(arm, arm.neutral),
+        "plan": plan,
+        "no plan": plan_pick_and_place(refused, manipulator, SCENE, arm.start),
+        "certificate": verify(plan),
+        "body": (RobotBody.load(), RobotBody.load().padded(0.01)),
+        "space": (space, space.with_margin(0.001)),
+        "line": planner.plan_straight_path(
+            arm, arm.neutral, arm.T_base_tip(arm.neutral) * at(0.0, 0.0, 0.02), arm.limits
+        ),
+        "simulation": simulation,
+        "outcome": outcome,
+        "recording": (recorder.recording(), recorder.recording().motion("left")),
+        "tasks": (TASK, sim.Transfer("block", FAR, FAR), planner.Tolerances()),
+        "moves": moves(arm),
+        "looks": looks(simulation, manipulator),
+        "fingers": fingers(manipulator.hand, simulation.world.body("block")),
+        "notes": sim.NotedRecording(recorder.recording(), ("a line is cut off",)),
+        "shapes": (planner.Sphere(0.1), planner.Cylinder(0.1, 0.2)),
+    }
+
+
+def moves(arm: Arm) -> tuple[object, ...]:
+    """A move, what is asked of it, and its like that is refused."""
+    trajectory = planner.plan_joint_move(arm.neutral, arm.start, arm.limits)
+    nearest = planner.Clearance(-0.01, "left_hand", "table", 0.5)
+    contact = planner.SweptContact(nearest, 0.0, 1.0, 3, 7)
+    failure = planner.FreeMoveFailure(Obstruction.START_IN_COLLISION, "it is inside", nearest)
+    free = planner.FreeMove(None, np.zeros((0, 7)), failure)
+    states = trajectory.sample(0.1), planner.PathState(0.5)
+    return trajectory, trajectory.peak_ratios(), contact, free, states
+
+
+def looks(simulation: Simulation, manipulator: Manipulator) -> tuple[object, ...]:
+    """What looks where the block is, and what comes of it."""
+    eyes = sim.TruePoses(simulation.world)
+    loop = sim.ClosedLoop(simulation, manipulator, eyes)
+    seen = eyes.look("block", simulation.time_s)
+    result = sim.LoopResult((sim.Attempt(None, None, "nothing was seen"),), "nothing was seen")
+    looked = sim.ReplayedPoses([sim.Look(0.0, "block", 0.0, FAR)], SCENE)
+    noisy = sim.NoisyPoses(eyes, sim.Noise(), np.random.default_rng(0))
+    return loop, seen, result, sim.Look(0.0, "block"), looked, noisy
+
+
+def fingers(hand: planner.Hand, body: planner.Body) -> tuple[object, ...]:
+    """What happens between them."""
+    miss = planner.Miss(planner.MissKind.NOTHING, "nothing is between the pads")
+    push = sim.Push("block", "left", "pad", 0.01, 0.005, np.eye(3)[1], FAR)
+    holding = planner.Holding("left", "block", FAR)
+    contact = sim.Contact(0.1, "left_hand", "block", False, 1e-3, True, 0.0)
+    closing = sim.Closing(0.01, miss=miss, pushes=(push,))
+    return hand, planner.overhead_grasp(hand, body), closing, holding, contact
+
+
+def same(a: Any, b: Any) -> bool:
+    """Whether two are alike: arrays, poses and dataclasses by value, others by their text."""
+    if isinstance(a, np.ndarray):
+        return bool(a.flags.writeable == b.flags.writeable and np.array_equal(a, b, equal_nan=True))
+    if isinstance(a, pin.SE3):
+        return bool(np.array_equal(a.homogeneous, b.homogeneous))
+    if is_dataclass(a) and not isinstance(a, planner.Certificate):
+        return same(
+            [getattr(a, f.name) for f in fields(a)], [getattr(b, f.name) for f in fields(b)]
+        )
+    if isinstance(a, (dict, FrozenMapping)):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, (tuple, list)):
+        return len(a) == len(b) and all(map(same, a, b))
+    return type(a) is type(b) and (" object at 0x" in repr(a) or repr(a) == repr(b))
+
+
+@pytest.mark.parametrize("way", COPIES)
+def test_copies_are_alike(everything: dict[str, object], way: str) -> None:
+    for name, each in everything.items():
+        assert same(each, COPIES[way](each)), name
+
+
+def test_what_is_copied_works(everything: dict[str, Any], left: Arm, plan: Plan) -> None:
+    service, T = pickle.loads(pickle.dumps(everything["service"])), left.T_base_tip(left.neutral)
+    assert service.solve(T).q.tolist() == everything["result"].q.tolist()
+    space, guarded = pickle.loads(pickle.dumps(everything["space"]))
+    assert space.is_free(left.neutral)
+    assert guarded.is_free(left.neutral)
+    assert verify(pickle.loads(pickle.dumps(plan))).is_valid
+    tool = pickle.loads(pickle.dumps(everything["tool"])).arm
+    assert np.allclose(tool.T_base_tip(left.neutral), T * at(0.0, 0.0, 0.1))
+
+
+def test_the_body_that_comes_with_the_package_is_not_sent() -> None:
+    assert len(pickle.dumps(RobotBody.load())) < 200
+    assert pickle.loads(pickle.dumps(RobotBody.load())) is RobotBody.load()
+
+
+def test_a_copy_of_a_certificate_is_of_no_plan(plan: Plan) -> None:
+    certificate = verify(plan)
+    assert certificate.is_of(plan)
+    assert not pickle.loads(pickle.dumps(certificate)).is_of(plan)
+    together = copy.deepcopy((plan, certificate))
+    assert not together[1].is_of(together[0])
+
+
+def test_every_public_class_was_copied_or_refuses(everything: dict[str, object]) -> None:
+    copied = {name for each in everything.values() for name in classes_in(pickle.dumps(each))}
+    public = {
+        cls.__qualname__: cls
+        for package in (baxter_kin, planner, sim)
+        for cls in map(package.__dict__.get, package.__all__)
+        if isinstance(cls, type) and not issubclass(cls, (BaseException, Enum))
+    }
+    refusing = {"CsvRecorder", "LogRecorder", "McapRecorder", "LoggedPoses"}
+    abstract = {"Observer", "PoseSource"}
+    missing = public.keys() - copied - refusing - abstract
+    assert missing == set()
+
+
+def classes_in(pickled: bytes) -> Iterator[str]:
+    """The names of all classes that a pickle speaks of."""
+    for opcode, argument, _ in pickletools.genops(pickled):
+        if opcode.name in {"SHORT_BINUNICODE", "BINUNICODE"}:
+            yield str(argument)
+
+
+def test_what_holds_a_file_or_a_socket_says_that_it_cannot_be_copied(
+    robot: Baxter, tmp_path: Path
+) -> None:
+    poses = sim.TruePoses(World(robot))
+    holders = (
+        CsvRecorder(tmp_path / "a.csv", robot),
+        LogRecorder(tmp_path / "a.log", robot),
+        McapRecorder(tmp_path / "a.mcap", robot),
+        LoggedPoses(poses, tmp_path / "a.jsonl"),
+        Viewer(robot),
+    )
+    for holder in holders:
+        for make in COPIES.values():
+            with pytest.raises(CopyError, match=f"{type(holder).__name__} holds an open file"):
+                make(holder)
+        holder.close()
+
+
+def errors() -> list[type[BaxterError]]:
+    for package in (baxter_kin, planner, sim):
+        for module in pkgutil.iter_modules(package.__path__):
+            if module.name == "errors":
+                importlib.import_module(f"{package.__name__}.errors")
+    found: list[type[BaxterError]] = [BaxterError]
+    for each in found:
+        found += each.__subclasses__()
+    return found
+
+
+@pytest.mark.parametrize("cls", errors())
+def test_every_error_survives(cls: type[BaxterError]) -> None:
+    error = cls(*TAKEN.get(cls.__name__, ("something is wrong",)))
+    for make in COPIES.values():
+        again = make(error)
+        assert type(again) is cls
+        assert str(again) == str(error)
+        assert again.__dict__ == error.__dict__
+
+
+def test_an_error_in_a_worker_reaches_the_one_who_asked() -> None:
+    """It was believed to: `UnknownNameError` hung a pool for ever."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        error = pool.submit(ask_for_a_limb).exception(timeout=60.0)
+    assert isinstance(error, UnknownNameError)
+    assert error.allowed == ("left", "right")
+
+
+def ask_for_a_limb() -> None:
+    Baxter.load().arm("middle")
