@@ -9,7 +9,7 @@ BaxterError
 ├── PoseError                 a position, quaternion or pose that is none  (also ValueError)
 ├── RequestError              an IK request that contradicts itself        (also ValueError)
 ├── CopyError                 what cannot be pickled or copied              (also TypeError)
-├── FileError                 a file that cannot be read or written
+├── FileError                 a file that cannot be read, written or trusted
 └── MissingLibraryError       a library that the system lacks              (also ImportError)
 ```
 
@@ -75,10 +75,10 @@ class RequestError(BaxterError, ValueError):
 
 
 class FileError(BaxterError):
-    """A file that cannot be read or written.
+    """A file that cannot be read, written or trusted.
 
     Attributes:
-        action: what was tried, "read" or "write".
+        action: what was tried: "read", "write" or "use".
         path: which file, as it was given.
         reason: why not.
     """
