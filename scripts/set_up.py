@@ -35,10 +35,7 @@ ATOMIC = "libatomic.so.1"
 WITHIN_S = 900.0
 """What one command may take; the longest one downloads a browser of 0.3 GB."""
 
-HAS_COMPILER = (
-    "from baxter_kin.ik.compiler import compiler_command; "
-    "raise SystemExit(compiler_command() is None)"
-)
+HAS_COMPILER = "from baxter_kin.ik.compiler import compilers; raise SystemExit(not compilers())"
 
 
 def main() -> None:

@@ -10,9 +10,9 @@ import casadi as ca
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from baxter_kin.ik.compiler import compiled
 from baxter_kin.ik.explanation import Explainer
 from baxter_kin.ik.kernel import bounds_of
+from baxter_kin.ik.machine_code import compiled
 from baxter_kin.ik.program import IpoptSearcher
 from baxter_kin.ik.reach import ReachBound
 from baxter_kin.ik.search import Backend, Desk, Search, Searcher

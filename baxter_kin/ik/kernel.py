@@ -15,7 +15,7 @@ and `J` is that of the wrist, where the last two axes meet, not that of the tip:
 move it, which makes an iteration cheaper, and more of them succeed.
 
 The whole search, with its early end, is one function of start and pose: CasADi's virtual machine
-evaluates it, or C generated from it (`baxter_kin.ik.compiler`); there is no second version.
+evaluates it, or C generated from it (`baxter_kin.ik.machine_code`); there is no second version.
 """
 
 from __future__ import annotations

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import UnknownNameError
-from baxter_kin.ik.compiler import compiled
 from baxter_kin.ik.kernel import bounds_of, search_function
+from baxter_kin.ik.machine_code import compiled
 from baxter_kin.ik.restarts import map_search_function
 from baxter_kin.ik.seeds import NullSpaceMap
 from baxter_kin.model import Arm

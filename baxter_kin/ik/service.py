@@ -68,7 +68,10 @@ class IKService:
     """
 
     def __init__(self, arm: Arm, backend: str | Backend = Backend.AUTO) -> None:
-        """Prepare the searches; with `AUTO` and a C compiler, the first time takes half a second.
+        """Prepare the searches.
+
+        With `AUTO` and a C compiler, they are compiled the first time, which takes some seconds and
+        is logged at level INFO; later processes find them in the user's cache.
 
         Raises:
             UnknownNameError: when there is no such backend.

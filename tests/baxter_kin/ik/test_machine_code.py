@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import hashlib
 import logging
 import os
-import stat
+import shlex
+from collections.abc import Callable
 from pathlib import Path
 
 import casadi as ca
@@ -10,33 +12,97 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm
-from baxter_kin.ik import compiler
-from baxter_kin.ik.compiler import ZIG, cache_folder, compiled, compiler_command
+from baxter_kin.errors import FileError
+from baxter_kin.ik import compiler, kernel_cache, machine_code
+from baxter_kin.ik.compiler import compilers
 from baxter_kin.ik.kernel import bounds_of, search_function
+from baxter_kin.ik.kernel_cache import KernelCache, PrivateFolder, user_folder
+from baxter_kin.ik.machine_code import compiled
 from baxter_kin.ik.restarts import map_search_function
 from baxter_kin.ik.seeds import NullSpaceMap
+from tests.baxter_kin.test_limited_process import ends
+
+Provide = Callable[..., None]
+
+
+@pytest.fixture(autouse=True)
+def new_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a process remembers."""
+    monkeypatch.setattr(machine_code, "_FAILED", set())
+    monkeypatch.setattr(kernel_cache, "_PRIVATE", PrivateFolder())
 
 
 @pytest.fixture
 def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache of ours; that of `ziglang`, its own run-time library, takes 10 s to fill."""
-    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(cache_folder().with_name("zig")))
+    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(_usual_folder(tmp_path).with_name("zig")))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     return tmp_path / "baxter-kin"
+
+
+def _usual_folder(otherwise: Path) -> Path:
+    try:
+        return user_folder()
+    except FileError:
+        return otherwise
 
 
 @pytest.fixture
 def cache(empty_cache: Path) -> Path:
     """The same, where there is a compiler."""
-    if compiler_command() is None:
+    if not compilers():
         pytest.skip("machine code needs a C compiler; pip install ziglang brings one")
     return empty_cache
 
 
 @pytest.fixture
+def provide(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Provide:
+    """Let shell scripts be the compilers, by their names on PATH."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+
+    def provided(**scripts: str) -> None:
+        for name, script in scripts.items():
+            (folder / name).write_text(f"#!/bin/sh\n{WRITES_INTO}\n{script}\n")
+            (folder / name).chmod(0o755)
+        monkeypatch.setattr(compiler, "COMPILERS", tuple(scripts))
+        monkeypatch.setattr(compiler, "find_spec", lambda _: None)
+        monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
+
+    return provided
+
+
+WRITES_INTO = 'given="$*"; while [ "$1" != -o ]; do shift; done; output=$2'
+"""A script's output is the file that its caller wants."""
+
+FAILS = "exit 3"
+
+
+def working() -> str:
+    """The script of a compiler that works."""
+    return f"exec {shlex.join(compilers()[0].command)} $given"
+
+
+def counting(calls: Path, script: str) -> str:
+    return f"echo called >> {shlex.quote(str(calls))}\n{script}"
+
+
+def hanging(child: Path) -> str:
+    return f"sleep 1000 & echo $! >> {shlex.quote(str(child))}; wait"
+
+
+def count(calls: Path) -> int:
+    return len(calls.read_text().splitlines())
+
+
+@pytest.fixture
 def square() -> ca.Function:
+    return function_of(lambda x: x * x)
+
+
+def function_of(formula: Callable[[ca.SX], ca.SX]) -> ca.Function:
     x = ca.SX.sym("x", 2)
-    return ca.Function("square", [x], [x * x, ca.sum1(x)])
+    return ca.Function("square", [x], [formula(x), ca.sum1(x)])
 
 
 def value(functions: tuple[ca.Function, ...] | None) -> list[float]:
@@ -85,9 +151,8 @@ def test_second_time_the_cached_library_is_used(cache: Path, square: ca.Function
 
 
 def test_another_function_gets_another_file(cache: Path, square: ca.Function) -> None:
-    x = ca.SX.sym("x", 2)
     compiled([square])
-    compiled([ca.Function("square", [x], [x * x * x, ca.sum1(x)])])
+    compiled([function_of(lambda x: x * x * x)])
     assert len(libraries(cache)) == 2
 
 
@@ -105,82 +170,224 @@ def test_damaged_library_is_compiled_anew(
     assert len(libraries(cache)[0].read_bytes()) == len(intact)
 
 
+def test_intact_library_of_something_else_is_compiled_anew(
+    cache: Path, square: ca.Function
+) -> None:
+    compiled([square])
+    compiled([function_of(lambda x: x * x + 1.0)])
+    names = {path.name for path in libraries(cache)}
+    first, second = (path.read_bytes() for path in libraries(cache))
+    for path, content in zip(libraries(cache), (second, first), strict=True):
+        path.unlink()
+        path.write_bytes(content)
+        path.with_suffix(".sha256").write_text(hashlib.sha256(content).hexdigest())
+    assert value(compiled([square])) == [9.0, 16.0, 7.0]
+    assert {path.name for path in libraries(cache)} == names
+
+
 def test_nothing_but_libraries_and_checksums_is_left(cache: Path, square: ca.Function) -> None:
     compiled([square])
     assert {path.suffix for path in cache.iterdir()} == {".so", ".sha256"}
+    assert {path.stat().st_mode & 0o777 for path in cache.iterdir()} == {0o600}
 
 
-def without_compilers_on_path(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", str(folder))
-
-
-def with_package(folder: Path, monkeypatch: pytest.MonkeyPatch, program: str | None) -> None:
-    """Let the package `ziglang` be that program, or none at all."""
-    if program is None:
-        monkeypatch.setattr(compiler, "find_spec", lambda _: None)
-        return
-    (folder / "ziglang").mkdir()
-    (folder / "ziglang" / "__init__.py").touch()
-    (folder / "ziglang" / "__main__.py").write_text(program)
-    monkeypatch.setenv("PYTHONPATH", str(folder))
-    monkeypatch.syspath_prepend(folder)
-
-
-def test_without_a_compiler_there_is_none(
-    empty_cache: Path, square: ca.Function, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_planted_library_is_not_loaded_but_replaced(
+    cache: Path, square: ca.Function, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    without_compilers_on_path(tmp_path, monkeypatch)
-    with_package(tmp_path, monkeypatch, None)
-    assert compiler_command() is None
-    assert compiled([square]) is None
+    """Where the link leads to, nothing is written."""
+    compiled([square])
+    library = libraries(cache)[0]
+    planted = library.rename(tmp_path / "planted.so")
+    content = planted.read_bytes()
+    library.symlink_to(planted)
+    assert value(compiled([square])) == [9.0, 16.0, 7.0]
+    assert "it is a symbolic link" in caplog.text
+    assert not library.is_symlink()
+    assert planted.read_bytes() == content
 
 
-def test_without_a_compiler_on_path_the_package_ziglang_is_asked(
-    empty_cache: Path, square: ca.Function, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_from_a_folder_that_others_may_write_to_nothing_is_loaded(
+    cache: Path, square: ca.Function, caplog: pytest.LogCaptureFixture
 ) -> None:
-    said = tmp_path / "said"
-    program = f"import sys; open({str(said)!r}, 'w').write(' '.join(sys.argv[1:])); sys.exit(3)"
-    without_compilers_on_path(tmp_path, monkeypatch)
-    with_package(tmp_path, monkeypatch, program)
-    assert compiler_command() == ZIG
-    assert compiled([square]) is None
-    assert said.read_text().startswith("cc -mcpu=baseline -g0 -O2 -fPIC -shared")
+    compiled([square])
+    planted = libraries(cache)[0]
+    os.utime(planted, ns=(0, 0))
+    cache.chmod(0o777)
+    for _ in range(2):
+        assert value(compiled([square])) == [9.0, 16.0, 7.0]
+    assert planted.stat().st_mtime_ns == 0
+    assert len(libraries(cache)) == 1
+    warned = [record for record in caplog.records if record.levelno == logging.WARNING]
+    assert len(warned) == 1
+    assert "for this process only" in warned[0].getMessage()
 
 
-def test_a_compiler_that_fails_is_reported_and_not_fatal(
-    empty_cache: Path,
-    square: ca.Function,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    broken = tmp_path / "bin" / "cc"
-    broken.parent.mkdir()
-    broken.write_text("#!/bin/sh\nexit 3\n")
-    broken.chmod(broken.stat().st_mode | stat.S_IXUSR)
-    monkeypatch.setenv("PATH", f"{broken.parent}{os.pathsep}{os.environ['PATH']}")
-    with caplog.at_level(logging.WARNING):
-        assert compiled([square]) is None
-    assert "using CasADi's virtual machine" in caplog.text
-    assert libraries(empty_cache) == []
-
-
-def test_a_cache_that_cannot_be_written_is_not_fatal(
-    tmp_path: Path, square: ca.Function, monkeypatch: pytest.MonkeyPatch
+def test_in_a_cache_that_cannot_be_made_it_works_all_the_same(
+    cache: Path, tmp_path: Path, square: ca.Function, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("not a folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
+    assert value(compiled([square])) == [9.0, 16.0, 7.0]
+
+
+def test_a_cache_that_can_only_be_read_is_read(
+    cache: Path, square: ca.Function, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiled([square])
+    monkeypatch.setattr(KernelCache, "is_writable", False)
+    monkeypatch.setattr(PrivateFolder, "opened", None)
+    assert value(compiled([square])) == [9.0, 16.0, 7.0]
+
+
+def test_without_a_compiler_there_is_none(
+    empty_cache: Path, square: ca.Function, provide: Provide
+) -> None:
+    provide()
     assert compiled([square]) is None
+    assert not empty_cache.exists()
 
 
-def test_machine_code_that_disagrees_is_not_used(
+@pytest.fixture
+def some_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is not ours, for scripts to copy."""
+    folder = Path(np.__file__).parent / "_core"
+    monkeypatch.setenv("LIBRARY", str(next(folder.glob("_multiarray_umath*.so"))))
+
+
+@pytest.mark.usefixtures("some_library")
+@pytest.mark.parametrize(
+    "script",
+    [
+        FAILS,
+        "exit 0",
+        'echo rubbish > "$output"',
+        'mkdir "$output"',
+        'head -c 20000 "$LIBRARY" > "$output"',
+        'cp "$LIBRARY" "$output"',
+    ],
+    ids=["fails", "nothing", "rubbish", "folder", "truncated", "another library"],
+)
+def test_what_a_broken_compiler_makes_is_neither_loaded_nor_kept(
+    empty_cache: Path,
+    square: ca.Function,
+    provide: Provide,
+    caplog: pytest.LogCaptureFixture,
+    script: str,
+) -> None:
+    provide(cc=script)
+    assert compiled([square]) is None
+    assert "CasADi's virtual machine" in caplog.text
+    assert list(empty_cache.iterdir()) == []
+
+
+@pytest.mark.parametrize("script", [FAILS, "exit 0", 'echo rubbish > "$output"'])
+def test_a_broken_compiler_does_not_hide_a_working_one(
+    cache: Path, square: ca.Function, provide: Provide, script: str
+) -> None:
+    provide(cc=script, gcc=working())
+    assert value(compiled([square])) == [9.0, 16.0, 7.0]
+    assert len(libraries(cache)) == 1
+
+
+def test_a_script_that_the_system_cannot_run_does_not_hide_a_working_one(
+    cache: Path, square: ca.Function, provide: Provide, tmp_path: Path
+) -> None:
+    provide(cc=FAILS, gcc=working())
+    (tmp_path / "bin" / "cc").write_text("#!/no/such/shell\n")
+    assert value(compiled([square])) == [9.0, 16.0, 7.0]
+
+
+def test_a_broken_compiler_is_asked_once(
+    empty_cache: Path, square: ca.Function, provide: Provide, tmp_path: Path
+) -> None:
+    provide(cc=counting(tmp_path / "calls", FAILS))
+    for _ in range(3):
+        assert compiled([square]) is None
+    assert count(tmp_path / "calls") == 1
+
+
+def test_what_one_compiler_made_is_found_whichever_there_is(
+    cache: Path, square: ca.Function, provide: Provide
+) -> None:
+    compiled([square])
+    provide(cc=FAILS)
+    assert value(compiled([square])) == [9.0, 16.0, 7.0]
+
+
+@pytest.fixture
+def short_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """How long compilers may take for a line: 1 s."""
+    monkeypatch.setattr(compiler, "ANSWER_S", 1.0)
+
+
+@pytest.mark.usefixtures("short_answer", "empty_cache")
+def test_a_compiler_that_hangs_is_ended_with_its_children_and_remembered(
+    square: ca.Function,
+    provide: Provide,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    provide(cc=hanging(tmp_path / "children"))
+    assert compiled([square]) is None
+    assert "no answer within 1 s" in caplog.text
+    assert ends(int((tmp_path / "children").read_text()))
+    for _ in "here", "in the next process":
+        assert compiled([square]) is None
+        monkeypatch.setattr(machine_code, "_FAILED", set())
+    assert count(tmp_path / "children") == 1
+    assert [path.suffix for path in (tmp_path / "baxter-kin").iterdir()] == [".note"]
+
+
+@pytest.mark.usefixtures("short_answer", "empty_cache")
+def test_two_names_of_a_compiler_that_hangs_cost_its_time_once(
+    square: ca.Function, provide: Provide, tmp_path: Path
+) -> None:
+    provide(cc=hanging(tmp_path / "children"), gcc=FAILS)
+    (tmp_path / "bin" / "gcc").unlink()
+    (tmp_path / "bin" / "gcc").symlink_to("cc")
+    assert compiled([square]) is None
+    assert count(tmp_path / "children") == 1
+
+
+@pytest.mark.usefixtures("short_answer", "cache")
+def test_a_compiler_that_hung_is_asked_again_when_it_has_changed(
+    square: ca.Function, provide: Provide, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    works = working()
+    provide(cc=hanging(tmp_path / "children"))
+    assert compiled([square]) is None
+    monkeypatch.setattr(machine_code, "_FAILED", set())
+    provide(cc=works)
+    assert value(compiled([square])) == [9.0, 16.0, 7.0]
+
+
+@pytest.mark.usefixtures("short_answer", "cache")
+def test_a_compiler_that_hangs_does_not_hide_a_working_one(
+    square: ca.Function, provide: Provide, tmp_path: Path
+) -> None:
+    provide(cc=hanging(tmp_path / "children"), gcc=working())
+    assert value(compiled([square])) == [9.0, 16.0, 7.0]
+
+
+def test_machine_code_that_disagrees_is_neither_used_nor_kept(
+    cache: Path, square: ca.Function, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = function_of(lambda x: x * x + 1e-6)
+    monkeypatch.setattr(machine_code, "_source", lambda _: _dump(other))
+    assert compiled([square]) is None
+    assert libraries(cache) == []
+
+
+def test_machine_code_of_another_shape_is_neither_used_nor_kept(
     cache: Path, square: ca.Function, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     x = ca.SX.sym("x", 2)
-    other = ca.Function("square", [x], [x * x + 1e-6, ca.sum1(x)])
-    monkeypatch.setattr(compiler, "_source", lambda _: _dump(other))
+    other = ca.Function("square", [x], [x * x])
+    monkeypatch.setattr(machine_code, "_source", lambda _: _dump(other))
     assert compiled([square]) is None
+    assert libraries(cache) == []
 
 
 def _dump(function: ca.Function) -> str:
@@ -189,6 +396,14 @@ def _dump(function: ca.Function) -> str:
     return str(generator.dump())
 
 
-def test_cache_folder_follows_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    assert cache_folder() == Path.home() / ".cache" / "baxter-kin"
+def test_compiling_is_told_and_loading_is_not(
+    cache: Path, square: ca.Function, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO):
+        compiled([square])
+    assert len(caplog.messages) == 1
+    assert f"takes some seconds, once; kept in {cache}" in caplog.text
+    caplog.clear()
+    with caplog.at_level(logging.INFO):
+        compiled([square])
+    assert caplog.messages == []
