@@ -1,4 +1,4 @@
-"""What the command lines share: a parser that complains in one sentence, and types of arguments.
+"""What the command lines share: complaints in one sentence, types of arguments, what is logged.
 
 Each type is given to argparse as `type=...`; it says what came and what is allowed.
 """
@@ -6,9 +6,11 @@ Each type is given to argparse as `type=...`; it says what came and what is allo
 from __future__ import annotations
 
 import argparse
+import logging
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
@@ -81,3 +83,32 @@ def file_to_write(text: str) -> Path:
     if not os.access(folder if file.status is None else file.path, os.W_OK):
         raise argparse.ArgumentTypeError(f"cannot write {shown}: Permission denied")
     return path
+
+
+@contextmanager
+def log_told(say: Callable[[str], None], complain: Callable[[str], None]) -> Iterator[None]:
+    """What `baxter_kin` logs in the meantime reaches the user, as when it compiles for seconds.
+
+    Args:
+        say: told what is of interest.
+        complain: told warnings, and what is worse.
+    """
+    logger = logging.getLogger("baxter_kin")
+    handler, level = _Teller(say, complain), logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+        logger.removeHandler(handler)
+
+
+class _Teller(logging.Handler):
+    def __init__(self, say: Callable[[str], None], complain: Callable[[str], None]) -> None:
+        super().__init__(logging.INFO)
+        self._say, self._complain = say, complain
+
+    def emit(self, record: logging.LogRecord) -> None:
+        tell = self._say if record.levelno < logging.WARNING else self._complain
+        tell(record.getMessage())

@@ -124,7 +124,7 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="draw time against solve rate (png, svg, pdf)",
     )
-    parser.add_argument("-q", "--quiet", action="store_true", help="show no progress bar")
+    parser.add_argument("-q", "--quiet", action="store_true", help="show no progress")
 
 
 def _check_plot(parser: argparse.ArgumentParser, path: Path) -> None:

@@ -17,12 +17,14 @@ from baxter_kin.benchmark.outcome import Outcome
 from baxter_kin.benchmark.poses import draw_poses
 from baxter_kin.benchmark.table import markdown
 from baxter_kin.benchmark.verification import Verifier
+from baxter_kin.command_line import log_told
 from baxter_kin.model import Arm, Baxter
 
 
 def run_benchmark(options: Options) -> Outcome:
     """Measure, print the table, write what was asked for."""
-    outcome = _measure(options)
+    with log_told((lambda _: None) if options.is_quiet else _tell, _tell):
+        outcome = _measure(options)
     print(markdown(outcome), end="")
     if options.json is not None:
         outcome.write(options.json)
@@ -31,6 +33,11 @@ def run_benchmark(options: Options) -> Outcome:
 
         draw(outcome.rows, options.plot)
     return outcome
+
+
+def _tell(text: str) -> None:
+    """One line that is no part of the table."""
+    print(f"baxter_kin.benchmark: {text}", file=sys.stderr, flush=True)
 
 
 def _measure(options: Options) -> Outcome:

@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from baxter_kin.command_line import log_told
 from baxter_kin.demo.interrupt import Interrupt
 from baxter_kin.demo.narration import Narrator
 from baxter_kin.demo.options import Options
@@ -48,12 +49,17 @@ from sim import (
 def run_demo(options: Options, interrupt: Interrupt) -> int:
     """Run it; returns the exit status, and raises KeyboardInterrupt once all is cleaned up."""
     narrator = Narrator(options.verbosity)
-    try:
-        failure = _Demo(options, interrupt, narrator).run()
-    except BaxterError as error:
-        failure = str(error)
+
+    def complain(text: str) -> None:
+        narrator.complain(f"baxter-demo: {text}")
+
+    with log_told(narrator.say, complain):
+        try:
+            failure = _Demo(options, interrupt, narrator).run()
+        except BaxterError as error:
+            failure = str(error)
     if failure is not None:
-        narrator.complain(f"baxter-demo: {failure}")
+        complain(failure)
     return 0 if failure is None else 1
 
 

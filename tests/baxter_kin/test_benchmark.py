@@ -59,7 +59,7 @@ def numbers(outcome: Outcome) -> Any:
 
 
 def test_program_prints_a_table_alone_and_ends_with_status_0() -> None:
-    options = ["--count", str(COUNT), "--scenario", "near", "--solvers", "baxter-kin"]
+    options = ["--count", str(COUNT), "--scenario", "near", "--solvers", "baxter-kin", "--quiet"]
     done = subprocess.run([*PROGRAM, *options], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert f"({COUNT} poses)" in done.stdout
