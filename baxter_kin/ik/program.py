@@ -61,13 +61,15 @@ class Program:
         q: decision variables, 7 x 1, rad.
         parameters: p_target (3), h_target in x, y, z, w order (4), q_seed (7).
         objective: half the squared distance to the seed.
-        pose_error: equality constraints, 6 x 1, m and rad.
+        pose_error: what is constrained, n x 1, m and rad.
+        widths: how far it may be from zero, either way, shape (n,).
     """
 
     q: ca.SX
     parameters: ca.SX
     objective: ca.SX
     pose_error: ca.SX
+    widths: Vector
 
     @classmethod
     def of(cls, arm: Arm) -> Program:
@@ -82,24 +84,33 @@ class Program:
             parameters=ca.vertcat(p_target, h_target, q_seed),
             objective=ca.sumsqr(kinematics.q - q_seed) / 2,
             pose_error=ca.vertcat(kinematics.p_base_tip - p_target, rotation_error),
+            widths=np.zeros(6),
         )
 
     @classmethod
     def of_task(cls, arm: Arm, task: Task) -> Program:
         """State the program of that arm for a task: the error may be as large as its widths.
 
-        The parameters are then the pose's matrix (16, column by column) and q_seed (7).
+        The parameters are then the pose's matrix (16, column by column) and q_seed (7). Within a
+        cone the two numbers of the tilt are replaced by the square of its length over the width,
+        which is as large as the width where the length is.
         """
         kinematics, T = SymbolicArm.of(arm), ca.SX.sym("T", 4, 4)
         q_seed, columns = ca.SX.sym("q_seed", 7), list(task.order)
         T_turned = ca.horzcat(T[:, columns], T[:, 3])
         R_turned = kinematics.R_base_tip[:, columns]
         roll_is_free = ca.SX(float(task.roll_is_free))
+        error = task_coordinates(T_turned, kinematics.p_base_tip, R_turned, roll_is_free)
+        *widths, cone = (task.widths - TASK_INSET).clip(min=0.0)
+        if cone > 0.0:
+            error = ca.vertcat(error[:3], ca.sumsqr(error[3:]) / cone)
+            widths = [*widths[:3], cone]
         return cls(
             q=kinematics.q,
             parameters=ca.vertcat(ca.vec(T), q_seed),
             objective=ca.sumsqr(kinematics.q - q_seed) / 2,
-            pose_error=task_coordinates(T_turned, kinematics.p_base_tip, R_turned, roll_is_free),
+            pose_error=error,
+            widths=np.array(widths),
         )
 
 
@@ -133,8 +144,7 @@ class IpoptSearcher:
             "f": program.objective,
             "g": program.pose_error,
         }
-        widths = np.zeros(6) if self._is_exact else Task(tolerance).widths
-        self._widths = (widths - TASK_INSET).clip(min=0.0)
+        self._widths = program.widths
         self._solve = ca.nlpsol("ik", "ipopt", nlp, _OPTIONS)
 
     def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:

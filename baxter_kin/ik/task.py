@@ -18,6 +18,12 @@ from baxter_kin.ik.tolerance import Tolerance
 ROLLS = 16
 """Rotations about a free axis that starts are computed for."""
 
+LEAN = 0.9
+"""How far every second of them leans, as a share of the cone. With none, 17 of 500 poses that only
+a lean of 0.1 rad makes reachable are left to IPOPT; with all, 4 of 4,000 with a cone of 1.5 rad."""
+
+_DIRECTION_STEP = 5  # in steps of the rotation, so that the leaning ones go all around
+
 _CYCLES = ((1, 2, 0), (2, 0, 1), (0, 1, 2))  # the order of axes that makes x, y or z the last
 
 
@@ -46,11 +52,10 @@ class Task:
 
     @cached_property
     def widths(self) -> Vector:
-        """What is allowed along and about the turned axes, shape (6,), m and rad."""
+        """What is allowed along and about the turned axes, and of tilt, shape (7,), m and rad."""
         order = list(self.order)
         allowed = np.array([self.tolerance.position_m, self.tolerance.rotation_rad])
-        widths: Vector = allowed[:, order].ravel()
-        return widths
+        return np.append(allowed[:, order].ravel(), self.tolerance.tilt_rad)
 
     @cached_property
     def tool(self) -> Vector:
@@ -68,8 +73,7 @@ class Task:
         if self.tolerance.is_position_only:
             rotations = _quarter_turns()
         elif self.tolerance.free_axis is not None:
-            axis = np.eye(3)[self.tolerance.free_axis]
-            rotations = [pin.exp3(2 * np.pi / ROLLS * i * axis) for i in range(ROLLS)]
+            rotations = _rolls(self.tolerance.free_axis, LEAN * self.tolerance.tilt_rad)
         else:
             rotations = [np.eye(3)]
         return np.array([pin.SE3(R, np.zeros(3)).homogeneous for R in rotations])
@@ -78,6 +82,14 @@ class Task:
         """Gripper poses that would do for tip poses, shape (m, 4, 4): shape (m, n, 4, 4)."""
         poses: Vector = Ts[:, None] @ self.variants @ self.T_gripper_tip.inverse().homogeneous
         return poses
+
+
+def _rolls(free_axis: int, lean_rad: float) -> list[Vector]:
+    """Rotations about an axis, in equal steps, every second one followed by a lean of that axis."""
+    axis, across = np.eye(3)[free_axis], np.eye(3)[free_axis - 1]
+    rolls = [pin.exp3(2 * np.pi / ROLLS * i * axis) for i in range(ROLLS)]
+    leans = [pin.exp3(lean_rad * (R @ across)) for R in rolls]
+    return [leans[_DIRECTION_STEP * i % ROLLS] @ R if i % 2 else R for i, R in enumerate(rolls)]
 
 
 def _quarter_turns() -> list[Vector]:

@@ -4,7 +4,8 @@ The same iterations as in `baxter_kin.ik.kernel` on other errors, the coordinate
 deviation (`baxter_kin.ik.tolerance`). What is free counts neither as error nor in the Jacobian.
 What is inside its bounds is no error, but held; released, it leaves them by the next step, and the
 search wavers: of poses with bounds of 1 cm and 0.1 rad, 56 % converged from the first setpoint
-instead of 97 %. What is outside its bounds is drawn to half of them, well inside.
+instead of 97 %. What is outside its bounds is drawn to half of them, well inside; a tilt outside
+its cone, straight towards the cone's axis.
 Tolerances and the tip's place on the hand are inputs: one function serves all.
 """
 
@@ -38,8 +39,8 @@ def task_search_function(arm: Arm) -> ca.Function:
 
     Inputs: first iterate, 7 x 1, rad; requested pose of the tip, 4 x 4; the tip seen from the
     gripper, 4 x 4; what is allowed along (m) and about (rad) the axes of the requested tip frame,
-    6 x 1, infinite where free; 1 if the rotation about z is free and only its tilt counts, else 0;
-    lowest and highest joint positions, 14 x 1, rad.
+    infinite where free, and of tilt in any direction (rad), 7 x 1; 1 if the rotation about z is
+    free and only its tilt counts, else 0; lowest and highest joint positions, 14 x 1, rad.
     Outputs as of `baxter_kin.ik.kernel.search_function`; errors are what exceeds the tolerance.
     """
     step = _step_function(arm)
@@ -54,18 +55,21 @@ def _step_function(arm: Arm) -> ca.Function:
     """One iteration; inputs of `task_search_function`, outputs of `kernel.step_function`."""
     chain = SymbolicChain.of(arm, rounding=URDF_ROUNDING)
     T, tool = ca.SX.sym("T", 4, 4), ca.SX.sym("tool", 4, 4)
-    tolerance, roll_is_free = ca.SX.sym("tolerance", 6), ca.SX.sym("roll_is_free")
+    tolerance, roll_is_free = ca.SX.sym("tolerance", 7), ca.SX.sym("roll_is_free")
     bounds = ca.SX.sym("bounds", 14)
     p_tip = chain.p_link_tip + chain.R_link_tip @ tool[:3, 3]
     R_tip = chain.R_link_tip @ tool[:3, :3]
     x = task_coordinates(T, p_tip, R_tip, roll_is_free)
-    allowed = ca.fmax(tolerance - INSET, 0)
+    inside = ca.fmax(tolerance - INSET, 0)
+    allowed, cone = inside[:6], inside[6]
     excess = _beyond(x, allowed)
+    turned = ca.norm_2(excess[3:])
     error = _beyond(x, AIM * allowed) * (ca.fabs(x) > allowed)
+    error[3:] *= ca.if_else(turned > cone, 1 - AIM * cone / turned, 0)
     unit = ca.vertcat(*[1.0] * 3, *[ROTATION_WEIGHT_M] * 3)
     J = ca.diag(unit * (allowed < ca.inf)) @ ca.jacobian(x, chain.q)
     q_next = damped_step(chain.q, J, -unit * error, bounds)
-    errors = ca.norm_2(excess[:3]), ca.norm_2(excess[3:])
+    errors = ca.norm_2(excess[:3]), ca.fmax(turned - cone, 0)
     inputs = [chain.q, T, tool, tolerance, roll_is_free, bounds]
     return ca.Function("task_step", inputs, [q_next, *errors], {"cse": True})
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -16,9 +16,12 @@ from baxter_kin.ik.reach import ReachBound, ReachProof
 from baxter_kin.ik.search import FINE_ROUNDS, Backend, Desk, Found, Lanes
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap, pose_features
 from baxter_kin.ik.task import Task
+from baxter_kin.ik.tolerance import Tolerance
 from baxter_kin.model import Arm
 
 _COAXIAL = 1e-9  # how far (m, and of a unit vector) an axis may be from the last joint's
+
+_EXACT = Tolerance()
 
 
 class TaskStarts:
@@ -168,8 +171,8 @@ class TaskReach:
 
 def _fixes_gripper(task: Task) -> bool:
     """Whether the tip's pose gives the gripper's, but for its roll about the last joint's axis."""
-    rotation, T = task.tolerance.rotation_rad, task.T_gripper_tip
-    if not any(rotation):
+    tolerance, T = replace(task.tolerance, position_m=_EXACT.position_m), task.T_gripper_tip
+    if tolerance == _EXACT:
         return True
     is_coaxial = np.hypot(*T.translation[:2]) + np.hypot(*T.rotation[:2, 2]) <= _COAXIAL
-    return bool(is_coaxial) and task.tolerance.free_axis == 2 and not any(rotation[:2])
+    return bool(is_coaxial) and tolerance == Tolerance.about("z")

@@ -3,7 +3,9 @@
 The deviation of a tip from the requested pose is measured along and about the axes of the
 *requested* tip frame: the displacement of the tip, and the rotation vector of the rotation that is
 left. Where the rotation about one axis is free, the other two numbers tell instead how that axis is
-tilted: the rotation vector of the shortest rotation from the requested axis to the reached one.
+tilted: the rotation vector of the shortest rotation from the requested axis to the reached one. Its
+length is the angle between the two axes. Bounding the length leaves the axis a circular cone;
+bounding the two numbers, a box, in whose corners the axis leans by more than either bound.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, float_array
+from baxter_kin.arrays import Vector, finite_scalar, float_array
 from baxter_kin.errors import RequestError, UnknownNameError
 
 AXES = ("x", "y", "z")
@@ -37,6 +39,9 @@ class Tolerance:
         position_m: along x, y and z of the requested tip frame, each from zero to `FREE`, m.
         rotation_rad: about the same axes, each from zero to `WIDEST_RAD`, rad; or one of them
             `FREE`, or all three.
+        tilt_rad: how far the axis that the rotation is free about may lean in any direction, from
+            zero to `WIDEST_RAD`, rad: a circular cone. One axis of `rotation_rad` is then `FREE`,
+            and the others, which would bound the lean by a box, are zero.
 
     Raises:
         RequestError: when a number is negative, NaN or not allowed.
@@ -44,13 +49,15 @@ class Tolerance:
 
     position_m: tuple[float, float, float] = _EXACT
     rotation_rad: tuple[float, float, float] = _EXACT
+    tilt_rad: float = 0.0
 
     def __post_init__(self) -> None:
         """Check and copy."""
         for name in ("position_m", "rotation_rad"):
             object.__setattr__(self, name, _checked(getattr(self, name), name))
-        free = self.rotation_rad.count(FREE)
-        if free == 2:
+        tilt_rad = finite_scalar(self.tilt_rad, "tilt_rad", RequestError)
+        object.__setattr__(self, "tilt_rad", tilt_rad)
+        if self.rotation_rad.count(FREE) == 2:
             raise RequestError(
                 "rotation_rad leaves two axes free; leave one free to allow every rotation about "
                 "it, or all three to ask for a position only"
@@ -61,6 +68,7 @@ class Tolerance:
                     f"rotation_rad holds {value:g} rad; bounds go up to a quarter turn "
                     f"({WIDEST_RAD:.4f}), beyond that say inf (free)"
                 )
+        self._check_tilt()
 
     @classmethod
     def position_only(cls, position_m: ArrayLike = _EXACT) -> Tolerance:
@@ -69,19 +77,34 @@ class Tolerance:
 
     @classmethod
     def about(cls, axis: str, *, tilt_rad: float = 0.0) -> Tolerance:
-        """Any rotation about one axis of the tip, "x", "y" or "z".
+        """Any rotation about one axis of the tip, "x", "y" or "z", that may lean within a cone.
 
         Args:
             axis: which; z points out of the hand.
-            tilt_rad: how far that axis may lean to either side.
+            tilt_rad: the largest angle between the requested axis and the reached one.
 
         Raises:
             UnknownNameError: when there is no such axis.
+            RequestError: when the angle is not from zero to `WIDEST_RAD`.
         """
-        if axis not in AXES:
-            raise UnknownNameError("axis", axis, AXES)
-        rotation = [FREE if name == axis else tilt_rad for name in AXES]
-        return cls(rotation_rad=_three(rotation))
+        return cls(rotation_rad=_free_about(axis, 0.0), tilt_rad=tilt_rad)
+
+    @classmethod
+    def tilt_box(cls, axis: str, *, tilt_rad: ArrayLike) -> Tolerance:
+        """Any rotation about one axis, and its tilt bounded about each of the others: a box.
+
+        In the corners of the box the axis leans farthest: with 5 deg about each, by 7.07 deg.
+        `about` bounds the lean itself.
+
+        Args:
+            axis: which; z points out of the hand.
+            tilt_rad: a number, or one for each of the two other axes, in the order of the alphabet.
+
+        Raises:
+            UnknownNameError: when there is no such axis.
+            RequestError: when a number is not from zero to `WIDEST_RAD`.
+        """
+        return cls(rotation_rad=_free_about(axis, tilt_rad))
 
     @property
     def free_axis(self) -> int | None:
@@ -99,7 +122,20 @@ class Tolerance:
         away = np.abs(T.translation) - self.position_m
         turned = np.abs(self._rotation(T.rotation)) - self.rotation_rad
         outside = [float(np.linalg.norm(part.clip(min=0.0))) for part in (away, turned)]
-        return outside[0], outside[1]
+        return outside[0], max(outside[1] - self.tilt_rad, 0.0)
+
+    def _check_tilt(self) -> None:
+        """That the cone is one, and the only bound on the lean."""
+        if not 0.0 <= self.tilt_rad <= WIDEST_RAD:
+            raise RequestError(
+                f"tilt_rad is {self.tilt_rad:g} rad; it goes from 0 to a quarter turn "
+                f"({WIDEST_RAD:.4f}), beyond that ask for a position only"
+            )
+        if self.tilt_rad > 0.0 and sorted(self.rotation_rad) != [0.0, 0.0, FREE]:
+            raise RequestError(
+                f"tilt_rad {self.tilt_rad:g} came with rotation_rad {self.rotation_rad}; a cone "
+                "needs one axis free (inf) and zero for the others, a box bounds those instead"
+            )
 
     def _rotation(self, R: Vector) -> Vector:
         """The rotation vector; with a free axis that of the tilt."""
@@ -115,6 +151,19 @@ class Tolerance:
 
 def _three(values: ArrayLike) -> tuple[float, float, float]:
     x, y, z = np.broadcast_to(np.asarray(values, dtype=np.float64), 3).tolist()
+    return x, y, z
+
+
+def _free_about(axis: str, others: ArrayLike) -> tuple[float, float, float]:
+    """Bounds on rotations: one axis free, for the others a number or one each."""
+    if axis not in AXES:
+        raise UnknownNameError("axis", axis, AXES)
+    bounds = float_array(others, "tilt_rad", RequestError)
+    if bounds.shape not in {(), (2,)}:
+        raise RequestError(
+            f"tilt_rad needs a number or one for each of the two other axes, got {others!r}"
+        )
+    x, y, z = np.insert(np.broadcast_to(bounds, 2), AXES.index(axis), FREE).tolist()
     return x, y, z
 
 

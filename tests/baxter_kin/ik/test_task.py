@@ -24,6 +24,8 @@ TOLERANCES = {
     "about x": Tolerance.about("x"),
     "about z": Tolerance.about("z"),
     "about y, leaning": Tolerance.about("y", tilt_rad=0.2),
+    "about z, leaning": Tolerance.about("z", tilt_rad=0.02),
+    "about y, in a box": Tolerance.tilt_box("y", tilt_rad=(0.2, 0.1)),
     "1 cm and 0.1 rad": Tolerance((0.01,) * 3, (0.1,) * 3),
     "in a plane": Tolerance((FREE, FREE, 0.0)),
     "a finger's width": Tolerance((0.0, 0.0, 1e-4), (0.0, 1e-3, 0.0)),
@@ -98,7 +100,81 @@ def test_a_seed_near_the_solution_is_where_it_came_from(left: Arm, ik: IKService
     assert streamed[0].is_valid
 
 
-@pytest.mark.parametrize("name", ["position", "about z", "1 cm and 0.1 rad"])
+def lean_rad(T: pin.SE3, reached: pin.SE3, axis: int) -> float:
+    """The angle between an axis of one frame and that of another."""
+    a, b = T.rotation[:, axis], reached.rotation[:, axis]
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+@pytest.mark.parametrize("name", ["x", "y", "z"])
+@pytest.mark.parametrize("tilt_rad", [1e-9, 1e-4, np.radians(5.0), 0.4, np.pi / 2])
+def test_the_axis_leans_by_no_more_than_the_cone(
+    left: Arm, ik: IKService, name: str, tilt_rad: float
+) -> None:
+    axis, tolerance = "xyz".index(name), Tolerance.about(name, tilt_rad=tilt_rad)
+    poses = reachable(left, 150, 7)
+    for T, result in zip(poses, ik.solve_batch(poses, tolerance=tolerance), strict=True):
+        assert result.is_valid, str(result.failure)
+        reached = left.T_base_tip(result.q)
+        assert lean_rad(T, reached, axis) <= tilt_rad + WITHIN
+        assert np.linalg.norm(reached.translation - T.translation) <= WITHIN
+
+
+def aslant(arm: Arm, tilt_rad: float) -> list[pin.SE3]:
+    """Poses from which the arm reaches one within the cone about z, near its edge."""
+    rng, found = np.random.default_rng(8), []
+    for reached in reachable(arm, 600, 9):
+        towards, lean = rng.uniform(-np.pi, np.pi), tilt_rad * rng.uniform(0.7, 1.0)
+        back = pin.exp3(-lean * np.array([np.cos(towards), np.sin(towards), 0.0]))
+        roll = pin.exp3(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
+        found.append(reached * pin.SE3(roll @ back, np.zeros(3)))
+    return found
+
+
+def needing_a_lean(arm: Arm, service: IKService, tilt_rad: float) -> list[pin.SE3]:
+    """Those of them that are not solved upright."""
+    poses = aslant(arm, tilt_rad)
+    upright = service.solve_batch(poses, tolerance=Tolerance.about("z"))
+    return [T for T, result in zip(poses, upright, strict=True) if not result.is_valid]
+
+
+@pytest.mark.parametrize("tilt_rad", [0.02, 0.1, 0.4])
+def test_poses_within_reach_only_when_leaning_are_solved_by_leaning(
+    left: Arm, ik: IKService, tilt_rad: float
+) -> None:
+    tolerance, poses = Tolerance.about("z", tilt_rad=tilt_rad), needing_a_lean(left, ik, tilt_rad)
+    assert len(poses) > 10
+    for T, result in zip(poses, ik.solve_batch(poses, tolerance=tolerance), strict=True):
+        assert result.is_valid, str(result.failure)
+        assert WITHIN < lean_rad(T, left.T_base_tip(result.q), 2) <= tilt_rad + WITHIN
+
+
+def test_ipopt_leans_where_the_fast_search_does(left: Arm, ik: IKService) -> None:
+    reference, tolerance = IKService(left, Backend.IPOPT), Tolerance.about("z", tilt_rad=0.4)
+    for T in needing_a_lean(left, ik, 0.4)[:8]:
+        result = reference.solve(T, tolerance=tolerance)
+        assert result.is_valid, str(result.failure)
+        assert WITHIN < lean_rad(T, left.T_base_tip(result.q), 2) <= 0.4 + WITHIN
+
+
+def test_about_is_the_cone_that_it_was_believed_to_be_while_five_degrees_gave_seven(
+    left: Arm, ik: IKService
+) -> None:
+    five, poses = np.radians(5.0), aslant(left, np.radians(7.0))[:200]
+    cone, box = Tolerance.about("z", tilt_rad=five), Tolerance.tilt_box("z", tilt_rad=five)
+    leans = {}
+    for tolerance in (cone, box):
+        results = ik.solve_batch(poses, tolerance=tolerance)
+        leans[tolerance] = max(
+            lean_rad(T, left.T_base_tip(result.q), 2)
+            for T, result in zip(poses, results, strict=True)
+            if result.is_valid
+        )
+    assert leans[cone] <= five + WITHIN
+    assert np.degrees(leans[box]) > 6.0
+
+
+@pytest.mark.parametrize("name", ["position", "about z", "about y, leaning", "1 cm and 0.1 rad"])
 def test_ipopt_solves_the_same_tasks(left: Arm, name: str) -> None:
     reference, tolerance = IKService(left, Backend.IPOPT), TOLERANCES[name]
     for T in reachable(left, 8, 3):
@@ -135,11 +211,16 @@ def _within(tolerance: Tolerance, rng: np.random.Generator) -> pin.SE3:
     p = np.where(np.isinf(tolerance.position_m), 2.0, tolerance.position_m) * signs[:3]
     if tolerance.is_position_only:
         return pin.SE3(pin.exp3(rng.normal(size=3)), p)
-    r = np.array(tolerance.rotation_rad)
+    r = np.array(tolerance.rotation_rad) * signs[3:]
     roll = np.zeros(3)
     if tolerance.free_axis is not None:
-        r[tolerance.free_axis], roll[tolerance.free_axis] = 0.0, rng.uniform(-3.0, 3.0)
-    return pin.SE3(pin.exp3(r * signs[3:]) @ pin.exp3(roll), p)
+        roll[tolerance.free_axis] = rng.uniform(-3.0, 3.0)
+        if tolerance.tilt_rad > 0.0:
+            r = rng.normal(size=3)
+            r[tolerance.free_axis] = 0.0
+            r *= tolerance.tilt_rad / np.linalg.norm(r)
+        r[tolerance.free_axis] = 0.0
+    return pin.SE3(pin.exp3(r) @ pin.exp3(roll), p)
 
 
 @pytest.mark.parametrize("name", ["exact", "position", "about z", "1 cm and 0.1 rad"])

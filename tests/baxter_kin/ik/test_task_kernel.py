@@ -7,7 +7,7 @@ import pytest
 
 from baxter_kin import Arm
 from baxter_kin.ik.kernel import bounds_of
-from baxter_kin.ik.task_kernel import task_coordinates, task_search_function
+from baxter_kin.ik.task_kernel import INSET, task_coordinates, task_search_function
 from baxter_kin.ik.tolerance import Tolerance
 
 AGREEMENT = 1e-12
@@ -56,7 +56,7 @@ def test_an_exact_task_is_the_exact_search(left: Arm) -> None:
     solved = 0
     for _ in range(60):
         T = left.T_base_tip(left.random_configuration(rng))
-        given = (T.homogeneous, np.eye(4), np.zeros(6), 0.0, bounds_of(left))
+        given = (T.homogeneous, np.eye(4), np.zeros(7), 0.0, bounds_of(left))
         q, report = (np.array(x).ravel() for x in search(left.neutral, *given))
         distance, angle = Tolerance().excess(T, left.T_base_tip(q))
         assert report[1] == pytest.approx(distance, abs=1e-10)
@@ -65,7 +65,21 @@ def test_an_exact_task_is_the_exact_search(left: Arm) -> None:
     assert solved > 30
 
 
+@pytest.mark.parametrize("tilt_rad", [0.0, 0.3])
+def test_the_error_of_the_search_is_the_excess_over_the_cone(left: Arm, tilt_rad: float) -> None:
+    """Of a search that ends where it starts, with all joints locked."""
+    search, tolerance = task_search_function(left), Tolerance.about("z", tilt_rad=tilt_rad)
+    widths = np.array([0.0] * 5 + [np.inf, tilt_rad])
+    for target, reached in pairs(left, 50):
+        q = np.array(left.start)
+        T = left.T_base_tip(q) * reached.actInv(target)
+        given = (T.homogeneous, np.eye(4), widths, 1.0, np.concatenate([q, q]))
+        _, report = search(q, *given)
+        expected = tolerance.excess(T, left.T_base_tip(q))
+        assert np.array(report).ravel()[1:3] == pytest.approx(expected, abs=3 * INSET)
+
+
 def test_invalid_input_is_reported(left: Arm) -> None:
     search, T = task_search_function(left), np.diag([1.0, 1.0, -1.0, 1.0])
-    _, report = search(left.neutral, T, np.eye(4), np.zeros(6), 0.0, bounds_of(left))
+    _, report = search(left.neutral, T, np.eye(4), np.zeros(7), 0.0, bounds_of(left))
     assert np.array(report).ravel()[[0, 4]].tolist() == [0.0, 0.0]

@@ -55,6 +55,87 @@ def test_about_an_axis_only_its_tilt_counts(
     assert angle == pytest.approx(tilt, abs=1e-7)
 
 
+angles = st.floats(-np.pi, np.pi)
+bounds = st.floats(0.0, np.pi / 2)
+
+
+def leaning(axis: str, lean: float, towards: float, roll: float = 0.0) -> pin.SE3:
+    """A frame rolled about an axis that then leans, by an angle, in a direction."""
+    unit = np.eye(3)["xyz".index(axis)]
+    across = pin.exp3(towards * unit) @ np.roll(unit, 1)
+    return pin.SE3(pin.exp3(lean * across) @ pin.exp3(roll * unit), np.zeros(3))
+
+
+def excess_rad(tolerance: Tolerance, reached: pin.SE3) -> float:
+    return tolerance.excess(pin.SE3.Identity(), reached)[1]
+
+
+axes = pytest.mark.parametrize("axis", ["x", "y", "z"])
+
+
+@axes
+@given(tilt=bounds, lean=st.floats(0.0, 3.0), towards=angles, roll=angles)
+def test_outside_a_cone_the_excess_is_the_rest_of_the_lean(
+    axis: str, tilt: float, lean: float, towards: float, roll: float
+) -> None:
+    reached = leaning(axis, lean, towards, roll)
+    cosine = reached.rotation["xyz".index(axis), "xyz".index(axis)]
+    excess = excess_rad(Tolerance.about(axis, tilt_rad=tilt), reached)
+    assert excess == pytest.approx(max(np.arccos(min(cosine, 1.0)) - tilt, 0.0), abs=1e-7)
+
+
+@axes
+@given(tilts=st.tuples(bounds, bounds), lean=st.floats(0.0, 3.0), towards=angles)
+def test_a_wider_cone_allows_all_that_a_narrower_one_does(
+    axis: str, tilts: tuple[float, float], lean: float, towards: float
+) -> None:
+    narrow, wide = (Tolerance.about(axis, tilt_rad=tilt) for tilt in sorted(tilts))
+    reached = leaning(axis, lean, towards)
+    assert excess_rad(wide, reached) <= excess_rad(narrow, reached)
+
+
+@axes
+@given(tilt=bounds, lean=st.floats(0.0, 3.0), directions=st.tuples(angles, angles), roll=angles)
+def test_a_cone_does_not_mind_the_direction_of_the_lean(
+    axis: str, tilt: float, lean: float, directions: tuple[float, float], roll: float
+) -> None:
+    tolerance = Tolerance.about(axis, tilt_rad=tilt)
+    one, other = (excess_rad(tolerance, leaning(axis, lean, d, roll)) for d in directions)
+    assert one == pytest.approx(other, abs=1e-7)
+
+
+@axes
+@given(tilt=bounds, lean=st.floats(0.0, 3.0), towards=angles, roll=angles)
+def test_a_box_contains_the_cone_of_its_half_width(
+    axis: str, tilt: float, lean: float, towards: float, roll: float
+) -> None:
+    cone, box = Tolerance.about(axis, tilt_rad=tilt), Tolerance.tilt_box(axis, tilt_rad=tilt)
+    reached = leaning(axis, lean, towards, roll)
+    assert excess_rad(box, reached) <= excess_rad(cone, reached) + ROUNDING
+
+
+def test_about_is_a_cone_that_ends_at_five_degrees_where_the_box_goes_on_to_seven() -> None:
+    five = np.radians(5.0)
+    corner = pin.SE3(pin.exp3(np.array([five, five, 0.0])), np.zeros(3))
+    cone, box = Tolerance.about("z", tilt_rad=five), Tolerance.tilt_box("z", tilt_rad=five)
+    assert np.degrees(excess_rad(cone, corner)) == pytest.approx(5 * np.sqrt(2) - 5, abs=1e-9)
+    assert excess_rad(box, corner) == pytest.approx(0.0, abs=ROUNDING)
+
+
+@axes
+def test_a_cone_of_no_width_is_any_rotation_about_the_axis(axis: str) -> None:
+    rotation: Any = [FREE if name == axis else 0.0 for name in "xyz"]
+    assert Tolerance.about(axis, tilt_rad=0.0) == Tolerance.about(axis)
+    assert Tolerance.about(axis) == Tolerance.tilt_box(axis, tilt_rad=0.0)
+    assert Tolerance.about(axis) == Tolerance(rotation_rad=rotation)
+
+
+def test_a_box_may_have_two_widths() -> None:
+    box = Tolerance.tilt_box("y", tilt_rad=(0.1, 0.2))
+    assert box == Tolerance(rotation_rad=(0.1, FREE, 0.2))
+    assert box != Tolerance.about("y", tilt_rad=0.1)
+
+
 @given(st.lists(small, min_size=3, max_size=3), st.lists(small, min_size=3, max_size=3))
 def test_position_only_ignores_the_orientation(by: list[float], rotation: list[float]) -> None:
     T = pin.exp6(np.arange(6) / 7.0)
@@ -83,9 +164,34 @@ def test_nonsense_is_refused_with_what_is_allowed(
         Tolerance(position_m, rotation_rad)
 
 
-def test_unknown_axis_names_the_known_ones() -> None:
+@pytest.mark.parametrize(
+    ("tilt_rad", "rotation_rad", "message"),
+    [
+        (-0.1, (0.0, 0.0, FREE), "goes from 0 to a quarter turn"),
+        (1.6, (0.0, 0.0, FREE), "beyond that ask for a position only"),
+        (FREE, (0.0, 0.0, FREE), "tilt_rad must be a finite number"),
+        ("5 deg", (0.0, 0.0, FREE), "tilt_rad must be a number"),
+        (0.1, (0.0, 0.0, 0.0), "a cone needs one axis free"),
+        (0.1, (FREE, FREE, FREE), "a cone needs one axis free"),
+        (0.1, (0.1, 0.1, FREE), "a box bounds those instead"),
+    ],
+)
+def test_a_cone_that_contradicts_the_other_bounds_is_refused(
+    tilt_rad: Any, rotation_rad: Any, message: str
+) -> None:
+    with pytest.raises(RequestError, match=message):
+        Tolerance(rotation_rad=rotation_rad, tilt_rad=tilt_rad)
+
+
+def test_a_box_has_one_width_or_two() -> None:
+    with pytest.raises(RequestError, match="one for each of the two other axes"):
+        Tolerance.tilt_box("z", tilt_rad=(0.1, 0.2, 0.3))
+
+
+@pytest.mark.parametrize("make", [Tolerance.about, Tolerance.tilt_box])
+def test_unknown_axis_names_the_known_ones(make: Any) -> None:
     with pytest.raises(UnknownNameError, match="use one of: x, y, z"):
-        Tolerance.about("w")
+        make("w", tilt_rad=0.1)
 
 
 def test_equal_tolerances_are_equal_whatever_they_were_made_of() -> None:
