@@ -8,6 +8,7 @@ hold; `None` says nothing. Bounds, cheapest first (letters as in `baxter_kin.ik.
 - *shoulder, wrist*: no angle of s0 leaves s1, e1 and w1 inside their limits (`ShoulderSweep`).
 
 For a position in any orientation, the tip takes the wrist's place and only the outer bounds remain.
+For a pose that may be turned a little, the wrist keeps *span* and *fold*, less how far it can get.
 Collisions play no part.
 """
 
@@ -77,6 +78,7 @@ class ReachBound:
 
     Attributes:
         radius_m: the greatest distance of the tip from the joint below, in any orientation.
+        p_tip_wrist: the wrist seen from the tip, shape (3,), m.
         joint_name: the second joint, such as "left_s1".
     """
 
@@ -93,6 +95,7 @@ class ReachBound:
         self._span_m = self._arm.wrist_distance_m(0.0)
         self._fold_m = self._arm.wrist_distance_m(self._arm.max_bend)
         self._position_sweep = PositionSweep(self._arm)
+        self.p_tip_wrist = np.array([0.0, 0.0, -self._arm.hand_m])
         self.radius_m = self._arm.upper_span_m + self._arm.tip_distance_m(0.0)
         low, high = (self._arm.azimuth_zero + q[0] for q in (self._arm.q_min, self._arm.q_max))
         self._s0_middle, self._s0_half = 0.5 * (low + high), 0.5 * (high - low)
@@ -111,6 +114,20 @@ class ReachBound:
         """
         target, where = self._wrist(T_base_tip)
         return self._shell_proof(target.wrist, where) or self._sweep_proof(target, where)
+
+    def proof_of_wrist(self, T_base_tip: pin.SE3) -> ReachProof | None:
+        """Why the wrist cannot be where a pose puts it, by the bounds "span" and "fold" alone.
+
+        They hold whatever the tool's orientation: `excess_m` is how far the wrist must be moved.
+
+        Args:
+            T_base_tip: the tip seen from base, as `checked_pose` returns it.
+
+        Raises:
+            PoseError: when the pose is not finite.
+        """
+        target, where = self._wrist(T_base_tip)
+        return self._shell_proof(target.wrist, where)
 
     def are_outside_shells(self, Ts: Vector) -> NDArray[np.bool_]:
         """Which poses the bounds "span" and "fold" alone prove out of reach, at a glance.

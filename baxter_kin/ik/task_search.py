@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -150,23 +151,44 @@ class TaskReach:
         self._bound = bound
         self._T_tip_gripper = task.T_gripper_tip.inverse()
         self._leeway_m = float(np.linalg.norm(task.tolerance.position_m))
+        self._wrist_leeway_m = self._leeway_m + _wrist_turns_m(bound, task)
         self._is_posed = _fixes_gripper(task)
 
     def proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
         """Why the arm cannot do the task at a pose, or None when that is not proved."""
+        T_base_gripper = T_base_tip * self._T_tip_gripper
         if self._is_posed:
-            proof, leeway_m = self._bound.proof(T_base_tip * self._T_tip_gripper), self._leeway_m
-        else:
-            proof = self._bound.proof_of_position(T_base_tip.translation)
-            tool_m = float(np.linalg.norm(self._T_tip_gripper.translation))
-            leeway_m = self._leeway_m + tool_m
-        return None if proof is None else proof.less(leeway_m)
+            return _less(self._bound.proof(T_base_gripper), self._leeway_m)
+        tool_m = float(np.linalg.norm(self._T_tip_gripper.translation))
+        position = self._bound.proof_of_position(T_base_tip.translation)
+        wrist = self._bound.proof_of_wrist(T_base_gripper)
+        proofs = _less(position, self._leeway_m + tool_m), _less(wrist, self._wrist_leeway_m)
+        return max(filter(None, proofs), key=lambda proof: proof.excess_m, default=None)
 
     def are_outside_shells(self, Ts: Vector) -> NDArray[np.bool_]:
         """Which poses, shape (m, 4, 4), are so far away that it is proven in no time."""
         if not self._is_posed or self._leeway_m > 0.0:
             return np.zeros(len(Ts), dtype=np.bool_)
         return self._bound.are_outside_shells(Ts @ self._T_tip_gripper.homogeneous)
+
+
+def _less(proof: ReachProof | None, leeway_m: float) -> ReachProof | None:
+    return None if proof is None else proof.less(leeway_m)
+
+
+def _wrist_turns_m(bound: ReachBound, task: Task) -> float:
+    """How far the wrist can get from where the pose puts it by what the tip is turned.
+
+    A rotation by an angle moves a point by its distance times the chord, 2 sin(angle / 2). Where
+    the rotation about an axis is free, that holds for the part along the axis, and the part across
+    goes anywhere: it moves by up to twice its length.
+    """
+    wrist = task.T_gripper_tip.actInv(bound.p_tip_wrist)
+    along, across = float(np.linalg.norm(wrist)), 0.0
+    if task.tolerance.free_axis is not None:
+        axis = np.eye(3)[task.tolerance.free_axis]
+        along, across = abs(float(axis @ wrist)), float(np.linalg.norm(np.cross(axis, wrist)))
+    return 2.0 * along * math.sin(0.5 * task.tolerance.most_turned_rad) + 2.0 * across
 
 
 def _fixes_gripper(task: Task) -> bool:

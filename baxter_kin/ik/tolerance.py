@@ -116,6 +116,14 @@ class Tolerance:
         """Whether every orientation will do."""
         return self.rotation_rad.count(FREE) == 3
 
+    @property
+    def most_turned_rad(self) -> float:
+        """An upper bound on the rotation that is left; with a free axis, on its lean."""
+        if self.is_position_only:
+            return math.pi
+        bounded = (value for value in self.rotation_rad if value < FREE)
+        return math.hypot(*bounded) + self.tilt_rad
+
     def excess(self, T_base_target: pin.SE3, T_base_tip: pin.SE3) -> tuple[float, float]:
         """How far a tip is outside: distance (m) and angle (rad), zero within the tolerance."""
         T = T_base_target.actInv(T_base_tip)

@@ -50,6 +50,26 @@ def test_no_pose_within_the_solution_tolerance_is_proved_out_of_reach(
         assert bound.proof(pin.SE3(R, T.translation + 1e-6 * _direction(rng))) is None, q
 
 
+def test_a_proof_of_the_wrist_holds_in_every_orientation_about_it(
+    arm: Arm, bound: ReachBound
+) -> None:
+    rng, proved = np.random.default_rng(15), 0
+    for q in _extreme_configurations(arm, 200):
+        T = arm.T_base_tip(q)
+        pushed = pin.SE3(T.rotation, T.translation + 0.3 * _direction(rng))
+        proof, about_wrist = bound.proof_of_wrist(pushed), pin.SE3(np.eye(3), bound.p_tip_wrist)
+        turn = pin.SE3(pin.exp3(np.pi * _direction(rng)), np.zeros(3))
+        turned = bound.proof_of_wrist(pushed * about_wrist * turn * about_wrist.inverse())
+        assert bound.proof_of_wrist(T) is None
+        assert (proof is None) == (turned is None)
+        if proof is not None and turned is not None:
+            proved += 1
+            assert bound.proof(pushed) is not None
+            assert proof.excess_m == pytest.approx(turned.excess_m, abs=1e-9)
+            assert proof.excess_m <= 0.3
+    assert proved > 0
+
+
 def test_no_reachable_position_is_proved_out_of_reach(arm: Arm, bound: ReachBound) -> None:
     for q in _extreme_configurations(arm, 500):
         assert bound.proof_of_position(arm.T_base_tip(q).translation) is None, q

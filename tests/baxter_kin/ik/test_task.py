@@ -223,6 +223,37 @@ def _within(tolerance: Tolerance, rng: np.random.Generator) -> pin.SE3:
     return pin.SE3(pin.exp3(r) @ pin.exp3(roll), p)
 
 
+@pytest.mark.parametrize("axis", ["x", "z"])
+def test_no_lean_is_proven_away_at_the_edge_of_the_reach(tipped: Arm, axis: str) -> None:
+    """Poses that the arm, straight or fully bent, reaches by leaning in any direction."""
+    tolerance, rng, unit = Tolerance.about(axis, tilt_rad=0.4), np.random.default_rng(10), np.eye(3)
+    reach = TaskReach(ReachBound(tipped.at_gripper), Task(tolerance, tipped.T_gripper_tip))
+    along, across = unit["xyz".index(axis)], unit["xyz".index(axis) - 1]
+    asked = []
+    for e1 in np.repeat([0.0, tipped.limits.q_max[3]], 40):
+        q = tipped.random_configuration(rng)
+        q[3] = e1
+        for towards in np.arange(8) * np.pi / 4:
+            lean = pin.exp3(0.4 * (pin.exp3(towards * along) @ across))
+            turned = pin.SE3(lean @ pin.exp3(rng.uniform(-3.0, 3.0) * along), np.zeros(3))
+            asked.append(tipped.T_base_tip(q) * turned.inverse())
+    assert not any(reach.proof(T) for T in asked)
+
+
+def test_what_leans_a_little_is_proven_out_of_reach_by_its_wrist(left: Arm, ik: IKService) -> None:
+    T, bound = at(1.0, 0.3, -0.1), ReachBound(left)
+    assert bound.proof_of_position(T.translation) is None
+    five, ten = (
+        ik.solve(T, tolerance=Tolerance.about("z", tilt_rad=np.radians(tilt))).failure
+        for tilt in (5.0, 10.0)
+    )
+    assert five is not None
+    assert ten is not None
+    assert five.beyond_reach_m > ten.beyond_reach_m > 0.0
+    assert "span from left_s1, with the wrist at" in str(five)
+    assert "no more than 34 mm can be made up" in str(five)
+
+
 @pytest.mark.parametrize("name", ["exact", "position", "about z", "1 cm and 0.1 rad"])
 def test_poses_far_out_of_reach_are_proven_so(tipped: Arm, service: IKService, name: str) -> None:
     result = service.solve(at(2.5, 0.0, 0.5), tolerance=TOLERANCES[name])

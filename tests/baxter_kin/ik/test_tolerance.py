@@ -122,6 +122,22 @@ def test_about_is_a_cone_that_ends_at_five_degrees_where_the_box_goes_on_to_seve
     assert excess_rad(box, corner) == pytest.approx(0.0, abs=ROUNDING)
 
 
+@given(widths=st.tuples(bounds, bounds, bounds), roll=angles)
+def test_nothing_within_a_tolerance_turns_more_than_it_says(
+    widths: tuple[float, float, float], roll: float
+) -> None:
+    """At the corners, where rotation or lean is greatest."""
+    assert Tolerance(rotation_rad=widths).most_turned_rad == pytest.approx(np.linalg.norm(widths))
+    box = Tolerance.tilt_box("z", tilt_rad=widths[:2])
+    corner = pin.exp3(np.array([widths[0], widths[1], 0.0])) @ pin.exp3(np.array([0.0, 0.0, roll]))
+    reached = pin.SE3(corner, np.zeros(3))
+    assert excess_rad(box, reached) == pytest.approx(0.0, abs=ROUNDING)
+    lean = excess_rad(Tolerance.about("z"), reached)
+    assert lean == pytest.approx(box.most_turned_rad, abs=1e-7)
+    assert Tolerance.about("x", tilt_rad=widths[0]).most_turned_rad == widths[0]
+    assert Tolerance.position_only().most_turned_rad == np.pi
+
+
 @axes
 def test_a_cone_of_no_width_is_any_rotation_about_the_axis(axis: str) -> None:
     rotation: Any = [FREE if name == axis else 0.0 for name in "xyz"]
