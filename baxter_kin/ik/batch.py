@@ -34,6 +34,9 @@ COARSE_ROUNDS = (1, 1, 2, 4)
 POLISH_ROUNDS = 20
 """Further searches from the best attempt, of up to 15 iterations each, where all starts failed."""
 
+SCATTERED_POLISH_ROUNDS, SCATTERED_POLISHED = 6, 64
+"""The same for starts from all over the joint ranges: from so many attempts."""
+
 NEAR_M, NEAR_RAD = 0.02, 0.05
 """Attempts that end farther away than this are stuck, not slow."""
 
@@ -105,7 +108,7 @@ class Batch:
             self._try(poses, seed_type, search, starts[poses], 1)
 
     def _search_from_map(self, search: Search, starts: Starts, explainer: Explainer) -> None:
-        """From the setpoints, then from what is computed coarsely, then with care."""
+        """From the setpoints, from what is computed coarsely, with care, then from everywhere."""
         self._give_up(explainer.are_out_of_reach_at_a_glance)
         poses = self._open()
         if poses.size:
@@ -115,6 +118,7 @@ class Batch:
         self._search_from_computed(starts.coarse, COARSE_ROUNDS, search)
         self._give_up(explainer.are_out_of_reach)
         self._search_from_computed(starts.fine, search.fine_rounds, search)
+        self._search_from_everywhere(starts.scattered, search)
 
     def _search_from_computed(
         self, computed: ComputedStarts, rounds: tuple[int, ...], search: Search
@@ -129,6 +133,24 @@ class Batch:
             poses = self._open()
             q_starts = starts[np.searchsorted(first, poses), begin:end].reshape(-1, 7)
             self._try(poses, SeedType.NS_MAP, search, q_starts, end - begin)
+
+    def _search_from_everywhere(self, scattered: ComputedStarts, search: Search) -> None:
+        """Pose by pose, from all over the joint ranges, and on from what came nearest.
+
+        At a singularity between limits most attempts get stuck a little way off, the best of them
+        too, while others only converge slowly.
+        """
+        count = search.scattered_starts
+        for pose in self._open() if count else ():
+            T, poses = self._Ts[pose], np.array([pose])
+            q = scattered.starts(T[None], count)[0]
+            self._starts[pose, SeedType.NS_MAP] += count
+            for _ in range(1 + SCATTERED_POLISH_ROUNDS):
+                found = search.search(q, np.repeat(T[None], len(q), axis=0))
+                self._take(poses, SeedType.NS_MAP, _best_of_each(found, len(q)))
+                if self._seed_type[pose] != SeedType.INVALID:
+                    break
+                q = found.q[_nearest(found)]
 
     def _try(
         self, poses: Indices, seed_type: SeedType, search: Search, q_starts: Vector, count: int
@@ -198,6 +220,15 @@ class Batch:
             return Attempt(self._Ts[i], self._q[i], offset, angle, starts)
         given = (table[i] for table in self._seeds.values() if not np.isnan(table[i, 0]))
         return explainer.measured(self._Ts[i], next(given, arm.neutral).copy())
+
+
+def _nearest(found: Found) -> Indices:
+    """Of those that came near the nearest, `SCATTERED_POLISHED` at most; of none the nearest."""
+    residual = found.position_error_m + found.orientation_error_rad
+    is_near = (found.position_error_m <= NEAR_M) & (found.orientation_error_rad <= NEAR_RAD)
+    count = min(max(int(is_near.sum()), 1), SCATTERED_POLISHED)
+    order: Indices = residual.argsort(kind="stable")[:count]
+    return order
 
 
 def _best_of_each(found: Found, count: int) -> Found:

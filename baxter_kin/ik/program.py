@@ -122,10 +122,12 @@ class IpoptSearcher:
     Attributes:
         backend: `IPOPT`.
         fine_rounds: how many starts computed with care it is given at once, round by round.
+        scattered_starts: none.
     """
 
     backend = Backend.IPOPT
     fine_rounds: tuple[int, ...] = (1,) * 8
+    scattered_starts: int = 0
 
     def __init__(self, arm: Arm, starts: Starts, tolerance: Tolerance) -> None:
         """Prepare the program's derivatives.

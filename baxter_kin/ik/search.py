@@ -32,6 +32,10 @@ FINE_ROUNDS = (2, 2, 4, 8, 16, 32, 64, 128)
 """Few poses get there, and all but one of 100,000 at joint limits were solved by the first 128."""
 
 
+SCATTERED_STARTS = 352
+"""Where computed starts fail, one of these in thirty leads to a solution between several limits."""
+
+
 class Backend(str, Enum):
     """Where searches are evaluated."""
 
@@ -87,10 +91,12 @@ class Search(Protocol):
     Attributes:
         backend: where.
         fine_rounds: how many starts computed with care it is given at once, round by round.
+        scattered_starts: how many from all over the joint ranges, for poses that are left then.
     """
 
     backend: Backend
     fine_rounds: tuple[int, ...]
+    scattered_starts: int
 
     def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
         """Searches from starts, shape (m, 7), for poses, shape (m, 4, 4), within bounds, (14,)."""
@@ -105,9 +111,11 @@ class Searcher:
     Attributes:
         backend: where it runs: `COMPILED` or `CASADI`.
         fine_rounds: how many starts computed with care it is given at once, round by round.
+        scattered_starts: how many from all over the joint ranges, for poses that are left then.
     """
 
     fine_rounds: tuple[int, ...] = FINE_ROUNDS
+    scattered_starts: int = SCATTERED_STARTS
 
     def __init__(self, arm: Arm, functions: Sequence[ca.Function], backend: Backend) -> None:
         """Wrap the functions of `baxter_kin.ik.kernel` and `baxter_kin.ik.restarts`."""

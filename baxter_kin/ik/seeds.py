@@ -111,6 +111,24 @@ class ComputedStarts(Protocol):
         """So many for each pose, shape (m, 4, 4), best first: shape (m, count, 7), rad."""
 
 
+class ScatteredStarts:
+    """Starts all over the joint ranges, the same ones for every pose.
+
+    Computed starts crowd together where most of a pose's self-motion is nearly inside the limits;
+    these also find a single solution elsewhere, between several limits.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        """Draw nothing yet."""
+        self._limits = arm.limits
+
+    def starts(self, Ts: Vector, count: int) -> Vector:
+        """So many, uniform between the limits, for poses (m, 4, 4): shape (m, count, 7), rad."""
+        rng, limits = np.random.default_rng(2), self._limits
+        q = rng.uniform(limits.q_min, limits.q_max, (count, 7))
+        return np.broadcast_to(q, (len(Ts), count, 7))
+
+
 class Starts(Protocol):
     """Where to start when there is no seed."""
 
@@ -125,6 +143,10 @@ class Starts(Protocol):
     @property
     def fine(self) -> ComputedStarts:
         """Computes starts with care."""
+
+    @property
+    def scattered(self) -> ComputedStarts:
+        """Has starts everywhere."""
 
     def nearest(self, Ts: Vector) -> Indices:
         """Which setpoints suit poses, shape (m, 4, 4), best first: shape (m, `MAP_STARTS`)."""
@@ -174,6 +196,11 @@ class NullSpaceMap:
     def fine(self) -> ClosedForm:
         """Computes starts in one or two milliseconds: 0.07 rad apart in s0, all rolls."""
         return ClosedForm(self._arm, turns=48, rolls=4)
+
+    @cached_property
+    def scattered(self) -> ScatteredStarts:
+        """Has starts everywhere."""
+        return ScatteredStarts(self._arm)
 
     @cached_property
     def _squares(self) -> Vector:

@@ -14,7 +14,7 @@ from baxter_kin.arrays import Indices, Vector
 from baxter_kin.ik.closed_form import ClosedForm
 from baxter_kin.ik.kernel import bounds_of
 from baxter_kin.ik.reach import ReachBound, ReachProof
-from baxter_kin.ik.search import FINE_ROUNDS, Backend, Desk, Found, Lanes
+from baxter_kin.ik.search import FINE_ROUNDS, SCATTERED_STARTS, Backend, Desk, Found, Lanes
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap, pose_features
 from baxter_kin.ik.task import Task
 from baxter_kin.ik.tolerance import Tolerance
@@ -35,6 +35,7 @@ class TaskStarts:
         self.setpoints = map_.setpoints
         self.coarse = _VariantStarts(map_.coarse, task)
         self.fine = _VariantStarts(map_.fine, task)
+        self.scattered = map_.scattered
 
     def nearest(self, Ts: Vector) -> Indices:
         """The setpoints whose regions are nearest to any of the poses, nearest first.
@@ -90,9 +91,11 @@ class TaskSearcher:
     Attributes:
         backend: where it runs.
         fine_rounds: how many starts computed with care it is given at once, round by round.
+        scattered_starts: how many from all over the joint ranges, for poses that are left then.
     """
 
     fine_rounds: tuple[int, ...] = FINE_ROUNDS
+    scattered_starts: int = SCATTERED_STARTS
 
     def __init__(
         self,

@@ -191,7 +191,32 @@ def test_failure_carries_the_best_attempt_and_its_residual(ik: IKService, left: 
     assert result.position_error_m == pytest.approx(offset, abs=URDF_ROUNDING)
     assert result.position_error_m > TOLERANCE
     assert f"{1e3 * offset:.3g} mm" in str(result.failure)
-    assert "1 CURRENT, 277 NS_MAP" in str(result.failure)
+    assert "1 CURRENT, 629 NS_MAP" in str(result.failure)
+
+
+@pytest.mark.parametrize(
+    ("side", "q_text"),
+    [
+        ("left", "0.9358105104400347 -1.53917146209937 3.05417993878 -0.05 3.059 2.094 0.269252"),
+        (
+            "right",
+            "-1.3641987183845918 1.047 1.49046812512 2.618 0.94092545525 -1.57079632679 3.059",
+        ),
+        (
+            "left",
+            "-1.5652681834230655 0.5678214992612554 0.057249809911265236 0.2102141471327262"
+            " -2.623997832007021 -0.7129998170507174 -3.059",
+        ),
+    ],
+    ids=["left, four joints at limits", "right, four joints at limits", "singular and at a limit"],
+)
+def test_a_single_solution_between_limits_is_found(robot: Baxter, side: str, q_text: str) -> None:
+    """It was believed that starts computed from the pose find all: these were missed."""
+    arm = robot.arm(side)
+    T = arm.T_base_tip([float(angle) for angle in q_text.split()])
+    result = IKService(arm).solve(T)
+    assert result.is_valid, result.failure
+    assert np.allclose(arm.T_base_tip(result.q).homogeneous, T.homogeneous, atol=TOLERANCE)
 
 
 def test_batch_answers_every_pose_in_order(robot: Baxter, left: Arm, ik: IKService) -> None:
