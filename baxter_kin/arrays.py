@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin.errors import BaxterError
+from baxter_kin.errors import BaxterError, quoted
 
 Vector: TypeAlias = NDArray[np.float64]
 Indices: TypeAlias = NDArray[np.intp]
+
+MOST_NUMBERS = 10**8
+"""What an array made of a range may have; of other values they are in memory already."""
 
 
 def finite_array(
@@ -32,10 +35,19 @@ def finite_array(
     array = float_array(values, what, error)
     if array.shape != shape:
         raise error(f"{what} has shape {array.shape}; it must have shape {shape}")
-    if not np.isfinite(array).all():
-        raise error(f"{what} must be finite numbers, got {array.tolist()}")
-    array.setflags(write=False)
-    return array
+    return _frozen(array, what, error)
+
+
+def finite_rows(values: ArrayLike, width: int, what: str, error: type[BaxterError]) -> Vector:
+    """The same of shape (n, `width`), for any n.
+
+    Raises:
+        BaxterError: of class `error`, as `finite_array`.
+    """
+    array = float_array(values, what, error)
+    if array.ndim != 2 or array.shape[1] != width:
+        raise error(f"{what} has shape {array.shape}; it must have shape (n, {width})")
+    return _frozen(array, what, error)
 
 
 def finite_scalar(value: object, what: str, error: type[BaxterError]) -> float:
@@ -45,7 +57,7 @@ def finite_scalar(value: object, what: str, error: type[BaxterError]) -> float:
         BaxterError: of class `error`, when it is none.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise error(f"{what} must be a number, got {value!r}")
+        raise error(f"{what} must be a number, got {quoted(value)}")
     try:
         number = float(value)
     except OverflowError:
@@ -67,15 +79,51 @@ def positive_scalar(value: object, what: str, error: type[BaxterError]) -> float
     return number
 
 
+def whole_scalar(
+    value: object, what: str, error: type[BaxterError], *, least: int, most: int
+) -> int:
+    """One whole number between two others, both allowed.
+
+    Raises:
+        BaxterError: of class `error`, when it is none.
+    """
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
+        number = int(value)
+        if least <= number <= most:
+            return number
+    raise error(f"{what} must be a whole number from {least} to {most}, got {quoted(value)}")
+
+
 def float_array(values: ArrayLike, what: str, error: type[BaxterError]) -> Vector:
-    """A float copy of `values`, of any shape, finite or not; text and complex numbers are refused.
+    """A float copy of `values`, of any shape, finite or not.
+
+    Real numbers alone: text, truth values, complex numbers, times and masked entries are refused.
 
     Raises:
         BaxterError: of class `error`, when the values are not real numbers.
     """
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise error(f"{what} has masked entries; give every number, or NaN where that is allowed")
+    if isinstance(values, range) and len(values) > MOST_NUMBERS:
+        raise error(f"{what} has {len(values)} numbers; up to {MOST_NUMBERS} are taken")
     try:
-        if np.asarray(values).dtype.kind in "cSU":
+        given = np.asarray(values)
+        if given.dtype.kind not in "iuf" and not _holds_numbers(given):
             raise TypeError
-        return np.array(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as cause:
-        raise error(f"{what} must be real numbers, got {values!r}") from cause
+        return np.array(given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError, MemoryError) as cause:
+        raise error(f"{what} must be real numbers, got {quoted(values)}") from cause
+
+
+def _frozen(array: Vector, what: str, error: type[BaxterError]) -> Vector:
+    if not np.isfinite(array).all():
+        raise error(f"{what} must be finite numbers, got {quoted(array.tolist())}")
+    array.setflags(write=False)
+    return array
+
+
+def _holds_numbers(given: NDArray[Any]) -> bool:
+    """Whether an array of objects holds numbers that NumPy has no type for, as large integers."""
+    kinds = (int, float, np.integer, np.floating)
+    is_number = (isinstance(x, kinds) and not isinstance(x, bool) for x in given.flat)
+    return given.dtype.kind == "O" and all(is_number)

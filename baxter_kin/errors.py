@@ -19,12 +19,22 @@ Malformed input raises one of these. "No solution" is a result with a reason, ne
 from __future__ import annotations
 
 from collections.abc import Iterable
+from reprlib import Repr
 from typing import Any, TypeVar
 
 T = TypeVar("T")
 
 LONGEST_NAME = 60
 """How much of an unknown name a message repeats."""
+
+LONGEST_QUOTE = 200
+"""How much of any other input a message repeats, in characters."""
+
+MOST_QUOTED = 20
+"""How many elements of a sequence or a mapping are looked at for that."""
+
+LONGEST_INTEGER_BITS = 1024
+"""Integers beyond are told by their size: Python refuses to write those of some thousand digits."""
 
 
 class BaxterError(Exception):
@@ -53,8 +63,7 @@ class UnknownNameError(BaxterError, ValueError):
         self.kind = kind
         self.name = name
         self.allowed = tuple(allowed)
-        given = " ".join(repr(name).split())
-        shown = given if len(given) <= LONGEST_NAME else f"{given[:LONGEST_NAME]}..."
+        shown = quoted(name, LONGEST_NAME)
         super().__init__(f"unknown {kind} {shown}; use one of: {', '.join(self.allowed)}")
 
 
@@ -88,7 +97,7 @@ class FileError(BaxterError):
         self.action = action
         self.path = path
         self.reason = reason
-        super().__init__(f"cannot {action} {path}: {reason}")
+        super().__init__(f"cannot {action} {shown_path(path)}: {reason}")
 
 
 class CopyError(BaxterError, TypeError):
@@ -104,6 +113,49 @@ def _remade(cls: type[BaxterError], args: tuple[Any, ...], facts: dict[str, Any]
     error.args = args
     error.__dict__.update(facts)
     return error
+
+
+def quoted(value: object, longest: int = LONGEST_QUOTE) -> str:
+    """What a message repeats of a value that came: its `repr` on one line, cut to a length.
+
+    The work is bounded too, however large the value is.
+    """
+    return shortened(" ".join(_QUOTE.repr(value).split()), longest)
+
+
+def shortened(text: str, longest: int = LONGEST_QUOTE) -> str:
+    """A text of at most so many characters, its middle left out where it was longer.
+
+    What no output can show, as half a surrogate pair in a file's name, is written as an escape.
+    """
+    kept = longest - len("...")
+    head, tail = kept - kept // 2, kept // 2
+    shown = text if len(text) <= longest else f"{text[:head]}...{text[-tail:]}"
+    return shown.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def shown_path(path: object) -> str:
+    """A file's name as messages repeat it."""
+    return shortened(str(path))
+
+
+class _Quote(Repr):
+    """Writes values of any size shortly."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxtuple = self.maxlist = self.maxarray = self.maxdict = MOST_QUOTED
+        self.maxset = self.maxfrozenset = self.maxdeque = MOST_QUOTED
+        self.maxstring = self.maxother = self.maxlong = LONGEST_QUOTE
+
+    def repr_int(self, x: int, level: int) -> str:
+        """The number, or how large it is."""
+        bits = x.bit_length()
+        is_short = bits <= LONGEST_INTEGER_BITS
+        return super().repr_int(x, level) if is_short else f"an integer of {bits} bits"
+
+
+_QUOTE = _Quote()
 
 
 def expect(value: object, kind: type[T], what: str, error: type[BaxterError]) -> T:

@@ -18,7 +18,7 @@ of unit length within 1e-4, which is what four written decimals give; then they 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from dataclasses import dataclass
 from enum import Enum
 from typing import TypeAlias
@@ -28,7 +28,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array
-from baxter_kin.errors import PoseError, UnknownNameError, expect
+from baxter_kin.errors import PoseError, UnknownNameError, expect, quoted
 
 BASE_HEIGHT_M = 0.93
 """Height of `base` above `world`: where the original demo spawns the robot in Gazebo."""
@@ -107,7 +107,7 @@ def pose_from_quaternion(position_m: ArrayLike, quat_xyzw: ArrayLike) -> pin.SE3
     length = float(np.linalg.norm(quat))
     if abs(length - 1.0) > UNIT_QUATERNION_TOLERANCE:
         raise PoseError(
-            f"quat_xyzw {quat.tolist()} has length {length:.6g}; a rotation needs length 1 "
+            f"quat_xyzw {quoted(quat.tolist())} has length {length:.6g}; a rotation needs length 1 "
             f"within {UNIT_QUATERNION_TOLERANCE:g}: divide it by its length"
         )
     x, y, z, w = quat / length
@@ -115,9 +115,16 @@ def pose_from_quaternion(position_m: ArrayLike, quat_xyzw: ArrayLike) -> pin.SE3
 
 
 def quaternion_xyzw(T: pin.SE3) -> Vector:
-    """The rotation of a pose as a unit quaternion, shape (4,), x, y, z, w, with w >= 0."""
-    expect(T, pin.SE3, "pose", PoseError)
-    quat = pin.Quaternion(T.rotation).normalized().coeffs()
+    """The rotation of a pose as a unit quaternion, shape (4,), x, y, z, w, with w >= 0.
+
+    Raises:
+        PoseError: when it is no pose, by the tests of `checked_pose`.
+    """
+    R = expect(T, pin.SE3, "pose", PoseError).rotation
+    quaternion = pin.Quaternion(R).normalized()
+    if not np.abs(quaternion.toRotationMatrix() - R).max() <= ROTATION_TOLERANCE:
+        checked_pose(T)  # says what it is instead, unless it is only near the tolerance
+    quat = quaternion.coeffs()
     return np.array(-quat if quat[3] < 0.0 else quat)
 
 
@@ -143,8 +150,11 @@ def pose_matrices(poses: Sequence[PoseLike]) -> Vector:
     """Valid poses seen from base, as matrices, shape (n, 4, 4).
 
     Raises:
-        PoseError: when one of them is none, by the tests of `checked_pose`; with its index.
+        PoseError: when one of them is none, by the tests of `checked_pose`; with its index. When
+            they have no length.
     """
+    if not isinstance(poses, Sized):
+        raise PoseError(f"poses must be a sequence, got {type(poses).__name__}")
     Ts = np.empty((len(poses), 4, 4))
     for i, pose in enumerate(poses):
         if isinstance(pose, pin.SE3):
@@ -172,8 +182,12 @@ def angle_between(R_base_a: Vector, R_base_b: Vector) -> float:
 
     Uses atan2(sin, cos) of the relative rotation: the arc cosine alone loses half the digits
     near zero.
+
+    Raises:
+        PoseError: when one of them is not a finite matrix of shape (3, 3).
     """
-    R = R_base_a.T @ R_base_b
+    R_a_base = finite_array(R_base_a, (3, 3), "R_base_a", PoseError).T
+    R = R_a_base @ finite_array(R_base_b, (3, 3), "R_base_b", PoseError)
     sine_axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     return math.atan2(float(np.linalg.norm(sine_axis)), 0.5 * (float(np.trace(R)) - 1.0))
 
@@ -181,7 +195,7 @@ def angle_between(R_base_a: Vector, R_base_b: Vector) -> float:
 def _check_homogeneous(T: Vector) -> None:
     R = T[:3, :3]
     if np.abs(T[3] - [0.0, 0.0, 0.0, 1.0]).max() > ROTATION_TOLERANCE:
-        raise PoseError(f"the last row of a pose is 0, 0, 0, 1; got {T[3].tolist()}")
+        raise PoseError(f"the last row of a pose is 0, 0, 0, 1; got {quoted(T[3].tolist())}")
     deviation = float(np.abs(R.T @ R - np.eye(3)).max())
     if deviation > ROTATION_TOLERANCE:
         raise PoseError(

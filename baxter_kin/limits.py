@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeGuard
@@ -9,9 +10,9 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, finite_array, positive_scalar
+from baxter_kin.arrays import Vector, finite_array, finite_scalar, positive_scalar
 from baxter_kin.copying import Frozen, FrozenMapping
-from baxter_kin.errors import ConfigurationError, LimitsError, expect
+from baxter_kin.errors import ConfigurationError, LimitsError, expect, quoted, shortened
 
 DEFAULT_ACCELERATION_RAD_S2 = 2.0
 """Rethink published no acceleration limit; this is what MoveIt's Baxter configuration uses."""
@@ -83,11 +84,19 @@ class JointLimits(Frozen):
         origins = {**self.origins, "velocity": f"{ratio:g} x {self.origins.get('velocity', '?')}"}
         return self if ratio == 1.0 else replace(self, v_max=ratio * self.v_max, origins=origins)
 
-    def violations(self, q: Vector, tolerance: float = 0.0) -> tuple[str, ...]:
+    def violations(self, q: ArrayLike, tolerance: float = 0.0) -> tuple[str, ...]:
         """A phrase for each joint of `q`, shape (n,), outside its range by more than `tolerance`.
 
         Every phrase names joint, value and range in rad.
+
+        Raises:
+            ConfigurationError: when the shape is wrong, a number is not finite, or the tolerance is
+                not a finite number of zero or more.
         """
+        array = finite_array(q, (len(self.names),), "q", ConfigurationError)
+        return self._violations(array, _checked_tolerance(tolerance))
+
+    def _violations(self, q: Vector, tolerance: float) -> tuple[str, ...]:
         outside = (q < self.q_min - tolerance) | (q > self.q_max + tolerance)
         if not outside.any():
             return ()
@@ -103,15 +112,17 @@ class JointLimits(Frozen):
         A position outside by no more than `tolerance` is clamped to its limit.
 
         Raises:
-            ConfigurationError: when the shape is wrong, a number is not finite, or a joint is
-                outside its range by more than `tolerance`.
+            ConfigurationError: when the shape is wrong, a number is not finite, a joint is outside
+                its range by more than `tolerance`, or that is not a finite number of zero or more.
         """
+        tolerance = _checked_tolerance(tolerance)
         if self._is_inside(q):
             inside = q.copy()
             inside.setflags(write=False)
             return inside
+        what = shortened(str(what))
         array = finite_array(q, (len(self.names),), what, ConfigurationError)
-        violations = self.violations(array, tolerance)
+        violations = self._violations(array, tolerance)
         if violations:
             raise ConfigurationError(f"{what} is outside the joint limits: {'; '.join(violations)}")
         clamped = np.clip(array, self.q_min, self.q_max)
@@ -121,7 +132,7 @@ class JointLimits(Frozen):
     def _is_inside(self, q: ArrayLike) -> TypeGuard[Vector]:
         """Whether it is an array inside the limits, so that nothing else need be asked of it."""
         return (
-            isinstance(q, np.ndarray)
+            type(q) is np.ndarray  # no masked array
             and q.dtype == np.float64
             and q.shape == self.q_min.shape
             and bool(((q >= self.q_min) & (q <= self.q_max)).all())
@@ -138,11 +149,20 @@ class JointLimits(Frozen):
                 positive_scalar(getattr(self, what)[i], f"{what} of {name}", LimitsError)
 
 
+def _checked_tolerance(tolerance: object) -> float:
+    if type(tolerance) is float and 0.0 <= tolerance < math.inf:
+        return tolerance
+    checked = finite_scalar(tolerance, "tolerance", ConfigurationError)
+    if checked < 0.0:
+        raise ConfigurationError(f"tolerance must be zero or more, got {checked:g}")
+    return checked
+
+
 def _checked_names(names: object) -> tuple[str, ...]:
     if isinstance(names, str) or not isinstance(names, Sequence):
-        raise LimitsError(f"names must be a sequence of joint names, got {names!r}")
+        raise LimitsError(f"names must be a sequence of joint names, got {quoted(names)}")
     if not all(isinstance(name, str) and name for name in names):
-        raise LimitsError(f"names must be joint names, got {list(names)}")
+        raise LimitsError(f"names must be joint names, got {quoted(list(names))}")
     if len(set(names)) < len(names):
-        raise LimitsError(f"every joint name may come once, got {list(names)}")
+        raise LimitsError(f"every joint name may come once, got {quoted(list(names))}")
     return tuple(names)

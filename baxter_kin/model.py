@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike
 from baxter_kin.arrays import Vector, finite_array
 from baxter_kin.copying import FrozenMapping
 from baxter_kin.description import RobotDescription
-from baxter_kin.errors import ConfigurationError, DescriptionError, UnknownNameError, expect
+from baxter_kin.errors import (
+    ConfigurationError,
+    DescriptionError,
+    UnknownNameError,
+    expect,
+    quoted,
+    shortened,
+)
+from baxter_kin.fields import check_fields
 from baxter_kin.frames import checked_pose
 from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, JointLimits
 
@@ -33,6 +41,9 @@ _LEFT_START = (
     -0.4999997247485215,
 )
 """The start pose of the original demo, which moves the left arm."""
+
+LONGEST_TOOL_NAME = 100
+"""Characters; the longest name of the robot's own frames has 29."""
 
 MIRROR = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Signs that turn a left-arm configuration into its mirror image on the right arm."""
@@ -98,7 +109,7 @@ class Arm:
         Raises:
             UnknownNameError: when the last link has no such frame.
             PoseError: when the pose is none.
-            ConfigurationError: when a frame of the tool's name exists.
+            ConfigurationError: when the tool's name is not printable, too long, or that of a frame.
         """
         arm = copy(self)
         if isinstance(tip, str):
@@ -151,6 +162,7 @@ class Arm:
             ConfigurationError: when a joint is missing, the shape is wrong, or a value is not
                 finite.
         """
+        what = shortened(str(what))
         if not isinstance(joints, Mapping):
             return finite_array(joints, (7,), what, ConfigurationError)
         for name in joints:
@@ -189,11 +201,18 @@ class Baxter:
         description: the files it was read from.
         model: the kinematic tree of all 19 joints: head, arms and fingers.
         arms: both arms by side.
+
+    Raises:
+        DescriptionError: when a value is of another class.
     """
 
     description: RobotDescription
     model: pin.Model
     arms: Mapping[str, Arm]
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, DescriptionError)
 
     @classmethod
     def load(cls, description: RobotDescription | None = None) -> Baxter:
@@ -268,8 +287,12 @@ def _frames_of_hand(robot_model: pin.Model, wrist_joint: str) -> tuple[str, ...]
 
 def _with_tool(arm: Arm, T_gripper_tip: pin.SE3, name: str) -> pin.Model:
     """The arm's model with one more frame."""
-    if not isinstance(name, str) or not name or arm.model.existFrame(name):
-        raise ConfigurationError(f"a tool needs a name that no other frame has, not {name!r}")
+    is_name = isinstance(name, str) and name.isprintable() and 0 < len(name) <= LONGEST_TOOL_NAME
+    if not is_name or arm.model.existFrame(name):
+        raise ConfigurationError(
+            f"a tool needs a name of 1 to {LONGEST_TOOL_NAME} printable characters that no other "
+            f"frame has, not {quoted(name)}"
+        )
     model = pin.Model(arm.model)
     gripper = model.frames[model.getFrameId(arm.gripper_frame)]
     placement = gripper.placement * T_gripper_tip

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from baxter_kin.errors import DescriptionError
+from baxter_kin.errors import DescriptionError, RequestError, expect
 from baxter_kin.model import Arm
 
 _AXES: dict[str, tuple[float, float, float]] = {
@@ -57,8 +57,11 @@ class SymbolicChain:
             link: 0 for base, else the link that follows that many joints and turns with the last.
             rounding: entries of the model's placements this close to 0, 1 or -1 are taken for these
                 numbers, which shortens the formulas.
+
+        Raises:
+            RequestError: when `arm` is none.
         """
-        model, q = arm.model, ca.SX.sym("q", arm.model.nq)
+        model, q = expect(arm, Arm, "arm", RequestError).model, ca.SX.sym("q", arm.model.nq)
         joints = [_Joint.of(model, i, q[i], rounding) for i in range(model.nq)]
         R, p, axes, origins = ca.SX.eye(3), ca.SX.zeros(3), {}, {}
         for i in range(link, model.nq):

@@ -15,7 +15,9 @@ import pinocchio as pin
 
 from baxter_kin import IKService, JointLimits
 from baxter_kin.arrays import Indices, Vector
+from baxter_kin.errors import expect
 from baxter_kin.ik import sample_solutions
+from planner.errors import MotionError
 from planner.lines import Lines
 from planner.rest_time import rest_to_rest_s
 
@@ -84,7 +86,13 @@ def transfer_bound_s(
 
     From rest to rest, over samples of both solution sets: no way from pick to place is faster, but
     for what lies between the samples. Infinite where a pose has no solution.
+
+    Raises:
+        PoseError: when a pose is not a valid one.
+        RequestError: when `ik` is no service.
+        MotionError: when `limits` are none, or of another number of joints.
     """
+    expect(limits, JointLimits, "limits", MotionError)
     picks, places = (
         sample_solutions(ik, T, turns=BOUND_TURNS) for T in (T_base_pick, T_base_place)
     )

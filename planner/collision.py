@@ -17,8 +17,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin import Arm
-from baxter_kin.arrays import Indices, Vector, finite_array
+from baxter_kin.arrays import Indices, Vector, finite_array, finite_scalar
 from baxter_kin.errors import ConfigurationError, expect
+from baxter_kin.fields import check_fields
 from baxter_kin.frames import checked_pose
 from planner.contact import (
     PRESSING_TOLERANCE_M,
@@ -49,12 +50,19 @@ class Clearance:
         first: link or body.
         second: link or body.
         time_s: when, from the start of the motion; None when it was at no time of one.
+
+    Raises:
+        SceneError: when a value is of another class.
     """
 
     distance_m: float
     first: str
     second: str
     time_s: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SceneError)
 
     @property
     def text(self) -> str:
@@ -66,7 +74,12 @@ class Clearance:
         return f"{self.first} is {1e3 * self.distance_m:.1f} mm from {self.second}"
 
     def too_near(self, needed_m: float) -> str:
-        """The same where more is needed: a margin, m, or zero or less for a contact."""
+        """The same where more is needed: a margin, m, or zero or less for a contact.
+
+        Raises:
+            SceneError: when the margin is not a number.
+        """
+        needed_m = finite_scalar(needed_m, "needed_m", SceneError)
         if self.distance_m > 0.0 and needed_m > 0.0:
             return f"{self.text}, and {1e3 * needed_m:.1f} mm are asked for"
         return self.text
@@ -251,10 +264,12 @@ class ClearanceChecker:
             held: what the hand carries.
 
         Raises:
-            SceneError: when the touchable body is not in the scene, or the held one is.
+            SceneError: when the touchable body is not in the scene, or the held one is, or an
+                argument is of another class.
         """
         expect(shapes, RobotShapes, "shapes", SceneError)
         expect(arm, Arm, "arm", SceneError)
+        expect(may_press, bool, "may_press", SceneError)
         _check_situation(scene, touchable, held)
         self.arm = arm
         self._made_by = partial(

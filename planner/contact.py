@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Indices, Vector, finite_array, finite_scalar
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, quoted
 from planner.errors import SceneError
 from planner.mesh import Mesh
 from planner.scene import Body, Box, Cylinder, Part, Scene, Shape, Sphere
@@ -247,5 +247,7 @@ def _unit(direction: ArrayLike) -> Vector:
     along = finite_array(direction, (3,), "direction", SceneError)
     length = float(np.linalg.norm(along))
     if abs(length - 1.0) > UNIT_TOLERANCE:
-        raise SceneError(f"direction {along.tolist()} has length {length:.6g}; it must have 1")
+        raise SceneError(
+            f"direction {quoted(along.tolist())} has length {length:.6g}; it must have 1"
+        )
     return along

@@ -17,13 +17,17 @@ A task without a solution is a `Plan` that carries its reason, not an exception.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from itertools import islice
 from typing import TypeVar
 
 from baxter_kin import BaxterError
 from baxter_kin.errors import expect
 
 T = TypeVar("T")
+
+MOST_READ = 1_000_000
+"""How many things a sequence may have: what never ends is found out with some megabytes."""
 
 
 class PlannerError(BaxterError):
@@ -69,11 +73,16 @@ def expect_all(values: object, kind: type[T], what: str, error: type[BaxterError
     """All `values`, known to be of that class.
 
     Raises:
-        BaxterError: of class `error`, when they are no sequence, or one is of another class.
+        BaxterError: of class `error`, when they are no sequence, one is of another class, or they
+            are more than `MOST_READ`.
     """
-    if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
+    if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
         raise error(f"{what} must be a sequence, got {type(values).__name__}")
-    return tuple(expect(value, kind, f"each of {what}", error) for value in values)
+    first = islice(values, MOST_READ + 1)
+    checked = tuple(expect(value, kind, f"each of {what}", error) for value in first)
+    if len(checked) > MOST_READ:
+        raise error(f"{what} are more than {MOST_READ}, or never end; give fewer")
+    return checked
 
 
 class BodyFileError(PlannerError, ValueError):

@@ -17,13 +17,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
-from baxter_kin.arrays import Vector, positive_scalar
-from baxter_kin.errors import expect
+from baxter_kin.arrays import Vector, float_array, positive_scalar
+from baxter_kin.copying import Frozen
+from baxter_kin.errors import expect, quoted
+from baxter_kin.fields import check_fields
 from planner.collision import Clearance
 from planner.errors import MotionError
 from planner.path import EDGE_STEP_RAD, search_corners
 from planner.screening import IsFree, looks_clear
 from planner.smoothing import SCREENING_STEP_RAD, smoothed
+from planner.swept import checked_margin_m
 from planner.timing import plan_joint_move
 from planner.trajectory import Trajectory
 
@@ -77,11 +80,18 @@ class FreeMoveFailure:
         kind: start, goal or way.
         reason: the sentence, with names and numbers.
         clearance: what collides and how deep, when start or goal does.
+
+    Raises:
+        MotionError: when a value is of another class.
     """
 
     kind: Obstruction
     reason: str
     clearance: Clearance | None = None
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, MotionError)
 
     def __str__(self) -> str:
         """The reason."""
@@ -89,7 +99,7 @@ class FreeMoveFailure:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FreeMove:
+class FreeMove(Frozen):
     """A motion around the obstacles, or why there is none.
 
     Attributes:
@@ -97,11 +107,23 @@ class FreeMove:
         corners: the straight lines it was made of, shape (m, n), rad; two for a straight move, none
             when there is no motion.
         failure: None, or why there is no motion.
+
+    Raises:
+        MotionError: when a value is of another class, or the corners are not finite.
     """
 
     trajectory: Trajectory | None
     corners: Vector
     failure: FreeMoveFailure | None = None
+
+    def __post_init__(self) -> None:
+        """Check, copy and freeze."""
+        check_fields(self, MotionError)
+        corners = float_array(self.corners, "corners", MotionError)
+        if corners.ndim != 2 or not np.isfinite(corners).all():
+            raise MotionError(f"corners must be finite, of shape (m, n), got {quoted(corners)}")
+        corners.setflags(write=False)
+        object.__setattr__(self, "corners", corners)
 
     @property
     def is_straight(self) -> bool:
@@ -139,13 +161,15 @@ def plan_free_move(
     Raises:
         ConfigurationError: when start or goal has another shape, is not finite or outside the
             limits.
-        MotionError: when `limits`, `rng` or `timeout_s` makes no sense, or a joint is too
-            slow for any motion.
+        MotionError: when `limits`, `space`, `is_clear`, `rng`, `timeout_s` or `margin_m` makes no
+            sense, or a joint is too slow for any motion.
     """
     expect(limits, JointLimits, "limits", MotionError)
     seeds = np.random.default_rng(0) if rng is None else rng
     expect(seeds, np.random.Generator, "rng", MotionError)
     clock = _Clock(positive_scalar(timeout_s, "timeout_s", MotionError))
+    _check_collaborators(space, is_clear)
+    margin_m = checked_margin_m(margin_m)
     ends = np.array([limits.check(q_start, "q_start"), limits.check(q_goal, "q_goal")])
     failure = _blocked_end(ends, space)
     if failure is not None:
@@ -155,6 +179,20 @@ def plan_free_move(
         return FreeMove(straight, ends)
     guarded = space.with_margin(margin_m, *ends)
     return _Search(ends, limits, guarded.is_free, seeds, clock).first_clear(is_clear)
+
+
+def _check_collaborators(space: object, is_clear: object) -> None:
+    lacking = [n for n in _OF_A_SPACE if not callable(getattr(space, n, None))]
+    if lacking or isinstance(space, type):
+        raise MotionError(
+            f"space must be an object with the methods {', '.join(_OF_A_SPACE)}, such as a "
+            f"FreeSpace, got {quoted(space)}"
+        )
+    if not callable(is_clear):
+        raise MotionError(f"is_clear must be callable, got {type(is_clear).__name__}")
+
+
+_OF_A_SPACE = ("is_free", "clearance", "with_margin")
 
 
 class _Clock:

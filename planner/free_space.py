@@ -116,7 +116,7 @@ class FreeSpace:
 
 def _is_near(q: ArrayLike) -> bool:
     """Whether it is an array that needs no closer look; False for one that is not finite."""
-    is_array = isinstance(q, np.ndarray) and q.dtype == np.float64 and q.shape == (7,)
+    is_array = type(q) is np.ndarray and q.dtype == np.float64 and q.shape == (7,)
     return is_array and bool(np.abs(q).max() < NEAR_RAD)
 
 

@@ -18,6 +18,8 @@ from enum import Enum
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.fields import check_fields
+from planner.errors import SceneError
 from planner.scene import Body, Part
 
 LEAST_PAD_M = 0.002
@@ -52,12 +54,19 @@ class Miss:
         body: the body that it is about; None when there is none.
         amount_m: the number in it: how wide, how deep in the finger, how much of a pad, or how far
             beside the tip; None when there is none.
+
+    Raises:
+        SceneError: when a value is of another class.
     """
 
     kind: MissKind
     text: str
     body: str | None = None
     amount_m: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SceneError)
 
     def __str__(self) -> str:
         """The text."""
@@ -80,6 +89,9 @@ class Grasp:
         centre_off_m: how far the body's centre is beside the pads, seen along the closing axis; 0
             when it is between them.
         is_near_edge: whether less than `NEAR_EDGE_M` of a pad is on a body that has room for more.
+
+    Raises:
+        SceneError: when a value is of another class.
     """
 
     finger_m: float
@@ -89,6 +101,10 @@ class Grasp:
     pad_m: float
     centre_off_m: float
     is_near_edge: bool
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SceneError)
 
 
 @dataclass(frozen=True, slots=True)

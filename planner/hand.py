@@ -16,6 +16,7 @@ import pinocchio as pin
 from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.errors import ConfigurationError, expect
+from baxter_kin.fields import check_fields
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.collision import RobotShapes
 from planner.contact import PRESSING_TOLERANCE_M, gap_m, travel_to_contact
@@ -51,6 +52,9 @@ class Hand:
         fingers: all shapes of both fingers, likewise, those of the tips first.
         palm_z_m: how far whatever of the hand is above a body between the pads reaches along z of
             the tip: the hand itself, and what of the fingers stands further in than the pads.
+
+    Raises:
+        SceneError: when a value is of another class.
     """
 
     side: str
@@ -60,6 +64,10 @@ class Hand:
     pads: tuple[tuple[Part, ...], tuple[Part, ...]]
     fingers: tuple[tuple[Part, ...], tuple[Part, ...]]
     palm_z_m: float
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SceneError)
 
     @classmethod
     def of(cls, robot: Baxter, arm: Arm, shapes: RobotShapes) -> Hand:

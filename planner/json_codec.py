@@ -25,7 +25,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import BaxterError
-from baxter_kin.errors import LONGEST_NAME
+from baxter_kin.errors import LONGEST_NAME, quoted
 from planner.errors import PlanFileError
 
 Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
@@ -68,8 +68,7 @@ def from_json(data: Json, hint: Any, where: str) -> Any:
 
 def shown(value: object) -> str:
     """A value in a message, cut to a readable length."""
-    text = " ".join(repr(value).split())
-    return text if len(text) <= LONGEST_NAME else f"{text[:LONGEST_NAME]}..."
+    return quoted(value, LONGEST_NAME)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,6 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.arrays import positive_scalar
+from baxter_kin.errors import BaxterError
+from planner.scene import FARTHEST_M
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lines:
@@ -44,3 +48,15 @@ def raised(T_base: pin.SE3, height_m: float) -> pin.SE3:
     """The same pose, seen from base, so much higher."""
     lift = np.array([0.0, 0.0, height_m])
     return pin.SE3(T_base.rotation, T_base.translation + lift)
+
+
+def checked_height_m(value: object, what: str, error: type[BaxterError]) -> float:
+    """How far the tip is to rise, if that can be: above zero, and not beyond `FARTHEST_M`.
+
+    Raises:
+        BaxterError: of class `error`, when it is not.
+    """
+    height_m = positive_scalar(value, what, error)
+    if height_m > FARTHEST_M:
+        raise error(f"{what} must be at most {FARTHEST_M:g} m, got {height_m:g}")
+    return height_m

@@ -12,6 +12,7 @@ from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.copying import Frozen
 from baxter_kin.errors import expect
+from baxter_kin.fields import check_fields
 from planner.collision import RobotShapes
 from planner.errors import TaskError
 from planner.hand import Hand
@@ -30,6 +31,10 @@ class Manipulator(Frozen):
         shapes: the robot's shapes.
         limits: what its moves may use; the arm's own when made by `of`.
         q_others: a full configuration, shape (19,), that says where all other joints stand.
+
+    Raises:
+        TaskError: when a value is of another class.
+        ConfigurationError: when `q_others` has another shape or is not finite.
     """
 
     robot: Baxter
@@ -42,6 +47,7 @@ class Manipulator(Frozen):
 
     def __post_init__(self) -> None:
         """Check and copy."""
+        check_fields(self, TaskError)
         joints = (len(self.robot.joint_names),)
         q_others = finite_array(self.q_others, joints, "q_others", ConfigurationError)
         object.__setattr__(self, "q_others", q_others)

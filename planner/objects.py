@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import finite_array
+from baxter_kin.arrays import finite_array, float_array
 from baxter_kin.copying import FrozenMapping
+from baxter_kin.errors import quoted
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.contact import shape_of
 from planner.errors import SceneError
@@ -58,8 +59,9 @@ def make_block(
         SceneError: when the name is empty, an edge is none, or there is no such colour.
         PoseError: when the pose is none.
     """
-    is_cube = np.ndim(edge_m) == 0
-    x, y, z = finite_array([edge_m] * 3 if is_cube else edge_m, (3,), "edge_m", SceneError)
+    edges = float_array(edge_m, "edge_m", SceneError)
+    is_cube = edges.ndim == 0
+    x, y, z = finite_array(np.full(3, edges) if is_cube else edges, (3,), "edge_m", SceneError)
     rgba = _rgba(colour, name)
     part = Part(Box((float(x), float(y), float(z))), pin.SE3.Identity(), rgba)
     return Body(name, (part,), checked_pose(T_base_centre), is_movable)
@@ -70,11 +72,15 @@ def _rgba(colour: str | Sequence[float] | None, name: str) -> tuple[float, float
         return COLOURS.get(name, GREY) if isinstance(name, str) else GREY
     if isinstance(colour, str):
         if colour not in COLOURS:
-            raise SceneError(f"no colour {colour!r}; use one of: {', '.join(COLOURS)}, or rgba")
+            raise SceneError(
+                f"no colour {quoted(colour)}; use one of: {', '.join(COLOURS)}, or rgba"
+            )
         return COLOURS[colour]
     values = finite_array(colour, (4,), "colour", SceneError)
     if values.min() < 0.0 or values.max() > 1.0:
-        raise SceneError(f"a colour is red, green, blue, opacity in 0..1, got {values.tolist()}")
+        raise SceneError(
+            f"a colour is red, green, blue, opacity in 0..1, got {quoted(values.tolist())}"
+        )
     red, green, blue, opacity = values.tolist()
     return red, green, blue, opacity
 
@@ -97,7 +103,7 @@ def load_object(
     known = {file.stem: file for file in sorted(URDF_FOLDER.glob("*.urdf"))}
     path = known.get(kind) if isinstance(kind, str) else None
     if path is None:
-        raise SceneError(f"no object {kind!r} in {URDF_FOLDER}; it has: {', '.join(known)}")
+        raise SceneError(f"no object {quoted(kind)} in {URDF_FOLDER}; it has: {', '.join(known)}")
     model = pin.buildModelFromUrdf(str(path))
     shapes = pin.buildGeomFromUrdf(model, str(path), pin.GeometryType.VISUAL)
     parts = tuple(

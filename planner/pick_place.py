@@ -23,12 +23,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, positive_scalar
+from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose
 from planner.cycle_search import CycleSearch
 from planner.errors import SceneError, TaskError, expect_all
-from planner.lines import Lines
+from planner.lines import Lines, checked_height_m
 from planner.manipulator import Manipulator
 from planner.plan import Plan
 from planner.plan_builder import NoSolutionError, PlanBuilder
@@ -51,7 +51,8 @@ class PickAndPlace:
             distance where that is less.
 
     Raises:
-        TaskError: when `body` is no name, or a height is not a number above zero.
+        TaskError: when `body` is no name, or a height is not a number above zero, or beyond
+            `FARTHEST_M`.
         PoseError: when a pose is none.
     """
 
@@ -64,8 +65,8 @@ class PickAndPlace:
     def __post_init__(self) -> None:
         """Check and copy."""
         expect(self.body, str, "name of the body", TaskError)
-        positive_scalar(self.hover_m, "hover distance", TaskError)
-        positive_scalar(self.clear_m, "clear height", TaskError)
+        checked_height_m(self.hover_m, "hover distance", TaskError)
+        checked_height_m(self.clear_m, "clear height", TaskError)
         for name in ("T_base_pick", "T_base_place"):
             object.__setattr__(self, name, checked_pose(getattr(self, name)))
 
@@ -194,13 +195,13 @@ def plan_retract(
 
     Raises:
         ConfigurationError: when `q_now` is malformed or outside the limits.
-        TaskError: when the height is not a number above zero.
+        TaskError: when the height is not a number above zero, or is beyond `FARTHEST_M`.
         MotionError: when the margin is not a number, or negative.
     """
     expect(manipulator, Manipulator, "manipulator", TaskError)
     expect(scene, Scene, "scene", SceneError)
     now = manipulator.arm.limits.check(q_now, "q_now")
-    rise_m = positive_scalar(height_m, "height_m", TaskError)
+    rise_m = checked_height_m(height_m, "height_m", TaskError)
     builder = _builder(manipulator, scene, now, margin_m, held)
     opening_m = manipulator.hand.stroke_m
 

@@ -14,6 +14,7 @@ from baxter_kin import IKResult
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.copying import Frozen
 from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
+from baxter_kin.fields import check_fields
 from baxter_kin.model import LIMBS
 from planner.collision import Clearance, least
 from planner.errors import TaskError, expect_all
@@ -35,6 +36,9 @@ class Move:
         clearance: the least distance that was met on the way, where it was checked.
         proof: that the whole way is clear, where it was proven.
         is_straight: whether the tip moves along a straight line.
+
+    Raises:
+        TaskError: when a value is of another class.
     """
 
     label: str
@@ -44,6 +48,10 @@ class Move:
     clearance: Clearance | None = None
     proof: SweptProof | None = None
     is_straight: bool = False
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, TaskError)
 
 
 class GripperAction(str, Enum):
@@ -65,7 +73,8 @@ class Grip:
         proof: that the fingers' whole travel is clear, with what they push, where it was proven.
 
     Raises:
-        TaskError: when the opening is not a number, is negative, or is that of a close.
+        TaskError: when a value is of another class, or the opening is not finite, is negative, or
+            is that of a close.
     """
 
     label: str
@@ -75,7 +84,8 @@ class Grip:
     proof: SweptProof | None = None
 
     def __post_init__(self) -> None:
-        """Check the opening."""
+        """Check, the opening above all."""
+        check_fields(self, TaskError)
         if self.opening_m is None:
             return
         opening = finite_scalar(self.opening_m, f"{self.label}: opening_m", TaskError)
@@ -103,6 +113,9 @@ class PlanFailure:
         contact: what would collide on the way, when that was the reason.
         tallies: how many solutions of the pick and of the place collide, and with what, where any
             does.
+
+    Raises:
+        TaskError: when a value is of another class.
     """
 
     stage: str
@@ -112,6 +125,10 @@ class PlanFailure:
     is_certain: bool = False
     contact: SweptContact | None = None
     tallies: tuple[Tally, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, TaskError)
 
     def __str__(self) -> str:
         """Stage and reason."""
@@ -133,7 +150,8 @@ class Plan(Frozen):
     Raises:
         UnknownNameError: when there is no such limb.
         ConfigurationError: when `q_start` has another shape or is not finite.
-        TaskError: when a step is none, or a move starts elsewhere than the arm stands by then.
+        TaskError: when a step, the failure or the situation is of another class, or a move starts
+            elsewhere than the arm stands by then.
     """
 
     limb: str
@@ -146,6 +164,10 @@ class Plan(Frozen):
         """Check and copy."""
         if not isinstance(self.limb, str) or self.limb not in LIMBS:
             raise UnknownNameError("limb", self.limb, LIMBS)
+        for name, kind in (("failure", PlanFailure), ("situation", Situation)):
+            value = getattr(self, name)
+            if value is not None:
+                expect(value, kind, f"{name} of a plan", TaskError)
         q_start = finite_array(self.q_start, (7,), "q_start", ConfigurationError)
         object.__setattr__(self, "q_start", q_start)
         steps = expect_all(self.steps, object, "the steps of a plan", TaskError)

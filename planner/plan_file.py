@@ -24,7 +24,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from baxter_kin.copying import FrozenMapping
-from baxter_kin.errors import FileError
+from baxter_kin.errors import FileError, shown_path
 from baxter_kin.files import PathLike, open_to_read, replace_file
 from planner.errors import PlanFileError, PlannerError
 from planner.json_codec import Json, from_json, shown, to_json
@@ -79,7 +79,7 @@ def save_plan(plan: Plan, path: PathLike) -> None:
     try:
         replace_file(file, content.replace(_NO_CHECKSUM.encode(), checksum, 1))
     except FileError as cause:
-        raise PlanFileError(f"{file} cannot be written: {cause.reason}") from cause
+        raise PlanFileError(f"{shown_path(file)} cannot be written: {cause.reason}") from cause
 
 
 def load_plan(path: PathLike) -> Plan:
@@ -93,7 +93,7 @@ def load_plan(path: PathLike) -> Plan:
     try:
         return _plan(_content(file))
     except PlanFileError as cause:
-        raise PlanFileError(f"{file}: {cause}") from cause
+        raise PlanFileError(f"{shown_path(file)}: {cause}") from cause
 
 
 def check_size(plan: Plan, situation: Situation | None, error: type[PlannerError]) -> None:

@@ -34,12 +34,16 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.copying import Frozen, FrozenMapping
+from baxter_kin.errors import FileError, shown_path
+from baxter_kin.fields import check_fields
+from baxter_kin.files import open_to_read
 from planner.errors import BodyFileError, SceneError
 
 VERSION = 3
@@ -82,6 +86,10 @@ class LinkBody(Frozen):
     is_touching: bool = False
     padding_m: float = 0.0
 
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SceneError)
+
     @property
     def has_surface(self) -> bool:
         """Whether there are triangles beside the pieces."""
@@ -112,6 +120,9 @@ class RobotBody(Frozen):
     Attributes:
         links: link name -> its body; links without any shape are absent.
         skipped_pairs: two link names -> why they are not checked against each other.
+
+    Raises:
+        SceneError: when a value is of another class.
     """
 
     links: Mapping[str, LinkBody]
@@ -121,6 +132,10 @@ class RobotBody(Frozen):
         """What makes it again; the one that comes with the package is there already."""
         is_stored = _stored.cache_info().currsize > 0 and self is _stored()
         return (_stored, ()) if is_stored else Frozen.__reduce__(self)
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SceneError)
 
     @classmethod
     def load(cls) -> RobotBody:
@@ -139,10 +154,12 @@ class RobotBody(Frozen):
             BodyFileError: as `load`.
         """
         arrays = _arrays(file)
+        if "version" not in arrays:
+            raise BodyFileError(f"{shown_path(file)} is no body: it names no version")
         if int(arrays["version"]) != VERSION:
             raise BodyFileError(
-                f"{file} has version {int(arrays['version'])}, this code reads {VERSION}:"
-                " install the package again"
+                f"{shown_path(file)} has version {int(arrays['version'])}, this code reads "
+                f"{VERSION}: install the package again"
             )
         links = {name: _link(arrays, row) for row, name in enumerate(arrays["link/name"].tolist())}
         pairs = zip(arrays["pair/links"].tolist(), arrays["pair/reason"].tolist(), strict=True)
@@ -174,10 +191,12 @@ def _stored() -> RobotBody:
 
 def _arrays(file: Path) -> dict[str, NDArray[Any]]:
     try:
-        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
+        with open_to_read(file) as stream, np.load(stream, allow_pickle=False) as data:
             return dict(data)
-    except (OSError, ValueError) as error:
-        raise BodyFileError(f"{file} cannot be read: {error}") from error
+    except FileError as cause:
+        raise BodyFileError(f"{shown_path(file)} cannot be read: {cause.reason}") from cause
+    except (OSError, ValueError, TypeError, EOFError, BadZipFile) as error:
+        raise BodyFileError(f"{shown_path(file)} cannot be read: {error}") from error
 
 
 def _link(arrays: dict[str, NDArray[Any]], row: int) -> LinkBody:

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
+from baxter_kin.arrays import whole_scalar
 from baxter_kin.errors import expect
 from planner.contact import boxed, convex, has_depth, shape_of, surface
 from planner.distances import Enclosure
@@ -128,17 +129,17 @@ class RobotShapes:
 
     def of_arm(self, arm: Arm) -> frozenset[int]:
         """The shapes that an arm moves, those of its hand among them."""
-        return self._below(arm.joint_names[0])
+        return self._below(_checked(arm).joint_names[0])
 
     def of_hand(self, arm: Arm) -> frozenset[int]:
         """The shapes that move with the last joint of an arm, its wrist among them."""
-        return self._below(arm.joint_names[-1])
+        return self._below(_checked(arm).joint_names[-1])
 
     def of_fingers(self, arm: Arm) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """The shapes of both fingers, those of the one that opens along +y of the tip first."""
+        letter = _checked(arm).side[0]
         first, second = (
-            tuple(sorted(self._below(f"{arm.side[0]}_gripper_{finger}_finger_joint")))
-            for finger in "lr"
+            tuple(sorted(self._below(f"{letter}_gripper_{finger}_finger_joint"))) for finger in "lr"
         )
         return first, second
 
@@ -160,13 +161,12 @@ class RobotShapes:
 
     def part_at_tip(self, index: int, arm: Arm) -> Part:
         """A convex shape of the hand, seen from the tip with the fingers closed."""
-        expect(arm, Arm, "arm", SceneError)
-        shape = self.model.geometryObjects[index]
+        shape = self._shape(index)
         return Part(shape_of(shape.geometry), self._T_tip_shape(index, arm))
 
     def highest_at_tip_m(self, index: int, arm: Arm) -> float:
         """How far the box around a shape of the hand reaches along z of the tip."""
-        geometry = self.model.geometryObjects[index].geometry
+        geometry = self._shape(index).geometry
         geometry.computeLocalAABB()
         middle = (geometry.aabb_local.max_ + geometry.aabb_local.min_) / 2
         T_tip_shape = self._T_tip_shape(index, arm)
@@ -178,11 +178,16 @@ class RobotShapes:
         """The shapes of all links."""
         return _of_body(self.body)
 
+    def _shape(self, index: int) -> pin.GeometryObject:
+        most = self.model.ngeoms - 1
+        number = whole_scalar(index, "index of a shape", SceneError, least=0, most=most)
+        return self.model.geometryObjects[number]
+
     def _T_tip_shape(self, index: int, arm: Arm) -> pin.SE3:
-        shape = self.model.geometryObjects[index]
+        shape = self._shape(index)
         model, data = self.robot.model, self.robot.model.createData()
         pin.framesForwardKinematics(model, data, np.zeros(model.nq))
-        T_base_tip = data.oMf[model.getFrameId(arm.tip_frame)]
+        T_base_tip = data.oMf[model.getFrameId(_checked(arm).tip_frame)]
         return T_base_tip.inverse() * data.oMi[shape.parentJoint] * shape.placement
 
     def _below(self, joint: str) -> frozenset[int]:
@@ -203,6 +208,10 @@ class _Made:
     padding_m: float = 0.0
     is_whole: bool = True
     is_detail: bool = True
+
+
+def _checked(arm: Arm) -> Arm:
+    return expect(arm, Arm, "arm", SceneError)
 
 
 @lru_cache(maxsize=4)

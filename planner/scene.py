@@ -13,12 +13,16 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, positive_scalar
 from baxter_kin.copying import FrozenMapping
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, quoted, shortened
+from baxter_kin.fields import is_text
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.errors import SceneError, expect_all
 from planner.mesh import Mesh, checked_size
 
 GREY = (0.6, 0.6, 0.6, 1.0)
+
+LONGEST_NAME = 100
+"""Characters of a body's name; sentences repeat it."""
 
 FARTHEST_M = 1000.0
 """How far from base, or from its body, a shape may be; distances beyond lose digits."""
@@ -83,8 +87,9 @@ class Sphere:
         """Check the radius."""
         _checked_length(self.radius_m, "sphere radius_m")
 
-    def support_m(self, direction: Vector) -> float:  # noqa: ARG002 - the same in all directions
+    def support_m(self, direction: Vector) -> float:
         """How far the shape extends from its centre along a unit direction, shape (3,)."""
+        finite_array(direction, (3,), "direction", SceneError)
         return self.radius_m
 
 
@@ -108,7 +113,9 @@ class Part:
     def __post_init__(self) -> None:
         """Check and copy."""
         if not isinstance(self.shape, (Box, Cylinder, Sphere, Mesh)):
-            raise SceneError(f"a shape is a Box, Cylinder, Sphere or Mesh, got {self.shape!r}")
+            raise SceneError(
+                f"a shape is a Box, Cylinder, Sphere or Mesh, got {quoted(self.shape)}"
+            )
         object.__setattr__(self, "T_body_part", _checked_place(self.T_body_part, "a shape"))
         r, g, b, a = np.clip(finite_array(self.rgba, (4,), "rgba", SceneError), 0, 1).tolist()
         object.__setattr__(self, "rgba", (r, g, b, a))
@@ -143,8 +150,12 @@ class Body:
 
     def __post_init__(self) -> None:
         """Check and copy."""
-        if not isinstance(self.name, str) or not self.name:
-            raise SceneError(f"a body needs a name, got {self.name!r}")
+        if not is_name(self.name):
+            raise SceneError(
+                f"a body needs a name, of up to {LONGEST_NAME} characters that can be written, got "
+                f"{quoted(self.name)}"
+            )
+        expect(self.is_movable, bool, "is_movable", SceneError)
         parts = expect_all(self.parts, Part, f"the parts of {self.name!r}", SceneError)
         if not parts:
             raise SceneError(f"body {self.name!r} has no shape")
@@ -200,7 +211,9 @@ class Scene:
             raise SceneError(f"bodies must be a mapping, got {type(self.bodies).__name__}")
         for name, body in self.bodies.items():
             if expect(body, Body, "a body of a scene", SceneError).name != name:
-                raise SceneError(f"body {body.name!r} stands in the scene under the name {name!r}")
+                raise SceneError(
+                    f"body {body.name!r} stands in the scene under the name {quoted(name)}"
+                )
         object.__setattr__(self, "bodies", FrozenMapping(self.bodies))
 
     @classmethod
@@ -226,8 +239,8 @@ class Scene:
             SceneError: when there is none.
         """
         if not isinstance(name, str) or name not in self.bodies:
-            present = ", ".join(self.bodies) or "none"
-            raise SceneError(f"no body {name!r} in the scene; it has: {present}")
+            present = shortened(", ".join(self.bodies)) or "none"
+            raise SceneError(f"no body {quoted(name)} in the scene; it has: {present}")
         return self.bodies[name]
 
     def with_body(self, body: Body) -> Scene:
@@ -260,6 +273,11 @@ class Scene:
         """
         body = self[name].at(T_base_body)
         return Scene({**self.bodies, name: body})
+
+
+def is_name(name: object) -> bool:
+    """Whether a body may be called so."""
+    return is_text(name) and 0 < len(name) <= LONGEST_NAME
 
 
 def _checked_length(value: object, what: str) -> float:

@@ -95,6 +95,6 @@ class Situation:
         expect(manipulator, Manipulator, "manipulator", TaskError)
         names = manipulator.robot.joint_names
         joints = dict(zip(names, manipulator.q_others.tolist(), strict=True))
-        return cls(
-            scene, joints | manipulator.hand.finger_joints(manipulator.finger_m), tuple(held)
-        )
+        fingers = manipulator.hand.finger_joints(manipulator.finger_m)
+        holdings = expect_all(held, Holding, "what the hands hold", TaskError)
+        return cls(scene, joints | fingers, holdings)

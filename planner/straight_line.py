@@ -8,16 +8,21 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
+from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.copying import Frozen
+from baxter_kin.errors import expect
 from baxter_kin.frames import PoseLike, angle_between, checked_pose
-from planner.errors import StraightMoveError
+from planner.errors import MotionError, StraightMoveError
 
 LEAST_LENGTH = 1e-9
 """A line shorter than this, in m and rad together, is a point: positions are known no better."""
 
 HALF_TURN_MARGIN_RAD = 1e-6
 """Rotations closer to half a turn than this have no shortest way: either sense is as good."""
+
+
+FARTHEST = 1e6
+"""How many times its length a line may be followed, either way; beyond, turns lose digits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,13 +80,24 @@ class StraightLine(Frozen):
         return bool(np.linalg.norm(self.twist) < LEAST_LENGTH)
 
     def at(self, s: float) -> pin.SE3:
-        """The pose at a fraction of the way; beyond 0..1 the line goes on."""
+        """The pose at a fraction of the way; beyond 0..1 the line goes on, to `FARTHEST`.
+
+        Raises:
+            MotionError: when `s` is no number, or farther.
+        """
+        s = finite_scalar(s, "s", MotionError)
+        if abs(s) > FARTHEST:
+            raise MotionError(f"s is a fraction of the way, to {FARTHEST:g} times it; got {s:g}")
         R = pin.exp3(s * self.twist[3:]) @ self.T_base_start.rotation
         return pin.SE3(R, self.T_base_start.translation + s * self.twist[:3])
 
     def error(self, s: float, T_base_tip: pin.SE3) -> Vector:
-        """The twist from a pose to the one at s, shape (6,), m and rad, along the axes of base."""
-        R = T_base_tip.rotation
+        """The twist from a pose to the one at s, shape (6,), m and rad, along the axes of base.
+
+        Raises:
+            MotionError: when `s` is no such fraction, or the pose no SE3.
+        """
+        R = expect(T_base_tip, pin.SE3, "T_base_tip", MotionError).rotation
         wanted = self.at(s)
         turn = R @ pin.log3(R.T @ wanted.rotation)
         return np.concatenate([wanted.translation - T_base_tip.translation, turn])

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import Arm, ConfigurationError, JointLimits
 from baxter_kin.arrays import Vector, finite_scalar, float_array
 from baxter_kin.copying import Frozen
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, quoted
 from baxter_kin.frames import PoseLike
 from baxter_kin.ik.reach import ReachBound
 from planner.errors import MotionError, StraightMoveError
@@ -142,7 +142,9 @@ class StraightPath(Frozen):
         if fractions.ndim > 1:
             raise MotionError(f"fractions have shape {fractions.shape}; give one or shape (m,)")
         if not (np.abs(fractions - 0.5) <= 0.5 + _OUTSIDE).all():
-            raise MotionError(f"fractions of the path are in 0..1, got {fractions.tolist()}")
+            raise MotionError(
+                f"fractions of the path are in 0..1, got {quoted(fractions.tolist())}"
+            )
         # T_k(cos x) = cos(k x)
         angles = np.arccos(np.clip(2.0 * fractions - 1.0, -1.0, 1.0))
         values = np.cos(angles[..., None] * np.arange(len(self.coefficients)))

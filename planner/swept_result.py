@@ -8,7 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from baxter_kin.fields import check_fields
 from planner.collision import SHOWN_M, Clearance
+from planner.errors import SceneError
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +24,9 @@ class SweptProof:
         margin_m: the distance that was asked for.
         intervals: time intervals that were examined.
         evaluations: distances that were measured.
+
+    Raises:
+        SceneError: when a value is of another class.
     """
 
     proven_m: float
@@ -29,6 +34,10 @@ class SweptProof:
     margin_m: float
     intervals: int
     evaluations: int
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SceneError)
 
     @property
     def is_clear(self) -> bool:
@@ -48,6 +57,9 @@ class SweptContact:
         duration_s: of the whole motion.
         intervals: time intervals that were examined.
         evaluations: distances that were measured.
+
+    Raises:
+        SceneError: when a value is of another class.
     """
 
     nearest: Clearance
@@ -55,6 +67,10 @@ class SweptContact:
     duration_s: float
     intervals: int
     evaluations: int
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SceneError)
 
     @property
     def is_clear(self) -> bool:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Indices, Vector, finite_array, float_array
 from baxter_kin.copying import Frozen
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, quoted
 from planner.errors import TrajectoryError
 
 CONTINUITY_TOLERANCE = 1e-8
@@ -190,7 +190,7 @@ class Trajectory(Frozen):
         if times.ndim > 1:
             raise TrajectoryError(f"times have shape {times.shape}; give one time or shape (m,)")
         if not np.isfinite(times).all():
-            raise TrajectoryError(f"times must be finite, got {times.tolist()}")
+            raise TrajectoryError(f"times must be finite, got {quoted(times.tolist())}")
         if (times < 0.0).any():
             raise TrajectoryError(f"times start at 0, got {times.min():g} s")
         self._check_end(float(times.max(initial=0.0)))

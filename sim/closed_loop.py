@@ -19,8 +19,9 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector, positive_scalar
+from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
+from baxter_kin.fields import check_fields
 from baxter_kin.frames import checked_pose
 from planner import (
     Body,
@@ -35,10 +36,10 @@ from planner import (
     plan_pick_and_place,
     plan_retract,
 )
-from planner.lines import raised
+from planner.lines import checked_height_m, raised
 from sim.errors import SimulationError
 from sim.falling import come_to_rest
-from sim.pose_source import PoseSource
+from sim.pose_source import PoseSource, checked_source
 from sim.simulation import Simulation
 
 Planner: TypeAlias = Callable[[PickAndPlace, Manipulator, Scene, Vector], Plan]
@@ -85,7 +86,7 @@ class Transfer:
         """Check and copy."""
         expect(self.body, str, "name of the body", SimulationError)
         for name in ("hover_m", "clear_m"):
-            positive_scalar(getattr(self, name), name, SimulationError)
+            checked_height_m(getattr(self, name), name, SimulationError)
         for name in ("T_body_tip", "T_base_goal"):
             object.__setattr__(self, name, checked_pose(getattr(self, name)))
 
@@ -98,11 +99,18 @@ class Attempt:
         seen: the body where it was believed to be; None when it was not seen.
         plan: what was planned; None when it was not seen.
         failure: None when it ended as planned, else why not, as one sentence.
+
+    Raises:
+        SimulationError: when a value is of another class.
     """
 
     seen: Body | None
     plan: Plan | None
     failure: str | None
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SimulationError)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,12 +122,19 @@ class LoopResult:
         failure: None, or why the body is not where it should be, as one sentence.
         placed: the body where it was seen at the end; None when it was not placed, or not seen.
         off_m: how far its centre is from where it should be, by that sighting; None likewise.
+
+    Raises:
+        SimulationError: when a value is of another class.
     """
 
     attempts: tuple[Attempt, ...]
     failure: str | None
     placed: Body | None = None
     off_m: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SimulationError)
 
     @property
     def is_success(self) -> bool:
@@ -162,7 +177,9 @@ class ClosedLoop:
         self._manipulator = expect(manipulator, Manipulator, "manipulator", SimulationError)
         if isinstance(retries, bool) or expect(retries, int, "retries", SimulationError) < 0:
             raise SimulationError(f"retries must be a whole number, 0 or above, got {retries}")
-        self._eyes = eyes
+        if not callable(plan):
+            raise SimulationError(f"plan must be callable, got {type(plan).__name__}")
+        self._eyes = checked_source(eyes, "eyes")
         self._retries = retries
         self._plan = plan
         self._side = manipulator.arm.side
@@ -178,6 +195,7 @@ class ClosedLoop:
             SimulationError: when `transfer` is none.
         """
         expect(transfer, Transfer, "transfer", SimulationError)
+        expect(title, str, "title", SimulationError)
         attempts: list[Attempt] = []
         while len(attempts) <= self._retries:
             if attempts:

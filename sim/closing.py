@@ -18,8 +18,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from baxter_kin.fields import check_fields
 from planner import Grasp
 from planner.grasp import Miss, MissKind
+from sim.errors import SimulationError
 from sim.squeeze import Mover, Push, Squeeze
 from sim.world import World
 
@@ -38,6 +40,9 @@ class Closing:
         grasp: where it is then; None for a miss.
         miss: why nothing is held; None for a grasp.
         pushes: the bodies that are moved on the way.
+
+    Raises:
+        SimulationError: when a value is of another class.
     """
 
     finger_m: float
@@ -45,6 +50,10 @@ class Closing:
     grasp: Grasp | None = None
     miss: Miss | None = None
     pushes: tuple[Push, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SimulationError)
 
 
 def closing_of(world: World, side: str, wanted: str | None = None) -> Closing:

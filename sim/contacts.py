@@ -18,6 +18,7 @@ import numpy as np
 
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
+from baxter_kin.fields import check_fields
 from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
 from planner.collision import Held
 from planner.contact import PRESSING_TOLERANCE_M, gap_m
@@ -48,6 +49,9 @@ class Contact:
         depth_m: how far they are inside each other then.
         stops: whether it ends the move, because `other` does not give way.
         free_s: the last look at which neither touched more than it may.
+
+    Raises:
+        SimulationError: when a value is of another class.
     """
 
     time_s: float
@@ -57,6 +61,10 @@ class Contact:
     depth_m: float
     stops: bool
     free_s: float
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SimulationError)
 
 
 class ContactWatch:

@@ -10,7 +10,7 @@ from typing import IO, NamedTuple
 
 from baxter_kin import files
 from baxter_kin.copying import NotCopied
-from baxter_kin.errors import FileError
+from baxter_kin.errors import FileError, shown_path
 from baxter_kin.files import PathLike, open_to_read, open_to_write
 from sim.errors import RecordingError
 
@@ -79,7 +79,7 @@ class Output(NotCopied):
             self._stream.close()
 
     def _explained(self) -> AbstractContextManager[None]:
-        return explained(f"cannot write {self._path}")
+        return explained(f"cannot write {shown_path(self._path)}")
 
 
 class LineFile(NotCopied):
@@ -170,7 +170,9 @@ def read_lines(path: PathLike) -> Iterator[Line]:
                 text = content.decode("utf-8-sig" if number == 1 else "utf-8")
             except UnicodeDecodeError:
                 if is_complete:
-                    raise RecordingError(f"{file} is no text: line {number} is not UTF-8") from None
+                    raise RecordingError(
+                        f"{shown_path(file)} is no text: line {number} is not UTF-8"
+                    ) from None
                 text = ""
             yield Line(number, text.rstrip("\r\n"), is_complete)
 
@@ -183,7 +185,7 @@ def opened(path: PathLike) -> Iterator[IO[bytes]]:
         RecordingError: when it cannot be read, or is no regular file.
     """
     file = checked_path(path)
-    with explained(f"cannot read {file}"), open_to_read(file) as stream:
+    with explained(f"cannot read {shown_path(file)}"), open_to_read(file) as stream:
         yield stream
 
 
@@ -194,12 +196,14 @@ def replace_file(path: PathLike, content: bytes) -> None:
         RecordingError: when it cannot be written.
     """
     file = checked_path(path)
-    with explained(f"cannot write {file}"):
+    with explained(f"cannot write {shown_path(file)}"):
         files.replace_file(file, content)
 
 
 def _next_line(stream: IO[bytes], file: Path, number: int) -> bytes:
     content = stream.readline(LONGEST_LINE_BYTES)
     if len(content) == LONGEST_LINE_BYTES:
-        raise RecordingError(f"{file}: line {number} is longer than {LONGEST_LINE_BYTES >> 20} MB")
+        raise RecordingError(
+            f"{shown_path(file)}: line {number} is longer than {LONGEST_LINE_BYTES >> 20} MB"
+        )
     return content

@@ -9,15 +9,21 @@ from typing import TypeAlias
 
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
+from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.copying import Frozen
+from baxter_kin.fields import check_fields
+from baxter_kin.model import LIMBS
 from planner import Body, Grasp
 from planner.grasp import Miss
 from planner.plan import Step
 from sim.contacts import Contact
+from sim.errors import SimulationError
 from sim.falling import Rest
 from sim.gripper import GripperState
 from sim.squeeze import Push
+
+JOINTS_OF_ROBOT = 19
+"""Of a full configuration: head, arms and fingers."""
 
 
 class EventKind(str, Enum):
@@ -51,6 +57,9 @@ class Event:
         step: the step of a plan that began, if that is what happened.
         body: the body that appeared or disappeared, if that is what happened.
         detail: the facts behind the text, where there are some.
+
+    Raises:
+        SimulationError: when a value is of another class.
     """
 
     time_s: float
@@ -59,6 +68,11 @@ class Event:
     step: Step | None = None
     body: Body | None = field(default=None, compare=False)
     detail: Detail | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SimulationError)
+        finite_scalar(self.time_s, "time_s", SimulationError)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +85,9 @@ class Snapshot(Frozen):
         T_base_bodies: pose of every body present.
         grippers: what each gripper reports, by side.
         caption: what is going on, in words.
+
+    Raises:
+        SimulationError: when a value is of another class.
     """
 
     time_s: float
@@ -78,6 +95,16 @@ class Snapshot(Frozen):
     T_base_bodies: Mapping[str, pin.SE3]
     grippers: Mapping[str, GripperState]
     caption: str
+
+    def __post_init__(self) -> None:
+        """Check, copy and freeze."""
+        check_fields(self, SimulationError)
+        q = finite_array(self.q, (JOINTS_OF_ROBOT,), "q", SimulationError)
+        object.__setattr__(self, "q", q)
+        finite_scalar(self.time_s, "time_s", SimulationError)
+        missing = [side for side in LIMBS if side not in self.grippers]
+        if missing:
+            raise SimulationError(f"the grippers lack {', '.join(missing)}")
 
 
 class Observer:

@@ -16,11 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
+from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.fields import check_fields
 from planner import Body
 from planner.contact import PRESSING_TOLERANCE_M, gap_m
 from planner.landing import Landing, land, levelled
 from planner.lines import raised
+from sim.errors import SimulationError
 
 GRAVITY_M_S2 = 9.81
 
@@ -38,10 +40,19 @@ class Leg:
     Attributes:
         T_base_body: where it begins.
         drop_m: how far it goes down, not negative.
+
+    Raises:
+        SimulationError: when a value is of another class, or it falls up.
     """
 
     T_base_body: pin.SE3
     drop_m: float
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SimulationError)
+        if not 0.0 <= self.drop_m < math.inf:
+            raise SimulationError(f"a body falls down by 0 m or more, got {self.drop_m:g}")
 
     @property
     def duration_s(self) -> float:
@@ -60,6 +71,9 @@ class Rest:
         legs: its falls one after the other.
         fell_off: names of what it tipped off from on its way.
         beside_m: how far its centre is beside its footing; 0 unless it leans.
+
+    Raises:
+        SimulationError: when a value is of another class.
     """
 
     T_base_body: pin.SE3
@@ -69,13 +83,22 @@ class Rest:
     fell_off: tuple[str, ...] = ()
     beside_m: float = 0.0
 
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SimulationError)
+
     @property
     def duration_s(self) -> float:
         """How long the fall takes."""
         return sum(leg.duration_s for leg in self.legs)
 
     def pose(self, time_s: float) -> pin.SE3:
-        """Where the body is so long after it was let go."""
+        """Where the body is so long after it was let go.
+
+        Raises:
+            SimulationError: when the time is not a finite number.
+        """
+        time_s = finite_scalar(time_s, "time_s", SimulationError)
         for leg in self.legs:
             if time_s < leg.duration_s:
                 return raised(leg.T_base_body, -GRAVITY_M_S2 * time_s * time_s / 2)

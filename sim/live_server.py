@@ -21,6 +21,7 @@ from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from baxter_kin.copying import NotCopied
+from baxter_kin.errors import quoted
 from sim.audience import Audience
 from sim.errors import ViewerError
 
@@ -239,5 +240,5 @@ def _bound(port: int) -> socket.socket:
 
 def _checked_port(port: int) -> int:
     if isinstance(port, bool) or not isinstance(port, int) or not 1 <= port <= 65535:
-        raise ViewerError(f"a port is a whole number from 1 to 65535, got {port!r}")
+        raise ViewerError(f"a port is a whole number from 1 to 65535, got {quoted(port)}")
     return port

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from baxter_kin.arrays import Vector
+from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike
 from planner import Body
 from planner.json_codec import Json, shown
@@ -151,9 +152,9 @@ def read_log(path: PathLike) -> NotedRecording:
         else:
             _hear(file, line, story)
     if story is None:
-        raise RecordingError(f"{file} is empty, or was cut in its first line")
+        raise RecordingError(f"{shown_path(file)} is empty, or was cut in its first line")
     if not story.snapshots:
-        raise RecordingError(f"{file} has no snapshot: nothing was simulated")
+        raise RecordingError(f"{shown_path(file)} has no snapshot: nothing was simulated")
     notes += _end_notes(story)
     return NotedRecording(story.recording(), tuple(notes))
 
@@ -165,10 +166,11 @@ def _begun(file: object, line: Line) -> _Story:
         data = None
     first: dict[str, Any] = data if isinstance(data, dict) else {}
     if first.get("format") != FORMAT:
-        raise RecordingError(f"{file} is no log: it does not begin with its format")
+        raise RecordingError(f"{shown_path(file)} is no log: it does not begin with its format")
     if first.get("version") != VERSION:
         raise RecordingError(
-            f"{file} has version {shown(first.get('version'))}, but only {VERSION} is read here"
+            f"{shown_path(file)} has version {shown(first.get('version'))}, but only {VERSION} is "
+            "read here"
         )
     names = from_data(first.get("joint_names"), tuple[str, ...], "joint_names")
     return _Story(names)
@@ -182,7 +184,7 @@ def _hear(file: object, line: Line, story: _Story) -> None:
         ((kind, value),) = data.items()
         story.hear(kind, value)
     except RecordingError as cause:
-        raise RecordingError(f"{file}, line {line.number}: {cause}") from cause
+        raise RecordingError(f"{shown_path(file)}, line {line.number}: {cause}") from cause
 
 
 def _end_notes(story: _Story) -> Iterator[str]:

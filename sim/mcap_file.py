@@ -72,8 +72,10 @@ class McapFile(NotCopied, Observer):
         """Write joints and bodies.
 
         Raises:
-            RecordingError: when the file cannot be written; it is closed then.
+            RecordingError: when it is no snapshot, or the file cannot be written; it is closed
+                then.
         """
+        expect(snapshot, Snapshot, "snapshot", RecordingError)
         time_ns = nanoseconds(snapshot.time_s)
         velocity = self._velocities.at(snapshot.time_s, snapshot.q)
         poses = {name: pose_row(T) for name, T in snapshot.T_base_bodies.items()}
@@ -87,8 +89,9 @@ class McapFile(NotCopied, Observer):
         """Write it.
 
         Raises:
-            RecordingError: when the file cannot be written; it is closed then.
+            RecordingError: when it is no event, or the file cannot be written; it is closed then.
         """
+        expect(event, Event, "event", RecordingError)
         move = recorded_move(event)
         if move is not None:
             self._velocities.begin(move)

@@ -17,7 +17,7 @@ from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.errors import expect
 from planner import Body
 from sim.errors import SimulationError
-from sim.pose_source import PoseSource, Sighting
+from sim.pose_source import PoseSource, Sighting, checked_source
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +63,17 @@ class NoisyPoses:
         Raises:
             SimulationError: when one of them is none.
         """
-        self._source = source
+        self._source = checked_source(source, "source")
         self._noise = expect(noise, Noise, "noise", SimulationError)
         self._rng = expect(rng, np.random.Generator, "rng", SimulationError)
 
     def look(self, name: str, time_s: float) -> Sighting | None:
-        """What it sees of a body at a time; None when it does not see it."""
+        """What it sees of a body at a time; None when it does not see it.
+
+        Raises:
+            SimulationError: when the time is no number.
+        """
+        time_s = finite_scalar(time_s, "time_s", SimulationError)
         errors, is_seen = self._rng.normal(size=4), self._rng.random() >= self._noise.dropout
         sighting = self._source.look(name, max(0.0, time_s - self._noise.latency_s))
         if sighting is None or not is_seen:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.fields import check_fields
 from sim.errors import SimulationError
 
 
@@ -34,10 +35,17 @@ class Outcome:
     Attributes:
         failure: None, or why it stopped early, as one sentence.
         duration_s: simulated time it took.
+
+    Raises:
+        SimulationError: when a value is of another class.
     """
 
     failure: str | None
     duration_s: float
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, SimulationError)
 
     @property
     def is_success(self) -> bool:

@@ -17,11 +17,13 @@ import pinocchio as pin
 from baxter_kin import pose_from_quaternion, quaternion_xyzw
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.copying import NotCopied
-from baxter_kin.errors import BaxterError, expect
+from baxter_kin.errors import BaxterError, expect, quoted, shown_path
+from baxter_kin.fields import check_fields
 from planner import Scene
+from planner.errors import expect_all
 from sim.disk import Line, LineFile, read_lines
 from sim.errors import RecordingError, SimulationError
-from sim.pose_source import PoseSource, Sighting
+from sim.pose_source import PoseSource, Sighting, checked_source
 
 HEADER = "look_s,name,seen_s,x,y,z,qx,qy,qz,qw"
 
@@ -37,6 +39,9 @@ class Look:
         name: at which body.
         seen_s: the time that it was seen at; None when it was not seen.
         T_base_body: where it seemed to be; None when it was not seen.
+
+    Raises:
+        SimulationError: when a value is of another class, or the time is not finite.
     """
 
     time_s: float
@@ -45,9 +50,9 @@ class Look:
     T_base_body: pin.SE3 | None = None
 
     def __post_init__(self) -> None:
-        """Check the time and the name."""
+        """Check."""
+        check_fields(self, SimulationError)
         finite_scalar(self.time_s, "the time of a look", SimulationError)
-        expect(self.name, str, "the name of what is looked at", SimulationError)
 
 
 class LoggedPoses(NotCopied):
@@ -58,8 +63,9 @@ class LoggedPoses(NotCopied):
 
         Raises:
             RecordingError: when it cannot be opened.
+            SimulationError: when `source` is none.
         """
-        self._source = source
+        self._source = checked_source(source, "source")
         self._file = LineFile(path)
         self._file.write(HEADER)
 
@@ -75,10 +81,14 @@ class LoggedPoses(NotCopied):
         """What the other source sees.
 
         Raises:
-            RecordingError: when it cannot be written down.
+            RecordingError: when it cannot be written down, or is no look.
         """
-        if "," in name or "\n" in name:
-            raise RecordingError(f"a body named {name!r} cannot be logged: no comma, no line end")
+        expect(name, str, "name", RecordingError)
+        time_s = finite_scalar(time_s, "time_s", RecordingError)
+        if "," in name or not name.isprintable():
+            raise RecordingError(
+                f"a body named {quoted(name)} cannot be logged: no comma, no line end"
+            )
         sighting = self._source.look(name, time_s)
         seen = [""] * (_FIELDS - 2)
         if sighting is not None:
@@ -114,8 +124,7 @@ class ReplayedPoses:
         bodies = expect(scene, Scene, "scene", SimulationError)
         self._times: dict[str, list[float]] = {}
         self._seen: dict[str, list[Sighting | None]] = {}
-        for look in looks:
-            expect(look, Look, "a look", SimulationError)
+        for look in expect_all(looks, Look, "looks", SimulationError):
             times = self._times.setdefault(look.name, [])
             if times and look.time_s < times[-1]:
                 raise SimulationError(f"the looks go back in time, to {look.time_s:g} s")
@@ -126,7 +135,13 @@ class ReplayedPoses:
             self._seen.setdefault(look.name, []).append(sighting)
 
     def look(self, name: str, time_s: float) -> Sighting | None:
-        """What was seen at that time; None when nothing was, or the body never was looked at."""
+        """What was seen at that time; None when nothing was, or the body never was looked at.
+
+        Raises:
+            SimulationError: when the name or the time is none.
+        """
+        expect(name, str, "name", SimulationError)
+        time_s = finite_scalar(time_s, "time_s", SimulationError)
         number = int(np.searchsorted(self._times.get(name, []), time_s, side="right"))
         return self._seen[name][number - 1] if number else None
 
@@ -140,7 +155,7 @@ def read_looks(path: str | PathLike[str]) -> tuple[Look, ...]:
     lines = iter(read_lines(path))
     first = next(lines, None)
     if first is None or first.text != HEADER:
-        raise RecordingError(f"{path} is no pose log: its first line is not {HEADER!r}")
+        raise RecordingError(f"{shown_path(path)} is no pose log: its first line is not {HEADER!r}")
     looks = (_read(line, path) for line in lines)
     return tuple(look for look in looks if look is not None)
 
@@ -152,7 +167,7 @@ def _read(line: Line, path: str | PathLike[str]) -> Look | None:
     except (ValueError, BaxterError) as cause:
         if not line.is_complete:
             return None
-        raise RecordingError(f"{path}, line {line.number}: {cause}") from cause
+        raise RecordingError(f"{shown_path(path)}, line {line.number}: {cause}") from cause
 
 
 def _look(text: str) -> Look:

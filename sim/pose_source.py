@@ -16,7 +16,7 @@ from typing import Protocol
 import pinocchio as pin
 
 from baxter_kin.arrays import finite_scalar
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, quoted
 from planner import Body
 from sim.errors import SimulationError
 from sim.events import Observer, Snapshot
@@ -56,6 +56,20 @@ class PoseSource(Protocol):
         """
 
 
+def checked_source(source: PoseSource, what: str) -> PoseSource:
+    """A source of poses, if it is one.
+
+    Raises:
+        SimulationError: when it has no method `look`, or is a class whose object is missing.
+    """
+    if isinstance(source, type) or not callable(getattr(source, "look", None)):
+        raise SimulationError(
+            f"{what} must be an object with a method look(name, time_s), such as TruePoses(world), "
+            f"got {quoted(source)}"
+        )
+    return source
+
+
 class TruePoses(Observer):
     """Sees every body of a world exactly, now or as it was some seconds ago.
 
@@ -73,16 +87,22 @@ class TruePoses(Observer):
         self._past: deque[tuple[float, Mapping[str, pin.SE3]]] = deque(maxlen=KEPT_SNAPSHOTS)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
-        """Remember where everything was."""
+        """Remember where everything was.
+
+        Raises:
+            SimulationError: when it is no snapshot.
+        """
+        expect(snapshot, Snapshot, "snapshot", SimulationError)
         self._past.append((snapshot.time_s, snapshot.T_base_bodies))
 
     def look(self, name: str, time_s: float) -> Sighting | None:
         """The body where it was at a time; None when it was not there.
 
         Raises:
-            SimulationError: when the time is no number.
+            SimulationError: when the time is no number, or the name none.
         """
         finite_scalar(time_s, "time_s", SimulationError)
+        expect(name, str, "name", SimulationError)
         bodies = self._world.scene.bodies
         if name not in bodies:
             return None

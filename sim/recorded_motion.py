@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.arrays import Vector, finite_array, finite_rows, finite_scalar
 from baxter_kin.copying import Frozen
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, quoted
+from baxter_kin.fields import check_fields
 from baxter_kin.model import JOINTS, LIMBS
 from planner import Move, Trajectory
 from sim.errors import RecordingError
@@ -83,6 +84,9 @@ class ArmMotion(Frozen):
         a: accelerations, shape (n, 7), rad/s^2.
         j: jerks from each time to the next, shape (n, 7), rad/s^3.
         is_exact: whether v, a and j are those of a recorded move, shape (n,); else differences.
+
+    Raises:
+        RecordingError: when a value is of another class, an array of another shape or not finite.
     """
 
     joint_names: tuple[str, ...]
@@ -94,9 +98,18 @@ class ArmMotion(Frozen):
     is_exact: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
-        """Freeze."""
-        for array in (self.times_s, self.q, self.v, self.a, self.j, self.is_exact):
-            array.setflags(write=False)
+        """Check, copy and freeze."""
+        check_fields(self, RecordingError)
+        n = len(finite_rows(self.q, len(self.joint_names), "q", RecordingError))
+        shapes = dict.fromkeys("qvaj", (n, len(self.joint_names))) | {"times_s": (n,)}
+        for name, shape in shapes.items():
+            array = finite_array(getattr(self, name), shape, name, RecordingError)
+            object.__setattr__(self, name, array)
+        if np.shape(self.is_exact) != (n,) or np.asarray(self.is_exact).dtype != np.bool_:
+            raise RecordingError(f"is_exact must be {n} truth values, got {quoted(self.is_exact)}")
+        is_exact = np.array(self.is_exact)
+        is_exact.setflags(write=False)
+        object.__setattr__(self, "is_exact", is_exact)
 
 
 def recorded_move(event: Event) -> RecordedMove | None:

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter, quaternion_xyzw
-from baxter_kin.arrays import Vector
+from baxter_kin.arrays import Vector, whole_scalar
 from baxter_kin.errors import expect
 from baxter_kin.model import LIMBS
 from planner import Body, Scene
@@ -33,8 +33,8 @@ class Recorder(Observer):
         Raises:
             RecordingError: when `keep` is not a whole number above zero.
         """
-        if keep is not None and not 1 <= expect(keep, int, "keep", RecordingError) <= sys.maxsize:
-            raise RecordingError(f"keep must be from 1 to {sys.maxsize}, got {keep}")
+        if keep is not None:
+            keep = whole_scalar(keep, "keep", RecordingError, least=1, most=sys.maxsize)
         self._joint_names = expect(robot, Baxter, "robot", RecordingError).joint_names
         self._snapshots: deque[Snapshot] = deque(maxlen=keep)
         self._events: deque[Event] = deque()
@@ -57,11 +57,20 @@ class Recorder(Observer):
         self._bodies.update(expect(scene, Scene, "scene", RecordingError).bodies)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
-        """Keep it."""
-        self._snapshots.append(snapshot)
+        """Keep it.
+
+        Raises:
+            RecordingError: when it is no snapshot.
+        """
+        self._snapshots.append(expect(snapshot, Snapshot, "snapshot", RecordingError))
 
     def on_event(self, event: Event) -> None:
-        """Keep it, the move that began, and the shapes of a body that appeared."""
+        """Keep it, the move that began, and the shapes of a body that appeared.
+
+        Raises:
+            RecordingError: when it is no event.
+        """
+        expect(event, Event, "event", RecordingError)
         self._events.append(event)
         if event.body is not None:
             self._bodies[event.body.name] = event.body

@@ -16,7 +16,7 @@ import numpy as np
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.copying import Frozen, FrozenMapping
-from baxter_kin.errors import UnknownNameError
+from baxter_kin.errors import UnknownNameError, expect, quoted
 from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
 from planner import Body, Scene
@@ -128,8 +128,9 @@ class Recording(Frozen):
 
         Raises:
             UnknownNameError: when there is no such limb.
-            RecordingError: when its joints were not recorded.
+            RecordingError: when its joints were not recorded, or `with_knots` is no truth value.
         """
+        expect(with_knots, bool, "with_knots", RecordingError)
         if not isinstance(limb, str) or limb not in LIMBS:
             raise UnknownNameError("limb", limb, LIMBS)
         names = arm_joints(limb)
@@ -192,10 +193,11 @@ class Recording(Frozen):
             )
         poses = {}
         for name, track in self.body_poses.items():
-            array = float_array(track, f"poses of {name!r}", RecordingError)
+            array = float_array(track, f"poses of {quoted(name)}", RecordingError)
             if array.shape != (len(self.times_s), 7):
                 raise RecordingError(
-                    f"poses of {name!r} have shape {array.shape}; need {(len(self.times_s), 7)}"
+                    f"poses of {quoted(name)} have shape {array.shape}; need "
+                    f"{(len(self.times_s), 7)}"
                 )
             array.setflags(write=False)
             poses[name] = array

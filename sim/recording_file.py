@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, shown_path
 from baxter_kin.files import PathLike
 from planner import Body
 from planner.json_codec import shown
@@ -97,7 +97,7 @@ def load_recording(path: PathLike) -> Recording:
         try:
             return _recording(_contents(stream))
         except RecordingError as cause:
-            raise RecordingError(f"{file}: {cause}") from cause
+            raise RecordingError(f"{shown_path(file)}: {cause}") from cause
 
 
 def _arrays(recording: Recording) -> dict[str, Vector]:

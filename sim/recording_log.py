@@ -62,7 +62,12 @@ class LogRecorder(NotCopied, Observer):
             self._write({"body": as_json(body, Body, "body")})
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
-        """Write it."""
+        """Write it.
+
+        Raises:
+            RecordingError: when it is no snapshot, or the file cannot be written.
+        """
+        expect(snapshot, Snapshot, "snapshot", RecordingError)
         entries: dict[str, Json] = {
             "time_s": snapshot.time_s,
             "q": snapshot.q.tolist(),
@@ -77,7 +82,12 @@ class LogRecorder(NotCopied, Observer):
         self._count += 1
 
     def on_event(self, event: Event) -> None:
-        """Write it, the body it is about, and the move that begins."""
+        """Write it, the body it is about, and the move that begins.
+
+        Raises:
+            RecordingError: when it is no event, or the file cannot be written.
+        """
+        expect(event, Event, "event", RecordingError)
         if event.body is not None:
             self._write({"body": as_json(event.body, Body, "body")})
         self._write({"event": as_json(StoredEvent.of(event), StoredEvent, "event")})

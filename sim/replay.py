@@ -14,6 +14,7 @@ from collections.abc import Iterable
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import positive_scalar
+from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike, replace_file
 from planner.robot_body import RobotBody
 from sim.animation import animation_commands, recorded_tracks
@@ -105,7 +106,7 @@ def write_replay(
             file cannot be written.
     """
     text = replay_html(recording, robot, title=title, body=body)
-    with explained(f"cannot write the replay to {path!s}"):
+    with explained(f"cannot write the replay to {shown_path(path)}"):
         replace_file(path, text.encode())
 
 

@@ -88,7 +88,12 @@ class CsvRecorder(NotCopied, Observer):
         self._csv = CsvFile(path)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
-        """Write a row."""
+        """Write a row.
+
+        Raises:
+            RecordingError: when it is no snapshot, or the file cannot be written.
+        """
+        expect(snapshot, Snapshot, "snapshot", RecordingError)
         percent = [snapshot.grippers[side].percent for side in LIMBS]
         self._csv.write_row(snapshot.time_s, snapshot.q[self._indices].tolist(), percent)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, shown_path
 from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
 from sim.disk import Line, checked_path, read_lines
@@ -100,7 +100,7 @@ def _table(file: object, lines: Iterator[Line]) -> _Table:
     filled = (line for line in lines if line.text.strip())
     first = next(filled, None)
     if first is None:
-        raise RecordingError(f"{file} is empty")
+        raise RecordingError(f"{shown_path(file)} is empty")
     notes: list[str] = []
     header = _header(file, first.text, notes)
     numbers: list[int] = []
@@ -117,7 +117,7 @@ def _table(file: object, lines: Iterator[Line]) -> _Table:
             rows.append(row)
             numbers.append(line.number)
     if not rows:
-        raise RecordingError(f"{file} has a header but no complete row")
+        raise RecordingError(f"{shown_path(file)} has a header but no complete row")
     columns = dict(zip(csv_header(), np.array(rows).T, strict=True))
     return _Table(numbers, columns, [*notes, *_order_notes(dropped)])
 
@@ -147,12 +147,14 @@ def _header(file: object, text: str, notes: list[str]) -> _Header:
     fatal = [name for name in missing if not name.endswith("_gripper")]
     if fatal:
         raise RecordingError(
-            f"{file} is no recording of the RSDK: its first line has no column "
+            f"{shown_path(file)} is no recording of the RSDK: its first line has no column "
             f"{', '.join(fatal[:3])}{' ...' if len(fatal) > 3 else ''}"
         )
     double = next((name for name in wanted if names.count(name) > 1), None)
     if double is not None:
-        raise RecordingError(f"{file} has the column {double} {names.count(double)} times")
+        raise RecordingError(
+            f"{shown_path(file)} has the column {double} {names.count(double)} times"
+        )
     extra = [name for name in names if name not in wanted]
     if extra:
         shown = ", ".join(name[:30] or "(no name)" for name in extra[:5])
@@ -166,7 +168,8 @@ def _row(file: object, line: Line, header: _Header) -> list[float]:
     fields = line.text.split(",")
     if len(fields) != header.width:
         raise RecordingError(
-            f"{file}, line {line.number}: {len(fields)} fields under {header.width} columns"
+            f"{shown_path(file)}, line {line.number}: {len(fields)} fields under {header.width} "
+            "columns"
         )
     row = []
     for name, position in zip(csv_header(), header.positions, strict=True):
@@ -174,11 +177,14 @@ def _row(file: object, line: Line, header: _Header) -> list[float]:
         value = _number(text)
         if not math.isfinite(value) and not name.endswith("_gripper"):
             raise RecordingError(
-                f"{file}, line {line.number}: {name} is {text[:30]!r}, which is no finite number"
+                f"{shown_path(file)}, line {line.number}: {name} is {text[:30]!r}, which is no "
+                "finite number"
             )
         row.append(value if math.isfinite(value) else math.nan)
     if abs(row[0]) > LARGEST_TIME_S:
-        raise RecordingError(f"{file}, line {line.number}: time {row[0]:g} s is no time")
+        raise RecordingError(
+            f"{shown_path(file)}, line {line.number}: time {row[0]:g} s is no time"
+        )
     return row
 
 
@@ -239,9 +245,9 @@ def _far_outside(
     outside = np.maximum(low - values, values - high)
     row = int(np.flatnonzero(outside > LIMIT_SLACK_RAD)[0])
     return RecordingError(
-        f"{file}, line {table.lines[row]}: {name} = {values[row]:.6g} rad is outside {low:.6g} .. "
-        f"{high:.6g} by {outside[row]:.3g} rad; up to {LIMIT_SLACK_RAD:g} rad is accepted: are the "
-        "angles in rad?"
+        f"{shown_path(file)}, line {table.lines[row]}: {name} = {values[row]:.6g} rad is outside "
+        f"{low:.6g} .. {high:.6g} by {outside[row]:.3g} rad; up to {LIMIT_SLACK_RAD:g} rad is "
+        "accepted: are the angles in rad?"
     )
 
 

@@ -141,6 +141,7 @@ class Simulation:
         Raises:
             SimulationError: when the plan is invalid or starts elsewhere; nothing has moved then.
         """
+        expect(title, str, "title", SimulationError)
         self._check_start(expect(plan, Plan, "plan", SimulationError))
         if certificate is not None:
             expect(certificate, Certificate, "certificate", SimulationError)

@@ -8,17 +8,20 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
+from baxter_kin.arrays import Vector, finite_array, finite_scalar
+from baxter_kin.copying import Frozen
+from baxter_kin.fields import check_fields
 from planner import Body, Box, Grasp, Hand, Part
 from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
 from planner.grasp import extent
 from planner.hand import CLOSING_AXIS
 from planner.landing import UP
+from sim.errors import SimulationError
 from sim.world import World
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Push:
+class Push(Frozen):
     """A body that a closing finger moves.
 
     Attributes:
@@ -30,6 +33,9 @@ class Push:
         axis_base: unit vector of its motion, shape (3,).
         T_base_begin: where it is before.
         is_riding: whether it is only carried along by what it stands on.
+
+    Raises:
+        SimulationError: when a value is of another class.
     """
 
     body: str
@@ -41,13 +47,24 @@ class Push:
     T_base_begin: pin.SE3
     is_riding: bool = False
 
+    def __post_init__(self) -> None:
+        """Check, copy and freeze."""
+        check_fields(self, SimulationError)
+        axis = finite_array(self.axis_base, (3,), "axis_base", SimulationError)
+        object.__setattr__(self, "axis_base", axis)
+
     @property
     def distance_m(self) -> float:
         """How far it is moved."""
         return max(0.0, self.begin_m - self.end_m)
 
     def pose(self, finger_m: float) -> pin.SE3:
-        """Where the body is when the fingers are at a position."""
+        """Where the body is when the fingers are at a position.
+
+        Raises:
+            SimulationError: when the position is not a finite number.
+        """
+        finger_m = finite_scalar(finger_m, "finger position", SimulationError)
         moved_m = max(0.0, self.begin_m - max(finger_m, self.end_m))
         T = self.T_base_begin
         return pin.SE3(T.rotation, T.translation + moved_m * self.axis_base)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.copying import NotCopied
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, quoted
 from planner import Body
 from sim.appearance import Appearance
 from sim.audience import Audience
@@ -184,7 +184,9 @@ class Viewer(NotCopied):
     def _note_grippers(self, phases: Mapping[str, GripperPhase]) -> None:
         for side, phase in phases.items():
             if side not in self._trails:
-                raise ViewerError(f"no gripper {side!r}; there are: {', '.join(self._trails)}")
+                raise ViewerError(
+                    f"no gripper {quoted(side)}; there are: {', '.join(self._trails)}"
+                )
             self._grippers[side] = expect(phase, GripperPhase, f"{side} gripper", ViewerError)
 
     def _trail_commands(self, q: Vector) -> Iterator[Command]:
@@ -203,7 +205,7 @@ class Viewer(NotCopied):
     def _known(self, name: str) -> Vector:
         if name not in self._poses:
             shown = ", ".join(self._poses) or "none"
-            raise ViewerError(f"the view has no body {name!r}; it shows: {shown}")
+            raise ViewerError(f"the view has no body {quoted(name)}; it shows: {shown}")
         return self._poses[name]
 
     def _publish(self, commands: list[Command], **news: object) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector, finite_scalar
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, quoted
 from baxter_kin.frames import PoseLike, checked_pose
 from planner import Body, Hand, RobotShapes, Scene
 from planner.contact import PRESSING_TOLERANCE_M
@@ -240,8 +240,9 @@ class World:
 
         Raises:
             SceneError: when it is not there.
-            SimulationError: when a hand holds it.
+            SimulationError: when a hand holds it, or `rest` is none.
         """
+        expect(rest, Rest, "rest", SimulationError)
         self.carry(name, rest.T_base_body)
         self.supports[name] = rest.support
         for rider in [n for n, below in self.supports.items() if below == name]:
@@ -256,7 +257,7 @@ class World:
             SimulationError: when it is not movable, is in a hand already, or the hand is full.
         """
         if not self.body(name).is_movable:
-            raise SimulationError(f"{name!r} is not movable")
+            raise SimulationError(f"{quoted(name)} is not movable")
         if self.holding(side) is not None:
             raise SimulationError(f"the {side} hand already holds {self._held[side].body!r}")
         self._refuse_held(name)
@@ -286,7 +287,7 @@ class World:
     def _refuse_held(self, name: str) -> None:
         for side, held in self._held.items():
             if held.body == name:
-                raise SimulationError(f"{name!r} is in the {side} hand; open it first")
+                raise SimulationError(f"{quoted(name)} is in the {side} hand; open it first")
 
     def _carry(self, side: str) -> None:
         held = self._held.get(side)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import replace
 from functools import cache
-from types import MappingProxyType
 from typing import Any
 
 import coal
@@ -13,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
+from baxter_kin.copying import FrozenMapping
 from planner.robot_body import LinkBody, RobotBody, Triangulated
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -51,7 +51,7 @@ def with_plain_fingers(robot: Baxter) -> RobotBody:
         name: _plain(link, pieces[name]) if name in pieces else link
         for name, link in body.links.items()
     }
-    return RobotBody(MappingProxyType(plain), body.skipped_pairs)
+    return RobotBody(FrozenMapping(plain), body.skipped_pairs)
 
 
 def _plain(link: LinkBody, pieces: list[Triangulated]) -> LinkBody:

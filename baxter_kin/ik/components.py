@@ -10,22 +10,26 @@ most 16 for any arm of seven joints (Burdick, "On the inverse kinematics of redu
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+from itertools import islice
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector
-from baxter_kin.errors import ConfigurationError, RequestError
+from baxter_kin.arrays import Vector, whole_scalar
+from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.fibre import PoseFibre
 from baxter_kin.ik.loop import inside_limits
-from baxter_kin.ik.self_motion import POSE_MISMATCH, STEP_RAD, SelfMotion, trace_self_motion
+from baxter_kin.ik.self_motion import (
+    POSE_MISMATCH,
+    STEP_RAD,
+    SelfMotion,
+    checked_step,
+    trace_self_motion,
+)
+from baxter_kin.ik.service import IKService
 from baxter_kin.model import Arm
-
-if TYPE_CHECKING:  # the service may use this module
-    from baxter_kin.ik.service import IKService
 
 SAME_CURVE_RAD = 1e-4
 """How near to a curve a candidate lies on it. Candidates reach the pose to 1e-6 only, which moves
@@ -33,6 +37,9 @@ them up to 100 times as far where the Jacobian is weak; pieces are much farther 
 
 STARTS = 64
 """Random seeds from which `solutions` gathers its candidates."""
+
+MOST_CANDIDATES = 2_000
+"""How many candidates may come, and so how many starts: a second or two of work."""
 
 
 def distinct_solutions(
@@ -60,10 +67,14 @@ def distinct_solutions(
     Raises:
         ConfigurationError: when a candidate has another shape, is not finite, is outside the limits
             or misses the pose by more than `POSE_MISMATCH`; by index.
-        RequestError: when the step is not allowed, or candidates are no iterable.
+        RequestError: when the step is not allowed, candidates are no iterable or more than
+            `MOST_CANDIDATES`, or `arm` is no arm.
         PoseError: when `T_base_tip` is no pose.
     """
-    checked = [arm.limits.check(q, f"candidates[{i}]") for i, q in enumerate(_iterated(candidates))]
+    expect(arm, Arm, "arm", RequestError)
+    step_rad = checked_step(step_rad)
+    given = _listed(candidates)
+    checked = [arm.limits.check(q, f"candidates[{i}]") for i, q in enumerate(given)]
     if not checked:
         return ()
     pose = arm.T_base_tip(checked[0]) if T_base_tip is None else checked_pose(T_base_tip)
@@ -97,14 +108,16 @@ def solutions(
         step_rad: longest step along the curves.
 
     Raises:
-        RequestError: when `starts` is not a whole number above zero, or the step is not allowed.
+        RequestError: when `starts` is not a whole number from 1 to `MOST_CANDIDATES`, the step is
+            not allowed, or `ik` or `rng` is of another class.
         PoseError: when `T_base_tip` is no pose.
     """
-    if isinstance(starts, bool) or not isinstance(starts, (int, np.integer)) or starts < 1:
-        raise RequestError(f"starts must be a whole number above zero, got {starts!r}")
+    count = whole_scalar(starts, "starts", RequestError, least=1, most=MOST_CANDIDATES)
+    expect(ik, IKService, "ik", RequestError)
     pose = checked_pose(T_base_tip)
     generator = np.random.default_rng(0) if rng is None else rng
-    candidates = _gathered(ik, pose, int(starts), generator)
+    expect(generator, np.random.Generator, "rng", RequestError)
+    candidates = _gathered(ik, pose, count, generator)
     return distinct_solutions(ik.arm, candidates, T_base_tip=pose, step_rad=step_rad)
 
 
@@ -117,10 +130,14 @@ def _gathered(
             yield result.q
 
 
-def _iterated(candidates: Iterable[ArrayLike]) -> Iterator[ArrayLike]:
+def _listed(candidates: Iterable[ArrayLike]) -> list[ArrayLike]:
+    """All candidates, unless they are too many or never end."""
     if not isinstance(candidates, Iterable):
         raise RequestError(f"candidates must be an iterable, got {type(candidates).__name__}")
-    return iter(candidates)
+    given = list(islice(candidates, MOST_CANDIDATES + 1))
+    if len(given) > MOST_CANDIDATES:
+        raise RequestError(f"at most {MOST_CANDIDATES} candidates may come, got more")
+    return given
 
 
 def _check_same_pose(arm: Arm, pose: pin.SE3, candidates: list[Vector]) -> None:

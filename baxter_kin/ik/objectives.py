@@ -11,9 +11,9 @@ from typing import Protocol
 
 import numpy as np
 
-from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.arrays import Vector, finite_array, finite_rows
 from baxter_kin.copying import Frozen
-from baxter_kin.errors import ConfigurationError, RequestError
+from baxter_kin.errors import ConfigurationError, RequestError, expect, quoted
 from baxter_kin.ik.scalar import least
 from baxter_kin.ik.self_motion import SelfMotion
 from baxter_kin.model import Arm
@@ -61,7 +61,8 @@ class NearestTo(Frozen):
 
     def costs(self, arm: Arm, q: Vector) -> Vector:  # noqa: ARG002 - the same for every arm
         """Half the squared distance to the seed, shape (n,), rad^2."""
-        squares = np.square(q - self.q_seed)
+        rows = finite_rows(q, 7, "q", ConfigurationError)
+        squares = np.square(rows - self.q_seed)
         return np.array(0.5 * squares.sum(axis=1))
 
 
@@ -92,14 +93,16 @@ class TowardsGoal(Frozen):
         gain = finite_array(self.gain, (7,), "gain", RequestError)
         if (gain < 0.0).any() or not gain.any():
             raise RequestError(
-                f"gains must not be below zero, and one of them above it, got {gain.tolist()}"
+                "gains must not be below zero, and one of them above it, got "
+                f"{quoted(gain.tolist())}"
             )
         object.__setattr__(self, "q_goal", goal)
         object.__setattr__(self, "gain", gain)
 
     def costs(self, arm: Arm, q: Vector) -> Vector:  # noqa: ARG002 - the same for every arm
         """Half the squared distance to the goal, weighted by the gains, shape (n,), rad^2."""
-        return 0.5 * np.square(q - self.q_goal) @ self.gain
+        rows = finite_rows(q, 7, "q", ConfigurationError)
+        return 0.5 * np.square(rows - self.q_goal) @ self.gain
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +116,9 @@ class FarthestFromLimits:
 
     def costs(self, arm: Arm, q: Vector) -> Vector:
         """Minus the least distance to a limit, as a share of the half range, shape (n,)."""
-        q_min, q_max = arm.limits.q_min, arm.limits.q_max
+        limits = expect(arm, Arm, "arm", RequestError).limits
+        q_min, q_max = limits.q_min, limits.q_max
+        q = finite_rows(q, 7, "q", ConfigurationError)
         shares = np.minimum(q - q_min, q_max - q) / (0.5 * (q_max - q_min))
         return np.array(-shares.min(axis=1))
 
@@ -128,7 +133,9 @@ class MostManipulable:
 
     def costs(self, arm: Arm, q: Vector) -> Vector:
         """Minus the manipulability, shape (n,)."""
-        J = np.array([arm.jacobian(one) for one in q])
+        expect(arm, Arm, "arm", RequestError)
+        rows = finite_rows(q, 7, "q", ConfigurationError)
+        J = np.array([arm.jacobian(one) for one in rows]).reshape(-1, 6, 7)
         singular_values = np.linalg.svd(J, compute_uv=False)  # det(J J') would lose half the digits
         return np.array(-singular_values.prod(axis=1))
 
@@ -142,8 +149,11 @@ def best_on(curve: SelfMotion, objective: Objective) -> Vector:
     objective that is rougher than these here.
 
     Raises:
-        RequestError: when the objective's costs have another shape than (n,) or are not finite.
+        RequestError: when `curve` is no `SelfMotion` or `objective` none, or when the costs have
+            another shape than (n,) or are not finite.
     """
+    expect(curve, SelfMotion, "curve", RequestError)
+    checked_objective(objective)
     costs = _checked_costs(objective, curve.arm, curve.q)
     best = int(np.argmin(costs))
     candidates = [(float(costs[best]), float(curve.s[best]))]
@@ -153,6 +163,19 @@ def best_on(curve: SelfMotion, objective: Objective) -> Vector:
 
     candidates += [least(cost, *bracket, PRECISION_RAD) for bracket in _brackets(curve, costs)]
     return curve.at(min(candidates)[1])
+
+
+def checked_objective(objective: object) -> None:
+    """Refuse what cannot say costs.
+
+    Raises:
+        RequestError: when it has no method `costs`, or is a class whose object is missing.
+    """
+    if isinstance(objective, type) or not callable(getattr(objective, "costs", None)):
+        raise RequestError(
+            "objective must be an object with a method costs(arm, q), such as FarthestFromLimits() "
+            f"or NearestTo(q_seed), got {quoted(objective)}"
+        )
 
 
 def _checked_costs(objective: Objective, arm: Arm, q: Vector) -> Vector:

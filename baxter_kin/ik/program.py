@@ -23,6 +23,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from baxter_kin.errors import RequestError, expect
+from baxter_kin.fields import check_fields
 from baxter_kin.frames import quaternion_xyzw
 from baxter_kin.ik.kernel import CONVERGED_M, CONVERGED_RAD
 from baxter_kin.ik.search import Backend, Found
@@ -63,6 +65,9 @@ class Program:
         objective: half the squared distance to the seed.
         pose_error: what is constrained, n x 1, m and rad.
         widths: how far it may be from zero, either way, shape (n,).
+
+    Raises:
+        RequestError: when a value is of another class.
     """
 
     q: ca.SX
@@ -71,9 +76,18 @@ class Program:
     pose_error: ca.SX
     widths: Vector
 
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, RequestError)
+
     @classmethod
     def of(cls, arm: Arm) -> Program:
-        """State the program of that arm."""
+        """State the program of that arm.
+
+        Raises:
+            RequestError: when it is no arm.
+        """
+        expect(arm, Arm, "arm", RequestError)
         kinematics = SymbolicArm.of(arm)
         p_target, h_target = ca.SX.sym("p_target", 3), ca.SX.sym("h_target", 4)
         q_seed = ca.SX.sym("q_seed", 7)
@@ -94,7 +108,12 @@ class Program:
         The parameters are then the pose's matrix (16, column by column) and q_seed (7). Within a
         cone the two numbers of the tilt are replaced by the square of its length over the width,
         which is as large as the width where the length is.
+
+        Raises:
+            RequestError: when it is no arm, or no task.
         """
+        expect(arm, Arm, "arm", RequestError)
+        expect(task, Task, "task", RequestError)
         kinematics, T = SymbolicArm.of(arm), ca.SX.sym("T", 4, 4)
         q_seed, columns = ca.SX.sym("q_seed", 7), list(task.order)
         T_turned = ca.horzcat(T[:, columns], T[:, 3])

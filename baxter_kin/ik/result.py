@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.copying import Frozen, FrozenMapping
 from baxter_kin.errors import ConfigurationError
+from baxter_kin.fields import check_fields
 from baxter_kin.ik.seeds import SeedType
 
 POSITION_TOLERANCE_M = 1e-6
@@ -25,6 +26,9 @@ class IKFailure:
         joints_at_limit: joints that the best attempt leaves at a limit.
         limits_violated: what stands in the way: a phrase, with joint, value and range, for each
             joint limit that a solution without limits violates; empty when none was found either.
+
+    Raises:
+        ConfigurationError: when a value is of another class.
     """
 
     reason: str
@@ -34,7 +38,8 @@ class IKFailure:
     limits_violated: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Copy what could change."""
+        """Check, and copy what could change."""
+        check_fields(self, ConfigurationError)
         object.__setattr__(self, "starts", FrozenMapping(self.starts))
 
     def __str__(self) -> str:
@@ -56,6 +61,11 @@ class IKResult(Frozen):
         position_error_m: distance between requested and reached tip.
         orientation_error_rad: angle between requested and reached tip.
         failure: None, or why there is no solution.
+
+    Raises:
+        ConfigurationError: when a value is of another class, an error is negative or not finite,
+            `q` has another shape than the names or is not finite, or there is both a seed type and
+            a failure, or neither.
     """
 
     joint_names: tuple[str, ...]
@@ -67,6 +77,7 @@ class IKResult(Frozen):
 
     def __post_init__(self) -> None:
         """Check, copy and freeze."""
+        check_fields(self, ConfigurationError)
         for name in ("position_error_m", "orientation_error_rad"):
             if finite_scalar(getattr(self, name), name, ConfigurationError) < 0.0:
                 raise ConfigurationError(f"{name} must not be negative, got {getattr(self, name)}")

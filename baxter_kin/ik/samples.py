@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from baxter_kin.arrays import Vector, positive_scalar
-from baxter_kin.errors import RequestError
+from baxter_kin.arrays import Vector, whole_scalar
+from baxter_kin.errors import RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.closed_form import ClosedForm
 from baxter_kin.ik.service import IKService
 
 SLACK_RAD = 0.05
 """How far outside the limits a nearly exact configuration may be to be worth a search."""
+
+MOST_TURNS = 10_000
+"""Angles of s0 that may be asked for: 0.4 mrad apart, and a tenth of a second."""
 
 DIGITS = 4
 """Samples that agree in so many digits of a radian are the same."""
@@ -33,9 +36,10 @@ def sample_solutions(ik: IKService, T_base_tip: PoseLike, *, turns: int = 48) ->
 
     Raises:
         PoseError: when the pose is none.
-        RequestError: when `turns` is no number above zero.
+        RequestError: when `turns` is not a whole number from 1 to `MOST_TURNS`, or `ik` no service.
     """
-    count = int(positive_scalar(turns, "turns", RequestError))
+    count = whole_scalar(turns, "turns", RequestError, least=1, most=MOST_TURNS)
+    expect(ik, IKService, "ik", RequestError)
     Ts, arm, limits = checked_pose(T_base_tip).homogeneous[None], ik.arm, ik.arm.limits
     closed_form = ClosedForm(arm.at_gripper, turns=count, rolls=1)
     q, misfit = closed_form.configurations(Ts @ arm.T_gripper_tip.inverse().homogeneous)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from contextlib import suppress
 from enum import IntEnum
 from functools import cached_property
 from importlib.resources import files
@@ -51,10 +52,10 @@ class SeedMode(IntEnum):
         Raises:
             UnknownNameError: when there is none.
         """
-        try:
-            return cls(mode)  # type: ignore[arg-type]  # any object may come from outside
-        except ValueError:
-            raise UnknownNameError("seed mode", mode, [f"SeedMode.{m.name}" for m in cls]) from None
+        if not isinstance(mode, bool):
+            with suppress(ValueError):
+                return cls(mode)  # type: ignore[arg-type]  # any object may come from outside
+        raise UnknownNameError("seed mode", mode, [f"SeedMode.{m.name}" for m in cls])
 
     @property
     def seed_types(self) -> tuple[SeedType, ...]:

@@ -14,9 +14,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, finite_array, finite_scalar, positive_scalar
+from baxter_kin.arrays import Vector, finite_array, finite_rows, finite_scalar, positive_scalar
 from baxter_kin.copying import Frozen
-from baxter_kin.errors import ConfigurationError, RequestError
+from baxter_kin.errors import ConfigurationError, RequestError, expect
+from baxter_kin.fields import check_fields
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.continuation import CurveEnd, EndKind, walk_both_ways
 from baxter_kin.ik.fibre import CurvePoint, PoseFibre
@@ -73,8 +74,11 @@ class SelfMotion(Frozen):
     ends: tuple[CurveEnd, CurveEnd]
 
     def __post_init__(self) -> None:
-        """Copy and freeze the arrays."""
-        n = len(self.q)
+        """Check, copy and freeze the arrays."""
+        check_fields(self, ConfigurationError)
+        n = len(finite_rows(self.q, 7, "q", ConfigurationError))
+        if n == 0:
+            raise ConfigurationError("a curve has one point or more, got none")
         shapes = {"q": (n, 7), "s": (n,), "tangent": (n, 7)}
         shapes |= {"manipulability": (n,), "limit_distance_rad": (n,)}
         for name, shape in shapes.items():
@@ -191,11 +195,11 @@ def trace_self_motion(
         ConfigurationError: when `q` has another shape, is not finite or is outside the limits, or
             when no configuration next to it reaches `T_base_tip` inside the limits.
         RequestError: when the step is not in `LEAST_STEP_RAD` .. `MOST_STEP_RAD`, or `towards` is
-            no direction.
+            no direction, or `arm` no arm.
         PoseError: when `T_base_tip` is no pose.
     """
-    q = arm.limits.check(q, "q")
-    step_rad = _checked_step(step_rad)
+    q = expect(arm, Arm, "arm", RequestError).limits.check(q, "q")
+    step_rad = checked_step(step_rad)
     direction = None if towards is None else _checked_direction(towards)
     fibre = PoseFibre(arm, arm.T_base_tip(q) if T_base_tip is None else checked_pose(T_base_tip))
     if T_base_tip is not None:
@@ -209,7 +213,12 @@ def trace_self_motion(
     return _assembled(fibre, *walk_both_ways(fibre, start, step_rad))
 
 
-def _checked_step(step_rad: float) -> float:
+def checked_step(step_rad: float) -> float:
+    """A step along a curve, if it may be asked for.
+
+    Raises:
+        RequestError: when it is not in `LEAST_STEP_RAD` .. `MOST_STEP_RAD`.
+    """
     step = positive_scalar(step_rad, "step_rad", RequestError)
     if not LEAST_STEP_RAD <= step <= MOST_STEP_RAD:
         allowed = f"{LEAST_STEP_RAD:g} .. {MOST_STEP_RAD:g}"

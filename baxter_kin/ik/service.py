@@ -7,7 +7,7 @@ through `baxter_kin.ik.batch`, alone or many together.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any, TypeAlias
@@ -22,7 +22,7 @@ from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
 from baxter_kin.ik.batch import COARSE_ROUNDS, Batch
 from baxter_kin.ik.engine import Engine, Engines
 from baxter_kin.ik.kernel import SEED_TOLERANCE_RAD
-from baxter_kin.ik.objectives import Objective, best_on
+from baxter_kin.ik.objectives import Objective, best_on, checked_objective
 from baxter_kin.ik.result import IKResult
 from baxter_kin.ik.search import Backend
 from baxter_kin.ik.seeds import SeedMode, SeedType
@@ -38,6 +38,9 @@ OBJECTIVE_STEP_RAD = 0.1
 
 BLOCK = 4096
 """How many poses of a large batch are worked on together."""
+
+MOST_POSES = 10_000_000
+"""Of a batch, whose results are all kept: some gigabytes. A stream may have any number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,13 +122,16 @@ class IKService:
             ConfigurationError: when a seed has another shape, is not finite, or lies outside the
                 limits by more than `SEED_TOLERANCE_RAD`.
             UnknownNameError: when a seed names a joint of another arm, or the mode is none.
-            RequestError: when both an objective and a tolerance are given.
+            RequestError: when both an objective and a tolerance are given, or one of them is of
+                another class.
         """
         if objective is not None and tolerance is not None:
             raise RequestError(
                 "an objective chooses among the solutions of an exact pose; give either an "
                 "objective or a tolerance"
             )
+        if objective is not None:
+            checked_objective(objective)
         engine = self._default if tolerance is None else self._engine(tolerance)
         result = self._first(engine, T_base_tip, seed, current, mode)
         if objective is None or not result.is_valid:
@@ -138,9 +144,9 @@ class IKService:
         """The first solution that is found, or why there is none."""
         result = None
         if mode is SeedMode.AUTO and isinstance(T_base_tip, pin.SE3):
-            if current is None and isinstance(seed, np.ndarray):
+            if current is None and type(seed) is np.ndarray:  # no masked array
                 result = self._short_cut(engine, T_base_tip, seed, SeedType.USER)
-            elif seed is None and isinstance(current, np.ndarray):
+            elif seed is None and type(current) is np.ndarray:
                 result = self._short_cut(engine, T_base_tip, current, SeedType.CURRENT)
             elif current is None and seed is None:
                 result = self._from_map(engine, checked_pose(T_base_tip))
@@ -179,11 +185,15 @@ class IKService:
                 `update` of a tqdm bar.
 
         Raises:
-            RequestError: when poses or seeds are not sequences, or differ in number.
+            RequestError: when poses or seeds are not sequences, are more than `MOST_POSES`, or
+                differ in number, or when another argument is of another class.
             BaxterError: as `solve`, with the index of the pose or seed.
         """
         poses = _as_list(T_base_tips, "poses")
         given = None if seeds is None else _as_list(seeds, "seeds")
+        expect(chain, bool, "chain", RequestError)
+        if progress is not None and not callable(progress):
+            raise RequestError(f"progress must be callable, got {type(progress).__name__}")
         if given is not None and len(given) != len(poses):
             raise RequestError(
                 f"{len(poses)} poses came with {len(given)} seeds; give one seed per pose (None "
@@ -217,9 +227,16 @@ class IKService:
             tolerance: what of the poses does not matter, or not exactly.
 
         Raises:
-            BaxterError: as `solve`.
+            RequestError: when the poses are no iterable, at once.
+            BaxterError: as `solve`, when the pose is read.
         """
-        poses, engine = iter(T_base_tips), self._engine(tolerance)
+        if isinstance(T_base_tips, (str, bytes, Mapping)) or not isinstance(T_base_tips, Iterable):
+            raise RequestError(f"poses must be an iterable, got {type(T_base_tips).__name__}")
+        return self._streamed(iter(T_base_tips), current, mode, self._engine(tolerance))
+
+    def _streamed(
+        self, poses: Iterator[PoseLike], current: SeedLike | None, mode: SeedMode, engine: Engine
+    ) -> Iterator[IKResult]:
         while block := list(islice(poses, BLOCK)):
             yield from self._answers(engine, _Requests(block, None, current, mode))
 
@@ -298,7 +315,7 @@ class IKService:
         return table
 
     def _user_seeds(self, seeds: list[Any], first: int) -> Vector:
-        if all(isinstance(seed, np.ndarray) and seed.shape == (7,) for seed in seeds):
+        if all(type(seed) is np.ndarray and seed.shape == (7,) for seed in seeds):
             together = float_array(seeds, "seeds", ConfigurationError)
             limits, slack = self.arm.limits, SEED_TOLERANCE_RAD
             inside = (together >= limits.q_min - slack) & (together <= limits.q_max + slack)
@@ -319,4 +336,13 @@ class IKService:
 def _as_list(values: Iterable[Any], what: str) -> list[Any]:
     if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
         raise RequestError(f"{what} must be a sequence, got {type(values).__name__}")
+    if not isinstance(values, Sized):
+        raise RequestError(
+            f"{what} must be a sequence, whose length is known, got {type(values).__name__}; "
+            "solve_stream takes any iterable, or make a list of it"
+        )
+    if len(values) > MOST_POSES:
+        raise RequestError(
+            f"{len(values)} {what} came; a batch takes up to {MOST_POSES}, solve_stream any number"
+        )
     return list(values)

@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_scalar, float_array
-from baxter_kin.errors import RequestError, UnknownNameError
+from baxter_kin.errors import RequestError, UnknownNameError, expect, quoted
 
 AXES = ("x", "y", "z")
 
@@ -72,8 +72,12 @@ class Tolerance:
 
     @classmethod
     def position_only(cls, position_m: ArrayLike = _EXACT) -> Tolerance:
-        """Any orientation; the position within `position_m`, a number or one for each axis."""
-        return cls(_three(position_m), (FREE, FREE, FREE))
+        """Any orientation; the position within `position_m`, a number or one for each axis.
+
+        Raises:
+            RequestError: when these are not one or three numbers from zero to `FREE`.
+        """
+        return cls(_three(position_m, "position_m"), (FREE, FREE, FREE))
 
     @classmethod
     def about(cls, axis: str, *, tilt_rad: float = 0.0) -> Tolerance:
@@ -125,7 +129,13 @@ class Tolerance:
         return math.hypot(*bounded) + self.tilt_rad
 
     def excess(self, T_base_target: pin.SE3, T_base_tip: pin.SE3) -> tuple[float, float]:
-        """How far a tip is outside: distance (m) and angle (rad), zero within the tolerance."""
+        """How far a tip is outside: distance (m) and angle (rad), zero within the tolerance.
+
+        Raises:
+            RequestError: when one of them is no SE3.
+        """
+        for pose in (T_base_target, T_base_tip):
+            expect(pose, pin.SE3, "pose", RequestError)
         T = T_base_target.actInv(T_base_tip)
         away = np.abs(T.translation) - self.position_m
         turned = np.abs(self._rotation(T.rotation)) - self.rotation_rad
@@ -134,6 +144,8 @@ class Tolerance:
 
     def _check_tilt(self) -> None:
         """That the cone is one, and the only bound on the lean."""
+        tilt_rad = finite_scalar(self.tilt_rad, "tilt_rad", RequestError)
+        object.__setattr__(self, "tilt_rad", tilt_rad)
         if not 0.0 <= self.tilt_rad <= WIDEST_RAD:
             raise RequestError(
                 f"tilt_rad is {self.tilt_rad:g} rad; it goes from 0 to a quarter turn "
@@ -157,19 +169,19 @@ class Tolerance:
         return tilt
 
 
-def _three(values: ArrayLike) -> tuple[float, float, float]:
-    x, y, z = np.broadcast_to(np.asarray(values, dtype=np.float64), 3).tolist()
-    return x, y, z
+def _three(values: ArrayLike, name: str) -> tuple[float, float, float]:
+    given = float_array(values, name, RequestError)
+    return _checked(np.full(3, given) if given.ndim == 0 else given, name)
 
 
 def _free_about(axis: str, others: ArrayLike) -> tuple[float, float, float]:
     """Bounds on rotations: one axis free, for the others a number or one each."""
-    if axis not in AXES:
+    if not isinstance(axis, str) or axis not in AXES:
         raise UnknownNameError("axis", axis, AXES)
     bounds = float_array(others, "tilt_rad", RequestError)
     if bounds.shape not in {(), (2,)}:
         raise RequestError(
-            f"tilt_rad needs a number or one for each of the two other axes, got {others!r}"
+            f"tilt_rad needs a number or one for each of the two other axes, got {quoted(others)}"
         )
     x, y, z = np.insert(np.broadcast_to(bounds, 2), AXES.index(axis), FREE).tolist()
     return x, y, z
@@ -178,8 +190,10 @@ def _free_about(axis: str, others: ArrayLike) -> tuple[float, float, float]:
 def _checked(values: ArrayLike, name: str) -> tuple[float, float, float]:
     array = float_array(values, name, RequestError)
     if array.shape != (3,):
-        raise RequestError(f"{name} needs three numbers, one for each axis; got {values!r}")
+        raise RequestError(f"{name} needs three numbers, one for each axis; got {quoted(values)}")
     if not (array >= 0.0).all():  # which NaN is not
-        raise RequestError(f"{name} needs numbers from 0 to inf (free), got {array.tolist()}")
+        raise RequestError(
+            f"{name} needs numbers from 0 to inf (free), got {quoted(array.tolist())}"
+        )
     x, y, z = array.tolist()
     return x, y, z

@@ -9,6 +9,9 @@ from dataclasses import asdict, dataclass, field, fields
 from enum import Enum
 from typing import Any
 
+from baxter_kin.errors import UnknownNameError, expect
+from baxter_kin.fields import check_fields
+from planner.errors import TaskError
 from planner.plan import Plan
 from planner.situation import Situation
 from planner.verification.same import is_same
@@ -35,6 +38,9 @@ class Check:
         bound: the bound.
         unit: of value and bound; empty for a ratio or a count.
         where: move, time, joint or pair of shapes; or why there was nothing to check.
+
+    Raises:
+        TaskError: when a value is of another class.
     """
 
     name: str
@@ -43,6 +49,10 @@ class Check:
     bound: float
     unit: str
     where: str
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, TaskError, may_be_nan=("value",))
 
     @property
     def is_passed(self) -> bool:
@@ -102,11 +112,18 @@ class Subject:
         plan: the plan that was checked.
         situation: the world that it was checked in.
         is_standard: whether it was checked with the toolkit's tolerances.
+
+    Raises:
+        TaskError: when a value is of another class.
     """
 
     plan: Plan
     situation: Situation
     is_standard: bool
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, TaskError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +139,9 @@ class Certificate:
         limits: the acceleration and jerk that it was judged by.
         geometry: what the clearances were measured on.
         subject: what it was made of; None where somebody else than `verify` made it.
+
+    Raises:
+        TaskError: when a value is of another class.
     """
 
     limb: str
@@ -137,6 +157,10 @@ class Certificate:
         """A copy without its subject: it is of no plan, as one that is read from a file."""
         kept = (getattr(self, each.name) for each in fields(self) if each.name != "subject")
         return type(self), tuple(kept)
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, TaskError)
 
     @property
     def is_valid(self) -> bool:
@@ -158,7 +182,13 @@ class Certificate:
         Args:
             plan: what is about to be executed.
             situation: the world before its first step; the plan's own when not given.
+
+        Raises:
+            TaskError: when one of them is of another class.
         """
+        expect(plan, Plan, "plan", TaskError)
+        if situation is not None:
+            expect(situation, Situation, "situation", TaskError)
         subject, known = self.subject, plan.situation if situation is None else situation
         if subject is None or known is None or subject.plan is not plan:
             return False
@@ -168,12 +198,12 @@ class Certificate:
         """The check of that name.
 
         Raises:
-            KeyError: when there is none.
+            UnknownNameError: when there is none.
         """
         for check in self.checks:
-            if check.name == name:
+            if isinstance(name, str) and check.name == name:
                 return check
-        raise KeyError(name)
+        raise UnknownNameError("check", name, [check.name for check in self.checks])
 
     def __str__(self) -> str:
         """The verdict and the table."""

@@ -20,7 +20,7 @@ from functools import cache
 
 from baxter_kin import JointLimits
 from baxter_kin.description import RobotDescription
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, quoted, shortened
 from planner.errors import TaskError, expect_all
 from planner.plan import Plan
 from planner.plan_file import check_size
@@ -84,7 +84,9 @@ def verify(
     for label in labels:
         if label not in {move.label for move in plan.moves}:
             present = ", ".join(move.label for move in plan.moves) or "none"
-            raise TaskError(f"no move {label!r} to be straight; the plan has: {present}")
+            raise TaskError(
+                f"no move {quoted(label)} to be straight; the plan has: {shortened(present)}"
+            )
     allowed = Tolerances() if tolerances is None else tolerances
     expect(allowed, Tolerances, "tolerances", TaskError)
     files = _installed() if description is None else description

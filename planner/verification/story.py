@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from baxter_kin.errors import quoted
 from planner.plan import Grip, GripperAction, Move, Plan
 from planner.scene import Body, Scene
 from planner.situation import Situation
@@ -189,7 +190,7 @@ class Story:
             self._travel(grip, run.scene, None, 0.0)
             self._next(run.scene, 0.0)
         elif grip.body not in run.scene.bodies or not run.scene.bodies[grip.body].is_movable:
-            self._fault(grip, f"there is no movable body {grip.body!r}")
+            self._fault(grip, f"there is no movable body {quoted(grip.body)}")
         else:
             self._grasp(grip, T_base_tip, run.scene[grip.body])
 

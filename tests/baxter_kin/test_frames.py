@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -9,11 +10,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from baxter_kin import Frame, PoseError, StampedPose, UnknownNameError
+from baxter_kin.arrays import Vector
 from baxter_kin.frames import (
     T_world_base,
     angle_between,
     checked_pose,
     pose_from_quaternion,
+    pose_matrices,
     quaternion_xyzw,
 )
 from tests.conftest import OVERHEAD_XYZW
@@ -125,3 +128,40 @@ def test_angle_between_is_exact_for_small_angles_too(angle: float) -> None:
     R = pin.exp3(angle * axis)
     start = pin.exp3(np.array([0.3, 0.2, -0.9]))
     assert angle_between(start, start @ R) == pytest.approx(angle, rel=1e-6, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("R", "message"),
+    [
+        (np.diag([-1.0, 1.0, 1.0]), "mirrored"),
+        (-np.eye(3), "mirrored"),
+        (np.zeros((3, 3)), "not orthonormal"),
+        (2.0 * np.eye(3), "not orthonormal"),
+        (np.full((3, 3), np.nan), "finite"),
+    ],
+)
+def test_what_is_no_rotation_has_no_quaternion(R: Vector, message: str) -> None:
+    with pytest.raises(PoseError, match=message):
+        quaternion_xyzw(pin.SE3(R, np.zeros(3)))
+
+
+@given(st.lists(st.floats(-2, 2), min_size=3, max_size=3))
+def test_no_mirrored_rotation_has_a_quaternion(turn: list[float]) -> None:
+    mirrored = -pin.exp3(np.array(turn))
+    with pytest.raises(PoseError, match="mirrored"):
+        quaternion_xyzw(pin.SE3(mirrored, np.zeros(3)))
+
+
+@pytest.mark.parametrize("R", [5, None, np.zeros(3), np.full((3, 3), np.nan), "R"], ids=str)
+def test_angles_are_between_matrices(R: Any) -> None:
+    for pair in ((R, np.eye(3)), (np.eye(3), R)):
+        with pytest.raises(PoseError, match="R_base_"):
+            angle_between(*pair)
+
+
+@pytest.mark.parametrize(
+    "poses", [5, None, iter([np.eye(4)])], ids=lambda value: type(value).__name__
+)
+def test_poses_without_a_length_are_refused(poses: Any) -> None:
+    with pytest.raises(PoseError, match="poses must be a sequence"):
+        pose_matrices(poses)

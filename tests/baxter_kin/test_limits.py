@@ -2,9 +2,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from baxter_kin import ConfigurationError, JointLimits, LimitsError
 
@@ -97,3 +100,34 @@ def test_check_clamps_within_the_tolerance() -> None:
 def test_rejects_names_that_are_none(names: object) -> None:
     with pytest.raises(LimitsError, match="name"):
         limits(names=names)
+
+
+@pytest.mark.parametrize("tolerance", [math.nan, math.inf, -1.0, "0.1", None, np.zeros(2)], ids=str)
+@pytest.mark.parametrize("q", [[0.0, 0.0], np.zeros(2), [9.0, 9.0]], ids=str)
+def test_a_tolerance_that_is_none_clamps_nothing(tolerance: Any, q: Any) -> None:
+    with pytest.raises(ConfigurationError, match="tolerance must be"):
+        limits().check(q, tolerance=tolerance)
+    with pytest.raises(ConfigurationError, match="tolerance must be"):
+        limits().violations(q, tolerance)
+
+
+@pytest.mark.parametrize("q", [np.zeros(3), np.full(2, np.nan), "q", None, 5], ids=str)
+def test_what_is_no_configuration_violates_no_limit_but_is_refused(q: Any) -> None:
+    with pytest.raises(ConfigurationError, match="q "):
+        limits().violations(q)
+
+
+def test_masked_joint_values_are_refused() -> None:
+    masked = np.ma.array([0.0, 0.0], mask=[True, False])
+    for ask in (limits().check, limits().violations):
+        with pytest.raises(ConfigurationError, match="q has masked entries"):
+            ask(masked)
+
+
+@given(st.lists(st.floats(-3, 3), min_size=2, max_size=2), st.floats(0, 1))
+def test_what_is_accepted_violates_nothing(q: list[float], tolerance: float) -> None:
+    if limits().violations(q, tolerance):
+        with pytest.raises(ConfigurationError, match="outside the joint limits"):
+            limits().check(q, tolerance=tolerance)
+    else:
+        assert limits().violations(limits().check(q, tolerance=tolerance)) == ()

@@ -226,5 +226,19 @@ def test_a_tip_that_moves_or_does_not_exist_is_refused_with_those_that_do(left: 
 def test_a_tool_needs_a_pose_and_a_name_of_its_own(left: Arm) -> None:
     with pytest.raises(PoseError, match="mirrored"):
         left.with_tip(np.diag([1.0, 1.0, -1.0, 1.0]))
-    with pytest.raises(ConfigurationError, match="a name that no other frame has"):
+    with pytest.raises(ConfigurationError, match="that no other frame has"):
         left.with_tip(pin.SE3.Identity(), "left_hand_link")
+
+
+@pytest.mark.parametrize("name", ["\ud800", "a\nb", "", "x" * 1000, 5, None], ids=ascii)
+def test_a_tool_needs_a_name_that_can_be_written(left: Arm, name: Any) -> None:
+    with pytest.raises(ConfigurationError, match="printable characters") as caught:
+        left.with_tip(pin.SE3.Identity(), name)
+    assert len(str(caught.value)) < 400
+
+
+def test_masked_joint_values_are_refused(left: Arm) -> None:
+    q = np.ma.array(left.neutral, mask=[True] + [False] * 6)
+    for ask in (left.T_base_tip, left.jacobian, left.joints):
+        with pytest.raises(ConfigurationError, match="masked"):
+            ask(q)

@@ -1,12 +1,15 @@
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm, DescriptionError
+from baxter_kin import Arm, DescriptionError, RequestError
 from baxter_kin.frames import angle_between
+from baxter_kin.ik import Program
 from baxter_kin.symbolic import SymbolicArm, _axis
 
 AGREEMENT = 1e-12
@@ -47,3 +50,10 @@ def test_geometric_jacobian_is_the_derivative_of_the_expression(left: Arm) -> No
 def test_other_joint_types_are_refused() -> None:
     with pytest.raises(DescriptionError, match="not JointModelPZ"):
         _axis("JointModelPZ")
+
+
+@pytest.mark.parametrize("state", [SymbolicArm.of, Program.of])
+@pytest.mark.parametrize("arm", [None, 5, "left"], ids=str)
+def test_what_is_no_arm_has_no_expressions(state: Any, arm: Any) -> None:
+    with pytest.raises(RequestError, match="arm must be of class Arm"):
+        state(arm)

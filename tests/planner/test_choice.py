@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner import Manipulator
+from baxter_kin import RequestError
+from planner import Manipulator, MotionError, transfer_bound_s
 from planner.choice import Choices
 from planner.lines import Lines
 from tests.conftest import at, overhead
@@ -39,3 +40,11 @@ def test_a_pose_out_of_reach_leaves_no_choice(manipulator: Manipulator, swapped:
     start = manipulator.arm.start
     choices = Choices.of(manipulator.ik, manipulator.limits, start, lines)
     assert list(choices.pairs()) == []
+
+
+def test_a_bound_is_of_a_service_and_limits(manipulator: Manipulator) -> None:
+    T = overhead(0.7, 0.15, -0.1)
+    with pytest.raises(RequestError, match="ik must be of class IKService, got int"):
+        transfer_bound_s(5, manipulator.limits, T, T)  # type: ignore[arg-type]
+    with pytest.raises(MotionError, match="limits must be of class JointLimits, got int"):
+        transfer_bound_s(manipulator.ik, 5, T, T)  # type: ignore[arg-type]

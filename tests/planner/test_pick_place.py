@@ -41,6 +41,7 @@ from planner import (
     load_object,
     plan_joint_move,
     plan_pick_and_place,
+    plan_retract,
     plan_start_move,
     verify,
 )
@@ -812,3 +813,16 @@ class TestStartMove:
     def test_a_manipulator_that_is_none_raises(self, bad: Any) -> None:
         with pytest.raises(TaskError, match="manipulator"):
             plan_start_move(bad, Scene.of(), np.zeros(7))
+
+
+@pytest.mark.parametrize("height_m", [1e308, 1001.0, np.nan, 0.0, "high", None], ids=str)
+def test_a_height_beyond_what_is_measured_is_refused(
+    manipulator: Manipulator, height_m: Any
+) -> None:
+    q, T = manipulator.arm.neutral, pin.SE3.Identity()
+    with pytest.raises(TaskError, match="height_m must be"):
+        plan_retract(manipulator, Scene.of(), q, height_m)
+    with pytest.raises(TaskError, match="hover distance must be"):
+        PickAndPlace("block", T, T, hover_m=height_m)
+    with pytest.raises(TaskError, match="clear height must be"):
+        PickAndPlace("block", T, T, clear_m=height_m)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -11,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import PoseError
-from planner import StraightLine, StraightMoveError
-from planner.straight_line import HALF_TURN_MARGIN_RAD, LEAST_LENGTH
+from baxter_kin.frames import checked_pose
+from planner import MotionError, StraightLine, StraightMoveError
+from planner.straight_line import FARTHEST, HALF_TURN_MARGIN_RAD, LEAST_LENGTH
 
 ROUNDING = 1e-9
 
@@ -104,3 +106,19 @@ def test_a_line_cannot_be_changed() -> None:
     line = random_line(0)
     with pytest.raises(ValueError, match="read-only"):
         line.twist[0] = 1.0
+
+
+@pytest.mark.parametrize("s", [math.nan, math.inf, 1e308, "0.5", None, np.zeros(2)], ids=str)
+def test_what_is_no_fraction_is_no_place_on_the_line(s: Any) -> None:
+    start = pin.SE3.Identity()
+    line = StraightLine(start, pin.SE3(pin.exp3(np.ones(3)), np.ones(3)))
+    with pytest.raises(MotionError, match="s "):
+        line.at(s)
+    with pytest.raises(MotionError, match="s "):
+        line.error(s, start)
+
+
+@given(st.floats(-FARTHEST, FARTHEST))
+def test_every_place_on_the_line_is_a_pose(s: float) -> None:
+    line = StraightLine(pin.SE3.Identity(), pin.SE3(pin.exp3(np.ones(3)), np.ones(3)))
+    checked_pose(line.at(s))

@@ -295,7 +295,7 @@ def test_a_value_without_a_number_is_null_in_json() -> None:
 
 
 def test_there_is_no_check_of_another_name() -> None:
-    with pytest.raises(KeyError):
+    with pytest.raises(UnknownNameError):
         _ = Certificate("left", 2.0, 10, ())["velocity limit"]
 
 

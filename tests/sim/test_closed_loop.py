@@ -329,3 +329,14 @@ class TestContradictions:
     def test_heights_are_above_zero(self, height: Any) -> None:
         with pytest.raises(SimulationError, match="hover_m"):
             Transfer("block", at(0, 0, 0), at(0, 0, 0), height)
+
+
+@pytest.mark.parametrize("eyes", [5, None, "eyes", TruePoses], ids=str)
+def test_eyes_that_cannot_look_are_refused(
+    robot: Baxter, manipulator: Manipulator, eyes: Any
+) -> None:
+    simulation = Simulation(World(robot))
+    with pytest.raises(SimulationError, match="eyes must be an object with a method look"):
+        ClosedLoop(simulation, manipulator, eyes)
+    with pytest.raises(SimulationError, match="plan must be callable, got int"):
+        ClosedLoop(simulation, manipulator, TruePoses(simulation.world), plan=5)  # type: ignore[arg-type]

@@ -14,6 +14,8 @@ from planner import Body, Manipulator, plan_start_move
 from sim import (
     CsvRecorder,
     EventKind,
+    LogRecorder,
+    McapRecorder,
     Recorder,
     Recording,
     RecordingError,
@@ -158,3 +160,18 @@ def test_what_is_no_robot_or_scene_is_refused(robot: Baxter, tmp_path: Path, bad
         CsvRecorder(tmp_path / "run.csv", bad)
     with pytest.raises(RecordingError, match="scene"):
         Recorder(robot).remember(bad)
+
+
+@pytest.mark.parametrize("told", [None, 5, "event", {}], ids=str)
+@pytest.mark.parametrize("kind", [Recorder, CsvRecorder, LogRecorder, McapRecorder])
+def test_what_is_no_event_and_no_snapshot_is_refused(
+    robot: Baxter, tmp_path: Path, kind: Any, told: Any
+) -> None:
+    recorder: Any = kind(robot) if kind is Recorder else kind(tmp_path / "file", robot)
+    with pytest.raises(RecordingError, match="snapshot must be of class Snapshot"):
+        recorder.on_snapshot(told)
+    if kind is not CsvRecorder:  # it has no place for events
+        with pytest.raises(RecordingError, match="event must be of class Event"):
+            recorder.on_event(told)
+    if kind is not Recorder:
+        recorder.close()

@@ -99,3 +99,9 @@ class TestRecording:
     def test_bodies_may_be_anywhere(self, picked: Recording, block: Body) -> None:
         moved = block.at(at(9.0, 9.0, 9.0))
         assert Recording(**{**fields(picked), "bodies": {"block": moved}}).bodies
+
+
+@pytest.mark.parametrize("with_knots", [np.zeros(3), "no", 1, None], ids=str)
+def test_with_knots_is_a_truth_value(recording: Recording, with_knots: Any) -> None:
+    with pytest.raises(RecordingError, match="with_knots must be of class bool"):
+        recording.motion("left", with_knots=with_knots)

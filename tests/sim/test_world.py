@@ -491,3 +491,11 @@ class TestRobot:
 
     def test_simulation_errors_are_baxter_errors(self) -> None:
         assert issubclass(SimulationError, BaxterError)
+
+
+@pytest.mark.parametrize("rest", [None, 5, "table", np.eye(4)], ids=str)
+def test_what_is_no_rest_moves_nothing(robot: Baxter, rest: Any) -> None:
+    world = World(robot)
+    world.spawn(Body("block", (Part(Sphere(0.02), at(0, 0, 0)),), at(0.7, 0.0, 0.1)))
+    with pytest.raises(SimulationError, match="rest must be of class Rest"):
+        world.put_to_rest("block", rest)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from baxter_kin import Arm, ConfigurationError, IKService, PoseError, RequestError
 from baxter_kin.arrays import Vector
-from baxter_kin.ik.components import distinct_solutions, solutions
+from baxter_kin.ik.components import MOST_CANDIDATES, distinct_solutions, solutions
 from baxter_kin.ik.objectives import NearestTo, best_on
 from baxter_kin.ik.self_motion import SelfMotion, trace_self_motion
 from tests.conftest import at, overhead
@@ -173,3 +174,27 @@ def test_malformed_number_of_starts_is_refused(ik: IKService, starts: Any) -> No
 def test_malformed_pose_is_refused(ik: IKService) -> None:
     with pytest.raises(PoseError):
         solutions(ik, np.eye(3))
+
+
+@pytest.mark.parametrize("starts", [MOST_CANDIDATES + 1, 10**12, 10**400])
+def test_starts_have_a_greatest_value(ik: IKService, starts: int) -> None:
+    with pytest.raises(RequestError, match=f"from 1 to {MOST_CANDIDATES}, got"):
+        solutions(ik, BLOCK, starts=starts)
+
+
+@pytest.mark.parametrize("rng", [5, "seed", np.random], ids=str)
+def test_seeds_are_drawn_by_a_generator(ik: IKService, rng: Any) -> None:
+    with pytest.raises(RequestError, match="rng must be of class Generator"):
+        solutions(ik, BLOCK, rng=rng)
+
+
+def test_what_is_no_service_or_arm_is_refused(left: Arm) -> None:
+    with pytest.raises(RequestError, match="ik must be of class IKService, got int"):
+        solutions(5, BLOCK)  # type: ignore[arg-type]
+    with pytest.raises(RequestError, match="arm must be of class Arm, got int"):
+        distinct_solutions(5, [left.neutral])  # type: ignore[arg-type]
+
+
+def test_endless_candidates_are_refused(left: Arm) -> None:
+    with pytest.raises(RequestError, match=f"at most {MOST_CANDIDATES} candidates may come"):
+        distinct_solutions(left, itertools.repeat(left.neutral))

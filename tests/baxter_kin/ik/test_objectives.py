@@ -189,3 +189,24 @@ def test_objectives_keep_a_copy(left: Arm) -> None:
     seed[0] = 9.0
     assert objective.q_seed[0] == left.start[0]
     assert not objective.q_seed.flags.writeable
+
+
+@pytest.mark.parametrize("objective", [5, None, FarthestFromLimits, "nearest"], ids=str)
+def test_an_objective_that_has_no_costs_is_refused(left: Arm, objective: Any) -> None:
+    curve = trace_self_motion(left, left.neutral, step_rad=0.2)
+    with pytest.raises(RequestError, match=r"objective must be an object with a method costs"):
+        best_on(curve, objective)
+
+
+def test_what_is_no_curve_has_no_best_point() -> None:
+    with pytest.raises(RequestError, match="curve must be of class SelfMotion, got int"):
+        best_on(5, FarthestFromLimits())  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("number", range(4))
+@pytest.mark.parametrize(
+    "q", [np.zeros(7), np.zeros((2, 6)), np.full((1, 7), np.nan), "q"], ids=str
+)
+def test_costs_are_of_rows_of_joint_values(left: Arm, number: int, q: Any) -> None:
+    with pytest.raises(ConfigurationError, match="q "):
+        objectives(left, 0)[number].costs(left, q)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from baxter_kin import Arm, IKService, RequestError
 from baxter_kin.frames import angle_between
 from baxter_kin.ik import sample_solutions
+from baxter_kin.ik.samples import MOST_TURNS
 from tests.conftest import at
 
 TOLERANCE = 1e-6
@@ -29,7 +32,7 @@ def test_samples_are_solutions_all_over_the_solution_set(arm: Arm) -> None:
 
 def test_a_pose_out_of_reach_has_no_samples(ik: IKService) -> None:
     assert sample_solutions(ik, at(2.0, 0.0, 0.0)).shape == (0, 7)
-    with pytest.raises(RequestError, match="turns must be above zero"):
+    with pytest.raises(RequestError, match="turns must be a whole number from 1 to 10000"):
         sample_solutions(ik, at(0.6, 0.3, 0.2), turns=0)
 
 
@@ -38,3 +41,17 @@ def test_another_tip_has_the_samples_of_its_own(left: Arm) -> None:
     T = tipped.T_base_tip(tipped.start)
     for q in sample_solutions(IKService(tipped), T):
         assert np.linalg.norm(tipped.T_base_tip(q).translation - T.translation) <= TOLERANCE
+
+
+@pytest.mark.parametrize(
+    "turns", [0.5, 48.0, "48", None, True, -1, MOST_TURNS + 1, 10**12], ids=str
+)
+def test_turns_are_a_whole_number_with_a_greatest_value(ik: IKService, turns: Any) -> None:
+    with pytest.raises(RequestError, match=f"turns must be a whole number from 1 to {MOST_TURNS}"):
+        sample_solutions(ik, at(0.7, 0.2, 0.1), turns=turns)
+
+
+@pytest.mark.parametrize("service", [None, 5, "ik"], ids=str)
+def test_what_is_no_service_has_no_samples(service: Any) -> None:
+    with pytest.raises(RequestError, match="ik must be of class IKService"):
+        sample_solutions(service, at(0.7, 0.2, 0.1))

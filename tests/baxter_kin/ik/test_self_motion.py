@@ -456,3 +456,9 @@ def test_curve_cannot_be_changed(left: Arm) -> None:
     for array in (curve.q, curve.s, curve.tangent, curve.manipulability, curve.limit_distance_rad):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0.0
+
+
+@pytest.mark.parametrize("arm", [None, 5, "left"], ids=str)
+def test_what_is_no_arm_has_no_self_motion(arm: Any) -> None:
+    with pytest.raises(RequestError, match="arm must be of class Arm"):
+        trace_self_motion(arm, np.zeros(7))

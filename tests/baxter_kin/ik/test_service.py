@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -13,6 +14,7 @@ from baxter_kin import (
     BaxterError,
     ConfigurationError,
     Frame,
+    IKFailure,
     IKResult,
     IKService,
     PoseError,
@@ -23,6 +25,7 @@ from baxter_kin import (
     UnknownNameError,
 )
 from baxter_kin.frames import T_world_base, angle_between
+from baxter_kin.ik import FarthestFromLimits
 from baxter_kin.ik.search import Searcher
 from baxter_kin.ik.service import BLOCK
 from tests.conftest import at, overhead
@@ -300,3 +303,89 @@ def test_progress_adds_up_to_the_number_of_poses(left: Arm, ik: IKService, chain
     results = ik.solve_batch([T] * count, current=left.start, chain=chain, progress=told.append)
     assert len(results) == sum(told) == count
     assert len(told) > 1
+
+
+@pytest.mark.parametrize("objective", [5, "best", FarthestFromLimits], ids=str)
+def test_an_objective_that_is_none_is_refused(ik: IKService, left: Arm, objective: Any) -> None:
+    T = left.T_base_tip(left.neutral)
+    with pytest.raises(RequestError, match="objective must be an object with a method costs"):
+        ik.solve(T, objective=objective)
+
+
+@pytest.mark.parametrize("chain", ["no", np.zeros(3), 1, None], ids=str)
+def test_chain_is_a_truth_value(ik: IKService, left: Arm, chain: Any) -> None:
+    with pytest.raises(RequestError, match="chain must be of class bool"):
+        ik.solve_batch([left.T_base_tip(left.neutral)], chain=chain)
+
+
+def test_progress_must_be_callable(ik: IKService) -> None:
+    with pytest.raises(RequestError, match="progress must be callable, got int"):
+        ik.solve_batch([], progress=5)  # type: ignore[arg-type]
+
+
+def test_a_batch_without_a_length_is_told_of_the_stream(ik: IKService, left: Arm) -> None:
+    endless = itertools.repeat(left.T_base_tip(left.neutral))
+    with pytest.raises(RequestError, match="solve_stream takes any iterable"):
+        ik.solve_batch(endless)  # type: ignore[arg-type]
+    with pytest.raises(RequestError, match="a batch takes up to"):
+        ik.solve_batch(range(10**12))
+
+
+def test_an_endless_stream_is_read_in_blocks(ik: IKService, left: Arm) -> None:
+    read = itertools.count()
+    T = left.T_base_tip(left.neutral)
+    poses = (T for _ in read)
+    assert next(ik.solve_stream(poses)).is_valid
+    assert next(read) == BLOCK
+
+
+@pytest.mark.parametrize("poses", [5, None, "poses", {"a": 1}], ids=str)
+def test_a_stream_of_nothing_is_refused_at_once(ik: IKService, poses: Any) -> None:
+    with pytest.raises(RequestError, match="poses must be an iterable"):
+        ik.solve_stream(poses)
+
+
+def test_masked_seeds_are_refused(ik: IKService, left: Arm) -> None:
+    T, q = left.T_base_tip(left.neutral), np.ma.array(left.neutral, mask=[True] + [False] * 6)
+    for ask in (
+        lambda: ik.solve(T, q),
+        lambda: ik.solve(T, current=q),
+        lambda: ik.solve_batch([T], [q]),
+        lambda: ik.solve_batch([T, T], [left.neutral, q]),
+    ):
+        with pytest.raises(ConfigurationError, match="masked"):
+            ask()
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"seed_type": "x"},
+        {"seed_type": 5},
+        {"joint_names": 5},
+        {"joint_names": ("a", 1)},
+        {"failure": "no"},
+        {"position_error_m": "0"},
+        {"orientation_error_rad": -1.0},
+        {"q": np.zeros(3)},
+        {"q": np.full(7, np.nan)},
+    ],
+    ids=str,
+)
+def test_a_result_is_not_made_of_anything(left: Arm, fields: dict[str, Any]) -> None:
+    whole: dict[str, Any] = {
+        "joint_names": left.joint_names,
+        "q": left.neutral,
+        "seed_type": SeedType.USER,
+        "position_error_m": 0.0,
+        "orientation_error_rad": 0.0,
+    }
+    assert IKResult(**whole).is_valid
+    with pytest.raises(ConfigurationError):
+        IKResult(**(whole | fields))
+
+
+@pytest.mark.parametrize("fields", [{"reason": 5}, {"starts": {"x": 1}}, {"starts": 5}], ids=str)
+def test_a_failure_is_not_made_of_anything(fields: dict[str, Any]) -> None:
+    with pytest.raises(ConfigurationError, match="IKFailure"):
+        IKFailure(**({"reason": "no way"} | fields))

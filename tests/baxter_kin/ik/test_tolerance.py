@@ -214,3 +214,27 @@ def test_equal_tolerances_are_equal_whatever_they_were_made_of() -> None:
     made_of_lists: Any = [0.0, 0.0, 0.1], np.zeros(3)
     assert Tolerance(*made_of_lists) == Tolerance((0.0, 0.0, 0.1))
     assert hash(Tolerance(*made_of_lists)) == hash(Tolerance((0.0, 0.0, 0.1)))
+
+
+@pytest.mark.parametrize("tilt_rad", ["a", None, math.nan, math.inf, [0.1], True, -0.1], ids=str)
+def test_a_tilt_that_is_no_angle_is_refused(tilt_rad: Any) -> None:
+    with pytest.raises(RequestError, match=r"tilt_rad|rotation_rad"):
+        Tolerance.about("z", tilt_rad=tilt_rad)
+
+
+@pytest.mark.parametrize("axis", [np.zeros(3), 5, None, ["z"], "xyz"], ids=str)
+def test_an_axis_that_is_none_is_refused(axis: Any) -> None:
+    with pytest.raises(UnknownNameError, match="unknown axis"):
+        Tolerance.about(axis)
+
+
+@pytest.mark.parametrize("position_m", [[1, 2], "0.1", None, [[1.0]], np.ones(4), True], ids=str)
+def test_a_position_tolerance_is_one_or_three_numbers(position_m: Any) -> None:
+    with pytest.raises(RequestError, match="position_m"):
+        Tolerance.position_only(position_m)
+
+
+@pytest.mark.parametrize("pose", [5, None, np.eye(4)], ids=str)
+def test_the_excess_is_of_poses(pose: Any) -> None:
+    with pytest.raises(RequestError, match="pose must be of class SE3"):
+        Tolerance().excess(pose, pin.SE3.Identity())

@@ -1,0 +1,150 @@
+"""Fields: the values of a dataclass are of the classes that it says they are.
+
+`check_fields` reads the annotations once for each class, and then compares values with them:
+
+```
+float                a number, not NaN; no truth value
+int                  a whole number; no truth value
+str                  text that can be written, so without half a surrogate pair
+bool, a class        of that class
+tuple[A, ...]        a tuple of such
+Mapping[A, B]        a mapping of such
+A | B, A | None      one of them
+```
+
+What else a class demands of its values it checks itself: signs, that they are finite, and all of
+arrays, which `baxter_kin.arrays` reads from anything that NumPy understands.
+"""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from functools import cache
+from typing import Any, TypeAlias, TypeGuard, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from baxter_kin.errors import BaxterError, quoted
+
+MOST_BITS = 1024
+"""Of a whole number that a float can hold."""
+
+Test: TypeAlias = Callable[[object], bool]
+
+
+def check_fields(value: Any, error: type[BaxterError], *, may_be_nan: tuple[str, ...] = ()) -> None:
+    """Refuse an object of a dataclass with a field of another class than its annotation says.
+
+    Args:
+        value: the object.
+        error: the class to raise.
+        may_be_nan: fields of numbers that may be none.
+
+    Raises:
+        BaxterError: of class `error`, with the name of the field, what it should be and what came.
+    """
+    kind: Any = type(value)
+    for name, wanted, test in _tests_of(kind):
+        given = getattr(value, name)
+        if not test(given) and not (name in may_be_nan and _is_nan(given)):
+            raise error(f"{type(value).__name__}.{name} must be {wanted}, got {quoted(given)}")
+
+
+@cache
+def _tests_of(kind: Any) -> tuple[tuple[str, str, Test], ...]:
+    """Of each field its name, what it must be in words, and what tells whether it is."""
+    hints = get_type_hints(kind)
+    return tuple(
+        (field.name, _in_words(hints[field.name]), _test_of(hints[field.name]))
+        for field in fields(kind)
+        if field.init and get_origin(hints[field.name]) is not np.ndarray
+    )
+
+
+def _test_of(hint: Any) -> Test:
+    origin, given = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        return _any_of(tuple(_test_of(each) for each in given))
+    if origin is tuple:
+        return _tuple_of(given)
+    if origin is not None and issubclass(origin, Mapping):
+        return _mapping_of(*given)
+    return _SIMPLE[hint] if hint in _SIMPLE else _object_of(origin or hint)
+
+
+def _in_words(hint: Any) -> str:
+    """The annotation, shortly: without the modules of its classes."""
+    if isinstance(hint, type) and not get_args(hint):
+        return "None" if hint is type(None) else hint.__name__
+    if get_origin(hint) in (Union, types.UnionType):
+        return " or ".join(_in_words(each) for each in get_args(hint))
+    inner = ", ".join("..." if each is ... else _in_words(each) for each in get_args(hint))
+    return f"{get_origin(hint).__name__}[{inner}]"
+
+
+def _is_number(value: object) -> bool:
+    if isinstance(value, int):
+        return not isinstance(value, bool) and value.bit_length() < MOST_BITS
+    return isinstance(value, (float, np.floating, np.integer)) and not _is_nan(value)
+
+
+def _is_nan(value: object) -> bool:
+    return isinstance(value, (float, np.floating)) and bool(np.isnan(value))
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
+def _is_truth(value: object) -> bool:
+    return isinstance(value, (bool, np.bool_))
+
+
+def is_text(value: object) -> TypeGuard[str]:
+    """Whether it is text that can be written."""
+    if not isinstance(value, str):
+        return False
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+_SIMPLE: Mapping[Any, Test] = {
+    float: _is_number,
+    int: _is_whole,
+    bool: _is_truth,
+    str: is_text,
+}
+
+
+def _object_of(kind: type[Any]) -> Test:
+    return lambda value: isinstance(value, kind)
+
+
+def _any_of(tests: tuple[Test, ...]) -> Test:
+    return lambda value: any(test(value) for test in tests)
+
+
+def _tuple_of(kinds: tuple[Any, ...]) -> Test:
+    if kinds[-1] is ...:
+        test = _test_of(kinds[0])
+        return lambda value: isinstance(value, tuple) and all(map(test, value))
+    tests = tuple(_test_of(kind) for kind in kinds)
+    return lambda value: (
+        isinstance(value, tuple)
+        and len(value) == len(tests)
+        and all(test(each) for test, each in zip(tests, value, strict=True))
+    )
+
+
+def _mapping_of(key: Any, entry: Any) -> Test:
+    is_key, is_entry = _test_of(key), _test_of(entry)
+    return lambda value: (
+        isinstance(value, Mapping)
+        and all(map(is_key, value))
+        and all(map(is_entry, value.values()))
+    )

@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baxter_kin import BaxterError, FileError, UnknownNameError
+from baxter_kin.arrays import finite_array, finite_scalar
+from baxter_kin.errors import LONGEST_NAME, LONGEST_QUOTE, quoted, shortened
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.binary(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+)
+
+
+@given(anything)
+def test_a_quote_is_short_printable_and_on_one_line(value: object) -> None:
+    text = quoted(value)
+    assert len(text) <= LONGEST_QUOTE
+    assert text.encode()
+    assert "\n" not in text
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["x" * 10_000_000, list(range(1_000_000)), np.zeros(1_000_000), 10**100_000, [10**5_000] * 9],
+    ids=["text", "list", "array", "integer", "integers"],
+)
+def test_a_quote_of_something_huge_is_short(value: object) -> None:
+    assert len(quoted(value)) <= LONGEST_QUOTE
+
+
+def test_short_values_are_quoted_whole() -> None:
+    assert quoted([1.0, "a", None]) == "[1.0, 'a', None]"
+    assert quoted(np.eye(2)) == "array([[1., 0.], [0., 1.]])"
+
+
+@given(st.text(max_size=400))
+def test_a_text_keeps_its_ends(text: str) -> None:
+    short = shortened(text, 50)
+    assert len(short) <= 50
+    assert (
+        short == text if len(text) <= 50 else (short[:23], short[-23:]) == (text[:23], text[-23:])
+    )
+
+
+def test_half_a_surrogate_pair_is_written_as_an_escape() -> None:
+    assert shortened("a\ud800") == "a\\ud800"
+    assert str(FileError("read", "\ud800", "no")) == "cannot read \\ud800: no"
+
+
+def test_messages_do_not_repeat_long_input() -> None:
+    long = "x" * 100_000
+    assert len(str(UnknownNameError("limb", long, ("left",)))) < LONGEST_NAME + 60
+    assert len(str(FileError("read", long, "no"))) < LONGEST_QUOTE + 60
+    for call in (
+        lambda: finite_scalar(long, "a number", BaxterError),
+        lambda: finite_array([long] * 100, (3,), "an array", BaxterError),
+        lambda: finite_array([np.nan] * 100_000, (100_000,), "an array", BaxterError),
+    ):
+        with pytest.raises(BaxterError) as caught:
+            call()
+        assert len(str(caught.value)) < LONGEST_QUOTE + 60
+
+
+@pytest.mark.parametrize("name", [5, None, ["left"], np.zeros(3)], ids=str)
+def test_unknown_names_of_any_class_are_told(name: Any) -> None:
+    assert "unknown limb" in str(UnknownNameError("limb", name, ("left",)))
