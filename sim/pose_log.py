@@ -51,8 +51,8 @@ class Look:
 
     def __post_init__(self) -> None:
         """Check."""
-        check_fields(self, SimulationError)
         finite_scalar(self.time_s, "the time of a look", SimulationError)
+        check_fields(self, SimulationError)
 
 
 class LoggedPoses(NotCopied):

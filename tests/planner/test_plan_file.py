@@ -418,7 +418,7 @@ def test_only_plans_are_saved(file: Path) -> None:
 
 
 def test_what_is_not_finite_is_not_saved(plan: Plan, file: Path) -> None:
-    move = replace(plan.moves[0], clearance=Clearance(float("nan"), "a", "b"))
+    move = replace(plan.moves[0], clearance=Clearance(float("inf"), "a", "b"))
     steps = tuple(move if step is plan.moves[0] else step for step in plan)
     with pytest.raises(PlanFileError, match=r"clearance\.distance_m must be a finite number"):
         save_plan(replace(plan, steps=steps), file)
