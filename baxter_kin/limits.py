@@ -162,7 +162,7 @@ def _checked_names(names: object) -> tuple[str, ...]:
     if isinstance(names, str) or not isinstance(names, Sequence):
         raise LimitsError(f"names must be a sequence of joint names, got {quoted(names)}")
     if not all(isinstance(name, str) and name for name in names):
-        raise LimitsError(f"names must be joint names, got {quoted(list(names))}")
+        raise LimitsError(f"names must be joint names, got {quoted(names)}")
     if len(set(names)) < len(names):
-        raise LimitsError(f"every joint name may come once, got {quoted(list(names))}")
+        raise LimitsError(f"every joint name may come once, got {quoted(names)}")
     return tuple(names)

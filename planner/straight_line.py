@@ -13,6 +13,7 @@ from baxter_kin.copying import Frozen
 from baxter_kin.errors import expect
 from baxter_kin.frames import PoseLike, angle_between, checked_pose
 from planner.errors import MotionError, StraightMoveError
+from planner.scene import FARTHEST_M
 
 LEAST_LENGTH = 1e-9
 """A line shorter than this, in m and rad together, is a point: positions are known no better."""
@@ -48,6 +49,7 @@ class StraightLine(Frozen):
 
         Raises:
             PoseError: when one is no pose.
+            MotionError: when one is farther away than `FARTHEST_M`.
             StraightMoveError: when the rotation is half a turn.
         """
         start, goal = (_orthonormal(T) for T in (self.T_base_start, self.T_base_goal))
@@ -109,5 +111,10 @@ def _orthonormal(pose: PoseLike) -> pin.SE3:
     The orthogonal factor of the polar decomposition (Higham, 1986).
     """
     T = checked_pose(pose)
+    farthest = float(np.abs(T.translation).max())
+    if farthest > FARTHEST_M:
+        raise MotionError(
+            f"a line leads to {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
+        )
     U, _, Vt = np.linalg.svd(T.rotation)
     return pin.SE3(U @ Vt, T.translation)

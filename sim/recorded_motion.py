@@ -105,9 +105,10 @@ class ArmMotion(Frozen):
         for name, shape in shapes.items():
             array = finite_array(getattr(self, name), shape, name, RecordingError)
             object.__setattr__(self, name, array)
-        if np.shape(self.is_exact) != (n,) or np.asarray(self.is_exact).dtype != np.bool_:
-            raise RecordingError(f"is_exact must be {n} truth values, got {quoted(self.is_exact)}")
-        is_exact = np.array(self.is_exact)
+        told = expect(self.is_exact, np.ndarray, "is_exact", RecordingError)
+        if told.shape != (n,) or told.dtype != np.bool_:
+            raise RecordingError(f"is_exact must be {n} truth values, got {quoted(told)}")
+        is_exact = told.copy()
         is_exact.setflags(write=False)
         object.__setattr__(self, "is_exact", is_exact)
 

@@ -131,3 +131,9 @@ def test_what_is_accepted_violates_nothing(q: list[float], tolerance: float) -> 
             limits().check(q, tolerance=tolerance)
     else:
         assert limits().violations(limits().check(q, tolerance=tolerance)) == ()
+
+
+@pytest.mark.parametrize("names", [range(10**12), [1, 2], "ab", None, ["a", "a"]], ids=str)
+def test_names_that_are_none_are_refused(names: Any) -> None:
+    with pytest.raises(LimitsError, match="name"):
+        limits(names=names)

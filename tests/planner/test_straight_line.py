@@ -122,3 +122,11 @@ def test_what_is_no_fraction_is_no_place_on_the_line(s: Any) -> None:
 def test_every_place_on_the_line_is_a_pose(s: float) -> None:
     line = StraightLine(pin.SE3.Identity(), pin.SE3(pin.exp3(np.ones(3)), np.ones(3)))
     checked_pose(line.at(s))
+
+
+@pytest.mark.parametrize("far_m", [1001.0, 1e308])
+def test_no_line_leads_farther_than_is_measured(far_m: float) -> None:
+    far = pin.SE3(np.eye(3), np.array([far_m, 0.0, 0.0]))
+    for ends in ((pin.SE3.Identity(), far), (far, pin.SE3.Identity())):
+        with pytest.raises(MotionError, match="up to 1000 m can be measured"):
+            StraightLine(*ends)

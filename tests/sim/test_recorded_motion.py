@@ -147,3 +147,12 @@ class TestRecordedMove:
             RecordedMove(0.0, bad, Trajectory.stay(left.neutral, left.limits))
         with pytest.raises(RecordingError, match="trajectory"):
             RecordedMove(0.0, "", bad)
+
+
+@pytest.mark.parametrize("is_exact", [range(10**12), [True], None, np.ones(1), np.ones(2, bool)])
+def test_whether_it_is_exact_is_told_for_every_time(is_exact: Any) -> None:
+    row = np.zeros((1, 7))
+    names = tuple("abcdefg")
+    assert ArmMotion(names, np.zeros(1), row, row, row, row, np.ones(1, dtype=bool))
+    with pytest.raises(RecordingError, match="is_exact must be"):
+        ArmMotion(names, np.zeros(1), row, row, row, row, is_exact)
