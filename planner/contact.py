@@ -6,7 +6,7 @@ coal enters here; the geometry models of `planner.collision` are made of its sha
 from __future__ import annotations
 
 from itertools import product
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import coal
 import numpy as np
@@ -176,29 +176,32 @@ def convex(vertices: Vector, triangles: Indices) -> coal.Convex:
 
 def surface(vertices: Vector, triangles: Indices) -> coal.BVHModelOBBRSS:
     """Coal's triangles, shapes (n, 3), m, and (m, 3); nothing is known of inside and outside."""
-    made = coal.BVHModelOBBRSS()
-    made.beginModel(len(triangles), len(vertices))
-    made.addVertices(vertices)
-    made.addTriangles(triangles)
-    made.endModel()
-    return made
+    return _filled(coal.BVHModelOBBRSS(), vertices, triangles)
 
 
-def boxed(triangles: coal.BVHModelOBBRSS) -> coal.BVHModelOBB:
-    """The same triangles in a tree of oriented boxes, in which contacts are found fastest.
+def surface_for_contacts(vertices: Vector, triangles: Indices) -> coal.BVHModelOBB:
+    """The same in a tree of oriented boxes, in which contacts are found fastest.
 
     Coal bounds a box, or another convex shape, by a swept sphere too loosely to leave out triangles
     that are within the shape's own thickness of it: a finger tip 4 mm beside a block took a
     thousand times as long in the tree that distances need.
     """
-    vertices = np.array(triangles.vertices())
-    corners = [triangles.tri_indices(i) for i in range(triangles.num_tris)]
-    made = coal.BVHModelOBB()
-    made.beginModel(len(corners), len(vertices))
-    made.addVertices(vertices)
-    made.addTriangles(np.array([[each[k] for k in range(3)] for each in corners]))
-    made.endModel()
-    return made
+    return _filled(coal.BVHModelOBB(), vertices, triangles)
+
+
+def boxed(made: coal.BVHModelOBBRSS) -> coal.BVHModelOBB:
+    """That of triangles that coal has; they are read one by one."""
+    corners = [made.tri_indices(i) for i in range(made.num_tris)]
+    triangles = np.array([[each[k] for k in range(3)] for each in corners])
+    return surface_for_contacts(np.array(made.vertices()), triangles)
+
+
+def _filled(empty: coal.BVHModelBase, vertices: Vector, triangles: Indices) -> Any:
+    empty.beginModel(len(triangles), len(vertices))
+    empty.addVertices(vertices)
+    empty.addTriangles(triangles)
+    empty.endModel()
+    return empty
 
 
 def shape_of(geometry: coal.CollisionGeometry) -> Shape:

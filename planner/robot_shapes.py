@@ -13,7 +13,7 @@ import pinocchio as pin
 from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import whole_scalar
 from baxter_kin.errors import expect
-from planner.contact import boxed, convex, has_depth, shape_of, surface
+from planner.contact import convex, has_depth, shape_of, surface, surface_for_contacts
 from planner.distances import Enclosure
 from planner.errors import SceneError
 from planner.lever_arms import Covers
@@ -237,7 +237,7 @@ def _for_contacts(body: RobotBody) -> Mapping[int, coal.BVHModelOBB]:
         if not has_depth(made.geometry):
             key = id(made.geometry)
             if key not in known:
-                known[key] = boxed(made.geometry)
+                known[key] = surface_for_contacts(*body.links[made.link].whole)
             found[number] = known[key]
     return found
 
