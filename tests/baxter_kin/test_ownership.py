@@ -139,6 +139,7 @@ def test_refuses_where_a_system_does_not_know_users(
 
 def test_reads_a_file_of_ones_own(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"content")
+    (tmp_path / "file").chmod(0o644)  # whatever the umask is
     assert read_own_file(tmp_path / "file") == b"content"
 
 
