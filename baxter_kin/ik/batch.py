@@ -140,10 +140,11 @@ class Batch:
         At a singularity between limits most attempts get stuck a little way off, the best of them
         too, while others only converge slowly.
         """
-        count = search.scattered_starts
-        for pose in self._open() if count else ():
-            T, poses = self._Ts[pose], np.array([pose])
-            q = scattered.starts(T[None], count)[0]
+        count, left = search.scattered_starts, self._open()
+        if not count or not left.size:
+            return
+        for pose, q_starts in zip(left, scattered.starts(self._Ts[left], count), strict=True):
+            q, T, poses = q_starts, self._Ts[pose], np.array([pose])
             self._starts[pose, SeedType.NS_MAP] += count
             for _ in range(1 + SCATTERED_POLISH_ROUNDS):
                 found = search.search(q, np.repeat(T[None], len(q), axis=0))
