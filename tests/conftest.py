@@ -18,6 +18,7 @@ from baxter_kin.files import PathLike
 from planner import Body, Manipulator, Scene, load_object
 from planner.robot_body import RobotBody
 from tests.bodies import with_plain_fingers
+from tests.calibrated import calibrated_arm
 from tests.skips import (  # noqa: F401 - pytest finds its hooks here
     pytest_addoption,
     pytest_sessionfinish,
@@ -55,6 +56,17 @@ def arm(request: pytest.FixtureRequest, robot: Baxter) -> Arm:
 @pytest.fixture(scope="session")
 def left(robot: Baxter) -> Arm:
     return robot.arm("left")
+
+
+@pytest.fixture(scope="session", params=["stock left", "calibrated left", "calibrated right"])
+def any_arm(request: pytest.FixtureRequest, robot: Baxter) -> Arm:
+    """An arm as it is drawn, and arms as a factory might calibrate them."""
+    kind, side = request.param.split()
+    return (
+        robot.arm(side)
+        if kind == "stock"
+        else calibrated_arm(robot, side, np.random.default_rng(3))
+    )
 
 
 @pytest.fixture(scope="session")

@@ -50,7 +50,7 @@ class ClosedForm:
             DescriptionError: when the model is not built like Baxter's.
         """
         self._arm = Linkage.of(arm)
-        self._q_min, self._q_max = np.array(self._arm.q_min), np.array(self._arm.q_max)
+        self._q_min, self._q_max = arm.limits.q_min, arm.limits.q_max
         self._s0 = np.linspace(self._q_min[0], self._q_max[0], turns)
         self._w0 = np.repeat(np.arange(rolls) * (2.0 * np.pi / rolls), len(_SIGNS))
         self._signs = np.tile(_SIGNS.T, rolls)
@@ -84,11 +84,10 @@ class ClosedForm:
             Configurations, shape (m, n, 7), rad, all angles in [-pi, pi); and by how much sines and
             cosines had to be clipped, shape (m, n), zero for those that reach the pose.
         """
-        wrist = Ts[:, :3, 3] - self._arm.hand_m * Ts[:, :3, 2] - self._arm.centre_base
-        s0 = self._turns(wrist)
-        azimuth = self._arm.azimuth_zero + s0
-        tool_z, tool_x = (_seen(Ts[:, :3, i], azimuth) for i in (2, 0))
-        radially, down, sideways = _seen(wrist, azimuth)
+        targets = self._arm.targets(Ts)
+        s0 = self._turns(targets[:, :3, 3])
+        tool_z, tool_x, wrist = (_seen(targets[:, :3, i], s0) for i in (2, 0, 3))
+        radially, down, sideways = wrist
         target = (radially - self._arm.shoulder_offset_m, down, sideways)
         e1_sign, e0_sign, w1_sign = self._signs
         w0 = self._w0
@@ -101,17 +100,17 @@ class ClosedForm:
         forearm = _rolled(_bent(_rolled(_bent(tool_x, s1), e0), e1), w0)
         _, x, y = _bent(forearm, w1)
         angles = np.broadcast_arrays(s0[:, :, None], s1, e0, e1, w0, w1, np.arctan2(y, x))
-        q = np.stack(angles, axis=-1).reshape(len(Ts), -1, 7)
+        q = np.stack(angles, axis=-1).reshape(len(Ts), -1, 7) - self._arm.q_offset
         q[..., 1:] = (q[..., 1:] + np.pi) % (2.0 * np.pi) - np.pi
         return q, (misfit + clipped).reshape(len(Ts), -1)
 
     def _turns(self, wrist: Vector) -> Vector:
-        """The angles of s0 to try for wrists seen from the centre, (m, 3): shape (m, n).
+        """The angles of s0 to try for wrists seen from the first axis, (m, 3): shape (m, n).
 
         Beside those in equal steps, the two where the shoulder points to the wrist or away from it:
         at the end of its reach the arm has no other.
         """
-        aligned = np.arctan2(wrist[:, 1], wrist[:, 0]) - self._arm.azimuth_zero
+        aligned = np.arctan2(wrist[:, 1], wrist[:, 0])
         both = np.stack([aligned, aligned + np.pi], axis=1)
         wrapped = np.arctan2(np.sin(both), np.cos(both)).clip(self._q_min[0], self._q_max[0])
         return np.hstack([np.tile(self._s0, (len(wrist), 1)), wrapped])

@@ -6,20 +6,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as ca
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
 from baxter_kin.ik.explanation import Explainer
-from baxter_kin.ik.kernel import bounds_of
-from baxter_kin.ik.machine_code import compiled
+from baxter_kin.ik.kernel import ArmNumbers
 from baxter_kin.ik.program import IpoptSearcher
 from baxter_kin.ik.reach import ReachBound
-from baxter_kin.ik.search import Backend, Desk, Search, Searcher
+from baxter_kin.ik.search import Backend, Desk, Search, Searcher, evaluated
 from baxter_kin.ik.seeds import NullSpaceMap, Starts
 from baxter_kin.ik.task import Task
-from baxter_kin.ik.task_kernel import task_search_function
-from baxter_kin.ik.task_search import TaskEvaluator, TaskReach, TaskSearcher, TaskStarts
+from baxter_kin.ik.task_search import (
+    TaskEvaluator,
+    TaskReach,
+    TaskSearcher,
+    TaskStarts,
+    task_functions,
+)
 from baxter_kin.ik.tolerance import Tolerance
 from baxter_kin.model import Arm
 
@@ -107,8 +110,6 @@ class Engines:
     @cached_property
     def _task_evaluator(self) -> TaskEvaluator:
         """Made when it is first needed."""
-        function = task_search_function(self._gripper_arm)
-        machine_code = None if self._wanted is Backend.CASADI else compiled([function])
-        chosen: ca.Function = function if machine_code is None else machine_code[0]
-        backend = Backend.CASADI if machine_code is None else Backend.COMPILED
-        return TaskEvaluator(chosen, Desk(chosen, bounds_of(self._arm)), backend)
+        numbers = ArmNumbers.of(self._gripper_arm)
+        functions, backend = evaluated(task_functions, numbers.shape, self._wanted)
+        return TaskEvaluator(functions[0], Desk(functions[0], numbers.within()), backend, numbers)

@@ -11,33 +11,36 @@ with `D` the diagonal that freezes a joint at a limit which the gradient `J^T e`
 (active set), and damping proportional to the squared error (Sugihara, "Solvability-unconcerned
 inverse kinematics by the Levenberg-Marquardt method", IEEE Trans. Robotics 27(5), 2011). It turns
 into Gauss-Newton near a solution, so the last digits cost one iteration. The position part of `e`
-and `J` is that of the wrist, where the last two axes meet, not that of the tip: these joints do not
-move it, which makes an iteration cheaper, and more of them succeed.
+and `J` is that of the wrist, where the last two axes meet or come nearest, not that of the tip:
+these joints hardly move it, which makes an iteration cheaper, and more of them succeed.
 
-The whole search, with its early end, is one function of start and pose: CasADi's virtual machine
-evaluates it, or C generated from it (`baxter_kin.ik.machine_code`); there is no second version.
+The whole search, with its early end, is one function of start, pose and arm: CasADi's virtual
+machine evaluates it, or C generated from it (`baxter_kin.ik.machine_code`). The arm's geometry and
+limits are numbers among its inputs, so that what was compiled once serves every robot: one function
+for arms of right angles, as Baxter is drawn, and one for arms as they are calibrated.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 
+from baxter_kin.arrays import Vector
+from baxter_kin.dh_parameters import DHParameters
 from baxter_kin.frames import ROTATION_TOLERANCE
 from baxter_kin.model import Arm
-from baxter_kin.symbolic import SymbolicChain
+from baxter_kin.symbolic import Shape, SymbolicChain, dimensions_of
 
 ITERATIONS = 15
 """Per start. Measured on 4,000 uniform poses: from the middle of the joint ranges 85 % converge in
 at most 15 iterations and 87 % in 20; giving up earlier and starting elsewhere costs less."""
 
 SEEN_FROM = 1
-"""The link that the formulas are seen from, the one that s0 turns: 889 operations an iteration,
-against 943 from base and 890 or more from the links beyond."""
-
-URDF_ROUNDING = 1e-10
-"""The URDF writes right angles with eleven digits. Taken as exact, the tip moves by 2e-11 m, and a
-fifth of the operations falls away."""
+"""The link that the formulas are seen from, the one that s0 turns: 838 operations an iteration for
+right angles, 1,146 in general, which take 1.1 times as long. From other links as many."""
 
 ROTATION_WEIGHT_M = 0.6
 """What a radian of error counts in metres. Between 0.2 and 1.0 the cost changes by 5 %."""
@@ -57,21 +60,88 @@ limits. Farther out they are refused."""
 _LEAST_COSINE = 1e-6
 
 
-def search_function(arm: Arm) -> ca.Function:
-    """The search as `(q_start, T_base_tip, bounds) -> (q, report)`.
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmNumbers:
+    """What the search functions know of an arm.
 
-    Inputs: first iterate, 7 x 1, rad, clamped to the bounds; pose, 4 x 4; lowest and highest joint
-    positions, 14 x 1, rad.
+    Attributes:
+        shape: the arm's; there is a function for each.
+        bounds: lowest and highest joint positions, shape (14,), rad.
+        dimensions: those that the shape leaves open, shape (n,), m and rad.
+        frames: base seen from the first axis, then the last axis seen from the tip; rotations
+            column by column, then positions, shape (24,), m.
+        T_last_tip: the tip seen from the last axis.
+    """
+
+    shape: Shape
+    bounds: Vector
+    dimensions: Vector
+    frames: Vector
+    T_last_tip: pin.SE3
+
+    @classmethod
+    def of(cls, arm: Arm) -> ArmNumbers:
+        """Those of an arm.
+
+        Raises:
+            DescriptionError: when it is not built like Baxter's.
+        """
+        dh = DHParameters.of(arm)
+        dimensions = dimensions_of(dh)
+        shape = Shape.of(dimensions)
+        frames = dh.T_base_first.inverse(), dh.T_last_tip.inverse()
+        return cls(
+            shape,
+            np.concatenate([arm.limits.q_min, arm.limits.q_max]),
+            dimensions[shape.free],
+            np.concatenate([np.append(T.rotation.ravel("F"), T.translation) for T in frames]),
+            dh.T_last_tip,
+        )
+
+    def within(self, bounds: Vector | None = None) -> Vector:
+        """All numbers as the functions take them, with the arm's bounds or others, (14,), rad."""
+        given = self.bounds if bounds is None else bounds
+        return np.concatenate([given, self.dimensions, self.frames])
+
+
+def search_function(shape: Shape, iterations: ca.Function) -> ca.Function:
+    """The search as `(q_start, T_base_tip, arm) -> (q, report)`.
+
+    Inputs: first iterate, 7 x 1, rad, clamped to the bounds; pose, 4 x 4; `ArmNumbers.within`.
     Outputs: last iterate, 7 x 1; report, 5 x 1: 1 if it converged and the inputs were valid, else
     0; position error in m; orientation error in rad; iterations; 1 if the inputs were valid. They
     are when the pose is one and no joint of the first iterate was outside by more than
     `SEED_TOLERANCE_RAD`.
+
+    Args:
+        shape: of the arms that it is for.
+        iterations: `iterations_of` the `step_function` of that shape.
     """
-    q_start, T, bounds = ca.MX.sym("q_start", 7), ca.MX.sym("T", 4, 4), ca.MX.sym("bounds", 14)
+    q_start, T = ca.MX.sym("q_start", 7), ca.MX.sym("T", 4, 4)
+    arm, (bounds, dimensions, frames) = arm_symbols(shape)
     q_clamped, is_valid = input_check()(q_start, T, bounds)
-    q, outcome = iterations_of(step_function(arm))(q_clamped, T, bounds)
+    q, outcome = iterations(q_clamped, target_function()(T, frames), bounds, dimensions)
     report = ca.vertcat(ca.logic_and(outcome[0], is_valid), outcome[1:], is_valid)
-    return ca.Function("search", [q_start, T, bounds], [q, report])
+    return ca.Function(f"search_{shape.name.lower()}", [q_start, T, arm], [q, report])
+
+
+def arm_symbols(shape: Shape) -> tuple[ca.MX, list[ca.MX]]:
+    """`ArmNumbers.within` as symbols, and its parts: bounds, dimensions, frames."""
+    edges = np.cumsum([0, 14, len(shape.value), 24]).tolist()
+    arm = ca.MX.sym("arm", edges[-1])
+    return arm, ca.vertsplit(arm, edges)
+
+
+def target_function() -> ca.Function:
+    """`(T_base_tip, frames) -> T_first_last`, 4 x 4: where the last axis shall be."""
+    T, frames = ca.SX.sym("T", 4, 4), ca.SX.sym("frames", 24)
+    first, last = (_pose(part) for part in ca.vertsplit(frames, 12))
+    return ca.Function("target", [T, frames], [first @ T @ last])
+
+
+def _pose(numbers: ca.SX) -> ca.SX:
+    rows = ca.horzcat(ca.reshape(numbers[:9], 3, 3), numbers[9:])
+    return ca.sparsify(ca.vertcat(rows, ca.horzcat(0, 0, 0, 1)))
 
 
 def iterations_of(step: ca.Function) -> ca.Function:
@@ -114,18 +184,21 @@ def _arrived(offset: ca.MX, angle: ca.MX) -> ca.MX:
     return ca.logic_and(offset <= CONVERGED_M, angle <= CONVERGED_RAD)
 
 
-def step_function(arm: Arm) -> ca.Function:
-    """`(q, T, bounds) -> (q_next, position error at q, orientation error at q)`."""
-    chain = SymbolicChain.of(arm, SEEN_FROM, rounding=URDF_ROUNDING)
+def step_function(shape: Shape) -> ca.Function:
+    """`(q, T_first_last, bounds, dimensions) -> (q_next, errors of position and orientation at q)`.
+
+    The errors are those of the tip.
+    """
+    chain = SymbolicChain.of_shape(shape, SEEN_FROM)
     q, T, bounds = chain.q, ca.SX.sym("T", 4, 4), ca.SX.sym("bounds", 14)
-    R_target = chain.R_link_base @ T[:3, :3]
-    p_error = chain.R_link_base @ T[:3, 3] + chain.p_link_base - chain.p_link_tip
-    r_error, angle = _rotation_error(R_target, chain.R_link_tip)
-    wrist_error = p_error + (R_target - chain.R_link_tip) @ _wrist_in_tip(arm)
+    R_target = chain.R_link_first @ T[:3, :3]
+    wrist_error = chain.R_link_first @ T[:3, 3] + chain.p_link_first - chain.p_link_last
+    p_error = wrist_error + (R_target - chain.R_link_last) @ chain.p_last_tip
+    r_error, angle = _rotation_error(R_target, chain.R_link_last)
     e = ca.vertcat(wrist_error, ROTATION_WEIGHT_M * r_error)
     q_next = damped_step(q, _wrist_jacobian(chain), e, bounds)
-    outputs = [q_next, ca.norm_2(p_error), angle]
-    return ca.Function("step", [q, T, bounds], outputs, {"cse": True})
+    inputs, outputs = [q, T, bounds, chain.dimensions], [q_next, ca.norm_2(p_error), angle]
+    return ca.Function("step", inputs, outputs, {"cse": True})
 
 
 def damped_step(q: ca.SX, J: ca.SX, e: ca.SX, bounds: ca.SX) -> ca.SX:
@@ -137,25 +210,16 @@ def damped_step(q: ca.SX, J: ca.SX, e: ca.SX, bounds: ca.SX) -> ca.SX:
     return ca.fmin(ca.fmax(q + J_free.T @ y, low), high)
 
 
-def _wrist_in_tip(arm: Arm) -> ca.SX:
-    """The point W where the axes of the last two joints meet, seen from the tip, 3 x 1, m."""
-    last = arm.model.jointPlacements[arm.model.nq]
-    tip = arm.model.frames[arm.model.getFrameId(arm.tip_frame)].placement
-    wrist = tip.actInv(last.actInv(np.zeros(3)))
-    return ca.sparsify(ca.SX(np.where(np.abs(wrist) <= URDF_ROUNDING, 0.0, wrist)))
-
-
 def _wrist_jacobian(chain: SymbolicChain) -> ca.SX:
     """The geometric Jacobian of W, 6 x 7, rotations in the unit that `ROTATION_WEIGHT_M` makes.
 
-    The last two joints turn about W, so that these columns have no linear part.
+    W lies on the last axis, which does not move it; where the last two axes meet, nor does the one
+    before.
     """
-    wrist, still = chain.origins[5], ca.SX(3, 1)
-    axes = list(zip(chain.axes, chain.origins, strict=True))
-    linear = [ca.cross(axis, wrist - origin) for axis, origin in axes[:5]]
-    return ca.sparsify(
-        ca.vertcat(ca.horzcat(*linear, still, still), ROTATION_WEIGHT_M * ca.horzcat(*chain.axes))
-    )
+    wrist, axes = chain.p_link_last, list(zip(chain.axes, chain.origins, strict=True))
+    linear = [ca.cross(axis, wrist - origin) for axis, origin in axes[:6]]
+    columns = ca.horzcat(*linear, ca.SX(3, 1)), ROTATION_WEIGHT_M * ca.horzcat(*chain.axes)
+    return ca.sparsify(ca.vertcat(*columns))
 
 
 def _rotation_error(R_target: ca.SX, R: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -229,8 +293,3 @@ def _all_within(values: ca.SX, tolerance: float) -> ca.SX:
     for i in range(values.numel()):
         within = ca.logic_and(within, ca.fabs(values[i]) <= tolerance)
     return within
-
-
-def bounds_of(arm: Arm) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """The joint limits as the search takes them, shape (14,), rad."""
-    return np.concatenate([arm.limits.q_min, arm.limits.q_max])

@@ -9,108 +9,152 @@ stage(axis, offset; bend, roll):  axis'   = cos(bend) axis + sin(bend) offset
                                   swing   = cos(bend) offset - sin(bend) axis
                                   offset' = cos(roll) swing + sin(roll) axis' x swing
 
-radial  = (cos s0, sin s0, 0)  up to the mounting angle,   down = (0, 0, -1)
+radial  = (cos s0, sin s0, 0)  about the first axis, which is z,   down = (0, 0, -1)
 (u, r)  = stage(radial, down; s1, e0)        upper arm
 (f, k)  = stage(u, r; e1, w0)                forearm
-(t, .)  = stage(f, k; w1, w2)                hand: t is the tool's z axis
+(t, .)  = stage(f, k; w1, w2)                hand: t is the last axis
 
-shoulder  S = centre + shoulder_offset radial                 origin of s1
-elbow     E = S + upper_m u + elbow_offset_m r                origin of e1
-wrist     W = E + fore_m f + wrist_offset_m k                 origin of w1
-tip         = W + hand_m t
+shoulder  S = shoulder_offset radial                          on the axis of s1
+elbow     E = S + upper_m u + elbow_offset_m r                on the axis of e1
+wrist     W = E + fore_m f + wrist_offset_m k                 on the axes of w1 and w2
 ```
 
-So the pose alone gives the wrist, `W = tip - hand_m t`. Every number is read from the model, and
-the formulas are compared with Pinocchio when a linkage is built.
+Where the last axis has to be follows from the pose alone, so the pose gives W and t. Every length
+is one of the arm's Denavit-Hartenberg parameters. In a calibrated arm those that are missing here
+are not quite zero, and neighbouring axes not quite at right angles: the linkage is then another arm
+that moves nearly alike, and how far apart both can be at most is part of it.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from baxter_kin.dh_parameters import DHParameters
 from baxter_kin.errors import DescriptionError
 from baxter_kin.model import Arm
+from baxter_kin.symbolic import QUARTERS
 
-AGREEMENT_M = 1e-9
-"""How far these formulas may be from Pinocchio's kinematics: the URDF's angles are rounded to 1e-11
-rad, which no proof relies on."""
+ROUNDING = 1e-12
+"""Of positions (m) and unit vectors, beside the deviation."""
+
+FAR_M = 1e300
+"""Farther poses are taken to be so far, lest sums and squares overflow."""
+
+_LEAST_RAD = 1e-6
+
+_Lengths: TypeAlias = tuple[float, float, float, float, float]
+"""Offset of the shoulder, upper arm, its offset, forearm, its offset, m."""
 
 
-@dataclass(frozen=True, slots=True)
-class Linkage:
-    """Lengths (m), mounting and limits (rad) of one arm; letters as in the module's formulas.
+@dataclass(frozen=True, slots=True, eq=False)
+class Deviation:
+    """How far an arm and its linkage can be apart at the same joint angles, whichever.
 
     Attributes:
-        centre_base: where the s0 axis passes at the height of S, in base.
-        azimuth_zero: direction of `radial` at s0 = 0, about z of base, from x.
-        shoulder_offset_m: from the s0 axis to S.
+        wrist_m: between the wrists, m.
+        axis: between the ends of unit vectors along the last axes.
+        tip_m: between the tips, m.
+    """
+
+    wrist_m: float
+    axis: float
+    tip_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linkage:
+    """Lengths (m) and limits (rad) of one arm; letters as in the module's formulas.
+
+    Attributes:
+        T_base_first: the first axis: z along it, origin at the height of S, x along `radial` at
+            s0 = 0.
+        T_last_tip: the tip seen from the last axis: z along it, origin W.
+        shoulder_offset_m: from the first axis to S.
         upper_m: along the upper arm, from S to the elbow's height.
         elbow_offset_m: from the upper arm's axis to E.
         fore_m: along the forearm, from E to the wrist's height.
         wrist_offset_m: from the forearm's axis to W.
-        hand_m: along the tool's z axis, from W to the tip.
-        q_min: lower limits, seven.
-        q_max: upper limits, seven.
+        hand_m: from W to the tip.
+        q_offset: the linkage's angles less the arm's joint angles, shape (7,).
+        q_min: lower limits of the linkage's angles, seven; as wide as the arm's, or wider where
+            bounds would not hold otherwise.
+        q_max: upper limits, likewise.
+        deviation: from the arm.
     """
 
-    centre_base: tuple[float, float, float]
-    azimuth_zero: float
+    T_base_first: pin.SE3
+    T_last_tip: pin.SE3
     shoulder_offset_m: float
     upper_m: float
     elbow_offset_m: float
     fore_m: float
     wrist_offset_m: float
     hand_m: float
+    q_offset: Vector
     q_min: tuple[float, ...]
     q_max: tuple[float, ...]
+    deviation: Deviation
 
     @classmethod
     def of(cls, arm: Arm) -> Linkage:
         """Read the numbers off the arm's model.
 
         Raises:
-            DescriptionError: when the model is not built this way, or its limits are so wide that
-                the bounds below do not hold.
+            DescriptionError: when its limits are so wide that the bounds below do not hold.
         """
-        model = arm.model
-        s0, s1, e0, e1, w0, w1, w2 = (model.jointPlacements[i].translation for i in range(1, 8))
-        tip = model.frames[model.getFrameId(arm.tip_frame)].placement.translation
-        mount = model.jointPlacements[1].rotation
+        dh = DHParameters.of(arm)
+        a, d = dh.a_m.tolist(), dh.d_m.tolist()
+        lengths = -a[0], d[1], -a[2], d[3], -a[4]
+        offsets = np.concatenate([[0.0], dh.theta_rad - 0.5 * np.pi * np.array(QUARTERS), [0.0]])
+        hand_m = float(np.linalg.norm(dh.T_last_tip.translation))
+        low, high = _widened(arm.limits.q_min + offsets, arm.limits.q_max + offsets, lengths)
         linkage = cls(
-            centre_base=(float(s0[0]), float(s0[1]), float(s0[2] + s1[2])),
-            azimuth_zero=math.atan2(mount[1, 0], mount[0, 0]),
-            shoulder_offset_m=float(s1[0]),
-            upper_m=float(e0[0] + e1[2]),
-            elbow_offset_m=float(e1[0]),
-            fore_m=float(w0[0] + w1[2]),
-            wrist_offset_m=float(w1[0]),
-            hand_m=float(w2[0] + tip[2]),
-            q_min=tuple(arm.limits.q_min.tolist()),
-            q_max=tuple(arm.limits.q_max.tolist()),
+            dh.T_base_first * pin.SE3(np.diag([-1.0, -1.0, 1.0]), np.zeros(3)),
+            dh.T_last_tip,
+            *lengths,
+            hand_m,
+            offsets,
+            tuple(low.tolist()),
+            tuple(high.tolist()),
+            _deviation(dh, lengths, hand_m),
         )
-        _check_kinematics(linkage, arm)
         _check_limits(linkage, arm)
+        _check_kinematics(linkage, arm)
         return linkage
 
-    def tip_and_axis(self, q: Vector) -> tuple[Vector, Vector]:
-        """Position of the tip (m) and the tool's z axis, both shape (3,), in base.
+    def targets(self, Ts: Vector) -> Vector:
+        """Where poses put the last axis, seen from the first one.
 
         Args:
-            q: shape (7,), rad.
+            Ts: the tip seen from base, shape (m, 4, 4).
+
+        Returns:
+            Shape (m, 4, 4): the origin is W, z is t.
         """
-        azimuth = self.azimuth_zero + q[0]
-        radial = np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
-        u, r = _stage(radial, np.array([0.0, 0.0, -1.0]), q[1], q[2])
-        f, k = _stage(u, r, q[3], q[4])
-        t, _ = _stage(f, k, q[5], q[6])
-        shoulder = np.array(self.centre_base) + self.shoulder_offset_m * radial
-        elbow = shoulder + self.upper_m * u + self.elbow_offset_m * r
-        wrist = elbow + self.fore_m * f + self.wrist_offset_m * k
-        return wrist + self.hand_m * t, t
+        near = Ts.clip(-FAR_M, FAR_M)
+        seen = self.T_base_first.inverse().homogeneous @ near
+        targets: Vector = seen @ self.T_last_tip.inverse().homogeneous
+        return targets
+
+    def wrist_and_axis(self, q: Vector) -> tuple[Vector, Vector]:
+        """W (m) and t, both shape (3,), seen from the first axis.
+
+        Args:
+            q: the arm's joint angles, shape (7,), rad.
+        """
+        s0, s1, e0, e1, w0, w1, w2 = (q + self.q_offset).tolist()
+        radial = np.array([math.cos(s0), math.sin(s0), 0.0])
+        u, r = _stage(radial, np.array([0.0, 0.0, -1.0]), s1, e0)
+        f, k = _stage(u, r, e1, w0)
+        t, _ = _stage(f, k, w1, w2)
+        elbow = self.shoulder_offset_m * radial + self.upper_m * u + self.elbow_offset_m * r
+        return elbow + self.fore_m * f + self.wrist_offset_m * k, t
 
     @property
     def upper_span_m(self) -> float:
@@ -177,18 +221,56 @@ def _stage(axis: Vector, offset: Vector, bend: float, roll: float) -> tuple[Vect
     return bent, math.cos(roll) * swing + math.sin(roll) * np.cross(bent, swing)
 
 
+def _deviation(dh: DHParameters, lengths: _Lengths, hand_m: float) -> Deviation:
+    """A bound for all joint angles, link by link.
+
+    Exchanging one link of the arm for that of the linkage moves what follows it by the lengths that
+    the link differs by, and turns it about an axis through the link's end by the difference of
+    their twists: a point at a distance r from there moves by the chord, 2 sin(angle / 2) r, at
+    most. Both arms differ by all six exchanges at most, one after the other.
+    """
+    _, upper, elbow, fore, wrist = lengths
+    fore_span = math.hypot(fore, wrist)
+    reach = math.hypot(upper, elbow) + fore_span
+    to_wrist = np.array([reach, reach, fore_span, fore_span, 0.0, 0.0])
+    chords = 2.0 * np.abs(np.sin(0.5 * (dh.alpha_rad - 0.5 * np.pi)))
+    missing = np.abs(np.concatenate([dh.a_m[1::2], dh.d_m[0::2]]))
+    wrist_m, axis = float(missing.sum() + chords @ to_wrist), float(chords.sum())
+    return Deviation(wrist_m, axis, wrist_m + axis * hand_m)
+
+
+def _widened(low: Vector, high: Vector, lengths: _Lengths) -> tuple[Vector, Vector]:
+    """Limits that hold the given ones, and such that the cases of the proofs are what they are.
+
+    The elbow can be overbent, and bent by more than that; the wrist can be turned either way; the
+    shoulder makes no more than a whole turn. Proofs for wider limits hold for narrower ones.
+    """
+    _, upper, elbow, fore, wrist = lengths
+    elbow_angle, wrist_angle = math.atan2(elbow, upper), math.atan2(wrist, fore)
+    low, high = low.copy(), high.copy()
+    low[3] = min(low[3], elbow_angle - 2.0 * wrist_angle - _LEAST_RAD)
+    high[3] = max(high[3], 2.0 * elbow_angle - low[3] + _LEAST_RAD)
+    low[5], high[5] = min(low[5], wrist_angle - _LEAST_RAD), max(high[5], wrist_angle + _LEAST_RAD)
+    for joint in (0, 1):
+        if high[joint] - low[joint] > 2.0 * math.pi:
+            low[joint], high[joint] = -math.pi, math.pi
+    return low, high
+
+
 def _check_kinematics(linkage: Linkage, arm: Arm) -> None:
     """Compare with Pinocchio at three configurations in general position."""
     low, high = arm.limits.q_min, arm.limits.q_max
     for ratio in (0.19, 0.53, 0.83):
         q = low + ratio * (high - low)
-        p, t = linkage.tip_and_axis(q)
-        T = arm.T_base_tip(q)
-        error = max(np.abs(p - T.translation).max(), np.abs(t - T.rotation[:, 2]).max())
-        if not error <= AGREEMENT_M:
+        wrist, axis = linkage.wrist_and_axis(q)
+        seen = linkage.targets(arm.T_base_tip(q).homogeneous[None])[0]
+        apart_m = float(np.linalg.norm(wrist - seen[:3, 3]))
+        turned = float(np.linalg.norm(axis - seen[:3, 2]))
+        slack = linkage.deviation
+        if not (apart_m <= slack.wrist_m + ROUNDING and turned <= slack.axis + ROUNDING):
             raise DescriptionError(
                 f"the {arm.side} arm of this model is not built like Baxter's: at q = {q.tolist()} "
-                f"its tip is {error:.3g} m (or rad) from where Baxter's links place it"
+                f"its wrist is {apart_m:.3g} m from where Baxter's links place it"
             )
 
 
@@ -196,8 +278,6 @@ def _check_limits(linkage: Linkage, arm: Arm) -> None:
     """What the closed forms of `ShoulderSweep` and `ReachBound` take for granted."""
     low, high = linkage.q_min, linkage.q_max
     sound = {
-        "s0": high[0] - low[0] < 2.0 * math.pi,
-        "s1": high[1] - low[1] < 2.0 * math.pi,
         "e1": (
             low[3] < linkage.elbow_angle - 2.0 * linkage.wrist_angle
             and linkage.elbow_angle < high[3] < math.pi - 2.0 * linkage.wrist_angle

@@ -14,7 +14,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -36,8 +36,17 @@ _FAILED: set[Compiler] = set()
 log = logging.getLogger(__name__)
 
 
-def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...] | None:
-    """The same functions as machine code; None without a compiler or when anything fails."""
+def compiled(
+    functions: Sequence[ca.Function],
+    alongside: Callable[[], Iterable[Sequence[ca.Function]]] = tuple,
+) -> tuple[ca.Function, ...] | None:
+    """The same functions as machine code; None without a compiler or when anything fails.
+
+    Args:
+        functions: which share a library.
+        alongside: makes those of other libraries that are compiled whenever this one has to be, so
+            that who needs them later need not wait.
+    """
     found = compilers()
     if not found:
         log.debug("no C compiler found; using CasADi's virtual machine")
@@ -49,11 +58,22 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...] | None
             machine_code = None if library is None else loaded(functions, str(library))
             if machine_code is None and cache.is_writable:
                 machine_code = _made(functions, key, cache, found)
+                if machine_code is not None and cache.is_lasting:
+                    _make_missing(alongside(), cache, found)
             if machine_code is not None or cache.is_writable:
                 return machine_code
     except (OSError, FileError) as cause:
         log.warning("cannot compile the IK kernel (%s); using CasADi's virtual machine", cause)
     return None
+
+
+def _make_missing(
+    kernels: Iterable[Sequence[ca.Function]], cache: KernelCache, found: Sequence[Compiler]
+) -> None:
+    for functions in kernels:
+        key = _key(functions)
+        if cache.library(key) is None:
+            _made(functions, key, cache, found)
 
 
 def _key(functions: Sequence[ca.Function]) -> str:

@@ -38,9 +38,9 @@ class PositionSweep:
         """A lower bound on how far the tip stays from a point; negative when nothing is proved.
 
         Args:
-            point: from the s0 axis at the height of S, along the axes of base, m; finite.
+            point: seen from the first axis, m; finite.
         """
-        low, high = (self._arm.azimuth_zero + q[0] for q in (self._arm.q_min, self._arm.q_max))
+        low, high = self._arm.q_min[0], self._arm.q_max[0]
         half = (high - low) / (2 * CELLS)
         s0 = np.linspace(low + half, high - half, CELLS)
         radius, settled = math.hypot(point[0], point[1]), math.inf

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.arrays import Vector, finite_array
 from baxter_kin.errors import PoseError
-from baxter_kin.ik.linkage import Linkage
+from baxter_kin.ik.linkage import FAR_M, Linkage
 from baxter_kin.ik.position_sweep import PositionSweep
 from baxter_kin.ik.shoulder_sweep import (
     MARGIN_M,
@@ -39,8 +39,6 @@ RADII_M = np.array([1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1])
 
 DECISION_LEVELS, MEASURE_LEVELS = 5, 1
 """How often the sweep splits its cells: to decide, down to 0.1 mrad; to measure, sparingly."""
-
-_FAR_M = 1e300  # farther points are taken to be so far, lest squares overflow
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +76,7 @@ class ReachBound:
 
     Attributes:
         radius_m: the greatest distance of the tip from the joint below, in any orientation.
-        p_tip_wrist: the wrist seen from the tip, shape (3,), m.
+        T_last_tip: the tip seen from the last axis: z along it, origin the wrist.
         joint_name: the second joint, such as "left_s1".
     """
 
@@ -95,16 +93,18 @@ class ReachBound:
         self._span_m = self._arm.wrist_distance_m(0.0)
         self._fold_m = self._arm.wrist_distance_m(self._arm.max_bend)
         self._position_sweep = PositionSweep(self._arm)
-        self.p_tip_wrist = np.array([0.0, 0.0, -self._arm.hand_m])
+        self.T_last_tip = self._arm.T_last_tip
         self.radius_m = self._arm.upper_span_m + self._arm.tip_distance_m(0.0)
-        low, high = (self._arm.azimuth_zero + q[0] for q in (self._arm.q_min, self._arm.q_max))
+        self._wrist_margin_m = MARGIN_M + self._arm.deviation.wrist_m
+        self._tip_margin_m = MARGIN_M + self._arm.deviation.tip_m
+        low, high = self._arm.q_min[0], self._arm.q_max[0]
         self._s0_middle, self._s0_half = 0.5 * (low + high), 0.5 * (high - low)
 
     def proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
         """Why the arm cannot reach a pose, or None when that is not proved.
 
-        Only the tool's z axis of the orientation is used, so a proof covers every rotation of the
-        tool about it.
+        Of the orientation only the direction of the last joint's axis is used, so a proof covers
+        every rotation of the tool about it.
 
         Args:
             T_base_tip: the tip seen from base, as `checked_pose` returns it.
@@ -138,7 +138,7 @@ class ReachBound:
         Returns:
             Shape (m,).
         """
-        wrists = Ts[:, :3, 3] - self._arm.hand_m * Ts[:, :3, 2] - self._arm.centre_base
+        wrists = self._arm.targets(Ts)[:, :3, 3]
         beyond_m, within_m = self._shell_excess_m(wrists)
         outside: NDArray[np.bool_] = (beyond_m > 0.0) | (within_m > 0.0)
         return outside
@@ -153,17 +153,19 @@ class ReachBound:
             PoseError: when the position has another shape or is not finite.
         """
         p = finite_array(p_base_tip, (3,), "p_base_tip", PoseError)
-        point = self._from_shoulder(p)
+        point = _point(self._arm.T_base_first.actInv(p))
         where = f"with the tip at {_words(p)}"
         nearest_m = float(self._shoulder_distances(np.array([point]))[0][0])
-        excess_m = nearest_m - self.radius_m - MARGIN_M
+        excess_m = nearest_m - self.radius_m - self._tip_margin_m
         if excess_m > 0.0:
-            return self._span_proof(excess_m, self.radius_m, "the straight arm spans", where)
-        excess_m = self._position_sweep.excess_m(point) - MARGIN_M
+            most_m = self.radius_m + self._arm.deviation.tip_m
+            return self._span_proof(excess_m, most_m, "the straight arm spans", where)
+        excess_m = self._position_sweep.excess_m(point) - self._tip_margin_m
         if excess_m <= 0.0:
             return None
+        most_m = self._position_sweep.tip_reach_m + self._arm.deviation.tip_m
         text = (
-            f"{_length(excess_m)} beyond the {self._position_sweep.tip_reach_m:.3f} m that "
+            f"{_length(excess_m)} beyond the {most_m:.3f} m that "
             f"forearm and hand span from where {self._name['s0']} and {self._name['s1']} let the "
             f"elbow go, {where}"
         )
@@ -171,18 +173,13 @@ class ReachBound:
 
     def _wrist(self, T_base_tip: pin.SE3) -> tuple[WristTarget, str]:
         """Where a pose puts the wrist, for the sweep and in words."""
-        p, axis = T_base_tip.translation, T_base_tip.rotation[:, 2]
-        if not (np.isfinite(p).all() and np.isfinite(axis).all()):
+        T = T_base_tip.homogeneous
+        if not np.isfinite(T).all():
             raise PoseError("a pose must be finite to be judged in or out of reach")
-        wrist_base = p - self._arm.hand_m * axis
-        target = WristTarget(self._from_shoulder(wrist_base), _point(axis))
-        return target, f"with the wrist at {_words(wrist_base)}"
-
-    def _from_shoulder(self, p_base: Vector) -> Point:
-        """A point of base, seen from the s0 axis at the height of S."""
-        x, y, z = p_base.tolist()
-        cx, cy, cz = self._arm.centre_base
-        return x - cx, y - cy, z - cz
+        target = self._arm.targets(T[None])[0]
+        wrist_base = T_base_tip.act(self.T_last_tip.inverse().translation)
+        wrist = WristTarget(_point(target[:3, 3]), _point(target[:3, 2]))
+        return wrist, f"with the wrist at {_words(wrist_base)}"
 
     def _shoulder_distances(self, points: Vector) -> tuple[Vector, Vector]:
         """The least and the greatest distance of points, (m, 3), to S over all angles of s0.
@@ -190,7 +187,7 @@ class ReachBound:
         The distance grows with the angle between `radial` and the point's azimuth, up to half a
         turn, so that each extreme lies at an end of the range or where that angle is 0 or pi.
         """
-        (x, y, z), offset = points.T.clip(-_FAR_M, _FAR_M), self._arm.shoulder_offset_m
+        (x, y, z), offset = points.T.clip(-FAR_M, FAR_M), self._arm.shoulder_offset_m
         radius = np.hypot(x, y)
         turn = np.arctan2(y, x) - self._s0_middle
         off = np.abs(np.arctan2(np.sin(turn), np.cos(turn)))
@@ -206,16 +203,18 @@ class ReachBound:
     def _shell_excess_m(self, wrists: Vector) -> tuple[Vector, Vector]:
         """How far wrists, (m, 3), lie beyond the span, and how far inside the fold."""
         near, far = self._shoulder_distances(wrists)
-        return near - self._span_m - MARGIN_M, self._fold_m - far - MARGIN_M
+        return near - self._span_m - self._wrist_margin_m, self._fold_m - far - self._wrist_margin_m
 
     def _shell_proof(self, wrist: Point, where: str) -> ReachProof | None:
         beyond_m, within_m = (float(x[0]) for x in self._shell_excess_m(np.array([wrist])))
         if beyond_m > 0.0:
-            return self._span_proof(beyond_m, self._span_m, "upper arm and forearm span", where)
+            most_m = self._span_m + self._arm.deviation.wrist_m
+            return self._span_proof(beyond_m, most_m, "upper arm and forearm span", where)
         if within_m <= 0.0:
             return None
+        least_m = self._fold_m - self._arm.deviation.wrist_m
         text = (
-            f"{_length(within_m)} inside the {self._fold_m:.3f} m that the wrist keeps from "
+            f"{_length(within_m)} inside the {least_m:.3f} m that the wrist keeps from "
             f"{self.joint_name} with {self._name['e1']} fully bent, {where}"
         )
         return ReachProof(within_m, "fold", text)

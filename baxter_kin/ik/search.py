@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from enum import Enum
+from functools import cache
 from typing import Any, Protocol
 
 import casadi as ca
@@ -18,11 +19,11 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import UnknownNameError
-from baxter_kin.ik.kernel import bounds_of, search_function
+from baxter_kin.ik.kernel import ArmNumbers, iterations_of, search_function, step_function
 from baxter_kin.ik.machine_code import compiled
 from baxter_kin.ik.restarts import map_search_function
-from baxter_kin.ik.seeds import NullSpaceMap
-from baxter_kin.model import Arm
+from baxter_kin.model import LIMBS, Arm
+from baxter_kin.symbolic import Shape
 
 LANES = (1, 16, 64, 256)
 """How many searches one call does in a row. Calls of the largest run side by side; what remains
@@ -117,25 +118,28 @@ class Searcher:
     fine_rounds: tuple[int, ...] = FINE_ROUNDS
     scattered_starts: int = SCATTERED_STARTS
 
-    def __init__(self, arm: Arm, functions: Sequence[ca.Function], backend: Backend) -> None:
-        """Wrap the functions of `baxter_kin.ik.kernel` and `baxter_kin.ik.restarts`."""
-        self.backend = backend
-        self._bounds = bounds_of(arm)
+    def __init__(
+        self, arm: Arm, numbers: ArmNumbers, functions: Sequence[ca.Function], backend: Backend
+    ) -> None:
+        """Wrap the functions of `search_functions`."""
+        self.backend, self._numbers = backend, numbers
+        self._arm = numbers.within()
         pose = arm.T_base_tip(arm.neutral).homogeneous
-        search, map_search = functions
-        self._desk, self._map_desk = Desk(search, self._bounds), Desk(map_search, self._bounds)
+        search, map_search = functions[0], functions[1 + LIMBS.index(arm.side)]
+        self._desk, self._map_desk = Desk(search, self._arm), Desk(map_search, self._arm)
         self._many = Lanes(search, (arm.neutral, pose))
         self._many_from_map = Lanes(map_search, (pose,))
 
     @classmethod
     def of(cls, arm: Arm, backend: str | Backend = Backend.AUTO) -> Searcher:
-        """The search of an arm; without a working compiler it runs in the virtual machine."""
-        wanted = Backend.of(backend)
-        functions = search_function(arm), map_search_function(arm, NullSpaceMap(arm))
-        machine_code = None if wanted is Backend.CASADI else compiled(functions)
-        if machine_code is None:
-            return cls(arm, functions, Backend.CASADI)
-        return cls(arm, machine_code, Backend.COMPILED)
+        """The search of an arm; without a working compiler it runs in the virtual machine.
+
+        Raises:
+            UnknownNameError: when there is no such backend.
+            DescriptionError: when the arm is not built like Baxter's.
+        """
+        wanted, numbers = Backend.of(backend), ArmNumbers.of(arm)
+        return cls(arm, numbers, *evaluated(search_functions, numbers.shape, wanted))
 
     def search_one(self, q_start: Vector, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
         """One search, with nothing checked and nothing copied.
@@ -170,11 +174,37 @@ class Searcher:
             Ts: poses as matrices, shape (m, 4, 4).
             bounds: others than the joint limits, shape (14,), rad.
         """
-        return self._many((q_starts, Ts), (self._bounds if bounds is None else bounds,))
+        arm = self._arm if bounds is None else self._numbers.within(bounds)
+        return self._many((q_starts, Ts), (arm,))
 
     def search_from_map(self, Ts: Vector) -> Found:
         """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
-        return self._many_from_map((Ts,), (self._bounds,))
+        return self._many_from_map((Ts,), (self._arm,))
+
+
+def evaluated(
+    functions_of: Callable[[Shape], Sequence[ca.Function]], shape: Shape, wanted: Backend
+) -> tuple[Sequence[ca.Function], Backend]:
+    """The functions for arms of a shape where they are wanted, or else in the virtual machine.
+
+    When they have to be compiled, those for other shapes are too: no robot but the first has to
+    wait.
+    """
+    functions = functions_of(shape)
+    if wanted is not Backend.CASADI:
+        others = (other for other in Shape if other is not shape)
+        machine_code = compiled(functions, lambda: map(functions_of, others))
+        if machine_code is not None:
+            return machine_code, Backend.COMPILED
+    return functions, Backend.CASADI
+
+
+@cache
+def search_functions(shape: Shape) -> tuple[ca.Function, ...]:
+    """The searches of all arms of a shape: from a start, from the left map, from the right one."""
+    iterations = iterations_of(step_function(shape))
+    from_maps = (map_search_function(shape, iterations, side) for side in LIMBS)
+    return search_function(shape, iterations), *from_maps
 
 
 class Lanes:
@@ -241,17 +271,17 @@ class Desk(threading.local):
     """Memory that CasADi reads and writes directly, one for each thread.
 
     Attributes:
-        inputs: what the function is given, vectors and matrices; the joint limits last.
+        inputs: what the function is given, vectors and matrices; what it knows of the arm last.
         q: what it finds, shape (7,), rad.
         report: shape (5,).
         run: evaluates the function.
     """
 
-    def __init__(self, function: ca.Function, bounds: Vector) -> None:
-        """Lay out the inputs of a search function, the last of which are the joint limits."""
+    def __init__(self, function: ca.Function, arm: Vector) -> None:
+        """Lay out the inputs of a search function, the last of which is `ArmNumbers.within`."""
         shapes = [function.size_in(i) for i in range(function.n_in())]
         self._memory = [np.zeros(rows * columns) for rows, columns in shapes]
-        self._memory[-1][:] = bounds
+        self._memory[-1][:] = arm
         self.inputs = [  # the same memory, in the shapes that NumPy uses
             memory if columns == 1 else memory.reshape(rows, columns, order="F")
             for memory, (rows, columns) in zip(self._memory, shapes, strict=True)

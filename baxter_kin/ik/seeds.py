@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterator
 from contextlib import suppress
 from enum import IntEnum
-from functools import cached_property
+from functools import cache, cached_property
 from importlib.resources import files
 from typing import Protocol
 
@@ -162,18 +162,13 @@ class NullSpaceMap:
 
     @property
     def setpoints(self) -> Vector:
-        """The stored configurations, shape (n, 7), rad."""
-        return self._table[1]
+        """The stored configurations, shape (n, 7), rad, clipped to the arm's limits."""
+        return self._setpoints
 
     @property
     def middles(self) -> Vector:
         """The middles of the regions they are stored for, as pose features, shape (n, 12), m."""
-        return self._table[0]
-
-    @property
-    def size(self) -> int:
-        """How many setpoints there are."""
-        return len(self.setpoints)
+        return setpoint_table(self._arm.side)[0]
 
     def nearest(self, Ts: Vector) -> Indices:
         """The setpoints whose regions are nearest to poses, nearest first.
@@ -209,14 +204,27 @@ class NullSpaceMap:
         return squares
 
     @cached_property
-    def _table(self) -> tuple[Vector, Vector]:
-        """Middles of the regions as features, shape (n, 12), and setpoints, shape (n, 7)."""
-        text = (files("baxter_kin.ik") / "setpoints.json").read_text("utf-8")
-        rows = json.loads(text)[self._arm.side]
-        middles = np.zeros((len(rows), 4, 4))
-        middles[:, :3, 3] = [row["p_base_tip_m"] for row in rows]
-        middles[:, :3, :3] = np.reshape([row["R_base_tip"] for row in rows], (-1, 3, 3))
-        return pose_features(middles), np.array([row["q_rad"] for row in rows])
+    def _setpoints(self) -> Vector:
+        limits = self._arm.limits
+        return setpoint_table(self._arm.side)[1].clip(limits.q_min, limits.q_max)
+
+
+@cache
+def setpoint_table(side: str) -> tuple[Vector, Vector]:
+    """Stored regions of poses and a configuration for each.
+
+    Args:
+        side: "left" or "right".
+
+    Returns:
+        The regions' middles as `pose_features`, shape (n, 12), and setpoints, shape (n, 7), rad.
+    """
+    text = (files("baxter_kin.ik") / "setpoints.json").read_text("utf-8")
+    rows = json.loads(text)[side]
+    middles = np.zeros((len(rows), 4, 4))
+    middles[:, :3, 3] = [row["p_base_tip_m"] for row in rows]
+    middles[:, :3, :3] = np.reshape([row["R_base_tip"] for row in rows], (-1, 3, 3))
+    return pose_features(middles), np.array([row["q_rad"] for row in rows])
 
 
 def pose_features(Ts: Vector) -> Vector:

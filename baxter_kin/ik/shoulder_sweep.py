@@ -34,14 +34,15 @@ from baxter_kin.arrays import Vector
 from baxter_kin.ik.linkage import Linkage
 
 Point: TypeAlias = tuple[float, float, float]
-"""x, y, z along the axes of base."""
+"""x, y, z seen from the first axis."""
 
 Flags: TypeAlias = NDArray[np.bool_]
 
 MARGIN_M = MARGIN_RAD = 5e-6
 """Every proof also holds for wrists and tool axes this far off. A solution counts as valid within
 1e-6 m and 1e-6 rad of its pose, which moves the wrist by less than 2e-6 m, and the axis of a pose
-may be off by 1e-6 itself; rounding, the URDF's included, stays below 1e-9."""
+may be off by 1e-6 itself; rounding stays below 1e-9. By as much as an arm deviates from its linkage
+they hold besides."""
 
 FIRST_CELLS, SPLIT, MOST_SURVIVORS = 24, 6, 96
 """The s0 range starts as 24 cells; survivors are split in six, unless more than 96 of them remain.
@@ -64,7 +65,7 @@ class WristTarget:
     """What a pose asks of the wrist.
 
     Attributes:
-        wrist: W, from the s0 axis at the height of S, along the axes of base, m.
+        wrist: W, m.
         axis: the tool's z axis t, a unit vector.
     """
 
@@ -119,6 +120,8 @@ class ShoulderSweep:
     def __init__(self, linkage: Linkage) -> None:
         """Look up what every cell needs."""
         self._arm = linkage
+        self._margin_m = MARGIN_M + linkage.deviation.wrist_m
+        margin_rad = MARGIN_RAD + linkage.deviation.axis
         self._upper, self._fore = linkage.upper_span_m, linkage.fore_span_m
         self._cos_elbow = math.cos(linkage.elbow_angle)
         self._sin_elbow = math.sin(linkage.elbow_angle)
@@ -128,9 +131,9 @@ class ShoulderSweep:
         self._least_square_swing = linkage.min_swing_m**2
         self._s1_middle = 0.5 * (linkage.q_min[1] + linkage.q_max[1])
         self._s1_half = 0.5 * (linkage.q_max[1] - linkage.q_min[1])
-        self._least_advance = self._fore * (math.cos(linkage.max_wrist_turn) - MARGIN_RAD)
+        self._least_advance = self._fore * (math.cos(linkage.max_wrist_turn) - margin_rad)
         self._offsets = (2.0 * np.arange(SPLIT) + 1.0) / SPLIT - 1.0
-        low, high = (linkage.azimuth_zero + q[0] for q in (linkage.q_min, linkage.q_max))
+        low, high = linkage.q_min[0], linkage.q_max[0]
         self._first_half = (high - low) / (2 * FIRST_CELLS)
         self._first_s0 = low + self._first_half * (2.0 * np.arange(FIRST_CELLS) + 1.0)
 
@@ -165,7 +168,7 @@ class ShoulderSweep:
 
     def _cells(self, target: WristTarget, radius_m: Vector, s0: Vector, half: float) -> _Cells:
         (x, y, z), (tx, ty, tz) = target.wrist, target.axis
-        cos, sin, wobble = np.cos(s0), np.sin(s0), radius_m + MARGIN_M
+        cos, sin, wobble = np.cos(s0), np.sin(s0), radius_m + self._margin_m
         radially = x * cos + y * sin - self._arm.shoulder_offset_m
         sideways = y * cos - x * sin
         return _Cells(

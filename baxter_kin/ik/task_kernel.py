@@ -6,7 +6,7 @@ What is inside its bounds is no error, but held; released, it leaves them by the
 search wavers: of poses with bounds of 1 cm and 0.1 rad, 56 % converged from the first setpoint
 instead of 97 %. What is outside its bounds is drawn to half of them, well inside; a tilt outside
 its cone, straight towards the cone's axis.
-Tolerances and the tip's place on the hand are inputs: one function serves all.
+Tolerances, the tip's place on the hand and the arm are inputs: one function serves all.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import casadi as ca
 from baxter_kin.ik.kernel import (
     CONVERGED_M,
     ROTATION_WEIGHT_M,
-    URDF_ROUNDING,
+    arm_symbols,
     damped_step,
     input_check,
     iterations_of,
+    target_function,
 )
-from baxter_kin.model import Arm
-from baxter_kin.symbolic import SymbolicChain
+from baxter_kin.symbolic import Shape, SymbolicChain
 
 INSET = 2 * CONVERGED_M
 """In m and rad: the search aims this far inside a tolerance, and so ends within it."""
@@ -30,35 +30,43 @@ INSET = 2 * CONVERGED_M
 AIM = 0.5
 """Where to in its bounds, as a share of them, a coordinate is drawn from outside."""
 
+_NO_TURN = ca.DM([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+
 _SMALL = 1e-6  # below, angles are taken from their series
 _LEAST_COSINE = 1e-3
 
 
-def task_search_function(arm: Arm) -> ca.Function:
-    """The search as `(q_start, T_base_tip, T_gripper_tip, tolerance, roll_is_free, bounds) -> ...`.
+def task_search_function(shape: Shape) -> ca.Function:
+    """The search as `(q_start, T_base_tip, T_last_tip, tolerance, roll_is_free, arm) -> ...`.
 
     Inputs: first iterate, 7 x 1, rad; requested pose of the tip, 4 x 4; the tip seen from the
-    gripper, 4 x 4; what is allowed along (m) and about (rad) the axes of the requested tip frame,
-    infinite where free, and of tilt in any direction (rad), 7 x 1; 1 if the rotation about z is
-    free and only its tilt counts, else 0; lowest and highest joint positions, 14 x 1, rad.
+    last axis (`DHParameters`), 4 x 4; what is allowed along (m) and about (rad) the axes of the
+    requested tip frame, infinite where free, and of tilt in any direction (rad), 7 x 1; 1 if the
+    rotation about z is free and only its tilt counts, else 0; `ArmNumbers.within`.
     Outputs as of `baxter_kin.ik.kernel.search_function`; errors are what exceeds the tolerance.
     """
-    step = _step_function(arm)
-    q_start, *given = (ca.MX.sym(step.name_in(i), *step.size_in(i)) for i in range(step.n_in()))
-    q_clamped, is_valid = input_check()(q_start, given[0], given[-1])
-    q, outcome = iterations_of(step)(q_clamped, *given)
+    step = _step_function(shape)
+    q_start, T, *task = (ca.MX.sym(step.name_in(i), *step.size_in(i)) for i in range(5))
+    arm, (bounds, dimensions, frames) = arm_symbols(shape)
+    q_clamped, is_valid = input_check()(q_start, T, bounds)
+    target = target_function()(T, ca.vertcat(frames[:12], _NO_TURN))
+    q, outcome = iterations_of(step)(q_clamped, target, *task, bounds, dimensions)
     report = ca.vertcat(ca.logic_and(outcome[0], is_valid), outcome[1:], is_valid)
-    return ca.Function("task_search", [q_start, *given], [q, report])
+    inputs = [q_start, T, *task, arm]
+    return ca.Function(f"task_search_{shape.name.lower()}", inputs, [q, report])
 
 
-def _step_function(arm: Arm) -> ca.Function:
-    """One iteration; inputs of `task_search_function`, outputs of `kernel.step_function`."""
-    chain = SymbolicChain.of(arm, rounding=URDF_ROUNDING)
+def _step_function(shape: Shape) -> ca.Function:
+    """One iteration: `(q, T_first_tip, T_last_tip, tolerance, roll_is_free, bounds, dimensions)`.
+
+    Outputs of `kernel.step_function`.
+    """
+    chain = SymbolicChain.of_shape(shape)
     T, tool = ca.SX.sym("T", 4, 4), ca.SX.sym("tool", 4, 4)
     tolerance, roll_is_free = ca.SX.sym("tolerance", 7), ca.SX.sym("roll_is_free")
     bounds = ca.SX.sym("bounds", 14)
-    p_tip = chain.p_link_tip + chain.R_link_tip @ tool[:3, 3]
-    R_tip = chain.R_link_tip @ tool[:3, :3]
+    p_tip = chain.p_link_last + chain.R_link_last @ tool[:3, 3]
+    R_tip = chain.R_link_last @ tool[:3, :3]
     x = task_coordinates(T, p_tip, R_tip, roll_is_free)
     inside = ca.fmax(tolerance - INSET, 0)
     allowed, cone = inside[:6], inside[6]
@@ -70,7 +78,7 @@ def _step_function(arm: Arm) -> ca.Function:
     J = ca.diag(unit * (allowed < ca.inf)) @ ca.jacobian(x, chain.q)
     q_next = damped_step(chain.q, J, -unit * error, bounds)
     errors = ca.norm_2(excess[:3]), ca.fmax(turned - cone, 0)
-    inputs = [chain.q, T, tool, tolerance, roll_is_free, bounds]
+    inputs = [chain.q, T, tool, tolerance, roll_is_free, bounds, chain.dimensions]
     return ca.Function("task_step", inputs, [q_next, *errors], {"cse": True})
 
 

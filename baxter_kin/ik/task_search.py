@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -12,13 +13,15 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.ik.closed_form import ClosedForm
-from baxter_kin.ik.kernel import bounds_of
+from baxter_kin.ik.kernel import ArmNumbers
 from baxter_kin.ik.reach import ReachBound, ReachProof
 from baxter_kin.ik.search import FINE_ROUNDS, SCATTERED_STARTS, Backend, Desk, Found, Lanes
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap, pose_features
 from baxter_kin.ik.task import Task
+from baxter_kin.ik.task_kernel import task_search_function
 from baxter_kin.ik.tolerance import Tolerance
 from baxter_kin.model import Arm
+from baxter_kin.symbolic import Shape
 
 _COAXIAL = 1e-9  # how far (m, and of a unit vector) an axis may be from the last joint's
 
@@ -78,11 +81,19 @@ class TaskEvaluator:
         function: the function.
         desk: memory to evaluate it for one request.
         backend: what evaluates it.
+        numbers: of the arm.
     """
 
     function: ca.Function
     desk: Desk
     backend: Backend
+    numbers: ArmNumbers
+
+
+@cache
+def task_functions(shape: Shape) -> tuple[ca.Function, ...]:
+    """The search of all arms of a shape, alone."""
+    return (task_search_function(shape),)
 
 
 class TaskSearcher:
@@ -116,8 +127,9 @@ class TaskSearcher:
         self._task, self._starts, self._desk = task, starts, evaluator.desk
         solved = arm.neutral, task.turned(arm.T_base_tip(arm.neutral).homogeneous)
         self._lanes = Lanes(function, solved)
-        self._given = task.tool, task.widths, np.array([float(task.roll_is_free)])
-        self._bounds = bounds_of(arm)
+        self._arm, self._numbers = evaluator.numbers.within(), evaluator.numbers
+        T_last_tip = evaluator.numbers.T_last_tip.homogeneous @ task.tool
+        self._given = T_last_tip, task.widths, np.array([float(task.roll_is_free)])
 
     def search_one(self, q_start: Vector, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
         """One search; as `Searcher.search_one`."""
@@ -130,8 +142,8 @@ class TaskSearcher:
 
     def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
         """Many searches; as `Searcher.search`."""
-        within = self._bounds if bounds is None else bounds
-        return self._lanes((q_starts, self._task.turned(Ts)), (*self._given, within))
+        arm = self._arm if bounds is None else self._numbers.within(bounds)
+        return self._lanes((q_starts, self._task.turned(Ts)), (*self._given, arm))
 
     def search_from_map(self, Ts: Vector) -> Found:
         """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
@@ -155,7 +167,7 @@ class TaskReach:
         self._T_tip_gripper = task.T_gripper_tip.inverse()
         self._leeway_m = float(np.linalg.norm(task.tolerance.position_m))
         self._wrist_leeway_m = self._leeway_m + _wrist_turns_m(bound, task)
-        self._is_posed = _fixes_gripper(task)
+        self._is_posed = _fixes_gripper(bound, task)
 
     def proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
         """Why the arm cannot do the task at a pose, or None when that is not proved."""
@@ -186,7 +198,7 @@ def _wrist_turns_m(bound: ReachBound, task: Task) -> float:
     the rotation about an axis is free, that holds for the part along the axis, and the part across
     goes anywhere: it moves by up to twice its length.
     """
-    wrist = task.T_gripper_tip.actInv(bound.p_tip_wrist)
+    wrist = (bound.T_last_tip * task.T_gripper_tip).inverse().translation
     along, across = float(np.linalg.norm(wrist)), 0.0
     if task.tolerance.free_axis is not None:
         axis = np.eye(3)[task.tolerance.free_axis]
@@ -194,9 +206,10 @@ def _wrist_turns_m(bound: ReachBound, task: Task) -> float:
     return 2.0 * along * math.sin(0.5 * task.tolerance.most_turned_rad) + 2.0 * across
 
 
-def _fixes_gripper(task: Task) -> bool:
+def _fixes_gripper(bound: ReachBound, task: Task) -> bool:
     """Whether the tip's pose gives the gripper's, but for its roll about the last joint's axis."""
-    tolerance, T = replace(task.tolerance, position_m=_EXACT.position_m), task.T_gripper_tip
+    tolerance = replace(task.tolerance, position_m=_EXACT.position_m)
+    T = bound.T_last_tip * task.T_gripper_tip
     if tolerance == _EXACT:
         return True
     is_coaxial = np.hypot(*T.translation[:2]) + np.hypot(*T.rotation[:2, 2]) <= _COAXIAL

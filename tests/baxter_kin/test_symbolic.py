@@ -7,37 +7,37 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm, DescriptionError, RequestError
+from baxter_kin import Arm, RequestError
 from baxter_kin.frames import angle_between
 from baxter_kin.ik import Program
-from baxter_kin.symbolic import SymbolicArm, _axis
+from baxter_kin.symbolic import SymbolicArm
 
 AGREEMENT = 1e-12
-"""Asked for at any configuration; what is seen is 7e-16."""
+"""Asked for at any configuration; what is seen is 9e-16, of the quaternion 3e-15."""
 
 
-def test_pose_and_jacobian_agree_with_pinocchio_anywhere(arm: Arm) -> None:
-    symbolic = SymbolicArm.of(arm)
+def test_pose_and_jacobian_agree_with_pinocchio_anywhere(any_arm: Arm) -> None:
+    symbolic = SymbolicArm.of(any_arm)
     pose, jacobian = symbolic.pose_function(), symbolic.jacobian_function()
     rng = np.random.default_rng(4)
     for _ in range(500):
         q = rng.uniform(-2 * np.pi, 2 * np.pi, 7)  # outside the limits as well
         p, R = (np.array(value) for value in pose(q))
-        T = arm.T_base_tip(q)
+        T = any_arm.T_base_tip(q)
         assert np.abs(p.ravel() - T.translation).max() < AGREEMENT
         assert np.abs(R - T.rotation).max() < AGREEMENT
-        assert np.abs(np.array(jacobian(q)) - arm.jacobian(q)).max() < AGREEMENT
+        assert np.abs(np.array(jacobian(q)) - any_arm.jacobian(q)).max() < AGREEMENT
 
 
-def test_quaternion_is_the_rotation(arm: Arm) -> None:
-    symbolic = SymbolicArm.of(arm)
+def test_quaternion_is_the_rotation(any_arm: Arm) -> None:
+    symbolic = SymbolicArm.of(any_arm)
     quat = ca.Function("quat", [symbolic.q], [symbolic.quat_xyzw])
     rng = np.random.default_rng(5)
     for _ in range(100):
-        q = arm.random_configuration(rng)
+        q = any_arm.random_configuration(rng)
         x, y, z, w = np.array(quat(q)).ravel()
         R = pin.Quaternion(w, x, y, z).toRotationMatrix()
-        assert angle_between(arm.T_base_tip(q).rotation, R) < AGREEMENT
+        assert angle_between(any_arm.T_base_tip(q).rotation, R) < AGREEMENT
 
 
 def test_geometric_jacobian_is_the_derivative_of_the_expression(left: Arm) -> None:
@@ -45,11 +45,6 @@ def test_geometric_jacobian_is_the_derivative_of_the_expression(left: Arm) -> No
     derivative = ca.Function("d", [symbolic.q], [ca.jacobian(symbolic.p_base_tip, symbolic.q)])
     linear = np.array(derivative(left.start))
     np.testing.assert_allclose(left.jacobian(left.start)[:3], linear, atol=AGREEMENT)
-
-
-def test_other_joint_types_are_refused() -> None:
-    with pytest.raises(DescriptionError, match="not JointModelPZ"):
-        _axis("JointModelPZ")
 
 
 @pytest.mark.parametrize("state", [SymbolicArm.of, Program.of])

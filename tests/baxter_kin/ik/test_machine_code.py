@@ -15,11 +15,10 @@ from baxter_kin import Arm
 from baxter_kin.errors import FileError
 from baxter_kin.ik import compiler, kernel_cache, machine_code
 from baxter_kin.ik.compiler import compilers
-from baxter_kin.ik.kernel import bounds_of, search_function
+from baxter_kin.ik.kernel import ArmNumbers
 from baxter_kin.ik.kernel_cache import KernelCache, PrivateFolder, user_folder
 from baxter_kin.ik.machine_code import compiled
-from baxter_kin.ik.restarts import map_search_function
-from baxter_kin.ik.seeds import NullSpaceMap
+from baxter_kin.ik.search import search_functions
 from tests.baxter_kin.test_limited_process import ends
 
 Provide = Callable[..., None]
@@ -129,18 +128,37 @@ def test_several_functions_share_a_library(cache: Path, square: ca.Function) -> 
     assert len(libraries(cache)) == 1
 
 
-def test_searches_give_the_same_as_in_the_virtual_machine(cache: Path, left: Arm) -> None:
-    functions = search_function(left), map_search_function(left, NullSpaceMap(left))
+def test_searches_give_the_same_as_in_the_virtual_machine(cache: Path, any_arm: Arm) -> None:
+    numbers = ArmNumbers.of(any_arm)
+    functions = search_functions(numbers.shape)
     machine_code = compiled(functions)
     assert machine_code is not None
     rng = np.random.default_rng(0)
     for _ in range(50):
-        T = left.T_base_tip(left.random_configuration(rng)).homogeneous
-        inputs = (left.random_configuration(rng), T, bounds_of(left))
+        T = any_arm.T_base_tip(any_arm.random_configuration(rng)).homogeneous
+        inputs = (any_arm.random_configuration(rng), T, numbers.within())
         for i, function in enumerate(functions):
-            both = function(*inputs[i:]), machine_code[i](*inputs[i:])
+            both = function(*inputs[i > 0 :]), machine_code[i](*inputs[i > 0 :])
             for expected, found in zip(*both, strict=True):
                 np.testing.assert_allclose(np.array(found), np.array(expected), atol=1e-9)
+
+
+def test_what_others_will_need_is_compiled_as_well_but_once(
+    cache: Path, square: ca.Function
+) -> None:
+    cube, asked = function_of(lambda x: x * x * x), []
+
+    def alongside() -> list[list[ca.Function]]:
+        asked.append(cube)
+        return [[cube]]
+
+    for _ in range(2):
+        assert value(compiled([square], alongside)) == [9.0, 16.0, 7.0]
+    assert len(asked) == 1
+    before = [path.stat().st_mtime_ns for path in libraries(cache)]
+    assert value(compiled([cube])) == [27.0, 64.0, 7.0]
+    assert [path.stat().st_mtime_ns for path in libraries(cache)] == before
+    assert len(before) == 2
 
 
 def test_second_time_the_cached_library_is_used(cache: Path, square: ca.Function) -> None:

@@ -50,6 +50,31 @@ def test_no_pose_within_the_solution_tolerance_is_proved_out_of_reach(
         assert bound.proof(pin.SE3(R, T.translation + 1e-6 * _direction(rng))) is None, q
 
 
+def test_no_pose_that_a_calibrated_arm_reaches_has_a_proof(any_arm: Arm) -> None:
+    bound = ReachBound(any_arm)
+    for q in _extreme_configurations(any_arm, 1_000):
+        T = any_arm.T_base_tip(q)
+        proofs = bound.proof(T), bound.proof_of_wrist(T), bound.proof_of_position(T.translation)
+        assert proofs == (None, None, None), q
+        assert not bound.are_outside_shells(T.homogeneous[None]).any(), q
+
+
+def test_beyond_what_calibration_can_hide_a_calibrated_arm_has_proofs(any_arm: Arm) -> None:
+    """Pushed from where it is fully stretched, straight away from the shoulder."""
+    bound, linkage, rng = ReachBound(any_arm), Linkage.of(any_arm), np.random.default_rng(7)
+    q = np.array(any_arm.neutral)
+    q[2:5] = 0.0, linkage.elbow_angle, np.pi
+    for _ in range(50):
+        q[0], q[1] = (rng.uniform(any_arm.limits.q_min[i], any_arm.limits.q_max[i]) for i in (0, 1))
+        T = any_arm.T_base_tip(q)
+        away = T.act(linkage.T_last_tip.inverse().translation) - linkage.T_base_first.translation
+        out_m = 2.0 * linkage.deviation.wrist_m + 0.07 + 0.01  # and what the shoulder is offset by
+        pushed = pin.SE3(T.rotation, T.translation + out_m * away / np.linalg.norm(away))
+        proof = bound.proof(pushed)
+        assert proof is not None
+        assert proof.excess_m <= out_m
+
+
 def test_a_proof_of_the_wrist_holds_in_every_orientation_about_it(
     arm: Arm, bound: ReachBound
 ) -> None:
@@ -57,7 +82,7 @@ def test_a_proof_of_the_wrist_holds_in_every_orientation_about_it(
     for q in _extreme_configurations(arm, 200):
         T = arm.T_base_tip(q)
         pushed = pin.SE3(T.rotation, T.translation + 0.3 * _direction(rng))
-        proof, about_wrist = bound.proof_of_wrist(pushed), pin.SE3(np.eye(3), bound.p_tip_wrist)
+        proof, about_wrist = bound.proof_of_wrist(pushed), bound.T_last_tip.inverse()
         turn = pin.SE3(pin.exp3(np.pi * _direction(rng)), np.zeros(3))
         turned = bound.proof_of_wrist(pushed * about_wrist * turn * about_wrist.inverse())
         assert bound.proof_of_wrist(T) is None
@@ -115,7 +140,7 @@ def test_a_position_out_of_reach_is_out_of_reach_in_every_orientation(
 def test_pushing_farther_out_keeps_the_proof_and_grows_the_excess(
     arm: Arm, bound: ReachBound
 ) -> None:
-    rng, shoulder = np.random.default_rng(11), np.array(Linkage.of(arm).centre_base)
+    rng, shoulder = np.random.default_rng(11), Linkage.of(arm).T_base_first.translation
     for _ in range(50):
         R, outward = pin.exp3(np.pi * _direction(rng)), _direction(rng)
         wrists = [shoulder + length * outward for length in (0.85, 0.86, 0.9, 1.0, 2.0)]
@@ -179,8 +204,8 @@ def test_each_bound_proves_what_only_it_can(
     bound_name: str,
 ) -> None:
     linkage = Linkage.of(arm)
-    R_base_arm = pin.exp3(np.array([0.0, 0.0, linkage.azimuth_zero]))
-    wrist = np.array(linkage.centre_base) + R_base_arm @ wrist_from_shoulder
+    R_base_arm = linkage.T_base_first.rotation
+    wrist = linkage.T_base_first.act(np.array(wrist_from_shoulder))
     R = (
         R_base_arm
         @ pin.Quaternion.FromTwoVectors(
@@ -194,8 +219,8 @@ def test_each_bound_proves_what_only_it_can(
 
 def test_excess_is_the_distance_beyond_the_straight_arm(arm: Arm, bound: ReachBound) -> None:
     linkage = Linkage.of(arm)
-    radial = np.array([np.cos(linkage.azimuth_zero), np.sin(linkage.azimuth_zero), 0.0])
-    shoulder = linkage.centre_base + linkage.shoulder_offset_m * radial
+    radial = linkage.T_base_first.rotation[:, 0]
+    shoulder = linkage.T_base_first.translation + linkage.shoulder_offset_m * radial
     proof = bound.proof(_with_wrist(arm, shoulder + 1.0 * radial, np.eye(3)))
     assert proof is not None
     assert proof.excess_m == pytest.approx(1.0 - 0.745318 - MARGIN_M, abs=1e-6)
@@ -214,7 +239,7 @@ def test_a_proof_reads_as_a_clause_with_numbers(bounds: dict[str, ReachBound]) -
 
 
 def test_a_point_on_the_first_axis_is_judged_too(arm: Arm, bound: ReachBound) -> None:
-    x, y, z = Linkage.of(arm).centre_base
+    x, y, z = Linkage.of(arm).T_base_first.translation
     assert bound.proof_of_position((x, y, z + 0.5)) is None
     assert bound.proof_of_position((x, y, z + 1.3)) is not None
 

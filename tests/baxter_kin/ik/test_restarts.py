@@ -5,14 +5,17 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm
-from baxter_kin.ik.kernel import ITERATIONS, bounds_of, search_function
-from baxter_kin.ik.restarts import map_search_function
+from baxter_kin.ik.kernel import ITERATIONS, ArmNumbers
+from baxter_kin.ik.search import search_functions
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
+from baxter_kin.model import LIMBS
 
 
 @pytest.fixture(scope="module")
-def map_search(left: Arm) -> ca.Function:
-    return map_search_function(left, NullSpaceMap(left))
+def searches(any_arm: Arm) -> tuple[ca.Function, ca.Function]:
+    """From a start, and from the map."""
+    functions = search_functions(ArmNumbers.of(any_arm).shape)
+    return functions[0], functions[1 + LIMBS.index(any_arm.side)]
 
 
 def run(function: ca.Function, *inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -25,7 +28,7 @@ def one_by_one(search: ca.Function, arm: Arm, T: np.ndarray) -> tuple[np.ndarray
     map_ = NullSpaceMap(arm)
     best_q, best, iterations, starts = np.zeros(7), np.full(2, np.inf), 0, 0
     for index in map_.nearest(T[None])[0]:
-        q, report = run(search, map_.setpoints[index], T, bounds_of(arm))
+        q, report = run(search, map_.setpoints[index], T, ArmNumbers.of(arm).within())
         iterations, starts = iterations + int(report[3]), starts + 1
         if report[1] + report[2] < best.sum():
             best_q, best = q, report[1:3]
@@ -35,25 +38,27 @@ def one_by_one(search: ca.Function, arm: Arm, T: np.ndarray) -> tuple[np.ndarray
 
 
 def test_it_is_the_search_from_one_setpoint_after_the_other(
-    left: Arm, map_search: ca.Function
+    any_arm: Arm, searches: tuple[ca.Function, ca.Function]
 ) -> None:
-    rng, search = np.random.default_rng(1), search_function(left)
+    rng, (search, map_search) = np.random.default_rng(1), searches
     starts = set()
     for _ in range(150):
-        T = left.T_base_tip(left.random_configuration(rng)).homogeneous
-        q, report = run(map_search, T, bounds_of(left))
-        expected_q, expected = one_by_one(search, left, T)
+        T = any_arm.T_base_tip(any_arm.random_configuration(rng)).homogeneous
+        q, report = run(map_search, T, ArmNumbers.of(any_arm).within())
+        expected_q, expected = one_by_one(search, any_arm, T)
         np.testing.assert_array_equal(q, expected_q)
         np.testing.assert_array_equal(report, expected)
         starts.add(int(report[4]))
     assert {1, 2, 3} <= starts
 
 
-def test_when_all_fail_the_nearest_iterate_is_kept(left: Arm, map_search: ca.Function) -> None:
-    T = np.eye(4)
+def test_when_all_fail_the_nearest_iterate_is_kept(
+    any_arm: Arm, searches: tuple[ca.Function, ca.Function]
+) -> None:
+    T, (search, map_search) = np.eye(4), searches
     T[:3, 3] = 1.6, 0.0, 0.5
-    q, report = run(map_search, T, bounds_of(left))
-    expected_q, expected = one_by_one(search_function(left), left, T)
+    q, report = run(map_search, T, ArmNumbers.of(any_arm).within())
+    expected_q, expected = one_by_one(search, any_arm, T)
     np.testing.assert_array_equal(q, expected_q)
     np.testing.assert_array_equal(report, expected)
     assert report[0] == 0.0

@@ -25,7 +25,7 @@ from baxter_kin import (
     UnknownNameError,
 )
 from baxter_kin.frames import T_world_base, angle_between
-from baxter_kin.ik import FarthestFromLimits
+from baxter_kin.ik import FarthestFromLimits, Tolerance
 from baxter_kin.ik.search import Searcher
 from baxter_kin.ik.service import BLOCK
 from tests.conftest import at, overhead
@@ -389,3 +389,42 @@ def test_a_result_is_not_made_of_anything(left: Arm, fields: dict[str, Any]) -> 
 def test_a_failure_is_not_made_of_anything(fields: dict[str, Any]) -> None:
     with pytest.raises(ConfigurationError, match="IKFailure"):
         IKFailure(**({"reason": "no way"} | fields))
+
+
+@pytest.mark.parametrize("backend", ["auto", "casadi"])
+def test_a_calibrated_arm_is_solved_as_it_is(any_arm: Arm, backend: str) -> None:
+    ik, rng = IKService(any_arm, backend), np.random.default_rng(31)
+    qs = [any_arm.random_configuration(rng) for _ in range(200)]
+    Ts = [any_arm.T_base_tip(q) for q in qs]
+    results = [*(ik.solve(T) for T in Ts), *ik.solve_batch(Ts), *ik.solve_batch(Ts, seeds=qs)]
+    for T, result in zip(Ts * 3, results, strict=True):
+        assert result.is_valid, result.failure
+        reached = any_arm.T_base_tip(result.q)
+        assert np.linalg.norm(reached.translation - T.translation) < 1e-6
+        assert angle_between(reached.rotation, T.rotation) < 1e-6
+        assert not any_arm.limits.violations(result.q)
+
+
+@pytest.mark.parametrize("axis", "xyz")
+def test_tasks_of_a_calibrated_arm_are_solved_as_it_is(any_arm: Arm, axis: str) -> None:
+    """Its last axis is not the tip's z, so that no roll is free in the joints alone."""
+    tool = any_arm.with_tip(pin.SE3(pin.exp3(np.array([0.1, 0.4, 0.2])), np.array([0.01, 0, 0.1])))
+    tolerance, rng = Tolerance.about(axis), np.random.default_rng(32)
+    for arm in (any_arm, tool):
+        ik = IKService(arm)
+        for _ in range(50):
+            T = arm.T_base_tip(arm.random_configuration(rng))
+            result = ik.solve(
+                T * pin.SE3(pin.exp3(np.eye(3)["xyz".index(axis)]), np.zeros(3)),
+                tolerance=tolerance,
+            )
+            assert result.is_valid, result.failure
+            assert max(tolerance.excess(T, arm.T_base_tip(result.q))) < 1e-6
+
+
+def test_the_reference_solver_knows_the_calibrated_arm(any_arm: Arm) -> None:
+    ik = IKService(any_arm, "ipopt")
+    T = any_arm.T_base_tip(any_arm.neutral)
+    result = ik.solve(T, seed=any_arm.neutral + 0.05)
+    assert result.is_valid
+    assert np.linalg.norm(any_arm.T_base_tip(result.q).translation - T.translation) < 1e-6

@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Arm
-from baxter_kin.ik.kernel import bounds_of
+from baxter_kin.ik.kernel import ArmNumbers
 from baxter_kin.ik.task_kernel import INSET, task_coordinates, task_search_function
 from baxter_kin.ik.tolerance import Tolerance
 
@@ -51,14 +51,21 @@ def test_with_the_roll_free_the_rotation_is_the_tilt(left: Arm, coordinates: ca.
         assert x[5] == 0.0
 
 
-def test_an_exact_task_is_the_exact_search(left: Arm) -> None:
-    search, rng = task_search_function(left), np.random.default_rng(2)
+def prepared(arm: Arm) -> tuple[ca.Function, ArmNumbers, np.ndarray]:
+    """The search for an arm, its numbers, and its tip seen from the last axis."""
+    numbers = ArmNumbers.of(arm)
+    return task_search_function(numbers.shape), numbers, numbers.T_last_tip.homogeneous
+
+
+def test_an_exact_task_is_the_exact_search(any_arm: Arm) -> None:
+    search, numbers, tool = prepared(any_arm)
+    rng = np.random.default_rng(2)
     solved = 0
     for _ in range(60):
-        T = left.T_base_tip(left.random_configuration(rng))
-        given = (T.homogeneous, np.eye(4), np.zeros(7), 0.0, bounds_of(left))
-        q, report = (np.array(x).ravel() for x in search(left.neutral, *given))
-        distance, angle = Tolerance().excess(T, left.T_base_tip(q))
+        T = any_arm.T_base_tip(any_arm.random_configuration(rng))
+        given = (T.homogeneous, tool, np.zeros(7), 0.0, numbers.within())
+        q, report = (np.array(x).ravel() for x in search(any_arm.neutral, *given))
+        distance, angle = Tolerance().excess(T, any_arm.T_base_tip(q))
         assert report[1] == pytest.approx(distance, abs=1e-10)
         assert report[2] == pytest.approx(angle, abs=1e-10) or angle > 3.0
         solved += int(report[0])
@@ -66,20 +73,20 @@ def test_an_exact_task_is_the_exact_search(left: Arm) -> None:
 
 
 @pytest.mark.parametrize("tilt_rad", [0.0, 0.3])
-def test_the_error_of_the_search_is_the_excess_over_the_cone(left: Arm, tilt_rad: float) -> None:
+def test_the_error_of_the_search_is_the_excess_over_the_cone(any_arm: Arm, tilt_rad: float) -> None:
     """Of a search that ends where it starts, with all joints locked."""
-    search, tolerance = task_search_function(left), Tolerance.about("z", tilt_rad=tilt_rad)
+    (search, numbers, tool), tolerance = prepared(any_arm), Tolerance.about("z", tilt_rad=tilt_rad)
     widths = np.array([0.0] * 5 + [np.inf, tilt_rad])
-    for target, reached in pairs(left, 50):
-        q = np.array(left.start)
-        T = left.T_base_tip(q) * reached.actInv(target)
-        given = (T.homogeneous, np.eye(4), widths, 1.0, np.concatenate([q, q]))
+    for target, reached in pairs(any_arm, 50):
+        q = np.array(any_arm.start)
+        T = any_arm.T_base_tip(q) * reached.actInv(target)
+        given = (T.homogeneous, tool, widths, 1.0, numbers.within(np.concatenate([q, q])))
         _, report = search(q, *given)
-        expected = tolerance.excess(T, left.T_base_tip(q))
+        expected = tolerance.excess(T, any_arm.T_base_tip(q))
         assert np.array(report).ravel()[1:3] == pytest.approx(expected, abs=3 * INSET)
 
 
-def test_invalid_input_is_reported(left: Arm) -> None:
-    search, T = task_search_function(left), np.diag([1.0, 1.0, -1.0, 1.0])
-    _, report = search(left.neutral, T, np.eye(4), np.zeros(7), 0.0, bounds_of(left))
+def test_invalid_input_is_reported(any_arm: Arm) -> None:
+    (search, numbers, tool), T = prepared(any_arm), np.diag([1.0, 1.0, -1.0, 1.0])
+    _, report = search(any_arm.neutral, T, tool, np.zeros(7), 0.0, numbers.within())
     assert np.array(report).ravel()[[0, 4]].tolist() == [0.0, 0.0]
