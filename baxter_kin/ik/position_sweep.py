@@ -34,11 +34,11 @@ class PositionSweep:
         self._s1_half = 0.5 * (linkage.q_max[1] - linkage.q_min[1])
         self._offsets = (2.0 * np.arange(SPLIT) + 1.0) / SPLIT - 1.0
 
-    def excess_m(self, point: tuple[float, float, float]) -> float:
+    def excess_m(self, point: Vector) -> float:
         """A lower bound on how far the tip stays from a point; negative when nothing is proved.
 
         Args:
-            point: seen from the first axis, m; finite.
+            point: seen from the first axis, shape (3,), m; finite.
         """
         low, high = self._arm.q_min[0], self._arm.q_max[0]
         half = (high - low) / (2 * CELLS)
@@ -55,9 +55,9 @@ class PositionSweep:
             half /= SPLIT
         return min(settled, float(bounds.min()))
 
-    def _excess_at(self, s0: Vector, point: tuple[float, float, float]) -> Vector:
+    def _excess_at(self, s0: Vector, point: Vector) -> Vector:
         """The bound at single angles of s0, shape (n,)."""
-        x, y, z = point
+        x, y, z = point.tolist()
         radially = x * np.cos(s0) + y * np.sin(s0) - self._arm.shoulder_offset_m
         sideways = y * np.cos(s0) - x * np.sin(s0)
         in_plane = np.hypot(radially, z)

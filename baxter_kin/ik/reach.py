@@ -6,6 +6,7 @@ hold; `None` says nothing. Bounds, cheapest first (letters as in `baxter_kin.ik.
 - *span, fold*: the pose fixes the wrist W, and |W - S| lies between the lengths that upper arm and
   forearm span straight and fully bent, for S anywhere on its arc about the s0 axis.
 - *shoulder, wrist*: no angle of s0 leaves s1, e1 and w1 inside their limits (`ShoulderSweep`).
+- *limits*: no angles of s0 and w0 leave all joints inside their limits (`PoseSweep`).
 
 For a position in any orientation, the tip takes the wrist's place and only the outer bounds remain.
 For a pose that may be turned a little, the wrist keeps *span* and *fold*, less how far it can get.
@@ -19,23 +20,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array
 from baxter_kin.errors import PoseError
 from baxter_kin.ik.linkage import FAR_M, Linkage
+from baxter_kin.ik.pose_sweep import PoseSweep
 from baxter_kin.ik.position_sweep import PositionSweep
-from baxter_kin.ik.shoulder_sweep import (
-    MARGIN_M,
-    Obstacle,
-    Point,
-    ShoulderSweep,
-    WristTarget,
-)
+from baxter_kin.ik.shoulder_sweep import MARGIN_M, Flags, ShoulderSweep
 from baxter_kin.model import JOINTS, Arm
 
 RADII_M = np.array([1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1])
-"""Distances that the sweep can certify; the largest that holds is reported."""
+"""Distances that the sweeps can certify; the largest that holds is reported."""
 
 DECISION_LEVELS, MEASURE_LEVELS = 5, 1
 """How often the sweep splits its cells: to decide, down to 0.1 mrad; to measure, sparingly."""
@@ -48,7 +44,7 @@ class ReachProof:
     Attributes:
         excess_m: a lower bound, above zero, on how far the pose must be moved, keeping its
             orientation, before the arm reaches it. For a position: in any orientation.
-        bound: what it follows from: "span", "fold", "shoulder" or "wrist".
+        bound: what it follows from: "span", "fold", "shoulder", "wrist" or "limits".
         text: a clause with numbers, such as "12 mm beyond the 0.745 m that upper arm and forearm
             span from left_s1, with the wrist at (1.021, 0.305, 0.214) m".
     """
@@ -87,7 +83,7 @@ class ReachBound:
             DescriptionError: when the model is not built like Baxter's.
         """
         self._arm = Linkage.of(arm)
-        self._sweep = ShoulderSweep(self._arm)
+        self._sweep, self._pose_sweep = ShoulderSweep(self._arm), PoseSweep(self._arm)
         self._name = dict(zip(JOINTS, arm.joint_names, strict=True))
         self.joint_name = self._name["s1"]
         self._span_m = self._arm.wrist_distance_m(0.0)
@@ -100,20 +96,47 @@ class ReachBound:
         low, high = self._arm.q_min[0], self._arm.q_max[0]
         self._s0_middle, self._s0_half = 0.5 * (low + high), 0.5 * (high - low)
 
-    def proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
+    def proof(self, T_base_tip: pin.SE3, *, is_roll_free: bool = False) -> ReachProof | None:
         """Why the arm cannot reach a pose, or None when that is not proved.
-
-        Of the orientation only the direction of the last joint's axis is used, so a proof covers
-        every rotation of the tool about it.
 
         Args:
             T_base_tip: the tip seen from base, as `checked_pose` returns it.
+            is_roll_free: whether the proof shall cover every rotation about the last joint's axis.
 
         Raises:
             PoseError: when the pose is not finite.
         """
-        target, where = self._wrist(T_base_tip)
-        return self._shell_proof(target.wrist, where) or self._sweep_proof(target, where)
+        target, where = self._target(T_base_tip)
+        proof = self._shell_proof(target, where) or self._sweep_proof(target, where)
+        return proof if proof or is_roll_free else self._limits_proof(target, where)
+
+    def are_proven(self, Ts: Vector) -> Flags:
+        """Which poses are out of reach by any bound but "limits", proven for many at a time.
+
+        Args:
+            Ts: finite poses as matrices, shape (m, 4, 4).
+
+        Returns:
+            Shape (m,).
+        """
+        targets = self._arm.targets(Ts)
+        proven = self._are_outside(targets)
+        left = targets[~proven]
+        radii_m = np.full(len(left), RADII_M[0])
+        proven[~proven] = self._sweep.exclusions(left, radii_m, DECISION_LEVELS).is_proven
+        return proven
+
+    def are_beyond_limits(self, Ts: Vector) -> Flags:
+        """Which poses are out of reach by the bound "limits": a millisecond for each.
+
+        Args:
+            Ts: finite poses as matrices, shape (m, 4, 4).
+
+        Returns:
+            Shape (m,).
+        """
+        targets, radius_m = self._arm.targets(Ts), float(RADII_M[0])
+        return np.array([self._pose_sweep.excludes(T, radius_m) for T in targets], np.bool_)
 
     def proof_of_wrist(self, T_base_tip: pin.SE3) -> ReachProof | None:
         """Why the wrist cannot be where a pose puts it, by the bounds "span" and "fold" alone.
@@ -126,10 +149,9 @@ class ReachBound:
         Raises:
             PoseError: when the pose is not finite.
         """
-        target, where = self._wrist(T_base_tip)
-        return self._shell_proof(target.wrist, where)
+        return self._shell_proof(*self._target(T_base_tip))
 
-    def are_outside_shells(self, Ts: Vector) -> NDArray[np.bool_]:
+    def are_outside_shells(self, Ts: Vector) -> Flags:
         """Which poses the bounds "span" and "fold" alone prove out of reach, at a glance.
 
         Args:
@@ -138,9 +160,11 @@ class ReachBound:
         Returns:
             Shape (m,).
         """
-        wrists = self._arm.targets(Ts)[:, :3, 3]
-        beyond_m, within_m = self._shell_excess_m(wrists)
-        outside: NDArray[np.bool_] = (beyond_m > 0.0) | (within_m > 0.0)
+        return self._are_outside(self._arm.targets(Ts))
+
+    def _are_outside(self, targets: Vector) -> Flags:
+        beyond_m, within_m = self._shell_excess_m(targets[:, :3, 3])
+        outside: Flags = (beyond_m > 0.0) | (within_m > 0.0)
         return outside
 
     def proof_of_position(self, p_base_tip: ArrayLike) -> ReachProof | None:
@@ -153,9 +177,9 @@ class ReachBound:
             PoseError: when the position has another shape or is not finite.
         """
         p = finite_array(p_base_tip, (3,), "p_base_tip", PoseError)
-        point = _point(self._arm.T_base_first.actInv(p))
+        point = self._arm.T_base_first.actInv(p)
         where = f"with the tip at {_words(p)}"
-        nearest_m = float(self._shoulder_distances(np.array([point]))[0][0])
+        nearest_m = float(self._shoulder_distances(point[None])[0][0])
         excess_m = nearest_m - self.radius_m - self._tip_margin_m
         if excess_m > 0.0:
             most_m = self.radius_m + self._arm.deviation.tip_m
@@ -171,15 +195,13 @@ class ReachBound:
         )
         return ReachProof(excess_m, "shoulder", text)
 
-    def _wrist(self, T_base_tip: pin.SE3) -> tuple[WristTarget, str]:
-        """Where a pose puts the wrist, for the sweep and in words."""
+    def _target(self, T_base_tip: pin.SE3) -> tuple[Vector, str]:
+        """Where a pose puts the last axis, shape (4, 4), and the wrist in words."""
         T = T_base_tip.homogeneous
         if not np.isfinite(T).all():
             raise PoseError("a pose must be finite to be judged in or out of reach")
-        target = self._arm.targets(T[None])[0]
         wrist_base = T_base_tip.act(self.T_last_tip.inverse().translation)
-        wrist = WristTarget(_point(target[:3, 3]), _point(target[:3, 2]))
-        return wrist, f"with the wrist at {_words(wrist_base)}"
+        return self._arm.targets(T[None])[0], f"with the wrist at {_words(wrist_base)}"
 
     def _shoulder_distances(self, points: Vector) -> tuple[Vector, Vector]:
         """The least and the greatest distance of points, (m, 3), to S over all angles of s0.
@@ -205,8 +227,8 @@ class ReachBound:
         near, far = self._shoulder_distances(wrists)
         return near - self._span_m - self._wrist_margin_m, self._fold_m - far - self._wrist_margin_m
 
-    def _shell_proof(self, wrist: Point, where: str) -> ReachProof | None:
-        beyond_m, within_m = (float(x[0]) for x in self._shell_excess_m(np.array([wrist])))
+    def _shell_proof(self, target: Vector, where: str) -> ReachProof | None:
+        beyond_m, within_m = (float(x[0]) for x in self._shell_excess_m(target[None, :3, 3]))
         if beyond_m > 0.0:
             most_m = self._span_m + self._arm.deviation.wrist_m
             return self._span_proof(beyond_m, most_m, "upper arm and forearm span", where)
@@ -226,29 +248,39 @@ class ReachBound:
         )
         return ReachProof(excess_m, "span", text)
 
-    def _sweep_proof(self, target: WristTarget, where: str) -> ReachProof | None:
-        verdict = self._sweep.exclusion(target, RADII_M[:1], DECISION_LEVELS)
-        if verdict is None:
+    def _sweep_proof(self, target: Vector, where: str) -> ReachProof | None:
+        found = self._sweep.exclusions(target[None], RADII_M[:1], DECISION_LEVELS)
+        if not found.is_proven[0]:
             return None
-        verdict = self._sweep.exclusion(target, RADII_M[1:], MEASURE_LEVELS) or verdict
-        distance = _length(verdict.radius_m)
-        text = f"at least {distance} from {self._phrase(verdict.obstacle)}, {where}"
-        return ReachProof(verdict.radius_m, verdict.obstacle.value, text)
-
-    def _phrase(self, obstacle: Obstacle) -> str:
-        """Where the wrist would have to be."""
+        radius_m, needs_wrist = float(RADII_M[0]), bool(found.needs_wrist[0])
+        targets = np.broadcast_to(target, (len(RADII_M) - 1, 4, 4))
+        wider = self._sweep.exclusions(targets, RADII_M[1:], MEASURE_LEVELS)
+        if wider.is_proven.any():
+            last = int(np.flatnonzero(wider.is_proven)[-1])
+            radius_m, needs_wrist = float(RADII_M[1 + last]), bool(wider.needs_wrist[last])
         s0, s1, e1, w1 = (self._name[joint] for joint in ("s0", "s1", "e1", "w1"))
-        if obstacle is Obstacle.SHOULDER:
-            return f"where the limits of {s0}, {s1} and {e1} let the wrist go"
-        return (
-            f"where {w1} can hold the tool in this orientation with {s0}, {s1} and {e1} inside "
-            "their limits"
+        reachable = f"the limits of {s0}, {s1} and {e1} let the wrist go"
+        if needs_wrist:
+            reachable = (
+                f"{w1} can hold the tool in this orientation with {s0}, {s1} and {e1} inside "
+                "their limits"
+            )
+        text = f"at least {_length(radius_m)} from where {reachable}, {where}"
+        return ReachProof(radius_m, "wrist" if needs_wrist else "shoulder", text)
+
+    def _limits_proof(self, target: Vector, where: str) -> ReachProof | None:
+        radius_m = 0.0
+        for wider_m in RADII_M.tolist():
+            if not self._pose_sweep.excludes(target, wider_m):
+                break
+            radius_m = wider_m
+        if radius_m == 0.0:
+            return None
+        text = (
+            f"at least {_length(radius_m)} from where the limits of all joints together let the "
+            f"tool be in this orientation, {where}"
         )
-
-
-def _point(vector: Vector) -> Point:
-    x, y, z = vector.tolist()
-    return x, y, z
+        return ReachProof(radius_m, "limits", text)
 
 
 def _words(p_base: Vector) -> str:

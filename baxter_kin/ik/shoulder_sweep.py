@@ -23,8 +23,6 @@ and w2 are not used, so the proofs hold for every rotation of the tool about its
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import Enum
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -32,9 +30,6 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
 from baxter_kin.ik.linkage import Linkage
-
-Point: TypeAlias = tuple[float, float, float]
-"""x, y, z seen from the first axis."""
 
 Flags: TypeAlias = NDArray[np.bool_]
 
@@ -44,6 +39,9 @@ MARGIN_M = MARGIN_RAD = 5e-6
 may be off by 1e-6 itself; rounding stays below 1e-9. By as much as an arm deviates from its linkage
 they hold besides."""
 
+BLOCK = 128
+"""Targets worked on together: their cells stay in the processor's cache."""
+
 FIRST_CELLS, SPLIT, MOST_SURVIVORS = 24, 6, 96
 """The s0 range starts as 24 cells; survivors are split in six, unless more than 96 of them remain.
 Finer ones proved no further pose of 1,200 just out of reach."""
@@ -51,39 +49,16 @@ Finer ones proved no further pose of 1,200 just out of reach."""
 _BOTH_SIGNS = np.array([[[1.0], [-1.0]]])
 
 
-class Obstacle(Enum):
-    """Which joint limits a proof rests on."""
-
-    SHOULDER = "shoulder"
-    """Those of s0, s1 and e1."""
-    WRIST = "wrist"
-    """Those of s0, s1, e1 and w1."""
-
-
-@dataclass(frozen=True, slots=True)
-class WristTarget:
-    """What a pose asks of the wrist.
+class Exclusions(NamedTuple):
+    """Proofs for n targets.
 
     Attributes:
-        wrist: W, m.
-        axis: the tool's z axis t, a unit vector.
+        is_proven: for which there is one, shape (n,).
+        needs_wrist: which rest on the limits of w1 beside those of s0, s1 and e1, shape (n,).
     """
 
-    wrist: Point
-    axis: Point
-
-
-@dataclass(frozen=True, slots=True)
-class Exclusion:
-    """A proof.
-
-    Attributes:
-        radius_m: no wrist this near to the target is reachable with its tool axis.
-        obstacle: which limits the proof rests on.
-    """
-
-    radius_m: float
-    obstacle: Obstacle
+    is_proven: Flags
+    needs_wrist: Flags
 
 
 class _Cells(NamedTuple):
@@ -91,7 +66,7 @@ class _Cells(NamedTuple):
 
     Attributes:
         half: half the width of every cell, rad.
-        v: W - S at the middles: radially, sideways, up, m; up is the same for all.
+        v: W - S at the middles: radially, sideways, up, m.
         t: the tool axis, likewise.
         d: |v|, m.
         d_slack: how far v may be off in base, m: S moves within the cell, W by the radius
@@ -100,8 +75,8 @@ class _Cells(NamedTuple):
     """
 
     half: float
-    v: tuple[Vector, Vector, float]
-    t: tuple[Vector, Vector, float]
+    v: tuple[Vector, Vector, Vector]
+    t: tuple[Vector, Vector, Vector]
     d: Vector
     d_slack: Vector
     plane_slack: Vector
@@ -137,37 +112,42 @@ class ShoulderSweep:
         self._first_half = (high - low) / (2 * FIRST_CELLS)
         self._first_s0 = low + self._first_half * (2.0 * np.arange(FIRST_CELLS) + 1.0)
 
-    def exclusion(self, target: WristTarget, radii_m: Vector, levels: int) -> Exclusion | None:
-        """The proof for the greatest of the radii for which there is one, or None.
+    def exclusions(self, targets: Vector, radii_m: Vector, levels: int) -> Exclusions:
+        """For which targets there is a proof.
 
         Args:
-            target: wrist and tool axis, both finite.
-            radii_m: shape (m,), increasing, m.
+            targets: `Linkage.targets`, finite, shape (n, 4, 4).
+            radii_m: for wrists how far around each, shape (n,), m.
             levels: how many sizes of cells to try.
         """
-        index = np.repeat(np.arange(radii_m.size), FIRST_CELLS)
-        s0, half = np.tile(self._first_s0, radii_m.size), self._first_half
-        needs_wrist, proved = np.zeros(radii_m.size, bool), radii_m.size
+        parts = [slice(at, at + BLOCK) for at in range(0, len(targets), BLOCK)]
+        found = [self._exclusions(targets[part], radii_m[part], levels) for part in parts]
+        if not found:
+            return Exclusions(np.zeros(0, bool), np.zeros(0, bool))
+        return Exclusions(*(np.concatenate(column) for column in zip(*found, strict=True)))
+
+    def _exclusions(self, targets: Vector, radii_m: Vector, levels: int) -> Exclusions:
+        count = len(targets)
+        index, half = np.repeat(np.arange(count), FIRST_CELLS), self._first_half
+        s0, needs_wrist = np.tile(self._first_s0, count), np.zeros(count, bool)
+        is_proven = np.ones(count, bool)
         for _ in range(levels):
-            shoulder, wrist = self._survivors(self._cells(target, radii_m[index], s0, half))
+            cells = self._cells(targets[index], radii_m[index], s0, half)
+            shoulder, wrist = self._survivors(cells)
             needs_wrist[index[shoulder & ~wrist]] = True
             index, s0 = index[wrist], s0[wrist]
-            if index.size > MOST_SURVIVORS:
-                proved = int(index[MOST_SURVIVORS])
-                index, s0 = index[index < proved], s0[index < proved]
+            is_proven &= np.bincount(index, minlength=count) <= MOST_SURVIVORS
+            is_open = is_proven[index]
+            index, s0 = index[is_open], s0[is_open]
             if index.size == 0:
                 break
             index, half = np.repeat(index, SPLIT), half / SPLIT
             s0 = (s0[:, None] + half * SPLIT * self._offsets).ravel()
-        else:
-            proved = int(index[0])
-        if proved == 0:
-            return None
-        obstacle = Obstacle.WRIST if needs_wrist[proved - 1] else Obstacle.SHOULDER
-        return Exclusion(float(radii_m[proved - 1]), obstacle)
+        is_proven[index] = False
+        return Exclusions(is_proven, needs_wrist)
 
-    def _cells(self, target: WristTarget, radius_m: Vector, s0: Vector, half: float) -> _Cells:
-        (x, y, z), (tx, ty, tz) = target.wrist, target.axis
+    def _cells(self, targets: Vector, radius_m: Vector, s0: Vector, half: float) -> _Cells:
+        (x, y, z), (tx, ty, tz) = targets[:, :3, 3].T, targets[:, :3, 2].T
         cos, sin, wobble = np.cos(s0), np.sin(s0), radius_m + self._margin_m
         radially = x * cos + y * sin - self._arm.shoulder_offset_m
         sideways = y * cos - x * sin
@@ -177,7 +157,7 @@ class ShoulderSweep:
             t=(tx * cos + ty * sin, ty * cos - tx * sin, tz),
             d=np.sqrt(radially * radially + sideways * sideways + z * z),
             d_slack=wobble + self._arm.shoulder_offset_m * half,
-            plane_slack=wobble + half * (np.abs(sideways) + half * math.hypot(x, y)),
+            plane_slack=wobble + half * (np.abs(sideways) + half * np.hypot(x, y)),
         )
 
     def _survivors(self, cells: _Cells) -> tuple[Flags, Flags]:

@@ -14,6 +14,10 @@ from baxter_kin.ik.shoulder_sweep import MARGIN_M
 
 MIRROR_Y = np.diag([1.0, -1.0, 1.0])
 
+SPARING = 20
+"""Of poses that are within reach, the sweep over all limits is asked about every so many: it gives
+up after 30 ms."""
+
 
 @pytest.fixture(scope="module")
 def bounds(robot: Baxter) -> dict[str, ReachBound]:
@@ -28,35 +32,75 @@ def bound(arm: Arm, bounds: dict[str, ReachBound]) -> ReachBound:
 
 def test_no_reachable_pose_is_proved_out_of_reach(arm: Arm, bound: ReachBound) -> None:
     rng = np.random.default_rng(6)
-    for _ in range(1000):
+    for i in range(1000):
         q = arm.random_configuration(rng)
-        assert bound.proof(arm.T_base_tip(q)) is None, q
+        assert bound.proof(arm.T_base_tip(q), is_roll_free=i % SPARING > 0) is None, q
 
 
 def test_no_pose_on_limits_or_singularities_is_proved_out_of_reach(
     arm: Arm, bound: ReachBound
 ) -> None:
-    for q in _extreme_configurations(arm, 1000):
-        assert bound.proof(arm.T_base_tip(q)) is None, q
+    for i, q in enumerate(_extreme_configurations(arm, 1000)):
+        assert bound.proof(arm.T_base_tip(q), is_roll_free=i % SPARING > 0) is None, q
 
 
 def test_no_pose_within_the_solution_tolerance_is_proved_out_of_reach(
     arm: Arm, bound: ReachBound
 ) -> None:
     rng = np.random.default_rng(7)
-    for q in _extreme_configurations(arm, 300):
+    for i, q in enumerate(_extreme_configurations(arm, 300)):
         T = arm.T_base_tip(q)
         R = pin.exp3(1e-6 * _direction(rng)) @ T.rotation
-        assert bound.proof(pin.SE3(R, T.translation + 1e-6 * _direction(rng))) is None, q
+        near = pin.SE3(R, T.translation + 1e-6 * _direction(rng))
+        assert bound.proof(near, is_roll_free=i % SPARING > 0) is None, q
 
 
 def test_no_pose_that_a_calibrated_arm_reaches_has_a_proof(any_arm: Arm) -> None:
     bound = ReachBound(any_arm)
-    for q in _extreme_configurations(any_arm, 1_000):
-        T = any_arm.T_base_tip(q)
-        proofs = bound.proof(T), bound.proof_of_wrist(T), bound.proof_of_position(T.translation)
-        assert proofs == (None, None, None), q
-        assert not bound.are_outside_shells(T.homogeneous[None]).any(), q
+    qs = _extreme_configurations(any_arm, 1_000)
+    Ts = np.array([any_arm.T_base_tip(q).homogeneous for q in qs])
+    assert not bound.are_outside_shells(Ts).any()
+    assert not bound.are_proven(Ts).any()
+    assert not bound.are_beyond_limits(Ts[:30]).any()
+    for T in map(pin.SE3, Ts[:30]):
+        assert bound.proof(T) is bound.proof_of_wrist(T) is None
+        assert bound.proof_of_position(T.translation) is None
+
+
+def test_proofs_of_many_are_those_of_each(any_arm: Arm) -> None:
+    bound, rng = ReachBound(any_arm), np.random.default_rng(8)
+    poses = [
+        any_arm.T_base_tip(any_arm.random_configuration(rng))
+        * pin.SE3(pin.exp3(rng.normal(size=3)), 0.3 * rng.normal(size=3))
+        for _ in range(300)
+    ]
+    proven = bound.are_proven(np.array([T.homogeneous for T in poses]))
+    assert 30 < proven.sum() < 270
+    assert proven.tolist() == [bound.proof(T, is_roll_free=True) is not None for T in poses]
+
+
+@pytest.mark.parametrize(
+    ("q", "away"),  # with the elbow bent as far as it goes, e0 at a limit, w1 at a limit
+    [
+        ((-0.234, -0.207, -1.566, 2.618, 1.278, -1.262, 0.722), 0.03),
+        ((0.252, -0.481, 3.054, 2.328, 0.257, -0.949, 2.142), 0.03),
+        ((-1.182, 0.67, 2.86, 1.064, -0.017, 2.094, -2.744), 0.03),
+    ],
+)
+def test_limits_of_all_joints_together_prove_what_no_other_bound_does(
+    left: Arm, q: tuple[float, ...], away: float
+) -> None:
+    """Pushed about in all directions, some poses next to these have only that proof."""
+    bound, T, rng = ReachBound(left), left.T_base_tip(q), np.random.default_rng(9)
+    found = 0
+    for _ in range(20):
+        pushed = pin.SE3(T.rotation, T.translation + away * _direction(rng))
+        proof = bound.proof(pushed)
+        if proof is not None and proof.bound == "limits":
+            found += 1
+            assert bound.proof(pushed, is_roll_free=True) is None
+            assert 0.0 < proof.excess_m <= away + 1e-6
+    assert found > 0
 
 
 def test_beyond_what_calibration_can_hide_a_calibrated_arm_has_proofs(any_arm: Arm) -> None:
@@ -103,14 +147,14 @@ def test_no_reachable_position_is_proved_out_of_reach(arm: Arm, bound: ReachBoun
 def test_excess_never_exceeds_the_distance_to_a_reachable_pose(arm: Arm, bound: ReachBound) -> None:
     rng = np.random.default_rng(8)
     found = set()
-    for q in _extreme_configurations(arm, 800):
+    for i, q in enumerate(_extreme_configurations(arm, 800)):
         T, distance_m = arm.T_base_tip(q), 10.0 ** rng.uniform(-3.0, -0.3)
         pushed = T.translation + distance_m * _direction(rng)
-        proof = bound.proof(pin.SE3(T.rotation, pushed))
+        proof = bound.proof(pin.SE3(T.rotation, pushed), is_roll_free=i % 4 > 0)
         if proof is not None:
             found.add(proof.bound)
             assert 0.0 < proof.excess_m <= distance_m, (q, pushed)
-    assert found == {"span", "fold", "shoulder", "wrist"}
+    assert {"span", "fold", "shoulder", "wrist"} <= found
 
 
 def test_excess_of_a_position_never_exceeds_the_distance_to_sampled_tips(
@@ -182,7 +226,7 @@ def test_what_is_outside_the_shells_at_a_glance_is_what_they_prove(
     outside = bound.are_outside_shells(np.array([T.homogeneous for T in poses]))
     assert 0 < outside.sum() < len(poses)
     for T, is_outside in zip(poses, outside, strict=True):
-        proof = bound.proof(T)
+        proof = bound.proof(T, is_roll_free=True)
         assert is_outside == (proof is not None and proof.bound in {"span", "fold"})
 
 
