@@ -96,7 +96,7 @@ class PoseSweep:
             survives = self._survivors(target, radius_m, _Angle(s0, half[0]), _Angle(w0, half[1]))
             s0, w0 = s0[survives], w0[survives]
             if s0.size == 0 or s0.size > MOST_SURVIVORS:
-                return s0.size == 0
+                return bool(s0.size == 0)
             s0 = np.repeat((s0[:, None] + half[0] * offsets).ravel(), SPLIT)
             w0 = np.tile(w0[:, None] + half[1] * offsets, SPLIT).ravel()
             half = half / SPLIT
@@ -116,8 +116,8 @@ class PoseSweep:
         slack_m = slack_m + np.hypot(radially, up) * s1.slack
         beside = _Plane(swing, np.broadcast_to(sideways, swing.shape), slack_m)
         e0 = _less(beside.angle, across.angle)
-        fits = np.abs(beside.length - across.length) <= beside.slack + across.slack
-        survives = is_possible & is_seen & fits & self._allows(3, e1) & self._allows(1, s1)
+        fits: Flags = np.abs(beside.length - across.length) <= beside.slack + across.slack
+        survives: Flags = is_possible & is_seen & fits & self._allows(3, e1) & self._allows(1, s1)
         survives &= self._allows(2, e0)
         off = self._margin_rad + s0.slack + s1.slack + e0.slack + e1.slack + w0.slack
         seen = _Seen(s0.middle, s1.middle, e0.middle, e1.middle, w0.middle)
