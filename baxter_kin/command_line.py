@@ -29,6 +29,16 @@ class OneSentenceParser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message} (--help lists the options)\n")
 
 
+def add_urdf(parser: argparse.ArgumentParser) -> None:
+    """Add `--urdf`, the robot's own description."""
+    parser.add_argument(
+        "--urdf",
+        type=Path,
+        metavar="FILE",
+        help="the robot's own description, as it serves it (default: the stock robot)",
+    )
+
+
 def number(text: str) -> float:
     """A finite number."""
     try:

@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.description.calibration import finger_joints
 from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.fields import check_fields
 from baxter_kin.frames import PoseLike, checked_pose
@@ -74,13 +75,16 @@ class Hand:
         """The hand of an arm, measured on the robot's shapes.
 
         Raises:
-            SceneError: when an argument is of another class.
+            SceneError: when an argument is of another class, or that arm has no fingers.
         """
         expect(robot, Baxter, "robot", SceneError)
         expect(shapes, RobotShapes, "shapes", SceneError)
         expect(arm, Arm, "arm", SceneError)
-        letter = arm.side[0]
-        names = (f"{letter}_gripper_l_finger_joint", f"{letter}_gripper_r_finger_joint")
+        names = finger_joints(arm.side)
+        if not cls.is_on(robot, arm.side):
+            raise SceneError(
+                f"the {arm.side} hand of this robot has no fingers: its URDF lacks {names[0]}"
+            )
         index = robot.indices(names)[0]
         stroke = float(robot.model.upperPositionLimit[index])
         pads = shapes.of_pads(arm)
@@ -97,6 +101,11 @@ class Hand:
         palm += [shapes.highest_at_tip_m(i, arm) for i in shapes.of_palm(arm)]
         fingers, gap = (left, right), inner[0] - inner[1]
         return cls(arm.side, names, stroke, gap, (left_pad, right_pad), fingers, max(palm))
+
+    @staticmethod
+    def is_on(robot: Baxter, side: str) -> bool:
+        """Whether a robot has fingers on that side."""
+        return set(finger_joints(side)) <= set(robot.joint_names)
 
     @property
     def open_gap_m(self) -> float:

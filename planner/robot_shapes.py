@@ -20,6 +20,9 @@ from planner.lever_arms import Covers
 from planner.robot_body import LinkBody, RobotBody
 from planner.scene import Part
 
+GRIPPER = "_gripper_"
+"""In names of links that a robot with a bare flange lacks."""
+
 
 class RobotShapes:
     """The shapes of a robot, of the body that it is taken to be.
@@ -65,7 +68,7 @@ class RobotShapes:
     @property
     def for_contacts(self) -> Mapping[int, coal.BVHModelOBB]:
         """The surfaces among them once more, as contacts are found in them fastest."""
-        return _for_contacts(self.body)
+        return _for_contacts(self.body, self._there)
 
     @cached_property
     def links(self) -> tuple[str, ...]:
@@ -176,7 +179,17 @@ class RobotShapes:
     @cached_property
     def _made(self) -> tuple[_Made, ...]:
         """The shapes of all links."""
-        return _of_body(self.body)
+        return _of_body(self.body, self._there)
+
+    @cached_property
+    def _there(self) -> frozenset[str]:
+        """The links of the body that the robot has; only grippers may be missing."""
+        model = self.robot.model
+        there = frozenset(n for n in self.body.links if model.existFrame(n, pin.FrameType.BODY))
+        lost = sorted(n for n in self.body.links.keys() - there if GRIPPER not in n)
+        if lost:
+            raise SceneError(f"the robot lacks links that its body has: {', '.join(lost)}")
+        return there
 
     def _shape(self, index: int) -> pin.GeometryObject:
         most = self.model.ngeoms - 1
@@ -215,11 +228,11 @@ def _checked(arm: Arm) -> Arm:
 
 
 @lru_cache(maxsize=4)
-def _of_body(body: RobotBody) -> tuple[_Made, ...]:
-    """The shapes of a body, made once; links of equal body share them."""
+def _of_body(body: RobotBody, there: frozenset[str]) -> tuple[_Made, ...]:
+    """The shapes of some links of a body, made once; links of equal body share them."""
     known: dict[tuple[object, ...], list[_Made]] = {}
     shapes = []
-    for link in body.links.values():
+    for link in (link for name, link in body.links.items() if name in there):
         parts = (link.surface, link.enclosure, *link.pieces)
         key = (*(part.vertices.tobytes() for part in parts), link.is_touching, link.margin_m)
         if key not in known:
@@ -229,11 +242,11 @@ def _of_body(body: RobotBody) -> tuple[_Made, ...]:
 
 
 @lru_cache(maxsize=4)
-def _for_contacts(body: RobotBody) -> Mapping[int, coal.BVHModelOBB]:
+def _for_contacts(body: RobotBody, there: frozenset[str]) -> Mapping[int, coal.BVHModelOBB]:
     """The surfaces of a body by their numbers, made once, as the shapes are."""
     known: dict[int, coal.BVHModelOBB] = {}
     found = {}
-    for number, made in enumerate(_of_body(body)):
+    for number, made in enumerate(_of_body(body, there)):
         if not has_depth(made.geometry):
             key = id(made.geometry)
             if key not in known:

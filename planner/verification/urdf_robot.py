@@ -1,13 +1,13 @@
 """The whole robot straight from its URDF: joints, limits, tip, and one arm with its fingers.
 
 Nothing here comes from `baxter_kin.model`, so that an error there shows: the tree, the names of the
-arm's joints and the fingers are read from the file through Pinocchio.
+arm's joints and the fingers are read from the description's text through Pinocchio.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -18,17 +18,17 @@ from baxter_kin.errors import DescriptionError
 from planner.errors import TaskError
 
 
-@cache
-def read_model(files: RobotDescription) -> pin.Model:
-    """The tree of all joints, read once for the same files; nobody changes it.
+@lru_cache(maxsize=8)
+def read_model(description: RobotDescription) -> pin.Model:
+    """The tree of all joints, read once for the same robot; nobody changes it.
 
     Raises:
         DescriptionError: when it cannot be read.
     """
     try:
-        return pin.buildModelFromUrdf(str(files.urdf))
+        return pin.buildModelFromXML(description.text)
     except (RuntimeError, ValueError) as cause:
-        raise DescriptionError(f"cannot read {files.urdf}: {cause}") from cause
+        raise DescriptionError(f"cannot read {description.source}: {cause}") from cause
 
 
 class UrdfRobot:
@@ -47,7 +47,7 @@ class UrdfRobot:
         """Read the URDF.
 
         Raises:
-            DescriptionError: when it cannot be read, or has no such arm.
+            DescriptionError: when it cannot be read, or has no such arm, or that has no fingers.
         """
         self.model = read_model(description)
         tip = f"{limb}_gripper"
@@ -60,6 +60,8 @@ class UrdfRobot:
         self.arm_joints = [int(joint) for joint in self.model.supports[self.wrist]][1:]
         self.fingers = [int(j) for j in self.model.subtrees[self.wrist] if int(j) != self.wrist]
         upper, lower = self.model.upperPositionLimit, self.model.lowerPositionLimit
+        if not self.fingers:
+            raise DescriptionError(f"the {limb} hand of this robot has no fingers")
         where = self._indices(self.fingers)
         self.other_hand = self._hand("right" if limb == "left" else "left")
         self.stroke_m = float((upper - lower)[where].min())
