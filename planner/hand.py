@@ -34,6 +34,9 @@ ROUNDING_M = 1e-9
 CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
 """Along which the fingers move, seen from the tip."""
 
+MOST_OFF_RAD = 1e-4
+"""How far off that axis a finger may slide: 2 um at the end of its stroke."""
+
 AS_NEAR_M = 1e-4
 """Parts this much farther from each other than the nearest touch too; pads are of rubber, and as
 near to their mesh as this."""
@@ -75,7 +78,8 @@ class Hand:
         """The hand of an arm, measured on the robot's shapes.
 
         Raises:
-            SceneError: when an argument is of another class, or that arm has no fingers.
+            SceneError: when an argument is of another class, or that arm has no fingers, or they
+                do not slide along y of its gripper frame.
         """
         expect(robot, Baxter, "robot", SceneError)
         expect(shapes, RobotShapes, "shapes", SceneError)
@@ -85,6 +89,7 @@ class Hand:
             raise SceneError(
                 f"the {arm.side} hand of this robot has no fingers: its URDF lacks {names[0]}"
             )
+        _check_axes(robot, arm, names)
         index = robot.indices(names)[0]
         stroke = float(robot.model.upperPositionLimit[index])
         pads = shapes.of_pads(arm)
@@ -237,6 +242,21 @@ class Hand:
             raise ConfigurationError(
                 f"finger position {1e3 * x:.3f} mm of the {self.side} hand is outside "
                 f"0 .. {1e3 * self.stroke_m:.3f} mm"
+            )
+
+
+def _check_axes(robot: Baxter, arm: Arm, names: tuple[str, str]) -> None:
+    """The fingers must slide along the closing axis of the gripper frame."""
+    model = robot.model
+    data, tip = model.createData(), model.frames[model.getFrameId(arm.gripper_frame)].placement
+    for name in names:
+        joint = model.getJointId(name)
+        along = model.jointPlacements[joint].rotation @ np.asarray(data.joints[joint].S).ravel()[:3]
+        off = float(np.linalg.norm(np.cross(tip.rotation.T @ along, CLOSING_AXIS)))
+        if off > MOST_OFF_RAD:
+            raise SceneError(
+                f"{name} slides {1e3 * off:.2g} mrad off y of {arm.gripper_frame}, which hands are "
+                f"modelled to close along; allowed are {1e3 * MOST_OFF_RAD:g} mrad"
             )
 
 

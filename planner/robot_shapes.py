@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 
 import coal
 import numpy as np
@@ -15,6 +15,7 @@ from baxter_kin.arrays import whole_scalar
 from baxter_kin.errors import expect
 from planner.contact import convex, has_depth, shape_of, surface, surface_for_contacts
 from planner.distances import Enclosure
+from planner.drawing import Drawing
 from planner.errors import SceneError
 from planner.lever_arms import Covers
 from planner.robot_body import LinkBody, RobotBody
@@ -113,7 +114,11 @@ class RobotShapes:
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """The pairs of shapes of the robot that may meet."""
+        """The pairs of shapes of the robot that may meet.
+
+        Those that the body skips are left out, unless more than one joint is between them and what
+        was proven of the stock robot is not known of this one.
+        """
         skipped = self.body.skipped_pairs.keys()
         links, shapes, wholes = self.links, self.model.geometryObjects, sorted(self.wholes)
         return tuple(
@@ -122,8 +127,15 @@ class RobotShapes:
             for first in wholes
             if first < second
             and shapes[first].parentJoint != shapes[second].parentJoint
-            and frozenset((links[first], links[second])) not in skipped
+            and not (
+                frozenset((links[first], links[second])) in skipped
+                and self._drawing.is_as_drawn(links[first], links[second])
+            )
         )
+
+    @cached_property
+    def _drawing(self) -> Drawing:
+        return Drawing(self.robot.model, _stock().model)
 
     @cached_property
     def covers(self) -> Covers:
@@ -221,6 +233,11 @@ class _Made:
     padding_m: float = 0.0
     is_whole: bool = True
     is_detail: bool = True
+
+
+@cache
+def _stock() -> Baxter:
+    return Baxter.load()
 
 
 def _checked(arm: Arm) -> Arm:

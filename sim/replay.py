@@ -139,6 +139,10 @@ def _check(recording: Recording, robot: Baxter) -> None:
         raise RecordingError(f"a replay needs the robot as a Baxter, got {type(robot).__name__}")
     if tuple(recording.joint_names) != robot.joint_names:
         raise RecordingError("the recording's joints are not those of this robot")
+    own = robot.description.identity
+    difference = "" if recording.robot is None else own.difference(recording.robot)
+    if difference:
+        raise RecordingError(f"the recording is of another robot: {difference}")
 
 
 def _content(

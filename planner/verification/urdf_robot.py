@@ -7,7 +7,7 @@ arm's joints and the fingers are read from the description's text through Pinocc
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -31,11 +31,17 @@ def read_model(description: RobotDescription) -> pin.Model:
         raise DescriptionError(f"cannot read {description.source}: {cause}") from cause
 
 
+@cache
+def _installed() -> RobotDescription:
+    return RobotDescription.installed()
+
+
 class UrdfRobot:
     """One arm as part of the whole robot.
 
     Attributes:
         model: the tree of all joints.
+        stock: that of the stock robot, for which more was measured beforehand.
         limb: "left" or "right".
         arm_joints: the arm's joints from shoulder to wrist, as numbers in the model.
         fingers: its finger joints, as numbers in the model.
@@ -49,7 +55,7 @@ class UrdfRobot:
         Raises:
             DescriptionError: when it cannot be read, or has no such arm, or that has no fingers.
         """
-        self.model = read_model(description)
+        self.model, self.stock = read_model(description), read_model(_installed())
         tip = f"{limb}_gripper"
         if not self.model.existFrame(tip):
             raise DescriptionError(f"the URDF is not Baxter's: it lacks the link {tip}")

@@ -294,7 +294,10 @@ TRAJECTORY = ("plan", "steps", 1, "trajectory")
     ("change", "reason"),
     [
         (put("format", value="other"), "is no plan: its format is 'other'"),
-        (put("version", value=2), "has version 2, but only 3 is read here, .*: plan again"),
+        (
+            put("version", value=2),
+            "has version 2, but only 3 is read here, which says for which robot",
+        ),
         (put("version", value=True), "has version True"),
         (put("more", value=1), "has entries"),
         (put("plan", "limb", value="third"), "plan: unknown limb 'third'"),
