@@ -121,7 +121,7 @@ def replay_html(
     _check(recording, robot)
     if body is not None and not isinstance(body, RobotBody):
         raise RecordingError(f"a replay shows a RobotBody, got {type(body).__name__}")
-    appearance = Appearance.load()
+    appearance = Appearance.of(robot)
     content = _content(recording, robot, RobotTree(robot.model, appearance), body)
     return page(
         "replay.html",
