@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
-from baxter_kin.errors import FileError
+from baxter_kin.errors import DescriptionError, FileError
 from baxter_kin.files import Destination
 
 LONGEST_SHOWN = 200
@@ -27,6 +27,28 @@ class OneSentenceParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """End here."""
         self.exit(2, f"{self.prog}: {message} (--help lists the options)\n")
+
+
+def add_urdf(parser: argparse.ArgumentParser) -> None:
+    """Add `--urdf`, the robot's own description."""
+    parser.add_argument(
+        "--urdf",
+        type=urdf_file,
+        metavar="FILE",
+        help="the robot's own description, as it serves it (default: the stock robot)",
+    )
+
+
+def urdf_file(text: str) -> Path:
+    """The path of a URDF that is a Baxter's."""
+    from baxter_kin.description import RobotDescription  # noqa: PLC0415 - loads Pinocchio
+
+    path = Path(text)
+    try:
+        RobotDescription.of(path)
+    except DescriptionError as cause:
+        raise argparse.ArgumentTypeError(str(cause)) from None
+    return path
 
 
 def number(text: str) -> float:

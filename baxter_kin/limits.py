@@ -22,8 +22,8 @@ DEFAULT_JERK_RAD_S3 = 20.0
 
 DEFAULT_ORIGINS: Mapping[str, str] = FrozenMapping(
     {
-        "position": "URDF of baxter_description",
-        "velocity": "URDF of baxter_description",
+        "position": "the robot's URDF",
+        "velocity": "the robot's URDF",
         "acceleration": "MoveIt's Baxter configuration, 2.0 rad/s^2 for every joint",
         "jerk": "this toolkit's choice, 20 rad/s^3 for every joint; nobody published one",
     }

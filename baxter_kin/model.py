@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array
 from baxter_kin.copying import FrozenMapping
-from baxter_kin.description import RobotDescription
+from baxter_kin.description import RobotDescription, UrdfSource
 from baxter_kin.errors import (
     ConfigurationError,
     DescriptionError,
@@ -198,8 +198,8 @@ class Baxter:
     """The whole robot.
 
     Attributes:
-        description: the files it was read from.
-        model: the kinematic tree of all 19 joints: head, arms and fingers.
+        description: which robot it is.
+        model: the kinematic tree of all joints: head, arms and fingers, 19 with both grippers.
         arms: both arms by side.
 
     Raises:
@@ -215,27 +215,32 @@ class Baxter:
         check_fields(self, DescriptionError)
 
     @classmethod
-    def load(cls, description: RobotDescription | None = None) -> Baxter:
-        """Read the kinematics of Baxter; no mesh is touched.
+    def load(cls, urdf: UrdfSource | None = None) -> Baxter:
+        """Read the kinematics of a Baxter; no mesh is touched.
 
         Args:
-            description: other files than the installed ones.
+            urdf: the robot's own description, as it serves it: the path of a URDF, or its text, as
+                text that begins with "<" or as bytes. The stock robot when not given.
 
         Raises:
-            DescriptionError: when files are missing or are not Baxter's.
+            DescriptionError: when it cannot be read or is not a Baxter's; one sentence says why.
         """
-        files = RobotDescription.installed() if description is None else description
-        expect(files, RobotDescription, "description", DescriptionError)
-        try:
-            model = pin.buildModelFromUrdf(str(files.urdf))
-        except (RuntimeError, ValueError) as cause:
-            raise DescriptionError(f"cannot read {files.urdf}: {cause}") from cause
+        description = RobotDescription.of(urdf)
+        model = pin.buildModelFromXML(description.text)
         arms = FrozenMapping({side: Arm(side, model) for side in LIMBS})
-        return cls(description=files, model=model, arms=arms)
+        return cls(description=description, model=model, arms=arms)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over kinematics, hands and limits, 64 hexadecimal digits.
+
+        The same for the same numbers in the URDF, in every process and on every platform.
+        """
+        return self.description.identity.digest
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The 19 joints, in the order of a full configuration."""
+        """The joints, in the order of a full configuration; 19 with both grippers."""
         return tuple(self.model.names)[1:]
 
     def arm(self, side: str) -> Arm:
@@ -247,7 +252,7 @@ class Baxter:
         return self.arms[_known_limb(side)]
 
     def configuration(self, joints: Mapping[str, float] | None = None) -> Vector:
-        """A full configuration, shape (19,), rad and m: neutral arms, closed hands, then `joints`.
+        """A full configuration, rad and m: neutral arms, closed hands, then `joints`.
 
         Raises:
             UnknownNameError: when a name is not a joint of the robot.

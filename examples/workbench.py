@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter, BaxterError, pose_from_quaternion
+from baxter_kin.command_line import add_urdf
 from planner import (
     Manipulator,
     PickAndPlace,
@@ -73,9 +74,9 @@ class Workbench:
         motion_s: how long the arms have moved so far.
     """
 
-    def __init__(self) -> None:
-        """Robot and table, no blocks."""
-        self.robot = Baxter.load()
+    def __init__(self, urdf: Path | None = None) -> None:
+        """Robot and table, no blocks; the robot as its own description has it, if there is one."""
+        self.robot = Baxter.load(urdf)
         self.world = World(self.robot)
         self.recorder = Recorder(self.robot)
         self.simulation = Simulation(self.world, [self.recorder])
@@ -141,7 +142,7 @@ class Workbench:
 
     def execute(self, plan: Plan, title: str) -> tuple[str, bool]:
         """Verify a plan, then execute it; what came of it, and whether all went well."""
-        certificate = verify(plan)
+        certificate = verify(plan, description=self.robot.description)
         if not certificate.is_valid:
             return f"refused: {certificate.verdict}", False
         outcome = self.simulation.execute(plan, title)
@@ -177,7 +178,7 @@ def play(
     """Run an example as a program; returns its exit status, 0 when every task was done."""
     options = _options(argv, about, is_random=is_random)
     try:
-        bench = Workbench()
+        bench = Workbench(options.urdf)
         story(bench, np.random.default_rng(options.seed))
         bench.simulation.finish()
         _tell(bench)
@@ -200,6 +201,7 @@ def _tell(bench: Workbench) -> None:
 
 def _options(argv: Sequence[str] | None, about: str, *, is_random: bool) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=about.splitlines()[0])
+    add_urdf(parser)
     parser.add_argument("--html", type=Path, metavar="FILE", help="write a replay to open and send")
     parser.add_argument("--record", type=Path, metavar="FILE", help="write all that happens, .npz")
     parser.set_defaults(seed=0)

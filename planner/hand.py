@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.description.calibration import finger_joints
 from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.fields import check_fields
 from baxter_kin.frames import PoseLike, checked_pose
@@ -32,6 +33,9 @@ ROUNDING_M = 1e-9
 
 CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
 """Along which the fingers move, seen from the tip."""
+
+MOST_OFF_RAD = 1e-4
+"""How far off that axis a finger may slide: 2 um at the end of its stroke."""
 
 AS_NEAR_M = 1e-4
 """Parts this much farther from each other than the nearest touch too; pads are of rubber, and as
@@ -74,13 +78,18 @@ class Hand:
         """The hand of an arm, measured on the robot's shapes.
 
         Raises:
-            SceneError: when an argument is of another class.
+            SceneError: when an argument is of another class, or that arm has no fingers, or they
+                do not slide along y of its gripper frame.
         """
         expect(robot, Baxter, "robot", SceneError)
         expect(shapes, RobotShapes, "shapes", SceneError)
         expect(arm, Arm, "arm", SceneError)
-        letter = arm.side[0]
-        names = (f"{letter}_gripper_l_finger_joint", f"{letter}_gripper_r_finger_joint")
+        names = finger_joints(arm.side)
+        if not cls.is_on(robot, arm.side):
+            raise SceneError(
+                f"the {arm.side} hand of this robot has no fingers: its URDF lacks {names[0]}"
+            )
+        _check_axes(robot, arm, names)
         index = robot.indices(names)[0]
         stroke = float(robot.model.upperPositionLimit[index])
         pads = shapes.of_pads(arm)
@@ -97,6 +106,11 @@ class Hand:
         palm += [shapes.highest_at_tip_m(i, arm) for i in shapes.of_palm(arm)]
         fingers, gap = (left, right), inner[0] - inner[1]
         return cls(arm.side, names, stroke, gap, (left_pad, right_pad), fingers, max(palm))
+
+    @staticmethod
+    def is_on(robot: Baxter, side: str) -> bool:
+        """Whether a robot has fingers on that side."""
+        return set(finger_joints(side)) <= set(robot.joint_names)
 
     @property
     def open_gap_m(self) -> float:
@@ -228,6 +242,21 @@ class Hand:
             raise ConfigurationError(
                 f"finger position {1e3 * x:.3f} mm of the {self.side} hand is outside "
                 f"0 .. {1e3 * self.stroke_m:.3f} mm"
+            )
+
+
+def _check_axes(robot: Baxter, arm: Arm, names: tuple[str, str]) -> None:
+    """The fingers must slide along the closing axis of the gripper frame."""
+    model = robot.model
+    data, tip = model.createData(), model.frames[model.getFrameId(arm.gripper_frame)].placement
+    for name in names:
+        joint = model.getJointId(name)
+        along = model.jointPlacements[joint].rotation @ np.asarray(data.joints[joint].S).ravel()[:3]
+        off = float(np.linalg.norm(np.cross(tip.rotation.T @ along, CLOSING_AXIS)))
+        if off > MOST_OFF_RAD:
+            raise SceneError(
+                f"{name} slides {1e3 * off:.2g} mrad off y of {arm.gripper_frame}, which hands are "
+                f"modelled to close along; allowed are {1e3 * MOST_OFF_RAD:g} mrad"
             )
 
 

@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.copying import Frozen
+from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import expect
 from baxter_kin.fields import check_fields
 from planner.collision import RobotShapes
 from planner.errors import TaskError
 from planner.hand import Hand
-from planner.robot_body import RobotBody
+from planner.robot_body import RobotBody, identity_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +70,7 @@ class Manipulator(Frozen):
 
         Raises:
             UnknownNameError: when `limb` is neither "left" nor "right".
+            SceneError: when that arm has no fingers.
             LimitsError: when the ratio is outside (0, 1].
             ConfigurationError: when `q_others` has another shape or is not finite.
         """
@@ -83,6 +85,11 @@ class Manipulator(Frozen):
             limits=arm.limits.scaled(speed_ratio),
             q_others=_at_rest(robot, shapes) if q_others is None else q_others,
         )
+
+    @property
+    def identity(self) -> RobotIdentity:
+        """Which robot it is, with the body that it is taken to be."""
+        return identity_of(self.robot, self.shapes.body)
 
     @property
     def finger_m(self) -> float:
@@ -108,7 +115,8 @@ class Manipulator(Frozen):
 
 
 def _at_rest(robot: Baxter, shapes: RobotShapes) -> Vector:
-    """Both arms in neutral, both hands open."""
-    hands = [Hand.of(robot, arm, shapes) for arm in robot.arms.values()]
+    """Both arms in neutral, all hands open."""
+    arms = [arm for side, arm in robot.arms.items() if Hand.is_on(robot, side)]
+    hands = [Hand.of(robot, arm, shapes) for arm in arms]
     fingers = [hand.finger_joints(hand.stroke_m) for hand in hands]
     return robot.configuration({name: x for joints in fingers for name, x in joints.items()})

@@ -13,6 +13,7 @@ import pinocchio as pin
 from baxter_kin import IKResult
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.copying import Frozen
+from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
 from baxter_kin.fields import check_fields
 from baxter_kin.model import LIMBS
@@ -146,11 +147,12 @@ class Plan(Frozen):
             where a waypoint cannot be reached at all.
         failure: None, or why there is no plan.
         situation: the world it was made for; None when the maker did not say.
+        robot: which robot it was made for, likewise.
 
     Raises:
         UnknownNameError: when there is no such limb.
         ConfigurationError: when `q_start` has another shape or is not finite.
-        TaskError: when a step, the failure or the situation is of another class, or a move starts
+        TaskError: when a step, failure, situation or robot is of another class, or a move starts
             elsewhere than the arm stands by then.
     """
 
@@ -159,12 +161,14 @@ class Plan(Frozen):
     steps: tuple[Step, ...]
     failure: PlanFailure | None = None
     situation: Situation | None = None
+    robot: RobotIdentity | None = None
 
     def __post_init__(self) -> None:
         """Check and copy."""
         if not isinstance(self.limb, str) or self.limb not in LIMBS:
             raise UnknownNameError("limb", self.limb, LIMBS)
-        for name, kind in (("failure", PlanFailure), ("situation", Situation)):
+        kinds = {"failure": PlanFailure, "situation": Situation, "robot": RobotIdentity}
+        for name, kind in kinds.items():
             value = getattr(self, name)
             if value is not None:
                 expect(value, kind, f"{name} of a plan", TaskError)

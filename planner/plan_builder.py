@@ -74,8 +74,8 @@ class PlanBuilder:
 
     def plan(self, failure: PlanFailure | None = None) -> Plan:
         """The plan of the steps so far, or why it ends there."""
-        side, steps = self._manipulator.arm.side, tuple(self.steps)
-        return Plan(side, self._q_start, steps, failure, self._start)
+        arm, steps = self._manipulator, tuple(self.steps)
+        return Plan(arm.arm.side, self._q_start, steps, failure, self._start, arm.identity)
 
     def add_move(
         self,

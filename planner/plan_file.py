@@ -3,11 +3,12 @@
 The file is JSON, UTF-8, of four entries:
 
 - `format`: "baxter-kin plan",
-- `version`: 2; another number when the same entries get another meaning,
+- `version`: 3; another number when the same entries get another meaning,
 - `sha256`: the SHA-256 of the file's own bytes, with 64 zeros in place of these 64 digits,
 - `plan`: the `Plan`, by the rules of `planner.json_codec`: `limb`, `q_start`, `steps` (each a
-  `Move` with its trajectory's knots and limits, its tip pose and IK result, or a `Grip`), `failure`
-  and `situation` (the scene and all other joints). SI units, radians, poses seen from base.
+  `Move` with its trajectory's knots and limits, its tip pose and IK result, or a `Grip`),
+  `failure`, `situation` (the scene and all other joints) and `robot` (which one the plan is for).
+  SI units, radians, poses seen from base.
 
 Reading makes nothing but these values and runs nothing. A file that was truncated or edited is
 refused, as are foreign versions, files that are no plan, files of more than `LARGEST_FILE_BYTES`
@@ -33,7 +34,7 @@ from planner.plan import Plan
 from planner.situation import Situation
 
 FORMAT = "baxter-kin plan"
-VERSION = 2
+VERSION = 3
 
 LARGEST_FILE_BYTES = 32 * 2**20
 """A plan of one pick and place takes 0.03 MB; a larger file than this holds something else."""
@@ -120,8 +121,8 @@ def _plan(content: bytes) -> Plan:
         raise PlanFileError(f"is no plan: its format is {shown(document.get('format'))}")
     if document.get("version") != VERSION or type(document["version"]) is not int:
         raise PlanFileError(
-            f"has version {shown(document.get('version'))}, but only {VERSION} is read here: save "
-            "the plan again with this version of the toolkit"
+            f"has version {shown(document.get('version'))}, but only {VERSION} is read here, which "
+            "says for which robot the plan is: plan again with this version of the toolkit"
         )
     if tuple(document) != _ENTRIES:
         raise PlanFileError(f"has entries {shown(list(document))}; it must have {list(_ENTRIES)}")

@@ -29,9 +29,10 @@ later, and whatever is mounted on the robot.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 from zipfile import BadZipFile
@@ -39,8 +40,10 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from baxter_kin import Baxter
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.copying import Frozen, FrozenMapping
+from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import FileError, shown_path
 from baxter_kin.fields import check_fields
 from baxter_kin.files import open_to_read
@@ -50,6 +53,9 @@ VERSION = 3
 """Of the data file's layout; a file of another version is refused."""
 
 FILE = Path(__file__).with_name("robot_body.npz")
+
+DIGEST_STEP_M = 1e-7
+"""To which vertices are rounded for a digest: the last digits depend on the processor."""
 
 Vertices = NDArray[np.float64]
 Triangles = NDArray[np.int64]
@@ -137,6 +143,11 @@ class RobotBody(Frozen):
         """Check."""
         check_fields(self, SceneError)
 
+    @property
+    def digest(self) -> str:
+        """SHA-256 over all links and pairs that are skipped, 64 hexadecimal digits."""
+        return _digest(self)
+
     @classmethod
     def load(cls) -> RobotBody:
         """The body that comes with the package; its file is read once.
@@ -182,6 +193,29 @@ class RobotBody(Frozen):
             for name, link in self.links.items()
         }
         return RobotBody(FrozenMapping(links), self.skipped_pairs)
+
+
+def identity_of(robot: Baxter, body: RobotBody) -> RobotIdentity:
+    """Which robot it is, with the body that it is taken to be."""
+    return replace(robot.description.identity, body=body.digest)
+
+
+@lru_cache(maxsize=8)
+def _digest(body: RobotBody) -> str:
+    lines = [_words(link) for _, link in sorted(body.links.items())]
+    lines += sorted(" ".join(sorted(pair)) for pair in body.skipped_pairs)
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def _words(link: LinkBody) -> str:
+    """A link's name, numbers and shapes; of the arrays, the digest of their bytes."""
+    parts = hashlib.sha256()
+    for part in (link.surface, link.enclosure, *link.pieces):
+        parts.update(np.array([len(part.vertices), len(part.triangles)], "<i8").tobytes())
+        parts.update(np.rint(part.vertices / DIGEST_STEP_M).astype("<i8").tobytes())
+        parts.update(part.triangles.astype("<i8").tobytes())
+    numbers = f"{link.margin_m!r} {link.padding_m!r} {link.is_touching!r}"
+    return f"{link.name} {numbers} {parts.hexdigest()}"
 
 
 @cache

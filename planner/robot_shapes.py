@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 
 import coal
 import numpy as np
@@ -15,10 +15,14 @@ from baxter_kin.arrays import whole_scalar
 from baxter_kin.errors import expect
 from planner.contact import convex, has_depth, shape_of, surface, surface_for_contacts
 from planner.distances import Enclosure
+from planner.drawing import Drawing
 from planner.errors import SceneError
 from planner.lever_arms import Covers
 from planner.robot_body import LinkBody, RobotBody
 from planner.scene import Part
+
+GRIPPER = "_gripper_"
+"""In names of links that a robot with a bare flange lacks."""
 
 
 class RobotShapes:
@@ -65,7 +69,7 @@ class RobotShapes:
     @property
     def for_contacts(self) -> Mapping[int, coal.BVHModelOBB]:
         """The surfaces among them once more, as contacts are found in them fastest."""
-        return _for_contacts(self.body)
+        return _for_contacts(self.body, self._there)
 
     @cached_property
     def links(self) -> tuple[str, ...]:
@@ -110,7 +114,11 @@ class RobotShapes:
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """The pairs of shapes of the robot that may meet."""
+        """The pairs of shapes of the robot that may meet.
+
+        Those that the body skips are left out, unless more than one joint is between them and what
+        was proven of the stock robot is not known of this one.
+        """
         skipped = self.body.skipped_pairs.keys()
         links, shapes, wholes = self.links, self.model.geometryObjects, sorted(self.wholes)
         return tuple(
@@ -119,8 +127,15 @@ class RobotShapes:
             for first in wholes
             if first < second
             and shapes[first].parentJoint != shapes[second].parentJoint
-            and frozenset((links[first], links[second])) not in skipped
+            and not (
+                frozenset((links[first], links[second])) in skipped
+                and self._drawing.is_as_drawn(links[first], links[second])
+            )
         )
+
+    @cached_property
+    def _drawing(self) -> Drawing:
+        return Drawing(self.robot.model, _stock().model)
 
     @cached_property
     def covers(self) -> Covers:
@@ -176,7 +191,17 @@ class RobotShapes:
     @cached_property
     def _made(self) -> tuple[_Made, ...]:
         """The shapes of all links."""
-        return _of_body(self.body)
+        return _of_body(self.body, self._there)
+
+    @cached_property
+    def _there(self) -> frozenset[str]:
+        """The links of the body that the robot has; only grippers may be missing."""
+        model = self.robot.model
+        there = frozenset(n for n in self.body.links if model.existFrame(n, pin.FrameType.BODY))
+        lost = sorted(n for n in self.body.links.keys() - there if GRIPPER not in n)
+        if lost:
+            raise SceneError(f"the robot lacks links that its body has: {', '.join(lost)}")
+        return there
 
     def _shape(self, index: int) -> pin.GeometryObject:
         most = self.model.ngeoms - 1
@@ -210,16 +235,21 @@ class _Made:
     is_detail: bool = True
 
 
+@cache
+def _stock() -> Baxter:
+    return Baxter.load()
+
+
 def _checked(arm: Arm) -> Arm:
     return expect(arm, Arm, "arm", SceneError)
 
 
 @lru_cache(maxsize=4)
-def _of_body(body: RobotBody) -> tuple[_Made, ...]:
-    """The shapes of a body, made once; links of equal body share them."""
+def _of_body(body: RobotBody, there: frozenset[str]) -> tuple[_Made, ...]:
+    """The shapes of some links of a body, made once; links of equal body share them."""
     known: dict[tuple[object, ...], list[_Made]] = {}
     shapes = []
-    for link in body.links.values():
+    for link in (link for name, link in body.links.items() if name in there):
         parts = (link.surface, link.enclosure, *link.pieces)
         key = (*(part.vertices.tobytes() for part in parts), link.is_touching, link.margin_m)
         if key not in known:
@@ -229,11 +259,11 @@ def _of_body(body: RobotBody) -> tuple[_Made, ...]:
 
 
 @lru_cache(maxsize=4)
-def _for_contacts(body: RobotBody) -> Mapping[int, coal.BVHModelOBB]:
+def _for_contacts(body: RobotBody, there: frozenset[str]) -> Mapping[int, coal.BVHModelOBB]:
     """The surfaces of a body by their numbers, made once, as the shapes are."""
     known: dict[int, coal.BVHModelOBB] = {}
     found = {}
-    for number, made in enumerate(_of_body(body)):
+    for number, made in enumerate(_of_body(body, there)):
         if not has_depth(made.geometry):
             key = id(made.geometry)
             if key not in known:

@@ -28,7 +28,7 @@ from collada.common import DaeBrokenRefError, DaeUnsupportedError
 from collada.triangleset import BoundTriangleSet
 from numpy.typing import NDArray
 
-from baxter_kin.description import RobotDescription
+from baxter_kin.description import StockFiles
 from baxter_kin.files import replace_file
 
 TARGET = Path(__file__).resolve().parent.parent / "sim" / "appearance.npz"
@@ -94,7 +94,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--out", type=Path, default=TARGET, help="default: %(default)s")
     out = parser.parse_args().out
-    arrays = build(RobotDescription.installed())
+    arrays = build(StockFiles.installed())
     content = io.BytesIO()
     np.savez_compressed(content, allow_pickle=False, **arrays)
     replace_file(out, content.getvalue())
@@ -102,7 +102,7 @@ def main() -> None:
     print(f"{out}: {out.stat().st_size / 1e3:.0f} kB, {triangles} triangles")
 
 
-def build(description: RobotDescription) -> dict[str, NDArray[Any]]:
+def build(description: StockFiles) -> dict[str, NDArray[Any]]:
     """Every array of the asset, as `sim.appearance` documents them."""
     model = pin.buildModelFromUrdf(str(description.urdf))
     arrays: dict[str, NDArray[Any]] = {}
@@ -121,11 +121,11 @@ def build(description: RobotDescription) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def _license(description: RobotDescription) -> str:
+def _license(description: StockFiles) -> str:
     return (description.urdf.parent.parent / "LICENSE").read_text(encoding="utf-8")
 
 
-def _visuals(model: pin.Model, description: RobotDescription) -> Iterator[pin.GeometryObject]:
+def _visuals(model: pin.Model, description: StockFiles) -> Iterator[pin.GeometryObject]:
     """The URDF's visuals with joint and placement, sorted by name."""
     urdf, folder = str(description.urdf), str(description.package_dir)
     geometry = pin.buildGeomFromUrdf(model, urdf, pin.GeometryType.VISUAL, package_dirs=[folder])
@@ -134,7 +134,7 @@ def _visuals(model: pin.Model, description: RobotDescription) -> Iterator[pin.Ge
             yield visual
 
 
-def _surfaces(visual: pin.GeometryObject, description: RobotDescription) -> list[Surface]:
+def _surfaces(visual: pin.GeometryObject, description: StockFiles) -> list[Surface]:
     """The coloured surfaces of one visual, in the frame of its mesh."""
     link = visual.name.rsplit("_", 1)[0].removesuffix("_link")
     if link == "pedestal":

@@ -25,7 +25,7 @@ from body.packing import Shape, packed, primitive, shape_name
 from body.pairs import reasons
 from body.thinning import Mesh, thinned
 
-from baxter_kin.description import RobotDescription
+from baxter_kin.description import StockFiles
 from planner.robot_body import RobotBody
 
 TARGET = Path(__file__).resolve().parent.parent / "planner" / "robot_body.npz"
@@ -78,7 +78,7 @@ def build(out: Path, folder: Path) -> None:
         shape = shapes[name]
         counts = [len(mesh[1]) for mesh in (shape.surface, shape.enclosure)]
         print(f"{name}: {counts} triangles, {len(shape.pieces)} pieces", flush=True)
-    notice = (RobotDescription.installed().urdf.parent.parent / "LICENSE").read_text("utf-8")
+    notice = (StockFiles.installed().urdf.parent.parent / "LICENSE").read_text("utf-8")
     np.savez_compressed(out, allow_pickle=False, **packed(shapes, links, {}, notice))
     pairs = reasons(RobotBody.read(out).links)
     np.savez_compressed(out, allow_pickle=False, **packed(shapes, links, pairs, notice))

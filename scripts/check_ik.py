@@ -23,6 +23,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter, IKResult, IKService
+from baxter_kin.command_line import add_urdf
 
 Vector = NDArray[np.float64]
 
@@ -66,8 +67,9 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=200_000, help="poses per arm")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--limb", choices=("left", "right"), action="append")
+    add_urdf(parser)
     given = parser.parse_args()
-    robot, is_right = Baxter.load(), True
+    robot, is_right = Baxter.load(given.urdf), True
     print("| arm | poses | count | unsolved | false proofs | wrong | worst m | worst rad | us |")
     print("|---|---|---:|---:|---:|---:|---:|---:|---:|")
     for side in given.limb or ("left", "right"):

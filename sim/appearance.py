@@ -8,7 +8,7 @@ uniform scale, so that nothing is converted between the file and the browser.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import as_file, files
 from typing import Any
 
@@ -16,10 +16,27 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from baxter_kin import Baxter
 from baxter_kin.copying import FrozenMapping
 from sim.errors import SimulationError
 
 _ASSET = "appearance.npz"
+
+_FIXED_LINKS: Mapping[str, str] = FrozenMapping(
+    {
+        "base_link": "torso",
+        "pedestal_link_collision": "pedestal",
+        "sonar_ring": "sonar_ring",
+        "H1": "screen",
+        "display": "display",
+        "hand_camera": "{side}_hand_camera_link",
+        "hand_range": "{side}_hand_range_link",
+        "electric_gripper_base": "{side}_gripper_base_link",
+        "paddle_tip": "{finger}_tip",
+        "half_round_tip": "{finger}_tip",
+    }
+)
+"""The link that a mesh belongs to, where it is not the one that a joint moves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,6 +106,21 @@ class Appearance:
     notice: str
 
     @classmethod
+    def of(cls, robot: Baxter) -> Appearance:
+        """That of a robot: every mesh on its link, wherever the robot's own description puts it.
+
+        A hand without gripper is bare. Where a link is rigid to the one that a joint moves, the
+        meshes go along when it sits elsewhere than on the stock robot.
+
+        Raises:
+            SimulationError: when the asset is missing or damaged.
+        """
+        stock = Baxter.load().model
+        whole = cls.load()
+        parts = (_on(robot.model, stock, part) for part in whole.parts)
+        return replace(whole, parts=tuple(part for part in parts if part is not None))
+
+    @classmethod
     def load(cls) -> Appearance:
         """Read the asset, about half a megabyte; needs no mesh of the robot description.
 
@@ -102,6 +134,20 @@ class Appearance:
             raise SimulationError(
                 f"cannot read {_ASSET}: {cause}; reinstall the package"
             ) from cause
+
+
+def _on(model: pin.Model, stock: pin.Model, part: RobotPart) -> RobotPart | None:
+    """A part of the stock robot where a robot has it; None where it has no such link."""
+    finger = part.joint.removesuffix("_joint")
+    link = _FIXED_LINKS.get(part.mesh.name.split(".")[0], "")
+    link = link.format(side=part.joint.split("_")[0], finger=finger)
+    if not model.existJointName(part.joint) or (link and not model.existFrame(link)):
+        return None
+    if not link:
+        return part
+    own, drawn = (tree.frames[tree.getFrameId(link)].placement for tree in (model, stock))
+    T_joint_mesh = own * drawn.inverse() * part.T_joint_mesh
+    return part if own == drawn else replace(part, T_joint_mesh=T_joint_mesh)
 
 
 def _from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Appearance:

@@ -19,6 +19,7 @@ import numpy as np
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
 from baxter_kin.fields import check_fields
+from baxter_kin.model import LIMBS
 from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
 from planner.collision import Held
 from planner.contact import PRESSING_TOLERANCE_M, gap_m
@@ -77,7 +78,7 @@ class ContactWatch:
             SimulationError: when it is none.
         """
         self._world = expect(world, World, "world", SimulationError)
-        self._lasting: dict[str, frozenset[str]] = dict.fromkeys(world.hands, frozenset())
+        self._lasting: dict[str, frozenset[str]] = dict.fromkeys(LIMBS, frozenset())
         self._known: tuple[object, _Surroundings] | None = None
 
     def along(self, side: str, trajectory: Trajectory) -> list[Contact]:
@@ -168,7 +169,9 @@ class _Surroundings:
 
     def touched_by_pads(self) -> list[str]:
         """Movable bodies that a pad touches now: what the hand holds, or has just let go."""
-        hand = self._world.hands[self._side]
+        hand = self._world.hands.get(self._side)
+        if hand is None:
+            return []
         tip, finger_m = self._world.T_base_tip(self._side), self._world.finger_m(self._side)
         pads = hand.pads_at(tip, finger_m)
         return [

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector, finite_array, finite_scalar
+from baxter_kin.arrays import Vector, finite_array, finite_scalar, float_array
 from baxter_kin.copying import Frozen
 from baxter_kin.fields import check_fields
 from baxter_kin.model import LIMBS
@@ -22,8 +22,8 @@ from sim.falling import Rest
 from sim.gripper import GripperState
 from sim.squeeze import Push
 
-JOINTS_OF_ROBOT = 19
-"""Of a full configuration: head, arms and fingers."""
+JOINTS_OF_ROBOT = (15, 17, 19)
+"""Of a full configuration: head, both arms, and the fingers of no hand, one or two."""
 
 
 class EventKind(str, Enum):
@@ -81,7 +81,7 @@ class Snapshot(Frozen):
 
     Attributes:
         time_s: simulated time.
-        q: full configuration, shape (19,), rad and m.
+        q: full configuration, shape (19,), rad and m; fewer where a hand has no fingers.
         T_base_bodies: pose of every body present.
         grippers: what each gripper reports, by side.
         caption: what is going on, in words.
@@ -99,7 +99,9 @@ class Snapshot(Frozen):
     def __post_init__(self) -> None:
         """Check, copy and freeze."""
         check_fields(self, SimulationError)
-        q = finite_array(self.q, (JOINTS_OF_ROBOT,), "q", SimulationError)
+        count = float_array(self.q, "q", SimulationError).size
+        joints = count if count in JOINTS_OF_ROBOT else JOINTS_OF_ROBOT[-1]
+        q = finite_array(self.q, (joints,), "q", SimulationError)
         object.__setattr__(self, "q", q)
         finite_scalar(self.time_s, "time_s", SimulationError)
         missing = [side for side in LIMBS if side not in self.grippers]

@@ -41,14 +41,22 @@ class GripperState:
         check_fields(self, SimulationError)
 
 
+NO_GRIPPER = GripperState(0.0, is_gripping=False, has_missed=False)
+"""What a flange without a gripper counts as, where something must be said of it."""
+
+
 class Gripper:
     """The gripper of one hand in a world."""
 
     def __init__(self, world: World, side: str) -> None:
-        """Take over the hand of that side."""
+        """Take over the hand of that side.
+
+        Raises:
+            SimulationError: when it has no fingers.
+        """
         self._world = expect(world, World, "world", SimulationError)
         self._side = world.robot.arm(side).side
-        self._hand = world.hands[self._side]
+        self._hand = world.hand(side)
         self._has_missed = False
         self._last: tuple[float, bool, bool] | None = None
         self._state = GripperState(100.0, is_gripping=False, has_missed=False)

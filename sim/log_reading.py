@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from baxter_kin.arrays import Vector
+from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike
 from planner import Body
@@ -39,6 +40,7 @@ class _Story:
 
     Attributes:
         joint_names: the joints.
+        robot: which robot it was, if that is told.
         snapshots: in order.
         bodies: by name, as last told.
         events: in order.
@@ -48,6 +50,7 @@ class _Story:
     """
 
     joint_names: tuple[str, ...]
+    robot: RobotIdentity | None = None
     snapshots: list[_Snapshot] = field(default_factory=list)
     bodies: dict[str, Body] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list)
@@ -95,6 +98,7 @@ class _Story:
             captions=tuple(self.captions),
             events=tuple(self.events),
             moves=tuple(self.moves),
+            robot=self.robot,
         )
 
     def _add(self, shot: _Snapshot) -> None:
@@ -173,7 +177,7 @@ def _begun(file: object, line: Line) -> _Story:
             "read here"
         )
     names = from_data(first.get("joint_names"), tuple[str, ...], "joint_names")
-    return _Story(names)
+    return _Story(names, from_data(first.get("robot"), RobotIdentity | None, "robot"))
 
 
 def _hear(file: object, line: Line, story: _Story) -> None:

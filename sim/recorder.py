@@ -35,7 +35,7 @@ class Recorder(Observer):
         """
         if keep is not None:
             keep = whole_scalar(keep, "keep", RecordingError, least=1, most=sys.maxsize)
-        self._joint_names = expect(robot, Baxter, "robot", RecordingError).joint_names
+        self._robot = expect(robot, Baxter, "robot", RecordingError)
         self._snapshots: deque[Snapshot] = deque(maxlen=keep)
         self._events: deque[Event] = deque()
         self._moves: deque[RecordedMove] = deque()
@@ -88,7 +88,7 @@ class Recorder(Observer):
         shots = self._snapshots
         self._forget_the_past()
         return Recording(
-            joint_names=self._joint_names,
+            joint_names=self._robot.joint_names,
             times_s=np.array([shot.time_s for shot in shots]),
             q=np.array([shot.q for shot in shots]),
             gripper_percent=np.array(
@@ -99,6 +99,7 @@ class Recorder(Observer):
             captions=self._captions(),
             events=tuple(self._events),
             moves=tuple(self._moves),
+            robot=self._robot.description.identity,
         )
 
     def _forget_the_past(self) -> None:

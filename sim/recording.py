@@ -16,6 +16,7 @@ import numpy as np
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.copying import Frozen, FrozenMapping
+from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import UnknownNameError, expect, quoted
 from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
@@ -44,9 +45,9 @@ class Recording(Frozen):
     """A finished recording of n snapshots.
 
     Attributes:
-        joint_names: the 19 joints of the robot.
+        joint_names: the joints of the robot, 19 with both grippers.
         times_s: shape (n,), increasing.
-        q: full configurations, shape (n, 19), rad and m.
+        q: full configurations, shape (n, joints), rad and m.
         gripper_percent: left and right gripper, shape (n, 2), 0 closed .. 100 open.
         bodies: every body that ever was in the world, by name.
         body_poses: for each, shape (n, 7): x, y, z, then quaternion x, y, z, w, seen from base; NaN
@@ -54,6 +55,7 @@ class Recording(Frozen):
         captions: (time in s, text) wherever the caption changed.
         events: everything that happened.
         moves: the commands: every move of an arm with its exact motion, in order.
+        robot: which robot it was; None where nobody said.
 
     Raises:
         RecordingError: when shapes do not fit, times do not increase, or there is no snapshot.
@@ -68,9 +70,12 @@ class Recording(Frozen):
     captions: tuple[tuple[float, str], ...]
     events: tuple[Event, ...]
     moves: tuple[RecordedMove, ...] = ()
+    robot: RobotIdentity | None = None
 
     def __post_init__(self) -> None:
         """Check and freeze."""
+        if self.robot is not None:
+            expect(self.robot, RobotIdentity, "robot", RecordingError)
         count = float_array(self.times_s, "times_s", RecordingError).size
         if count == 0:
             raise RecordingError("the recording is empty: nothing was simulated")

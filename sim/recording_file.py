@@ -7,7 +7,8 @@ said otherwise:
   `Recording`, the bodies in the order of `tracks` in the document,
 - `document`: JSON as bytes of UTF-8 (uint8): `format` "baxter-kin recording"; `version` 1, another
   number when the same entries get another meaning; `joint_names`, `bodies` with their shapes,
-  `tracks`, `captions`, `events`, `moves` with their exact trajectories,
+  `tracks`, `captions`, `events`, `moves` with their exact trajectories, and `robot`, which one it
+  was, where that is known,
 - `sha256`: 32 bytes (uint8), the SHA-256 of the other entries' bytes in the order above.
 
 Kept is everything but the steps of a plan that events carry; a loaded event has the body of its
@@ -30,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
+from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import expect, shown_path
 from baxter_kin.files import PathLike
 from planner import Body
@@ -63,6 +65,7 @@ class _Document:
     captions: tuple[tuple[float, str], ...]
     events: tuple[StoredEvent, ...]
     moves: tuple[RecordedMove, ...]
+    robot: RobotIdentity | None = None
 
 
 def save_recording(recording: Recording, path: PathLike) -> None:
@@ -121,6 +124,7 @@ def _document(recording: Recording) -> str:
         captions=recording.captions,
         events=tuple(StoredEvent.of(event) for event in recording.events),
         moves=recording.moves,
+        robot=recording.robot,
     )
     return as_text(as_json(document, _Document, "recording"))
 
@@ -146,6 +150,7 @@ def _recording(contents: Mapping[str, bytes]) -> Recording:
             Event(e.time_s, e.kind, e.text, body=bodies.get(e.body or "")) for e in document.events
         ),
         moves=document.moves,
+        robot=document.robot,
     )
 
 

@@ -3,7 +3,8 @@
 The file is JSON Lines: ASCII, one object to a line, each handed to the system as it is written.
 Every line but the first has one entry that says what it is:
 
-- first `{"format": "baxter-kin log", "version": 1, "joint_names": [...]}`,
+- first `{"format": "baxter-kin log", "version": 1, "joint_names": [...], "robot": {...}}`, of which
+  the last says which robot it is and may be missing,
 - `{"body": {...}}`: shapes and pose of a body, before it appears or disappears,
 - `{"event": {...}}`: time, kind, text, and the name of the body it is about,
 - `{"move": {...}}`: a command: when it starts, its label and its exact trajectory,
@@ -20,6 +21,7 @@ from __future__ import annotations
 
 from baxter_kin import Baxter
 from baxter_kin.copying import NotCopied
+from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
@@ -51,13 +53,15 @@ class LogRecorder(NotCopied, Observer):
             RecordingError: when the file cannot be written.
         """
         names = expect(robot, Baxter, "robot", RecordingError).joint_names
+        identity = as_json(robot.description.identity, RobotIdentity, "robot")
         bodies = Scene({}) if scene is None else expect(scene, Scene, "scene", RecordingError)
         self._poses: dict[str, list[float]] = {}
         self._caption: str | None = None
         self._count = 0
         self._is_open = True
         self._file = LineFile(path)
-        self._write({"format": FORMAT, "version": VERSION, "joint_names": list(names)})
+        head: dict[str, Json] = {"format": FORMAT, "version": VERSION, "joint_names": list(names)}
+        self._write({**head, "robot": identity})
         for body in bodies:
             self._write({"body": as_json(body, Body, "body")})
 

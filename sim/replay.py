@@ -121,7 +121,7 @@ def replay_html(
     _check(recording, robot)
     if body is not None and not isinstance(body, RobotBody):
         raise RecordingError(f"a replay shows a RobotBody, got {type(body).__name__}")
-    appearance = Appearance.load()
+    appearance = Appearance.of(robot)
     content = _content(recording, robot, RobotTree(robot.model, appearance), body)
     return page(
         "replay.html",
@@ -139,6 +139,10 @@ def _check(recording: Recording, robot: Baxter) -> None:
         raise RecordingError(f"a replay needs the robot as a Baxter, got {type(robot).__name__}")
     if tuple(recording.joint_names) != robot.joint_names:
         raise RecordingError("the recording's joints are not those of this robot")
+    own = robot.description.identity
+    difference = "" if recording.robot is None else own.difference(recording.robot)
+    if difference:
+        raise RecordingError(f"the recording is of another robot: {difference}")
 
 
 def _content(

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from baxter_kin.arrays import Vector
 from baxter_kin.frames import BASE_HEIGHT_M
 from planner.mesh import Mesh
-from planner.robot_body import RobotBody
+from planner.robot_body import LinkBody, RobotBody
 from planner.scene import Body, Box, Cylinder, Part
 from sim.appearance import Appearance, RobotPart
 from sim.errors import SimulationError
@@ -107,7 +107,7 @@ class RobotTree:
 
     def body_commands(self, body: RobotBody) -> Iterator[Command]:
         """Hang a body that plans are made with on the joints, beside the meshes."""
-        for path, link in zip(self.body_paths(body), body.links.values(), strict=True):
+        for path, link in zip(self.body_paths(body), self._links(body), strict=True):
             vertices, faces = link.whole
             points = short_numbers(vertices, BODY_STEP_M)
             geometry = triangles(points, compact(faces), uuid=f"body {crc32(points.tobytes())}")
@@ -119,11 +119,16 @@ class RobotTree:
     def body_paths(self, body: RobotBody) -> tuple[str, ...]:
         """The node of each link's body."""
         model = self._model
-        joints = (model.frames[model.getFrameId(name)].parentJoint for name in body.links)
+        names = [link.name for link in self._links(body)]
+        joints = (model.frames[model.getFrameId(name)].parentJoint for name in names)
         return tuple(
             f"{self._moving[model.names[joint]]}/body {name}"
-            for joint, name in zip(joints, body.links, strict=True)
+            for joint, name in zip(joints, names, strict=True)
         )
+
+    def _links(self, body: RobotBody) -> list[LinkBody]:
+        """Those that the robot has; a gripper may be missing."""
+        return [link for link in body.links.values() if self._model.existFrame(link.name)]
 
     def motion(self, joint: int, value: float) -> tuple[str, list[float]]:
         """Which property of its node a joint sets, and to what.

@@ -19,9 +19,11 @@ import numpy as np
 
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.errors import expect
+from baxter_kin.model import LIMBS
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan
 from planner.errors import expect_all
 from planner.plan import Step
+from planner.robot_body import identity_of
 from sim import sentences
 from sim.clock import DEFAULT_TICK_S, SHORTEST_TICK_S, Clock
 from sim.closing import Closing
@@ -29,7 +31,7 @@ from sim.contacts import Contact, ContactWatch, falls_as_planned, is_as_planned
 from sim.errors import SimulationError
 from sim.events import Detail, Event, EventKind, Observer, Snapshot
 from sim.falling import GRAVITY_M_S2, Rest
-from sim.gripper import FINGER_SPEED_M_S, Gripper
+from sim.gripper import FINGER_SPEED_M_S, NO_GRIPPER, Gripper
 from sim.outcome import Dwell, Outcome
 from sim.world import World
 
@@ -49,7 +51,7 @@ class Simulation:
 
     Attributes:
         world: what is moved.
-        grippers: left and right gripper by side.
+        grippers: left and right gripper by side; a side without fingers has none.
     """
 
     def __init__(
@@ -139,7 +141,8 @@ class Simulation:
                 it, moves are then not looked at for contacts.
 
         Raises:
-            SimulationError: when the plan is invalid or starts elsewhere; nothing has moved then.
+            SimulationError: when the plan is invalid, is for another robot or starts elsewhere;
+                nothing has moved then.
         """
         expect(title, str, "title", SimulationError)
         self._check_start(expect(plan, Plan, "plan", SimulationError))
@@ -164,12 +167,22 @@ class Simulation:
     def _check_start(self, plan: Plan) -> None:
         if plan.failure is not None:
             raise SimulationError(f"an invalid plan cannot be executed: {plan.failure}")
+        self._check_robot(plan)
         offset = float(np.abs(self.world.arm_q(plan.limb) - plan.q_start).max())
         if offset > START_TOLERANCE_RAD:
             raise SimulationError(
                 f"the plan starts {offset:.3g} rad from where the {plan.limb} arm stands; plan "
                 "from there"
             )
+
+    def _check_robot(self, plan: Plan) -> None:
+        """The plan must be for this very robot, as far as it says for which it is."""
+        own = identity_of(self.world.robot, self.world.shapes.body)
+        difference = "" if plan.robot is None else own.difference(plan.robot)
+        if difference:
+            raise SimulationError(f"the plan is for another robot: {difference}; plan for this one")
+        if any(isinstance(step, Grip) for step in plan):
+            self.world.hand(plan.limb)
 
     def _do(self, limb: str, step: Step) -> str | None:
         """One step; returns why it failed, or None."""
@@ -321,7 +334,8 @@ class Simulation:
             time_s=self.time_s,
             q=self.world.q,
             T_base_bodies=self.world.body_poses(),
-            grippers={side: gripper.state for side, gripper in self.grippers.items()},
+            grippers=dict.fromkeys(LIMBS, NO_GRIPPER)
+            | {side: gripper.state for side, gripper in self.grippers.items()},
             caption=self._caption,
         )
         for observer in self._observers:

@@ -66,7 +66,7 @@ class Viewer(NotCopied):
         Raises:
             ViewerError: when that port is taken or not allowed, or Meshcat is missing.
         """
-        self._tree = RobotTree(robot.model, Appearance.load())
+        self._tree = RobotTree(robot.model, Appearance.of(robot))
         self._audience = Audience()
         self._q = np.full(len(self._tree.paths), np.nan)
         self._poses: dict[str, Vector] = {}

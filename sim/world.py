@@ -37,7 +37,7 @@ class World:
     Attributes:
         robot: the robot.
         shapes: its shapes.
-        hands: left and right hand by side.
+        hands: left and right hand by side; a side without fingers has none.
         supports: name of each body at rest -> what it stands on.
     """
 
@@ -50,7 +50,11 @@ class World:
         """
         self.robot = expect(robot, Baxter, "robot", SimulationError)
         self.shapes = RobotShapes(robot, body)
-        self.hands = {side: Hand.of(robot, arm, self.shapes) for side, arm in robot.arms.items()}
+        self.hands = {
+            side: Hand.of(robot, arm, self.shapes)
+            for side, arm in robot.arms.items()
+            if Hand.is_on(robot, side)
+        }
         self.supports: dict[str, str] = {}
         self._bodies: dict[str, Body] = {}  # as they were spawned
         self._poses: dict[str, pin.SE3] = {}  # where they are now
@@ -95,8 +99,21 @@ class World:
         return self.robot.arm(side).T_base_tip(self.arm_q(side))
 
     def finger_m(self, side: str) -> float:
-        """Finger position of a hand, 0 closed .. stroke."""
-        return float(self._q[self._finger_indices[self._side(side)][0]])
+        """Finger position of a hand, 0 closed .. stroke; 0 where there are no fingers."""
+        where = self._finger_indices.get(self._side(side))
+        return 0.0 if where is None else float(self._q[where[0]])
+
+    def hand(self, side: str) -> Hand:
+        """The hand of a side.
+
+        Raises:
+            UnknownNameError: when there is no such side.
+            SimulationError: when it has no fingers.
+        """
+        hand = self.hands.get(self._side(side))
+        if hand is None:
+            raise SimulationError(f"the {side} hand of this robot has no fingers")
+        return hand
 
     @property
     def held(self) -> tuple[Holding, ...]:
@@ -125,9 +142,9 @@ class World:
         """Put the fingers of a hand somewhere; they do not push.
 
         Raises:
-            SimulationError: when the position is outside 0 .. stroke.
+            SimulationError: when the position is outside 0 .. stroke, or there are no fingers.
         """
-        hand = self.hands[self._side(side)]
+        hand = self.hand(side)
         x = finite_scalar(finger_m, "finger position", SimulationError)
         if not -1e-12 <= x <= hand.stroke_m + 1e-12:
             raise SimulationError(
@@ -281,7 +298,7 @@ class World:
 
     def _side(self, side: str) -> str:
         """The side, if it is one."""
-        is_known = type(side) is str and side in self.hands
+        is_known = type(side) is str and side in self._arm_indices
         return side if is_known else self.robot.arm(side).side
 
     def _refuse_held(self, name: str) -> None:

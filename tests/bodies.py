@@ -31,7 +31,7 @@ ROUND = 64
 @cache
 def with_plain_fingers(robot: Baxter) -> RobotBody:
     """The robot's body, but its fingers and their tips are the URDF's shapes."""
-    files, frames = robot.description, robot.model.frames
+    files, frames = robot.description.stock, robot.model.frames
     shapes = pin.buildGeomFromUrdf(
         robot.model,
         str(files.urdf),

@@ -26,7 +26,7 @@ class Closeness:
     """The robot and some bodies made of boxes."""
 
     def __init__(self, robot: Baxter, bodies: Iterable[Body]) -> None:
-        files = robot.description
+        files = robot.description.stock
         self._model = pin.buildModelFromUrdf(str(files.urdf))
         self._shapes = pin.buildGeomFromUrdf(
             self._model,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from baxter_kin.benchmark.entrants import ENTRANTS
 from baxter_kin.benchmark.poses import Scenario
-from baxter_kin.command_line import OneSentenceParser, file_to_write, whole_number
+from baxter_kin.command_line import OneSentenceParser, add_urdf, file_to_write, whole_number
 from baxter_kin.model import LIMBS
 
 DEFAULT_COUNT = 1000
@@ -30,6 +30,7 @@ class Options:
         json: where to write every number, or None.
         plot: where to draw the distribution of times, or None.
         is_quiet: show no progress.
+        urdf: the robot's own description, or None for the stock robot.
     """
 
     limbs: tuple[str, ...]
@@ -41,6 +42,7 @@ class Options:
     json: Path | None = None
     plot: Path | None = None
     is_quiet: bool = False
+    urdf: Path | None = None
 
 
 def parse_options(argv: Sequence[str] | None = None) -> Options:
@@ -61,6 +63,7 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
         json=raw.json,
         plot=raw.plot,
         is_quiet=raw.quiet,
+        urdf=raw.urdf,
     )
 
 
@@ -80,6 +83,7 @@ def _parser() -> argparse.ArgumentParser:
 def _add_what_to_measure(parser: argparse.ArgumentParser) -> None:
     scenarios = [scenario.value for scenario in Scenario]
     solvers = [entrant.key for entrant in ENTRANTS]
+    add_urdf(parser)
     parser.add_argument(
         "--limb", choices=(*LIMBS, "both"), default="left", help="which arm (default %(default)s)"
     )

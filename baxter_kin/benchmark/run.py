@@ -41,7 +41,7 @@ def _tell(text: str) -> None:
 
 
 def _measure(options: Options) -> Outcome:
-    robot = Baxter.load()
+    robot = Baxter.load(options.urdf)
     contestants: dict[str, Contestant] = {}
     absences: dict[Absence, None] = {}
     rows: list[Measurement] = []

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from baxter_kin.command_line import (
     OneSentenceParser,
+    add_urdf,
     file_to_write,
     number,
     number_within,
@@ -32,6 +33,7 @@ class Options:
     """What the user asked for.
 
     Attributes:
+        urdf: the robot's own description, or None for the stock robot.
         limb: "left" or "right".
         poses_m: block poses: tip positions in base, visited in turn.
         hover_m: height above the place where a cycle ends; the arm moves sideways above 5 cm, or
@@ -55,6 +57,7 @@ class Options:
         verbosity: 0 quiet, 1 normal, 2 with every event.
     """
 
+    urdf: Path | None
     limb: str
     poses_m: tuple[tuple[float, float, float], ...]
     hover_m: float
@@ -91,6 +94,7 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
     poses += [(x, y, z) for x, y, z in raw.add_pose]
     cycles = None if raw.forever else raw.cycles or len(poses)
     return Options(
+        urdf=raw.urdf,
         limb=raw.limb,
         poses_m=tuple(poses),
         hover_m=raw.hover,
@@ -163,6 +167,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_task(parser: argparse.ArgumentParser) -> None:
     """What is done."""
+    add_urdf(parser)
     parser.add_argument("--limb", choices=("left", "right"), default="left", help="which arm")
     parser.add_argument(
         "--add-pose",

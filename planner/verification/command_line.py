@@ -32,6 +32,7 @@ class Options:
 
     Attributes:
         file: the saved plan.
+        urdf: the robot's own description; None for the stock robot.
         is_quiet: say nothing but what failed.
         is_json: print the certificate as JSON instead of a table.
         straight: labels of the moves that shall be straight although the plan does not say so.
@@ -40,6 +41,7 @@ class Options:
     """
 
     file: str
+    urdf: str | None
     is_quiet: bool
     is_json: bool
     straight: tuple[str, ...]
@@ -74,6 +76,9 @@ def _options(argv: Sequence[str] | None) -> Options:
         allow_abbrev=False,
     )
     parser.add_argument("file", metavar="FILE", help="a plan that save_plan wrote")
+    parser.add_argument(
+        "--urdf", metavar="FILE", help="the robot's own description (default: the stock robot)"
+    )
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but what failed")
     parser.add_argument("--json", action="store_true", help="the certificate as JSON")
     parser.add_argument(
@@ -92,12 +97,20 @@ def _options(argv: Sequence[str] | None) -> Options:
             help=f"greatest {name} of every joint to judge by, {unit}; the robot's when not given",
         )
     raw = parser.parse_args(argv)
-    return Options(raw.file, raw.quiet, raw.json, tuple(raw.straight), raw.acceleration, raw.jerk)
+    return Options(
+        raw.file, raw.urdf, raw.quiet, raw.json, tuple(raw.straight), raw.acceleration, raw.jerk
+    )
 
 
 def _checked(options: Options) -> int:
     plan = load_plan(options.file)
-    certificate = verify(plan, straight=options.straight, limits=_limits(plan, options))
+    robot = RobotDescription.of(options.urdf)
+    certificate = verify(
+        plan,
+        straight=options.straight,
+        description=robot,
+        limits=_limits(plan, robot, options),
+    )
     if options.is_json:
         print(json.dumps(certificate.as_dict(), indent=1, allow_nan=False))
     elif not options.is_quiet:
@@ -110,8 +123,7 @@ def _checked(options: Options) -> int:
     return EXIT_NOT_VALID
 
 
-def _limits(plan: Plan, options: Options) -> JointLimits | None:
+def _limits(plan: Plan, robot: RobotDescription, options: Options) -> JointLimits | None:
     if options.acceleration is None and options.jerk is None:
         return None
-    robot = UrdfRobot(RobotDescription.installed(), plan.limb)
-    return robot_limits(robot, options.acceleration, options.jerk)
+    return robot_limits(UrdfRobot(robot, plan.limb), options.acceleration, options.jerk)

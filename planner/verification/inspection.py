@@ -57,7 +57,8 @@ def verify(
         situation: the world before its first step; the plan's own when not given.
         straight: labels of more moves that shall be straight; those that say so are tested anyhow.
         tolerances: what is allowed; the toolkit's promises when not given.
-        description: the robot's files; the installed ones when not given.
+        description: which robot it is judged for, such as `robot.description`; the stock robot
+            when not given.
         limits: what the arm may do; when not given, the URDF's positions and velocities and the
             toolkit's stated acceleration and jerk (`baxter_kin.limits`).
 
@@ -65,13 +66,15 @@ def verify(
         Every check with its worst value, its bound and where that was found.
 
     Raises:
-        TaskError: when an argument is of another class, nobody says the situation, its joints are
-            not the robot's, limits are those of other joints, or plan or scene are too large
-            (`planner.plan_file.MOST`).
+        TaskError: when an argument is of another class, the plan is for another robot, nobody says
+            the situation, its joints are not the robot's, limits are those of other joints, or plan
+            or scene are too large (`planner.plan_file.MOST`).
         DescriptionError: when the URDF cannot be read; where only its meshes cannot, the verdict
             says what was measured instead.
     """
-    expect(plan, Plan, "plan", TaskError)
+    files = _installed() if description is None else description
+    expect(files, RobotDescription, "description", TaskError)
+    _check_robot(expect(plan, Plan, "plan", TaskError), files)
     known = plan.situation if situation is None else situation
     if known is None:
         raise TaskError(
@@ -89,9 +92,16 @@ def verify(
             )
     allowed = Tolerances() if tolerances is None else tolerances
     expect(allowed, Tolerances, "tolerances", TaskError)
-    files = _installed() if description is None else description
-    expect(files, RobotDescription, "description", TaskError)
     return _Inspection(plan, known, files, allowed, limits).certificate(labels)
+
+
+def _check_robot(plan: Plan, description: RobotDescription) -> None:
+    difference = "" if plan.robot is None else description.identity.difference(plan.robot)
+    if difference:
+        raise TaskError(
+            f"the plan is for another robot than {description.source}: {difference}; give the "
+            "description of the robot that it is for"
+        )
 
 
 @cache

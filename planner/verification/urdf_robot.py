@@ -1,13 +1,13 @@
 """The whole robot straight from its URDF: joints, limits, tip, and one arm with its fingers.
 
 Nothing here comes from `baxter_kin.model`, so that an error there shows: the tree, the names of the
-arm's joints and the fingers are read from the file through Pinocchio.
+arm's joints and the fingers are read from the description's text through Pinocchio.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -18,17 +18,22 @@ from baxter_kin.errors import DescriptionError
 from planner.errors import TaskError
 
 
-@cache
-def read_model(files: RobotDescription) -> pin.Model:
-    """The tree of all joints, read once for the same files; nobody changes it.
+@lru_cache(maxsize=8)
+def read_model(description: RobotDescription) -> pin.Model:
+    """The tree of all joints, read once for the same robot; nobody changes it.
 
     Raises:
         DescriptionError: when it cannot be read.
     """
     try:
-        return pin.buildModelFromUrdf(str(files.urdf))
+        return pin.buildModelFromXML(description.text)
     except (RuntimeError, ValueError) as cause:
-        raise DescriptionError(f"cannot read {files.urdf}: {cause}") from cause
+        raise DescriptionError(f"cannot read {description.source}: {cause}") from cause
+
+
+@cache
+def _installed() -> RobotDescription:
+    return RobotDescription.installed()
 
 
 class UrdfRobot:
@@ -36,6 +41,7 @@ class UrdfRobot:
 
     Attributes:
         model: the tree of all joints.
+        stock: that of the stock robot, for which more was measured beforehand.
         limb: "left" or "right".
         arm_joints: the arm's joints from shoulder to wrist, as numbers in the model.
         fingers: its finger joints, as numbers in the model.
@@ -47,9 +53,9 @@ class UrdfRobot:
         """Read the URDF.
 
         Raises:
-            DescriptionError: when it cannot be read, or has no such arm.
+            DescriptionError: when it cannot be read, or has no such arm, or that has no fingers.
         """
-        self.model = read_model(description)
+        self.model, self.stock = read_model(description), read_model(_installed())
         tip = f"{limb}_gripper"
         if not self.model.existFrame(tip):
             raise DescriptionError(f"the URDF is not Baxter's: it lacks the link {tip}")
@@ -60,6 +66,8 @@ class UrdfRobot:
         self.arm_joints = [int(joint) for joint in self.model.supports[self.wrist]][1:]
         self.fingers = [int(j) for j in self.model.subtrees[self.wrist] if int(j) != self.wrist]
         upper, lower = self.model.upperPositionLimit, self.model.lowerPositionLimit
+        if not self.fingers:
+            raise DescriptionError(f"the {limb} hand of this robot has no fingers")
         where = self._indices(self.fingers)
         self.other_hand = self._hand("right" if limb == "left" else "left")
         self.stroke_m = float((upper - lower)[where].min())

@@ -19,7 +19,7 @@ from collada.common import DaeBrokenRefError, DaeUnsupportedError
 from collada.triangleset import BoundTriangleSet
 from numpy.typing import NDArray
 
-from baxter_kin.description import RobotDescription
+from baxter_kin.description import StockFiles
 
 F = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Placed(NamedTuple):
 
 @cache
 def _files() -> dict[str, Path]:
-    root = RobotDescription.installed().urdf.parent.parent / "meshes"
+    root = StockFiles.installed().urdf.parent.parent / "meshes"
     return {file.stem: file for file in sorted(root.rglob("*.DAE"))}
 
 
@@ -61,7 +61,7 @@ def triangles(mesh: str) -> F:
 
 def placed_shapes() -> Iterator[Placed]:
     """Every shape that is part of the robot: visuals, and collision shapes of links without."""
-    root = ET.parse(RobotDescription.installed().urdf).getroot()
+    root = ET.parse(StockFiles.installed().urdf).getroot()
     for link in root.findall("link"):
         name = link.get("name", "")
         shapes = link.findall("visual")

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from baxter_kin.description import RobotDescription
+from baxter_kin.description import StockFiles
 from planner.contact import coal_pose, convex, surface
 from planner.robot_body import LinkBody
 
@@ -51,7 +51,7 @@ class Poses:
 
     def __init__(self, links: Mapping[str, LinkBody]) -> None:
         """Build the model from the installed URDF."""
-        self.model = pin.buildModelFromUrdf(str(RobotDescription.installed().urdf))
+        self.model = pin.buildModelFromUrdf(str(StockFiles.installed().urdf))
         self.data = self.model.createData()
         self.frame = {name: self.model.getFrameId(name) for name in links}
         self.low = np.array(self.model.lowerPositionLimit)

@@ -64,6 +64,7 @@ BY_PARAMETER: MappingProxyType[str, Make] = MappingProxyType(
         "Certificate.subject": _constant(None),
         "Scene.of.bodies": lambda stage: list(stage["Scene"]),
         "Part.rgba": _constant((1.0, 0.0, 0.0, 1.0)),
+        "Baxter.load.urdf": lambda stage: stage["RobotDescription"].text,
         "RobotShapes.index": _constant(0),
         "make_block.colour": _constant("red"),
         "make_block.edge_m": _constant(0.05),

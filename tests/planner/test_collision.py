@@ -85,7 +85,7 @@ class Independent:
             link: robot.model.frames[robot.model.getFrameId(link)].parentJoint
             for link in self._shapes
         }
-        urdf = robot.description.urdf
+        urdf = robot.description.stock.urdf
         self._arm = _links_below(urdf, f"{arm.side}_s0") & self._shapes.keys()
         self._hand = _links_below(urdf, f"{arm.side}_w2") & self._shapes.keys()
 

@@ -145,7 +145,7 @@ def test_waypoints_are_the_poses_5_cm_above_them_and_15_cm_at_the_end(plan: Plan
 def test_every_waypoint_is_reached_by_the_tip_of_the_whole_robots_urdf(
     robot: Baxter, plan: Plan
 ) -> None:
-    model = pin.buildModelFromUrdf(str(robot.description.urdf))
+    model = pin.buildModelFromUrdf(str(robot.description.stock.urdf))
     data = model.createData()
     tip = model.getFrameId("left_gripper")
     for move in plan.moves:

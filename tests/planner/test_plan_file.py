@@ -294,7 +294,10 @@ TRAJECTORY = ("plan", "steps", 1, "trajectory")
     ("change", "reason"),
     [
         (put("format", value="other"), "is no plan: its format is 'other'"),
-        (put("version", value=1), "has version 1, but only 2 is read here: save the plan again"),
+        (
+            put("version", value=2),
+            "has version 2, but only 3 is read here, which says for which robot",
+        ),
         (put("version", value=True), "has version True"),
         (put("more", value=1), "has entries"),
         (put("plan", "limb", value="third"), "plan: unknown limb 'third'"),
@@ -327,7 +330,7 @@ def test_an_edited_number_is_refused_as_edited(saved: bytes, file: Path) -> None
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
 def test_numbers_that_are_not_finite_are_refused(saved: bytes, file: Path, number: str) -> None:
-    content = saved.replace(b'"version": 2', f'"version": {number}'.encode())
+    content = saved.replace(b'"version": 3', f'"version": {number}'.encode())
     assert "finite" in (said := refusal(file, content)) or "too large" in said
 
 

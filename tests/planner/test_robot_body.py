@@ -51,7 +51,7 @@ def body() -> RobotBody:
 @pytest.fixture(scope="module")
 def meshes(robot: Baxter) -> Mapping[str, Corners]:
     """The triangles of the links that have a mesh, in the frame of the link."""
-    files = robot.description
+    files = robot.description.stock
     shapes = pin.buildGeomFromUrdf(
         robot.model,
         str(files.urdf),

@@ -341,7 +341,7 @@ def test_the_nearest_is_that_of_all_pairs_at_all_samples(plan: Plan) -> None:
 def test_without_the_meshes_it_judges_by_the_planners_body_and_says_so(
     robot: Baxter, plan: Plan, manipulator: Manipulator, small: Scene, tmp_path: Path
 ) -> None:
-    bare = replace(robot.description, package_dir=tmp_path)
+    bare = replace(robot.description, stock=replace(robot.description.stock, package_dir=tmp_path))
     found = verify(plan, description=bare)
     assert found.is_valid, found.verdict
     assert "measured on the planner's own body, since cannot read" in found.verdict

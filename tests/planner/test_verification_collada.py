@@ -14,7 +14,7 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from baxter_kin.description import RobotDescription
+from baxter_kin.description import RobotDescription, StockFiles
 from baxter_kin.errors import DescriptionError
 from planner.contact import shape_of
 from planner.verification.body import collada
@@ -23,7 +23,7 @@ from planner.verification.body.robot_body import NO_PARTS, robot_body
 from planner.verification.body.urdf_shapes import link_shapes
 from planner.verification.urdf_robot import read_model
 
-FILES = RobotDescription.installed()
+FILES = StockFiles.installed()
 
 SINGLE = 1e-7
 """What rounding to single precision, as trimesh and Pinocchio do, moves in Baxter's meshes, m."""
@@ -140,11 +140,11 @@ def farthest_m(points: NDArray[np.float64], others: NDArray[np.float64]) -> floa
 
 
 def test_every_shape_is_where_pinocchio_places_it() -> None:
-    model = read_model(FILES)
+    model = read_model(RobotDescription.installed())
     shapes = pin.buildGeomFromUrdf(
         model, str(FILES.urdf), pin.GeometryType.VISUAL, package_dirs=[str(FILES.package_dir)]
     )
-    ours = {solid.name: solid for solid in robot_body(FILES).solids}
+    ours = {solid.name: solid for solid in robot_body(RobotDescription.installed()).solids}
     for theirs in shapes.geometryObjects:
         name = str(model.frames[theirs.parentFrame].name)
         if not any(word in name for word in NO_PARTS):
@@ -171,7 +171,7 @@ def test_refuses_shapes_of_a_link_that_are_none(tmp_path: Path, geometry: str, r
     urdf = tmp_path / "robot.urdf"
     urdf.write_text(f'<robot><link name="a"><visual>{geometry}</visual></link></robot>')
     with pytest.raises(DescriptionError, match=re.escape(reason)):
-        link_shapes(RobotDescription(urdf, urdf, tmp_path), ())
+        link_shapes(StockFiles(urdf, urdf, tmp_path), ())
 
 
 def test_a_mesh_is_scaled_as_the_urdf_says(tmp_path: Path) -> None:
@@ -179,7 +179,7 @@ def test_a_mesh_is_scaled_as_the_urdf_says(tmp_path: Path) -> None:
     urdf = tmp_path / "robot.urdf"
     mesh = '<geometry><mesh filename="package://shape.dae" scale="1 2 3"/></geometry>'
     urdf.write_text(f'<robot><link name="a"><visual>{mesh}</visual></link></robot>')
-    (shape,) = link_shapes(RobotDescription(urdf, urdf, tmp_path), ())
+    (shape,) = link_shapes(StockFiles(urdf, urdf, tmp_path), ())
     assert np.array(shape.shape.vertices()) == pytest.approx(
         np.array([[0, 0, 0], [0.02, 0, 0], [0.02, 0.02, 0]]), abs=1e-15
     )
@@ -187,7 +187,7 @@ def test_a_mesh_is_scaled_as_the_urdf_says(tmp_path: Path) -> None:
 
 
 def test_both_arms_share_a_mesh() -> None:
-    solids = {solid.name: solid for solid in robot_body(FILES).solids}
+    solids = {solid.name: solid for solid in robot_body(RobotDescription.installed()).solids}
     left, right = solids["left_wrist"], solids["right_wrist"]
     assert left.shape is right.shape
     assert left.cover is right.cover

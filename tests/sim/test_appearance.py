@@ -33,9 +33,9 @@ def visuals(robot: Baxter) -> list[pin.GeometryObject]:
     """The visuals as Pinocchio reads them from the original meshes."""
     geometry = pin.buildGeomFromUrdf(
         robot.model,
-        str(robot.description.urdf),
+        str(robot.description.stock.urdf),
         pin.GeometryType.VISUAL,
-        package_dirs=[str(robot.description.package_dir)],
+        package_dirs=[str(robot.description.stock.package_dir)],
     )
     return [
         visual

@@ -13,6 +13,7 @@ import PyKDL
 
 from baxter_kin.arrays import Vector
 from baxter_kin.benchmark.contestant import Contestant, short
+from baxter_kin.benchmark.peers.chain import placements_about_z
 from baxter_kin.model import Arm
 
 ITERATIONS = 100
@@ -70,8 +71,7 @@ _LAST = [0.0, 0.0, 0.0, 1.0]
 
 def _chain(arm: Arm) -> Any:
     """A segment of KDL is a joint and what comes after it, so the first one is a fixed one."""
-    tip = arm.model.frames[arm.model.getFrameId(arm.tip_frame)]
-    placements = [*arm.model.jointPlacements[1:], tip.placement]
+    placements = placements_about_z(arm)
     chain = PyKDL.Chain()
     chain.addSegment(PyKDL.Segment(PyKDL.Joint(), _frame(placements[0])))
     for placement in placements[1:]:

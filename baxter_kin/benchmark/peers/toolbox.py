@@ -14,6 +14,7 @@ import pinocchio as pin
 from roboticstoolbox import ET, ETS
 
 from baxter_kin.benchmark.contestant import Contestant, short
+from baxter_kin.benchmark.peers.chain import placements_about_z
 from baxter_kin.model import Arm
 
 SEARCHES = 1000
@@ -41,11 +42,14 @@ def contestant(arm: Arm, *, tolerance: float) -> Contestant:
 
 
 def _transforms(arm: Arm) -> Any:
-    parts = []
-    for i, (lower, upper) in enumerate(zip(arm.limits.q_min, arm.limits.q_max, strict=True)):
-        parts += [_fixed(arm.model.jointPlacements[i + 1]), ET.Rz(qlim=[lower, upper])]
-    tip = arm.model.frames[arm.model.getFrameId(arm.tip_frame)]
-    return ETS([*parts, _fixed(tip.placement)])
+    *placements, last = placements_about_z(arm)
+    limits = zip(arm.limits.q_min, arm.limits.q_max, strict=True)
+    parts = [
+        part
+        for placement, (lower, upper) in zip(placements, limits, strict=True)
+        for part in (_fixed(placement), ET.Rz(qlim=[lower, upper]))
+    ]
+    return ETS([*parts, _fixed(last)])
 
 
 def _fixed(placement: pin.SE3) -> Any:

@@ -1,6 +1,7 @@
 """TRAC-IK through pytracik: KDL's Newton and NLopt's SQP, side by side in two threads.
 
-It reads the same URDF. Two threads are its nature and cannot be turned off.
+It reads the stock robot's URDF, so with a robot of one's own it does not take part. Two threads are
+its nature and cannot be turned off.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from trac_ik import TracIK
 
 from baxter_kin.arrays import Vector
 from baxter_kin.benchmark.contestant import Contestant, short
-from baxter_kin.description import RobotDescription
+from baxter_kin.description import StockFiles
 from baxter_kin.model import Arm
 
 TIMEOUT_S = 0.005
@@ -26,7 +27,7 @@ def contestant(arm: Arm, *, epsilon: float) -> Contestant:
         arm: whose tip to place.
         epsilon: greatest error along and about each axis, m and rad; 1e-5 is its default.
     """
-    urdf = str(RobotDescription.installed().urdf)
+    urdf = str(StockFiles.installed().urdf)
     solver = TracIK("base", arm.tip_frame, urdf, timeout=TIMEOUT_S, epsilon=epsilon)
     solver.joint_limits = arm.limits.q_min, arm.limits.q_max  # it reads them in single precision
 

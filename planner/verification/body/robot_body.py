@@ -17,11 +17,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
+from operator import itemgetter
 
 import pinocchio as pin
 
-from baxter_kin.description import RobotDescription
+from baxter_kin.description import RobotDescription, StockFiles
 from baxter_kin.errors import DescriptionError
 from planner.contact import convex, surface
 from planner.robot_body import RobotBody as StoredBody
@@ -31,6 +32,9 @@ from planner.verification.urdf_robot import read_model
 
 NO_PARTS = ("collision_head_link_", "_forearm_visual", "_elbow_visual")
 """In names of links that are no parts of the robot."""
+
+GRIPPER = "_gripper_"
+"""In names of links that a robot with a bare flange lacks."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,25 +50,32 @@ class RobotBody:
     source: str
 
 
-@cache
-def robot_body(files: RobotDescription) -> RobotBody:
-    """The robot's shapes, read once for the same files.
+@lru_cache(maxsize=8)
+def robot_body(description: RobotDescription) -> RobotBody:
+    """The robot's shapes on its own joints, made once for the same robot.
+
+    Links that the robot lacks, of a gripper that is not mounted, have none.
 
     Raises:
         DescriptionError: when the URDF cannot be read.
         BodyFileError: when neither the meshes nor the stored body can be read.
     """
-    model = read_model(files)
-    try:
-        shapes, source = link_shapes(files, NO_PARTS), "Rethink's meshes"
-    except DescriptionError as cause:
-        shapes, source = list(_stored_shapes()), f"the planner's own body, since {cause}"
-    placed = sorted(
-        ((_frame(model, shape.link), shape) for shape in shapes), key=lambda pair: pair[0]
-    )
+    model = read_model(description)
+    shapes, source = _shapes(description.stock)
+    there = [shape for shape in shapes if _is_there(model, shape.link)]
+    placed = sorted(((_frame(model, shape.link), shape) for shape in there), key=itemgetter(0))
     measured: dict[int, Solid] = {}
     solids = tuple(_solid(model.frames[frame], shape, measured) for frame, shape in placed)
     return RobotBody(solids, source)
+
+
+@cache
+def _shapes(files: StockFiles) -> tuple[tuple[LinkShape, ...], str]:
+    """The shapes of all links, and what they are."""
+    try:
+        return tuple(link_shapes(files, NO_PARTS)), "Rethink's meshes"
+    except DescriptionError as cause:
+        return tuple(_stored_shapes()), f"the planner's own body, since {cause}"
 
 
 def _stored_shapes() -> Iterator[LinkShape]:
@@ -76,9 +87,15 @@ def _stored_shapes() -> Iterator[LinkShape]:
             yield LinkShape(link.name, pin.SE3.Identity(), convex(*piece))
 
 
-def _frame(model: pin.Model, link: str) -> int:
-    if not model.existFrame(link, pin.FrameType.BODY):
+def _is_there(model: pin.Model, link: str) -> bool:
+    """Whether the robot has a link; only grippers may be missing."""
+    is_there = bool(model.existFrame(link, pin.FrameType.BODY))
+    if not is_there and GRIPPER not in link:
         raise DescriptionError(f"the robot's tree lacks the link {link}")
+    return is_there
+
+
+def _frame(model: pin.Model, link: str) -> int:
     return int(model.getFrameId(link, pin.FrameType.BODY))
 
 

@@ -60,6 +60,7 @@ class Stretches:
         """Sort the robot's shapes by what moves them."""
         self._robot, self._q_standing, self._straight = robot, q_standing, straight
         self._elsewhere = tuple(_placed(elsewhere))
+        self._pairs = links.OwnPairs(robot.model, robot.stock)
         everything = list(solids)
         self._arm = [s for s in everything if arm_level(robot, s.joint)]
         self.rest = [s for s in everything if not arm_level(robot, s.joint)]
@@ -67,7 +68,7 @@ class Stretches:
         self._palm = [s for s in self._arm if s.joint == robot.wrist]
         self._inner = [s for s in self._arm if s.joint not in {robot.wrist, *robot.fingers}]
         among = [*product(self._arm, self.rest), *combinations(self._arm, 2)]
-        self._own = [Pair(a, b) for a, b in among if links.is_checked(robot.model, a, b)]
+        self._own = [Pair(a, b) for a, b in among if self._pairs.is_checked(a, b)]
 
     def of_run(self, run: Run, travel_m: float) -> Stretch:
         """The samples of moves, of which there is one at least."""
@@ -132,9 +133,9 @@ class Stretches:
 
     def pairs_of_rest(self, stretch: Stretch) -> list[Pair]:
         """The head and the other arm, with everything but the arm that moves."""
-        model, jointed = self._robot.model, [solid for solid in self.rest if solid.joint]
+        jointed = [solid for solid in self.rest if solid.joint]
         among = combinations(self.rest, 2)
-        found = [Pair(a, b) for a, b in among if links.is_checked(model, a, b)]
+        found = [Pair(a, b) for a, b in among if self._pairs.is_checked(a, b)]
         in_hand = {body.name for body in self._elsewhere}
         hand = set(self._robot.other_hand)
         for link, solid in product(jointed, stretch.still):
@@ -160,9 +161,8 @@ class Stretches:
 
     def pairs_of_travel(self, travel: FingerTravel, stretch: Stretch) -> list[Pair]:
         """Fingers with everything; what they push too; the palm with what they close on."""
-        model = self._robot.model
         among = product(self._fingers, self.rest + self._inner)
-        found = [Pair(a, b) for a, b in among if links.is_checked(model, a, b)]
+        found = [Pair(a, b) for a, b in among if self._pairs.is_checked(a, b)]
         found += [Pair(finger, solid) for finger, solid in product(self._fingers, stretch.still)]
         held = stretch.held
         found += [Pair(f, part, part.name) for f, part in product(self._fingers, held)]

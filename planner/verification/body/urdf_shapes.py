@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from baxter_kin.description import RobotDescription
+from baxter_kin.description import StockFiles
 from baxter_kin.errors import DescriptionError
 from planner.contact import surface
 from planner.verification.body.collada import read_collada
@@ -40,7 +40,7 @@ class LinkShape:
     shape: Any
 
 
-def link_shapes(files: RobotDescription, left_out: tuple[str, ...]) -> list[LinkShape]:
+def link_shapes(files: StockFiles, left_out: tuple[str, ...]) -> list[LinkShape]:
     """The shapes of every link whose name has none of some words in it.
 
     Raises:
@@ -62,7 +62,7 @@ def link_shapes(files: RobotDescription, left_out: tuple[str, ...]) -> list[Link
 class _Shapes:
     """Makes shapes, and each mesh once."""
 
-    def __init__(self, files: RobotDescription) -> None:
+    def __init__(self, files: StockFiles) -> None:
         self._files = files
         self._surfaces: dict[tuple[str, tuple[float, ...]], Any] = {}
 

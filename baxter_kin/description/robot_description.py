@@ -1,0 +1,165 @@
+"""RobotDescription: which robot it is, and where its shapes are (example-robot-data enters here).
+
+The wheel of example-robot-data is data only, with nothing to import, so its files are found through
+the metadata of the installed distribution. Its URDF is the stock robot, and its meshes are those of
+every Baxter, whatever the robot's own description calls them.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from functools import cache, lru_cache
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import TypeAlias
+
+from baxter_kin.description.calibration import ROOT, as_baxter
+from baxter_kin.description.identity import RobotIdentity
+from baxter_kin.description.urdf import Urdf
+from baxter_kin.description.urdf_reading import read_urdf
+from baxter_kin.description.xml_text import LARGEST_TEXT_BYTES
+from baxter_kin.errors import DescriptionError, FileError, quoted, shown_path
+from baxter_kin.files import open_to_read
+
+UrdfSource: TypeAlias = "str | bytes | os.PathLike[str]"
+"""The path of a URDF, or its text."""
+
+_DISTRIBUTION = "example-robot-data"
+_URDF = "robots/baxter_description/urdf/baxter.urdf"
+_SRDF = "robots/baxter_description/srdf/baxter_manipulation.srdf"
+
+_BYTE_ORDER_MARK = "\ufeff"
+
+
+@dataclass(frozen=True, slots=True)
+class StockFiles:
+    """The files of the stock robot.
+
+    Attributes:
+        urdf: links, joints, shapes.
+        srdf: pairs of links that never need a collision check.
+        package_dir: the folder that `package://` in the URDF stands for.
+    """
+
+    urdf: Path
+    srdf: Path
+    package_dir: Path
+
+    def __post_init__(self) -> None:
+        """Check that the files are there."""
+        for path in (self.urdf, self.srdf):
+            if not path.is_file():
+                raise DescriptionError(f"the robot description lacks {path}; reinstall its package")
+
+    @classmethod
+    def installed(cls) -> StockFiles:
+        """Those of the installed example-robot-data.
+
+        Raises:
+            DescriptionError: when that package, or Baxter in it, is missing.
+        """
+        try:
+            files = distribution(_DISTRIBUTION).files or []
+        except PackageNotFoundError:
+            raise DescriptionError(
+                f"the package {_DISTRIBUTION} is not installed; run: pip install {_DISTRIBUTION}"
+            ) from None
+        urdf = next((file for file in files if file.as_posix().endswith(_URDF)), None)
+        if urdf is None:
+            raise DescriptionError(f"the installed {_DISTRIBUTION} has no {_URDF}; reinstall it")
+        root = Path(str(urdf.locate())).parents[len(Path(_URDF).parts) - 1]
+        return cls(urdf=root / _URDF, srdf=root / _SRDF, package_dir=root.parent)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotDescription:
+    """Which robot it is.
+
+    Attributes:
+        text: its links and joints as a URDF without shapes, with the names of the stock robot.
+        stock: the files that have the shapes of its links.
+        source: where it came from, as a phrase; it does not count when two are compared.
+    """
+
+    text: str
+    stock: StockFiles
+    source: str = field(default="a text", compare=False)
+
+    @classmethod
+    def of(cls, urdf: UrdfSource | None = None) -> RobotDescription:
+        """The description of a robot of one's own, or of the stock robot when none is given.
+
+        Args:
+            urdf: the path of a URDF; or its text, as text that begins with "<" or as bytes.
+
+        Raises:
+            DescriptionError: when it cannot be read, or is no Baxter's; in one sentence.
+        """
+        stock = StockFiles.installed()
+        if urdf is None:
+            return cls(_stock_tree(stock).text, stock, "the stock robot")
+        text, source = _read(urdf)
+        try:
+            tree = as_baxter(read_urdf(text, ROOT), _stock_tree(stock))
+        except DescriptionError as cause:
+            raise DescriptionError(f"{source} cannot be used: {cause}") from None
+        return cls(tree.text, stock, source)
+
+    @classmethod
+    def installed(cls) -> RobotDescription:
+        """Baxter, as the installed example-robot-data has it.
+
+        Raises:
+            DescriptionError: when that package, or Baxter in it, is missing.
+        """
+        return cls.of()
+
+    @property
+    def tree(self) -> Urdf:
+        """What the text says."""
+        return _tree(self.text)
+
+    @property
+    def identity(self) -> RobotIdentity:
+        """Which robot it is, of which a digest is made."""
+        return _identity(self.text)
+
+
+@cache
+def _stock_tree(files: StockFiles) -> Urdf:
+    text, source = _read(files.urdf)
+    try:
+        tree = read_urdf(text, ROOT)
+        return as_baxter(tree, tree)
+    except DescriptionError as cause:
+        raise DescriptionError(f"{source} cannot be used: {cause}; reinstall its package") from None
+
+
+@lru_cache(maxsize=16)
+def _tree(text: str) -> Urdf:
+    return read_urdf(text, ROOT)
+
+
+@lru_cache(maxsize=16)
+def _identity(text: str) -> RobotIdentity:
+    return RobotIdentity.of(_tree(text))
+
+
+def _read(urdf: UrdfSource) -> tuple[str | bytes, str]:
+    """What a URDF says, and where it came from."""
+    if isinstance(urdf, bytes):
+        return urdf, "the URDF given as bytes"
+    if isinstance(urdf, str) and urdf.lstrip().lstrip(_BYTE_ORDER_MARK).startswith("<"):
+        return urdf.lstrip().lstrip(_BYTE_ORDER_MARK), "the URDF given as text"
+    if not isinstance(urdf, (str, os.PathLike)):
+        raise DescriptionError(
+            f"a URDF is given by its path, or as text or bytes; got {quoted(urdf)}"
+        )
+    try:
+        with open_to_read(urdf) as stream:
+            return stream.read(LARGEST_TEXT_BYTES + 1), shown_path(urdf)
+    except FileError as cause:
+        raise DescriptionError(
+            f"the URDF {shown_path(urdf)} cannot be read: {cause.reason}"
+        ) from cause

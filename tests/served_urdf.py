@@ -1,0 +1,17 @@
+"""URDFs as real Baxters serve them, made by `scripts/served_urdf.py`."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from typing import Any
+
+SCRIPTS = str(Path(__file__).parents[1] / "scripts")
+if SCRIPTS not in sys.path:
+    sys.path.insert(0, SCRIPTS)
+
+
+def served_urdf(*args: Any, **options: Any) -> str:
+    """The text of a URDF; arguments as of the script's function."""
+    return str(importlib.import_module("served_urdf").served_urdf(*args, **options))

@@ -1,0 +1,191 @@
+"""A robot by its own description: plan, file, verdict, simulation, recording and replay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Baxter, UnknownNameError
+from planner import (
+    Manipulator,
+    PickAndPlace,
+    Plan,
+    Scene,
+    load_plan,
+    plan_pick_and_place,
+    save_plan,
+    verify,
+)
+from planner.errors import SceneError, TaskError
+from planner.robot_body import RobotBody
+from planner.verification.command_line import main
+from sim import Recorder, Recording, Simulation, World
+from sim.appearance import Appearance
+from sim.errors import RecordingError, SimulationError
+from sim.log_reading import read_log
+from sim.recording_log import LogRecorder
+from sim.replay import replay_html
+from sim.scenegraph import RobotTree
+from tests.conftest import overhead
+from tests.served_urdf import served_urdf
+
+
+class Own(NamedTuple):
+    text: str
+    robot: Baxter
+    plan: Plan
+
+
+def planned(text: str, scene: Scene) -> Own:
+    robot = Baxter.load(text)
+    arm = Manipulator.of(robot, "left")
+    task = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
+    return Own(text, robot, plan_pick_and_place(task, arm, scene, arm.arm.start))
+
+
+@pytest.fixture(scope="module", params=["calibrated", "as drawn, other limits", "one gripper"])
+def own(request: pytest.FixtureRequest, scene: Scene) -> Own:
+    rng = np.random.default_rng(1)
+    return planned(
+        {
+            "calibrated": served_urdf(rng, limit_change=0.005),
+            "as drawn, other limits": served_urdf(
+                rng, apart_m=0.0, turned_rad=0.0, limit_change=0.005
+            ),
+            "one gripper": served_urdf(without_grippers=["right"]),
+        }[request.param],
+        scene,
+    )
+
+
+def executed(own: Own, scene: Scene, *, plan: Plan | None = None) -> Recording:
+    world, recorder = World(own.robot), Recorder(own.robot)
+    for body in scene:
+        world.spawn(body)
+    world.move_arm("left", own.plan.q_start)
+    simulation = Simulation(world, [recorder])
+    outcome = simulation.execute(own.plan if plan is None else plan)
+    assert outcome.is_success, outcome.failure
+    simulation.finish()
+    return recorder.recording()
+
+
+def test_is_planned_and_verified(own: Own) -> None:
+    assert own.plan.is_valid, own.plan.failure
+    certificate = verify(own.plan, description=own.robot.description)
+    assert certificate.is_valid, certificate.verdict
+
+
+def test_is_refused_for_the_stock_robot(own: Own, robot: Baxter) -> None:
+    with pytest.raises(TaskError, match=r"for another robot than the stock robot: .*joint"):
+        verify(own.plan)
+    world = World(robot)
+    world.move_arm("left", own.plan.q_start)
+    with pytest.raises(SimulationError, match=r"the plan is for another robot: .*joint"):
+        Simulation(world).execute(own.plan)
+
+
+def test_survives_its_file(own: Own, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, urdf = tmp_path / "own.plan", tmp_path / "own.urdf"
+    save_plan(own.plan, path)
+    urdf.write_text(own.text, encoding="utf-8")
+    assert load_plan(path).robot == own.plan.robot
+    assert main([str(path), "-q", "--urdf", str(urdf)]) == 0
+    assert main([str(path), "-q"]) == 2
+    assert "for another robot" in capsys.readouterr().err
+
+
+def test_is_executed_recorded_and_replayed(
+    own: Own, robot: Baxter, scene: Scene, tmp_path: Path
+) -> None:
+    recording = executed(own, scene)
+    recording.save(tmp_path / "own.npz")
+    again = Recording.load(tmp_path / "own.npz")
+    assert again.robot == own.robot.description.identity
+    assert replay_html(again, own.robot, body=RobotBody.load())
+    with pytest.raises(RecordingError):
+        replay_html(again, robot)
+
+
+def test_a_log_says_which_robot_it_is_of(own: Own, scene: Scene, tmp_path: Path) -> None:
+    world = World(own.robot)
+    log = LogRecorder(tmp_path / "own.jsonl", own.robot, scene=scene)
+    Simulation(world, [log]).wait(0.1)
+    log.close()
+    found = read_log(tmp_path / "own.jsonl").recording
+    assert found.robot == own.robot.description.identity
+
+
+def test_a_plan_that_names_no_robot_is_judged_by_its_joints(own: Own) -> None:
+    anybody = replace(own.plan, robot=None)
+    assert verify(anybody, description=own.robot.description).is_valid
+
+
+def test_another_body_is_refused_by_the_simulation(robot: Baxter, scene: Scene) -> None:
+    plan = planned(served_urdf(), scene).plan
+    world = World(robot, RobotBody.load().padded(0.001))
+    world.move_arm("left", plan.q_start)
+    with pytest.raises(SimulationError, match="its body has other shapes"):
+        Simulation(world).execute(plan)
+
+
+def test_a_hand_without_fingers_is_refused_in_a_sentence() -> None:
+    bare = Baxter.load(served_urdf(without_grippers=["left", "right"]))
+    with pytest.raises(SceneError, match="the left hand of this robot has no fingers"):
+        Manipulator.of(bare, "left")
+    world = World(bare)
+    with pytest.raises(SimulationError, match="has no fingers"):
+        world.set_fingers("left", 0.0)
+    with pytest.raises(UnknownNameError):
+        world.hand("middle")
+    world.move_arm("left", bare.arm("left").start)
+    recorder = Recorder(bare)
+    Simulation(world, [recorder]).wait(0.1)
+    assert not recorder.recording().gripper_percent.any()
+
+
+def test_fingers_that_slide_another_way_are_refused_in_a_sentence() -> None:
+    rng, joint = np.random.default_rng(0), "l_gripper_l_finger_joint"
+    robot = Baxter.load(served_urdf(rng, joints=[joint]))
+    with pytest.raises(SceneError, match=f"{joint} slides .* mrad off y of left_gripper"):
+        Manipulator.of(robot, "left")
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_meshes_are_drawn_on_the_links_of_the_robot(side: str) -> None:
+    """Where a part is drawn, against the link's own place in the untouched text."""
+    text = served_urdf(np.random.default_rng(4))
+    untouched = pin.buildModelFromXML(text)
+    robot = Baxter.load(text)
+    appearance = Appearance.of(robot)
+    tree = RobotTree(robot.model, appearance)
+    placed = {
+        command["path"]: np.array(command["matrix"]).reshape(4, 4).T
+        for command in tree.commands()
+        if command["type"] == "set_transform"
+    }
+    node, T = "/robot", np.eye(4)
+    for joint in ["s0", "s1", "e0", "e1", "w0", "w1", "w2"]:
+        node = f"{node}/{side}_{joint}"
+        T = T @ placed[node]
+        node += "/moves"
+    data = untouched.createData()
+    pin.framesForwardKinematics(untouched, data, pin.neutral(untouched))
+    wanted = data.oMf[untouched.getFrameId(f"{side}_wrist")].homogeneous
+    assert np.abs(T - wanted).max() < 1e-6
+
+
+def test_meshes_go_along_with_a_link_that_is_mounted_elsewhere(robot: Baxter) -> None:
+    text = served_urdf().replace('xyz="0 0 0.11355"', 'xyz="0 0 0.11855"')
+    own, stock = Appearance.of(Baxter.load(text)), Appearance.of(robot)
+    moved = {
+        part.mesh.name.split(".")[0]
+        for part, drawn in zip(own.parts, stock.parts, strict=True)
+        if not part.T_joint_mesh.isApprox(drawn.T_joint_mesh, 1e-9)
+    }
+    assert moved == {"electric_gripper_base", "hand_camera", "hand_range"}
