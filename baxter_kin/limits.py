@@ -12,7 +12,14 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, finite_scalar, positive_scalar
 from baxter_kin.copying import Frozen, FrozenMapping
-from baxter_kin.errors import ConfigurationError, LimitsError, expect, quoted, shortened
+from baxter_kin.errors import (
+    ConfigurationError,
+    LimitsError,
+    degrees_hint,
+    expect,
+    quoted,
+    shortened,
+)
 
 DEFAULT_ACCELERATION_RAD_S2 = 2.0
 """Rethink published no acceleration limit; this is what MoveIt's Baxter configuration uses."""
@@ -124,7 +131,9 @@ class JointLimits(Frozen):
         array = finite_array(q, (len(self.names),), what, ConfigurationError)
         violations = self._violations(array, tolerance)
         if violations:
-            raise ConfigurationError(f"{what} is outside the joint limits: {'; '.join(violations)}")
+            raise ConfigurationError(
+                f"{what} is outside the joint limits: {'; '.join(violations)}{degrees_hint(*array)}"
+            )
         clamped = np.clip(array, self.q_min, self.q_max)
         clamped.setflags(write=False)
         return clamped

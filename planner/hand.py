@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import finite_scalar
-from baxter_kin.errors import ConfigurationError, expect
+from baxter_kin.errors import ConfigurationError, expect, millimetres_hint
 from baxter_kin.fields import check_fields
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.collision import RobotShapes
@@ -29,6 +29,8 @@ __all__ = ["Grasp", "Hand"]
 ROUNDING_M = 1e-9
 """How far a finger position may be outside 0 .. stroke by rounding."""
 
+NO_FINGER_M = 0.5
+"""From here on a finger position is taken to be in millimetres, or the per cent of the gripper."""
 
 CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
 """Along which the fingers move, seen from the tip."""
@@ -225,9 +227,10 @@ class Hand:
     def _check_finger(self, finger_m: float) -> None:
         x = finite_scalar(finger_m, "finger position", ConfigurationError)
         if not -ROUNDING_M <= x <= self.stroke_m + ROUNDING_M:
+            hint = "; give metres, not millimetres or per cent" if x >= NO_FINGER_M else ""
             raise ConfigurationError(
                 f"finger position {1e3 * x:.3f} mm of the {self.side} hand is outside "
-                f"0 .. {1e3 * self.stroke_m:.3f} mm"
+                f"0 .. {1e3 * self.stroke_m:.3f} mm{hint}"
             )
 
 
@@ -274,9 +277,11 @@ def _too_thin(seen: Body, width_m: float, gap_m: float) -> Miss:
 def _beside(seen: Body) -> Miss:
     x, y, z = seen.centre_base
     across = float(np.hypot(x, y))
+    is_hinted = millimetres_hint(x, y, z) != ""
+    hint = "; was its place given in millimetres? Lengths are in metres" if is_hinted else ""
     text = (
         f"{seen.name} is {1e3 * across:.0f} mm beside the tip and {1e3 * z:.0f} mm ahead of it, "
-        "not between the pads"
+        f"not between the pads{hint}"
     )
     return Miss(MissKind.NOTHING, text, seen.name, across)
 

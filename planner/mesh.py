@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Indices, Vector, finite_array, float_array
 from baxter_kin.copying import Frozen
+from baxter_kin.errors import millimetres_hint
 from planner.errors import SceneError
 
 LARGEST_SHAPE_M = 10.0
@@ -86,7 +87,7 @@ def checked_size(value: float, what: str) -> float:
     if not SMALLEST_SHAPE_M <= value <= LARGEST_SHAPE_M:
         raise SceneError(
             f"{what} is {value:g} m; shapes between {SMALLEST_SHAPE_M:g} m and "
-            f"{LARGEST_SHAPE_M:g} m can be measured"
+            f"{LARGEST_SHAPE_M:g} m can be measured{millimetres_hint(value)}"
         )
     return value
 

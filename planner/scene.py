@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, positive_scalar
 from baxter_kin.copying import FrozenMapping
-from baxter_kin.errors import expect, quoted, shortened
+from baxter_kin.errors import expect, millimetres_hint, quoted, shortened
 from baxter_kin.fields import is_text
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.errors import SceneError, expect_all
@@ -290,5 +290,6 @@ def _checked_place(pose: PoseLike, what: str) -> pin.SE3:
     if farthest > FARTHEST_M:
         raise SceneError(
             f"{what} is placed {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
+            f"{millimetres_hint(farthest)}"
         )
     return T

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.copying import Frozen
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, millimetres_hint
 from baxter_kin.frames import PoseLike, angle_between, checked_pose
 from planner.errors import MotionError, StraightMoveError
 from planner.scene import FARTHEST_M
@@ -115,6 +115,7 @@ def _orthonormal(pose: PoseLike) -> pin.SE3:
     if farthest > FARTHEST_M:
         raise MotionError(
             f"a line leads to {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
+            f"{millimetres_hint(farthest)}"
         )
     U, _, Vt = np.linalg.svd(T.rotation)
     return pin.SE3(U @ Vt, T.translation)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import Arm, ConfigurationError, JointLimits
 from baxter_kin.arrays import Vector, finite_scalar, float_array
 from baxter_kin.copying import Frozen
-from baxter_kin.errors import expect, quoted
+from baxter_kin.errors import expect, millimetres_hint, quoted
 from baxter_kin.frames import PoseLike
 from baxter_kin.ik.reach import ReachBound
 from planner.errors import MotionError, StraightMoveError
@@ -227,7 +227,8 @@ def _why_not(
     end = follower.end(q_start, limits) or follower.nearest_to_singular(q_start)
     proof = ReachBound(arm).proof(line.T_base_goal)
     reason = end.reason if proof is None else f"the goal is out of reach, {proof}; {end.reason}"
-    return StraightMoveError(end.fraction, reason)
+    hint = millimetres_hint(*line.T_base_goal.translation)
+    return StraightMoveError(end.fraction, f"{reason}{hint}")
 
 
 def _check_limits(arm: Arm, limits: JointLimits) -> None:

@@ -179,6 +179,6 @@ def _look(text: str) -> Look:
         raise RecordingError("names no body")
     if not seen_s and not any(pose):
         return Look(float(time_s), name)
-    x, y, z, *quat_xyzw = (float(number) for number in pose)
-    T = pose_from_quaternion((x, y, z), tuple(quat_xyzw))
+    numbers = np.array([float(number) for number in pose])
+    T = pose_from_quaternion(numbers[:3], numbers[3:])  # an array: the header states its order
     return Look(float(time_s), name, float(seen_s), T)
