@@ -30,6 +30,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.display import OneLine, numbers, position
 from baxter_kin.errors import (
     PoseError,
     QuaternionOrderWarning,
@@ -65,8 +66,8 @@ class Frame(str, Enum):
             raise UnknownNameError("frame", name, [frame.value for frame in cls]) from None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StampedPose:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StampedPose(OneLine):
     """A pose that says in which frame it is given, as the requests of the original service do.
 
     Attributes:
@@ -88,6 +89,10 @@ class StampedPose:
         if self.frame is Frame.WORLD:
             return T_world_base().inverse() * self.T_frame_tip
         return pin.SE3(self.T_frame_tip)
+
+    def _facts(self) -> tuple[str, ...]:
+        T = self.T_frame_tip
+        return Frame.of(self.frame).value, position(T), f"xyzw {numbers(quaternion_xyzw(T))}"
 
 
 PoseLike: TypeAlias = "pin.SE3 | StampedPose | ArrayLike"

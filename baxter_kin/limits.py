@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, finite_scalar, positive_scalar
 from baxter_kin.copying import Frozen, FrozenMapping
+from baxter_kin.display import OneLine, count, phrase
 from baxter_kin.errors import (
     ConfigurationError,
     LimitsError,
@@ -37,8 +38,8 @@ DEFAULT_ORIGINS: Mapping[str, str] = FrozenMapping(
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class JointLimits(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class JointLimits(Frozen, OneLine):
     """What every joint of an arm may do; n joints.
 
     Attributes:
@@ -102,6 +103,12 @@ class JointLimits(Frozen):
         """
         array = finite_array(q, (len(self.names),), "q", ConfigurationError)
         return self._violations(array, _checked_tolerance(tolerance))
+
+    def _facts(self) -> tuple[str, ...]:
+        ends = " .. ".join(dict.fromkeys((self.names[0], self.names[-1])))
+        joints = f"{count(len(self.names), 'joint')} {phrase(ends)}"
+        v, a, j = (f"{bound.max():g}" for bound in (self.v_max, self.a_max, self.j_max))
+        return joints, f"up to {v} rad/s, {a} rad/s^2, {j} rad/s^3"
 
     def _violations(self, q: Vector, tolerance: float) -> tuple[str, ...]:
         outside = (q < self.q_min - tolerance) | (q > self.q_max + tolerance)

@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, expect, millimetres_hint
 from baxter_kin.fields import check_fields
 from baxter_kin.frames import PoseLike, checked_pose
@@ -40,8 +41,8 @@ AS_NEAR_M = 1e-4
 near to their mesh as this."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Hand:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Hand(OneLine):
     """Fingers of one arm.
 
     Attributes:
@@ -170,6 +171,9 @@ class Hand:
         moved = seen.at(_along_y(push) * T_tip_body)
         closed_m = finger_m - (first_m + second_m) / 2
         return self._held(moved, closed_m, push)
+
+    def _facts(self) -> tuple[str, ...]:
+        return self.side, f"opens {1e3 * self.closed_gap_m:.1f} .. {1e3 * self.open_gap_m:.1f} mm"
 
     def _travels(self, seen: Body, finger_m: float) -> tuple[float, float] | Miss:
         """How far each pad moves until it touches a body seen from the tip."""

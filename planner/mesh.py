@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Indices, Vector, finite_array, float_array
 from baxter_kin.copying import Frozen
+from baxter_kin.display import OneLine, count
 from baxter_kin.errors import millimetres_hint
 from planner.errors import SceneError
 
@@ -33,8 +34,8 @@ FLATNESS = 1e-9
 """How far a corner may stand out of a convex mesh's face, relative to the mesh's size."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Mesh(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Mesh(Frozen, OneLine):
     """Triangles between points.
 
     Attributes:
@@ -76,6 +77,10 @@ class Mesh(Frozen):
         """How far it extends from the origin of its frame along a unit direction, shape (3,)."""
         along = finite_array(direction, (3,), "direction", SceneError)
         return float((self.vertices @ along).max())
+
+    def _facts(self) -> tuple[str, ...]:
+        sizes = count(len(self.vertices), "point"), count(len(self.triangles), "triangle")
+        return *sizes, "convex" if self.is_convex else "not convex"
 
 
 def checked_size(value: float, what: str) -> float:

@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.copying import Frozen
+from baxter_kin.display import OneLine, millimetres, position
 from baxter_kin.errors import expect, millimetres_hint
 from baxter_kin.frames import PoseLike, angle_between, checked_pose
 from planner.errors import MotionError, StraightMoveError
@@ -26,8 +27,8 @@ FARTHEST = 1e6
 """How many times its length a line may be followed, either way; beyond, turns lose digits."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StraightLine(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StraightLine(Frozen, OneLine):
     """The poses between two, by the fraction s of the way, 0..1.
 
     The position is on the line between both, the orientation on the shortest rotation between them
@@ -103,6 +104,10 @@ class StraightLine(Frozen):
         wanted = self.at(s)
         turn = R @ pin.log3(R.T @ wanted.rotation)
         return np.concatenate([wanted.translation - T_base_tip.translation, turn])
+
+    def _facts(self) -> tuple[str, ...]:
+        way = f"from {position(self.T_base_start)} to {position(self.T_base_goal)}"
+        return way, millimetres(self.length_m), f"{round(self.angle_rad, 6):g} rad"
 
 
 def _orthonormal(pose: PoseLike) -> pin.SE3:

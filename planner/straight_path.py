@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import Arm, ConfigurationError, JointLimits
 from baxter_kin.arrays import Vector, finite_scalar, float_array
 from baxter_kin.copying import Frozen
+from baxter_kin.display import OneLine, millimetres
 from baxter_kin.errors import expect, millimetres_hint, quoted
 from baxter_kin.frames import PoseLike
 from baxter_kin.ik.reach import ReachBound
@@ -51,8 +52,8 @@ class PathPoint(NamedTuple):
     dddq: Vector
 
 
-@dataclass(frozen=True, slots=True)
-class PathState:
+@dataclass(frozen=True, slots=True, repr=False)
+class PathState(OneLine):
     """Where on a path, how fast and how hard; times `length_m` it is the tip's motion.
 
     Attributes:
@@ -87,8 +88,8 @@ class PathState:
         return self.speed_per_s == 0.0 and self.acceleration_per_s2 == 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StraightPath(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StraightPath(Frozen, OneLine):
     """The configurations q(s) along a straight line, for s from 0 to 1, the fraction of the way.
 
     Made by `plan_straight_path`. Going back the same line leads through the same configurations.
@@ -167,6 +168,9 @@ class StraightPath(Frozen):
         line = StraightLine(self.line.T_base_goal, self.line.T_base_start)
         signs = (-1.0) ** np.arange(len(self.coefficients))
         return replace(self, line=line, coefficients=signs[:, None] * self.coefficients)
+
+    def _facts(self) -> tuple[str, ...]:
+        return repr(self.arm), millimetres(self.length_m), f"degree {len(self.coefficients) - 1}"
 
 
 def plan_straight_path(

@@ -18,6 +18,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_scalar, float_array
+from baxter_kin.display import OneLine
 from baxter_kin.errors import RequestError, UnknownNameError, degrees_hint, expect, quoted
 
 AXES = ("x", "y", "z")
@@ -31,8 +32,8 @@ WIDEST_RAD = math.pi / 2
 _EXACT = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Tolerance:
+@dataclass(frozen=True, slots=True, repr=False)
+class Tolerance(OneLine):
     """How far a tip may be from a pose; the default allows nothing.
 
     Attributes:
