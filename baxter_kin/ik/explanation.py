@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
@@ -67,7 +68,7 @@ class Explainer:
         self._starts = starts
         self._reach = reach
         self._tolerance = tolerance
-        self._tool_m = arm.T_gripper_tip.translation
+        self._tool_hint = _tool_hint(arm)
         self._unlimited = np.repeat([-np.pi, np.pi], 7)
 
     def are_out_of_reach_at_a_glance(self, Ts: Vector) -> NDArray[np.bool_]:
@@ -115,13 +116,7 @@ class Explainer:
 
     def _hint(self, T: Vector) -> str:
         """What was probably meant, where that can be told, as the end of a sentence."""
-        hint = millimetres_hint(*T[:3, 3])
-        if hint:
-            return hint
-        hint = millimetres_hint(*self._tool_m)
-        if hint:
-            return f"; the tool is {np.linalg.norm(self._tool_m):.6g} m long{hint}"
-        return self._order_hint(T)
+        return millimetres_hint(*T[:3, 3].tolist()) or self._tool_hint or self._order_hint(T)
 
     def _order_hint(self, T: Vector) -> str:
         """Whether w came first in the quaternion of a tool that was to point straight down.
@@ -129,7 +124,7 @@ class Explainer:
         The other reading turns z to where it has the component R[0, 0] along z: both are 1 less
         twice the squares of the quaternion's second and third number.
         """
-        down = -np.cos(STRAIGHT_DOWN_RAD)
+        down = -math.cos(STRAIGHT_DOWN_RAD)
         if T[0, 0] > down or T[2, 2] <= down:
             return ""
         meant = pin.SE3(read_with_w_first(T[:3, :3]), T[:3, 3])
@@ -159,6 +154,12 @@ class Explainer:
         if not len(solutions):
             return ()
         return limits.violations(solutions[excess.sum(axis=1).argmin()])
+
+
+def _tool_hint(arm: Arm) -> str:
+    tool_m = arm.T_gripper_tip.translation
+    hint = millimetres_hint(*tool_m.tolist())
+    return f"; the tool is {np.linalg.norm(tool_m):.6g} m long{hint}" if hint else ""
 
 
 def _se3(T: Vector) -> pin.SE3:
