@@ -127,6 +127,6 @@ def shown(value: object) -> str:
     if isinstance(value, tuple) and value and all(type(each) is float for each in value):
         return numbers(value)
     if isinstance(value, np.ndarray):
-        is_short = value.ndim == 1 and value.size <= MOST_NUMBERS
-        return numbers(value) if is_short else f"{' x '.join(map(str, value.shape))} numbers"
+        is_short = value.ndim == 1 and value.size <= MOST_NUMBERS and value.dtype.kind in "iuf"
+        return numbers(value) if is_short else f"{' x '.join(map(str, value.shape))} array"
     return quoted(value, LONGEST_PART)

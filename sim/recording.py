@@ -16,7 +16,7 @@ import numpy as np
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.copying import Frozen, FrozenMapping
-from baxter_kin.display import OneLine, count, line, listing, seconds
+from baxter_kin.display import OneLine, count, line, listing, seconds, shown
 from baxter_kin.errors import UnknownNameError, expect, quoted
 from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
@@ -222,7 +222,9 @@ class NotedRecording(NamedTuple):
 
     def __repr__(self) -> str:
         """The recording, and how many oddities it has."""
-        return line("NotedRecording", (count(len(self.notes), "note"), repr(self.recording)))
+        is_known = isinstance(self.notes, tuple)  # a named tuple takes anything
+        notes = count(len(self.notes), "note") if is_known else shown(self.notes)
+        return line("NotedRecording", (notes, quoted(self.recording)))
 
 
 _PARTS: Mapping[str, type[object]] = {

@@ -198,6 +198,8 @@ def test_odd_names_and_numbers_are_shown_too(
         planner.FreeMove(None, np.zeros((0, 7)), None),
         planner.JointState(*np.zeros((3, 0))),
         planner.JointState(*np.zeros((3, 4, 7))),
+        planner.JointState(np.array(["x"]), name, 5),  # type: ignore[arg-type]
+        sim.NotedRecording(None, -1),  # type: ignore[arg-type]
         sim.Contact(1e300, name, name, False, length, True, 0.0),
         sim.Outcome(name * 3, 1e300),
         sim.LoopResult((), name),
