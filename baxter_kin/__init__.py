@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         LimitsError,
         MissingLibraryError,
         PoseError,
+        QuaternionOrderWarning,
         RequestError,
         UnknownNameError,
     )
@@ -44,6 +45,7 @@ __all__ = [
     "LimitsError",
     "MissingLibraryError",
     "PoseError",
+    "QuaternionOrderWarning",
     "RequestError",
     "SeedMode",
     "SeedType",

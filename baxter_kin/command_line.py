@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
-from baxter_kin.errors import DescriptionError, FileError
+from baxter_kin.errors import DescriptionError, FileError, millimetres_hint
 from baxter_kin.files import Destination
 
 LONGEST_SHOWN = 200
@@ -68,7 +68,10 @@ def number_within(least: float, most: float, unit: str) -> Callable[[str], float
     def checked(text: str) -> float:
         value = number(text)
         if not least <= value <= most:
-            raise argparse.ArgumentTypeError(f"{text} is not from {least:g} to {most:g} {unit}")
+            hint = millimetres_hint(value) if unit == "m" else ""
+            raise argparse.ArgumentTypeError(
+                f"{text} is not from {least:g} to {most:g} {unit}{hint}"
+            )
         return value
 
     return checked

@@ -14,10 +14,15 @@ BaxterError
 ```
 
 Malformed input raises one of these. "No solution" is a result with a reason, never an exception.
+What is valid but probably not meant warns: `QuaternionOrderWarning`.
+
+Where a number would make sense in another unit, the message asks whether it is in that one:
+`millimetres_hint`, `degrees_hint`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from reprlib import Repr
 from typing import Any, TypeVar
@@ -35,6 +40,13 @@ MOST_QUOTED = 20
 
 LONGEST_INTEGER_BITS = 1024
 """Integers beyond are told by their size: Python refuses to write those of some thousand digits."""
+
+
+LEAST_MILLIMETRES, MOST_MILLIMETRES = 10.0, 1e4
+"""Lengths in metres between these are taken for millimetres: nothing on or around Baxter is 10 m
+long, and what is farther away than 10,000 mm is neither."""
+
+MOST_DEGREES = 360.0
 
 
 class BaxterError(Exception):
@@ -108,6 +120,10 @@ class MissingLibraryError(BaxterError, ImportError):
     """A library that a dependency leaves to the system, and that the system lacks."""
 
 
+class QuaternionOrderWarning(UserWarning):
+    """A quaternion that was probably written with w first, where it is read as x, y, z, w."""
+
+
 def _remade(cls: type[BaxterError], args: tuple[Any, ...], facts: dict[str, Any]) -> BaxterError:
     error = cls.__new__(cls, *args)
     error.args = args
@@ -132,6 +148,36 @@ def shortened(text: str, longest: int = LONGEST_QUOTE) -> str:
     head, tail = kept - kept // 2, kept // 2
     shown = text if len(text) <= longest else f"{text[:head]}...{text[-tail:]}"
     return shown.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def millimetres_hint(*lengths_m: float, least: float = LEAST_MILLIMETRES) -> str:
+    """What a refusal adds where the longest of some lengths seems to be in millimetres, else "".
+
+    Args:
+        lengths_m: lengths or coordinates, of any sign, as they came.
+        least: from where on no such length makes sense in metres.
+    """
+    longest = max(map(float, lengths_m), key=abs)
+    if not least <= abs(longest) <= MOST_MILLIMETRES:
+        return ""
+    shown = round(longest)
+    return f"; are these millimetres? Lengths are in metres: {shown} mm is {1e-3 * shown:g} m"
+
+
+def degrees_hint(*angles_rad: float, least: float = 2.0 * math.pi) -> str:
+    """What a refusal adds where the largest of some angles seems to be in degrees, else "".
+
+    Args:
+        angles_rad: angles of any sign, as they came.
+        least: up to where such an angle makes sense in radians.
+    """
+    largest = max(map(float, angles_rad), key=abs)
+    if not least < abs(largest) <= MOST_DEGREES:
+        return ""
+    return (
+        f"; are these degrees? Angles are in radians: {largest:.4g} deg is "
+        f"{math.radians(largest):.4g} rad"
+    )
 
 
 def shown_path(path: object) -> str:

@@ -8,7 +8,8 @@ arm is its `<side>_gripper` link, between the finger tips, z pointing out of the
 tip to base coordinates. Inner names cancel: `T_world_tip = T_world_base * T_base_tip`.
 
 *Quaternions* are in x, y, z, w order, as in ROS, and carry their order in their name. They must be
-of unit length within 1e-4, which is what four written decimals give; then they are normalised.
+of unit length within 1e-4, which is what four written decimals give, or come with
+`normalise=True`; then they are normalised.
 
 *Twists and Jacobians* are linear first, then angular, both along the axes of base, at the tip.
 
@@ -18,6 +19,7 @@ of unit length within 1e-4, which is what four written decimals give; then they 
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence, Sized
 from dataclasses import dataclass
 from enum import Enum
@@ -28,7 +30,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array
-from baxter_kin.errors import PoseError, UnknownNameError, expect, quoted
+from baxter_kin.display import OneLine, numbers, position
+from baxter_kin.errors import (
+    PoseError,
+    QuaternionOrderWarning,
+    UnknownNameError,
+    expect,
+    quoted,
+)
 
 BASE_HEIGHT_M = 0.93
 """Height of `base` above `world`: where the original demo spawns the robot in Gazebo."""
@@ -57,8 +66,8 @@ class Frame(str, Enum):
             raise UnknownNameError("frame", name, [frame.value for frame in cls]) from None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StampedPose:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StampedPose(OneLine):
     """A pose that says in which frame it is given, as the requests of the original service do.
 
     Attributes:
@@ -81,6 +90,10 @@ class StampedPose:
             return T_world_base().inverse() * self.T_frame_tip
         return pin.SE3(self.T_frame_tip)
 
+    def _facts(self) -> tuple[str, ...]:
+        T = self.T_frame_tip
+        return Frame.of(self.frame).value, position(T), f"xyzw {numbers(quaternion_xyzw(T))}"
+
 
 PoseLike: TypeAlias = "pin.SE3 | StampedPose | ArrayLike"
 """What functions accept as a pose: SE3 or 4 x 4 matrix, seen from base, or a `StampedPose`."""
@@ -91,27 +104,52 @@ def T_world_base() -> pin.SE3:
     return pin.SE3(np.eye(3), np.array([0.0, 0.0, BASE_HEIGHT_M]))
 
 
-def pose_from_quaternion(position_m: ArrayLike, quat_xyzw: ArrayLike) -> pin.SE3:
+def pose_from_quaternion(
+    position_m: ArrayLike, quat_xyzw: ArrayLike, *, normalise: bool = False
+) -> pin.SE3:
     """A pose from a position and a unit quaternion.
+
+    Where 1, 0, 0, 0 is written as such, w may have been meant to come first, and no rotation: it
+    warns. Computed quaternions, which come in NumPy's floats, are taken as they are; and so is
+    -1, 0, 0, 0, the same half turn about x.
 
     Args:
         position_m: shape (3,), metres.
         quat_xyzw: shape (4,), x, y, z, w.
+        normalise: whether it may be of any length but zero.
 
     Raises:
         PoseError: when a shape is wrong, a number is not finite, or the quaternion is not of unit
-            length within `UNIT_QUATERNION_TOLERANCE`.
+            length within `UNIT_QUATERNION_TOLERANCE` and is not to be normalised, or is zero.
+
+    Warns:
+        QuaternionOrderWarning: of 1, 0, 0, 0.
     """
     position = finite_array(position_m, (3,), "position_m", PoseError)
     quat = finite_array(quat_xyzw, (4,), "quat_xyzw", PoseError)
-    length = float(np.linalg.norm(quat))
-    if abs(length - 1.0) > UNIT_QUATERNION_TOLERANCE:
-        raise PoseError(
-            f"quat_xyzw {quoted(quat.tolist())} has length {length:.6g}; a rotation needs length 1 "
-            f"within {UNIT_QUATERNION_TOLERANCE:g}: divide it by its length"
+    expect(normalise, bool, "normalise", PoseError)
+    if _is_written_identity(quat_xyzw, quat):
+        warnings.warn(
+            "quat_xyzw (1, 0, 0, 0) is read as x, y, z, w: half a turn about x, upside down; for "
+            "no rotation write (0, 0, 0, 1), for that half turn (-1, 0, 0, 0)",
+            QuaternionOrderWarning,
+            stacklevel=2,
         )
-    x, y, z, w = quat / length
+    x, y, z, w = _unit_quaternion(quat, normalise)
     return pin.SE3(pin.Quaternion(w, x, y, z).toRotationMatrix(), position)
+
+
+def read_with_w_first(R: Vector) -> Vector:
+    """The rotation that is meant when R was made of a quaternion w, x, y, z read as x, y, z, w.
+
+    Args:
+        R: shape (3, 3).
+
+    Returns:
+        Shape (3, 3).
+    """
+    w, x, y, z = pin.Quaternion(R).coeffs()  # as they were read: x, y, z, w
+    return np.array(pin.Quaternion(w, x, y, z).toRotationMatrix())
 
 
 def quaternion_xyzw(T: pin.SE3) -> Vector:
@@ -168,6 +206,30 @@ def pose_matrices(poses: Sequence[PoseLike]) -> Vector:
     for index in np.flatnonzero(~is_pose).tolist():
         _checked_at(index, poses[index])
     return Ts
+
+
+def _unit_quaternion(quat: Vector, normalise: bool) -> Vector:
+    largest = float(np.abs(quat).max())
+    scale = largest if normalise and largest > 0.0 else 1.0  # lest squares over- or underflow
+    length = float(np.linalg.norm(quat / scale))
+    if normalise and length == 0.0:
+        raise PoseError("quat_xyzw is zero, which is no rotation; for none write (0, 0, 0, 1)")
+    if not normalise and abs(length - 1.0) > UNIT_QUATERNION_TOLERANCE:
+        raise PoseError(
+            f"quat_xyzw {quoted(quat.tolist())} has length {length:.6g}; a rotation needs length 1 "
+            f"within {UNIT_QUATERNION_TOLERANCE:g}: divide it by its length, or give normalise=True"
+        )
+    return quat / scale / length
+
+
+def _is_written_identity(given: ArrayLike, quat: Vector) -> bool:
+    """Whether it is the identity with w first, in numbers as one writes them.
+
+    What NumPy computed, it keeps in numbers of its own.
+    """
+    if quat.tolist() != [1.0, 0.0, 0.0, 0.0] or not isinstance(given, (tuple, list, np.ndarray)):
+        return False
+    return not any(isinstance(number, np.floating) for number in given)
 
 
 def _checked_at(index: int, pose: PoseLike) -> pin.SE3:

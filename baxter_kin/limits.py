@@ -12,7 +12,15 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, finite_scalar, positive_scalar
 from baxter_kin.copying import Frozen, FrozenMapping
-from baxter_kin.errors import ConfigurationError, LimitsError, expect, quoted, shortened
+from baxter_kin.display import OneLine, count, phrase
+from baxter_kin.errors import (
+    ConfigurationError,
+    LimitsError,
+    degrees_hint,
+    expect,
+    quoted,
+    shortened,
+)
 
 DEFAULT_ACCELERATION_RAD_S2 = 2.0
 """Rethink published no acceleration limit; this is what MoveIt's Baxter configuration uses."""
@@ -30,8 +38,8 @@ DEFAULT_ORIGINS: Mapping[str, str] = FrozenMapping(
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class JointLimits(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class JointLimits(Frozen, OneLine):
     """What every joint of an arm may do; n joints.
 
     Attributes:
@@ -96,6 +104,12 @@ class JointLimits(Frozen):
         array = finite_array(q, (len(self.names),), "q", ConfigurationError)
         return self._violations(array, _checked_tolerance(tolerance))
 
+    def _facts(self) -> tuple[str, ...]:
+        ends = " .. ".join(dict.fromkeys((self.names[0], self.names[-1])))
+        joints = f"{count(len(self.names), 'joint')} {phrase(ends)}"
+        v, a, j = (f"{bound.max():g}" for bound in (self.v_max, self.a_max, self.j_max))
+        return joints, f"up to {v} rad/s, {a} rad/s^2, {j} rad/s^3"
+
     def _violations(self, q: Vector, tolerance: float) -> tuple[str, ...]:
         outside = (q < self.q_min - tolerance) | (q > self.q_max + tolerance)
         if not outside.any():
@@ -124,7 +138,9 @@ class JointLimits(Frozen):
         array = finite_array(q, (len(self.names),), what, ConfigurationError)
         violations = self._violations(array, tolerance)
         if violations:
-            raise ConfigurationError(f"{what} is outside the joint limits: {'; '.join(violations)}")
+            raise ConfigurationError(
+                f"{what} is outside the joint limits: {'; '.join(violations)}{degrees_hint(*array)}"
+            )
         clamped = np.clip(array, self.q_min, self.q_max)
         clamped.setflags(write=False)
         return clamped

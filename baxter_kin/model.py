@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from baxter_kin.arrays import Vector, finite_array
 from baxter_kin.copying import FrozenMapping
 from baxter_kin.description import RobotDescription, UrdfSource
+from baxter_kin.display import OneLine, count
 from baxter_kin.errors import (
     ConfigurationError,
     DescriptionError,
@@ -193,8 +194,8 @@ class Arm:
         return rng.uniform(self.limits.q_min, self.limits.q_max)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Baxter:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Baxter(OneLine):
     """The whole robot.
 
     Attributes:
@@ -281,6 +282,9 @@ class Baxter:
             if not isinstance(name, str) or name not in positions:
                 raise UnknownNameError("joint", name, self.joint_names)
         return tuple(positions[name] for name in names)
+
+    def _facts(self) -> tuple[str, ...]:
+        return f"arms {' and '.join(self.arms)}", count(len(self.joint_names), "joint")
 
 
 def _frames_of_hand(robot_model: pin.Model, wrist_joint: str) -> tuple[str, ...]:

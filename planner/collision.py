@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin import Arm
 from baxter_kin.arrays import Indices, Vector, finite_array, finite_scalar
+from baxter_kin.display import OneLine, count, seconds, sentence
 from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.fields import check_fields
 from baxter_kin.frames import checked_pose
@@ -40,8 +41,8 @@ FARTHEST_JOINT = 1000.0
 """Joint values beyond this, rad or m, are refused; distances would lose digits."""
 
 
-@dataclass(frozen=True, slots=True)
-class Clearance:
+@dataclass(frozen=True, slots=True, repr=False)
+class Clearance(OneLine):
     """The least distance that was found, and where.
 
     Attributes:
@@ -83,6 +84,10 @@ class Clearance:
         if self.distance_m > 0.0 and needed_m > 0.0:
             return f"{self.text}, and {1e3 * needed_m:.1f} mm are asked for"
         return self.text
+
+    def _facts(self) -> tuple[str, ...]:
+        when = "" if self.time_s is None else f"at {seconds(self.time_s)}"
+        return sentence(self.text), when
 
 
 SHOWN_M = 5e-5
@@ -225,7 +230,7 @@ class CheckedPairs:
         return Clearance(float(distance_m), self._names[first], self._names[second], time_s)
 
 
-class ClearanceChecker:
+class ClearanceChecker(OneLine):
     """How close one arm comes to anything it must not touch, in one situation.
 
     Checked are the arm's shapes against the rest of the robot, against themselves and against the
@@ -365,6 +370,9 @@ class ClearanceChecker:
     def between(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
         """A distance of a pair, by its names."""
         return self.checked.between(pair, distance_m, time_s)
+
+    def _facts(self) -> tuple[str, ...]:
+        return repr(self.arm), f"{count(len(self.pairs), 'pair')} of shapes"
 
     def _nearest(self, full: Vector) -> tuple[int, float]:
         """The nearest pair and its distance.

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, float_array, positive_scalar
 from baxter_kin.copying import Frozen
+from baxter_kin.display import OneLine, count, seconds, sentence
 from baxter_kin.errors import expect, quoted
 from baxter_kin.fields import check_fields
 from planner.collision import Clearance
@@ -72,8 +73,8 @@ class Obstruction(str, Enum):
     NOT_PROVEN = "no way proven clear"
 
 
-@dataclass(frozen=True, slots=True)
-class FreeMoveFailure:
+@dataclass(frozen=True, slots=True, repr=False)
+class FreeMoveFailure(OneLine):
     """Why there is no free move; `str()` of it is one sentence.
 
     Attributes:
@@ -97,9 +98,12 @@ class FreeMoveFailure:
         """The reason."""
         return self.reason
 
+    def _facts(self) -> tuple[str, ...]:
+        return (sentence(self.reason),)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FreeMove(Frozen):
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class FreeMove(Frozen, OneLine):
     """A motion around the obstacles, or why there is none.
 
     Attributes:
@@ -129,6 +133,11 @@ class FreeMove(Frozen):
     def is_straight(self) -> bool:
         """Whether the straight joint line was clear."""
         return len(self.corners) == 2
+
+    def _facts(self) -> tuple[str, ...]:
+        if self.trajectory is None:
+            return (f"invalid: {sentence(self.failure)}",)
+        return count(len(self.corners), "corner"), seconds(self.trajectory.duration), "valid"
 
 
 def plan_free_move(

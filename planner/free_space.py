@@ -13,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
+from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, expect
 from planner.collision import Clearance, ClearanceChecker
 from planner.contact import has_depth
@@ -26,7 +27,7 @@ NEAR_RAD = 100.0
 """An array with joints below this needs no other check: `is_free` is asked some thousand times."""
 
 
-class FreeSpace:
+class FreeSpace(OneLine):
     """Which configurations of one arm touch nothing, while all else stands still.
 
     The pairs of shapes, the allowed contacts and the depth from which one of them counts are those
@@ -92,6 +93,9 @@ class FreeSpace:
         if any(touches(end) for end in full_ends):
             touches = Touches(self._checker, margin_m, self._nearest(full_ends, margin_m))
         return GuardedSpace(self, touches)
+
+    def _facts(self) -> tuple[str, ...]:
+        return (repr(self._checker),)
 
     def _full(self, q: ArrayLike) -> Vector:
         """A configuration with the rest of the robot, shape (19,); the next call overwrites it."""

@@ -18,6 +18,7 @@ from enum import Enum
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.display import OneLine, millimetres, sentence
 from baxter_kin.fields import check_fields
 from planner.errors import SceneError
 from planner.scene import Body, Part
@@ -44,8 +45,8 @@ class MissKind(str, Enum):
     CROWDED = "several bodies between the pads"
 
 
-@dataclass(frozen=True, slots=True)
-class Miss:
+@dataclass(frozen=True, slots=True, repr=False)
+class Miss(OneLine):
     """Why a hand holds nothing after closing; `str()` of it is a phrase.
 
     Attributes:
@@ -72,9 +73,12 @@ class Miss:
         """The text."""
         return self.text
 
+    def _facts(self) -> tuple[str, ...]:
+        return (sentence(self.text),)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Grasp:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Grasp(OneLine):
     """Both pads touch a body.
 
     Attributes:
@@ -105,6 +109,16 @@ class Grasp:
     def __post_init__(self) -> None:
         """Check."""
         check_fields(self, SceneError)
+
+    def _facts(self) -> tuple[str, ...]:
+        pushed = f"pushed {millimetres(self.push_m)}"
+        near = "near the edge of a pad" if self.is_near_edge else ""
+        return (
+            f"{millimetres(self.width_m)} wide",
+            f"fingers at {millimetres(self.finger_m)}",
+            pushed,
+            near,
+        )
 
 
 @dataclass(frozen=True, slots=True)

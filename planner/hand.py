@@ -16,7 +16,8 @@ import pinocchio as pin
 from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.description.calibration import finger_joints
-from baxter_kin.errors import ConfigurationError, expect
+from baxter_kin.display import OneLine
+from baxter_kin.errors import ConfigurationError, expect, millimetres_hint
 from baxter_kin.fields import check_fields
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.collision import RobotShapes
@@ -30,6 +31,8 @@ __all__ = ["Grasp", "Hand"]
 ROUNDING_M = 1e-9
 """How far a finger position may be outside 0 .. stroke by rounding."""
 
+NO_FINGER_M = 0.5
+"""From here on a finger position is taken to be in millimetres, or the per cent of the gripper."""
 
 CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
 """Along which the fingers move, seen from the tip."""
@@ -42,8 +45,8 @@ AS_NEAR_M = 1e-4
 near to their mesh as this."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Hand:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Hand(OneLine):
     """Fingers of one arm.
 
     Attributes:
@@ -183,6 +186,9 @@ class Hand:
         closed_m = finger_m - (first_m + second_m) / 2
         return self._held(moved, closed_m, push)
 
+    def _facts(self) -> tuple[str, ...]:
+        return self.side, f"opens {1e3 * self.closed_gap_m:.1f} .. {1e3 * self.open_gap_m:.1f} mm"
+
     def _travels(self, seen: Body, finger_m: float) -> tuple[float, float] | Miss:
         """How far each pad moves until it touches a body seen from the tip."""
         parts = seen.placed_parts
@@ -239,9 +245,10 @@ class Hand:
     def _check_finger(self, finger_m: float) -> None:
         x = finite_scalar(finger_m, "finger position", ConfigurationError)
         if not -ROUNDING_M <= x <= self.stroke_m + ROUNDING_M:
+            hint = "; give metres, not millimetres or per cent" if x >= NO_FINGER_M else ""
             raise ConfigurationError(
                 f"finger position {1e3 * x:.3f} mm of the {self.side} hand is outside "
-                f"0 .. {1e3 * self.stroke_m:.3f} mm"
+                f"0 .. {1e3 * self.stroke_m:.3f} mm{hint}"
             )
 
 
@@ -303,9 +310,11 @@ def _too_thin(seen: Body, width_m: float, gap_m: float) -> Miss:
 def _beside(seen: Body) -> Miss:
     x, y, z = seen.centre_base
     across = float(np.hypot(x, y))
+    is_hinted = millimetres_hint(x, y, z) != ""
+    hint = "; was its place given in millimetres? Lengths are in metres" if is_hinted else ""
     text = (
         f"{seen.name} is {1e3 * across:.0f} mm beside the tip and {1e3 * z:.0f} mm ahead of it, "
-        "not between the pads"
+        f"not between the pads{hint}"
     )
     return Miss(MissKind.NOTHING, text, seen.name, across)
 

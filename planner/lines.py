@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import positive_scalar
-from baxter_kin.errors import BaxterError
+from baxter_kin.errors import BaxterError, millimetres_hint
 from planner.scene import FARTHEST_M
 
 
@@ -58,5 +58,6 @@ def checked_height_m(value: object, what: str, error: type[BaxterError]) -> floa
     """
     height_m = positive_scalar(value, what, error)
     if height_m > FARTHEST_M:
-        raise error(f"{what} must be at most {FARTHEST_M:g} m, got {height_m:g}")
+        hint = millimetres_hint(height_m)
+        raise error(f"{what} must be at most {FARTHEST_M:g} m, got {height_m:g}{hint}")
     return height_m

@@ -12,6 +12,7 @@ from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.copying import Frozen
 from baxter_kin.description import RobotIdentity
+from baxter_kin.display import OneLine, millimetres
 from baxter_kin.errors import expect
 from baxter_kin.fields import check_fields
 from planner.collision import RobotShapes
@@ -20,8 +21,8 @@ from planner.hand import Hand
 from planner.robot_body import RobotBody, identity_of
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Manipulator(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Manipulator(Frozen, OneLine):
     """What planning for one arm needs to know.
 
     Attributes:
@@ -112,6 +113,10 @@ class Manipulator(Frozen):
         for q in finite_array(qs, (count, 7), "qs", ConfigurationError):
             full[where] = q
             yield full.copy()
+
+    def _facts(self) -> tuple[str, ...]:
+        opening = f"hand opens {millimetres(self.hand.open_gap_m)}"
+        return repr(self.arm), opening, f"up to {self.limits.v_max.max():g} rad/s"
 
 
 def _at_rest(robot: Baxter, shapes: RobotShapes) -> Vector:

@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Indices, Vector, finite_array, float_array
 from baxter_kin.copying import Frozen
+from baxter_kin.display import OneLine, count
+from baxter_kin.errors import millimetres_hint
 from planner.errors import SceneError
 
 LARGEST_SHAPE_M = 10.0
@@ -32,8 +34,8 @@ FLATNESS = 1e-9
 """How far a corner may stand out of a convex mesh's face, relative to the mesh's size."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Mesh(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Mesh(Frozen, OneLine):
     """Triangles between points.
 
     Attributes:
@@ -76,6 +78,10 @@ class Mesh(Frozen):
         along = finite_array(direction, (3,), "direction", SceneError)
         return float((self.vertices @ along).max())
 
+    def _facts(self) -> tuple[str, ...]:
+        sizes = count(len(self.vertices), "point"), count(len(self.triangles), "triangle")
+        return *sizes, "convex" if self.is_convex else "not convex"
+
 
 def checked_size(value: float, what: str) -> float:
     """An edge or radius that distances can be measured to.
@@ -86,7 +92,7 @@ def checked_size(value: float, what: str) -> float:
     if not SMALLEST_SHAPE_M <= value <= LARGEST_SHAPE_M:
         raise SceneError(
             f"{what} is {value:g} m; shapes between {SMALLEST_SHAPE_M:g} m and "
-            f"{LARGEST_SHAPE_M:g} m can be measured"
+            f"{LARGEST_SHAPE_M:g} m can be measured{millimetres_hint(value)}"
         )
     return value
 

@@ -24,6 +24,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector
+from baxter_kin.display import OneLine, phrase, position
 from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose
 from planner.cycle_search import CycleSearch
@@ -38,8 +39,8 @@ from planner.surroundings import Surroundings
 from planner.swept import checked_margin_m
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PickAndPlace:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PickAndPlace(OneLine):
     """One pick and one place.
 
     Attributes:
@@ -75,6 +76,10 @@ class PickAndPlace:
         """Where it leads the tip."""
         clear_m = min(self.clear_m, self.hover_m)
         return Lines(self.T_base_pick, self.T_base_place, clear_m, self.hover_m)
+
+    def _facts(self) -> tuple[str, ...]:
+        way = f"from {position(self.T_base_pick)} to {position(self.T_base_place)}"
+        return phrase(self.body), way, f"hover {self.hover_m:g} m"
 
 
 def plan_pick_and_place(

@@ -14,6 +14,7 @@ from baxter_kin import IKResult
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.copying import Frozen
 from baxter_kin.description import RobotIdentity
+from baxter_kin.display import OneLine, clear, count, millimetres, phrase, seconds, sentence
 from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
 from baxter_kin.fields import check_fields
 from baxter_kin.model import LIMBS
@@ -25,8 +26,8 @@ from planner.tally import Tally
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Move:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Move(OneLine):
     """The arm goes to a waypoint.
 
     Attributes:
@@ -54,6 +55,11 @@ class Move:
         """Check."""
         check_fields(self, TaskError)
 
+    def _facts(self) -> tuple[str, ...]:
+        straight = "straight" if self.is_straight else ""
+        proven = "" if self.proof is None else clear(self.proof.proven_m)
+        return phrase(self.label), seconds(self.trajectory.duration), straight, proven
+
 
 class GripperAction(str, Enum):
     """What a gripper can be told to do."""
@@ -62,8 +68,8 @@ class GripperAction(str, Enum):
     CLOSE = "close"
 
 
-@dataclass(frozen=True, slots=True)
-class Grip:
+@dataclass(frozen=True, slots=True, repr=False)
+class Grip(OneLine):
     """The gripper opens or closes.
 
     Attributes:
@@ -96,12 +102,18 @@ class Grip:
                 f"{self.action.value!r} to {opening:g} m"
             )
 
+    def _facts(self) -> tuple[str, ...]:
+        opening = "" if self.opening_m is None else f"to {millimetres(self.opening_m)}"
+        body = "" if self.body is None else phrase(self.body)
+        proven = "" if self.proof is None else clear(self.proof.proven_m)
+        return phrase(self.label), f"{self.action.value} {opening}".rstrip(), body, proven
+
 
 Step: TypeAlias = Move | Grip
 
 
-@dataclass(frozen=True, slots=True)
-class PlanFailure:
+@dataclass(frozen=True, slots=True, repr=False)
+class PlanFailure(OneLine):
     """Why there is no plan; `str()` of it is one sentence.
 
     Attributes:
@@ -135,9 +147,12 @@ class PlanFailure:
         """Stage and reason."""
         return f"{self.stage}: {self.reason}"
 
+    def _facts(self) -> tuple[str, ...]:
+        return (sentence(self),)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Plan(Frozen):
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Plan(Frozen, OneLine):
     """Steps in order. An invalid plan says why and must not be executed.
 
     Attributes:
@@ -211,6 +226,13 @@ class Plan(Frozen):
     def __iter__(self) -> Iterator[Step]:
         """The steps."""
         return iter(self.steps)
+
+    def _facts(self) -> tuple[str, ...]:
+        size = self.limb, count(len(self.steps), "step"), seconds(self.motion_time_s)
+        if self.failure is not None:
+            return *size, f"invalid: {sentence(self.failure)}"
+        proven_m = self.proven_clearance_m
+        return *size, "valid", "" if proven_m is None else clear(proven_m)
 
     def _check_steps(self) -> None:
         q = self.q_start

@@ -44,6 +44,7 @@ from baxter_kin import Baxter
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.copying import Frozen, FrozenMapping
 from baxter_kin.description import RobotIdentity
+from baxter_kin.display import OneLine, count, millimetres
 from baxter_kin.errors import FileError, shown_path
 from baxter_kin.fields import check_fields
 from baxter_kin.files import open_to_read
@@ -119,8 +120,8 @@ class LinkBody(Frozen):
         return Triangulated(vertices, np.concatenate(triangles))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RobotBody(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RobotBody(Frozen, OneLine):
     """The bodies of all links, and the pairs of them that need no check.
 
     Attributes:
@@ -193,6 +194,12 @@ class RobotBody(Frozen):
             for name, link in self.links.items()
         }
         return RobotBody(FrozenMapping(links), self.skipped_pairs)
+
+    def _facts(self) -> tuple[str, ...]:
+        triangles = sum(len(link.surface.triangles) for link in self.links.values())
+        size = count(len(self.links), "link"), count(triangles, "triangle")
+        padding_m = max((link.padding_m for link in self.links.values()), default=0.0)
+        return *size, f"padded {millimetres(padding_m)}" if padding_m > 0.0 else ""
 
 
 def identity_of(robot: Baxter, body: RobotBody) -> RobotIdentity:

@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import whole_scalar
+from baxter_kin.display import OneLine
 from baxter_kin.errors import expect
 from planner.contact import convex, has_depth, shape_of, surface, surface_for_contacts
 from planner.distances import Enclosure
@@ -25,7 +26,7 @@ GRIPPER = "_gripper_"
 """In names of links that a robot with a bare flange lacks."""
 
 
-class RobotShapes:
+class RobotShapes(OneLine):
     """The shapes of a robot, of the body that it is taken to be.
 
     A link is one surface of triangles, or one convex shape. Against what the hand grasps, fingers
@@ -187,6 +188,9 @@ class RobotShapes:
         T_tip_shape = self._T_tip_shape(index, arm)
         reach = np.abs(T_tip_shape.rotation[2]) @ (geometry.aabb_local.max_ - middle)
         return float(T_tip_shape.act(middle)[2] + reach)
+
+    def _facts(self) -> tuple[str, ...]:
+        return repr(self.robot), repr(self.body)
 
     @cached_property
     def _made(self) -> tuple[_Made, ...]:

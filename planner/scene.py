@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, positive_scalar
 from baxter_kin.copying import FrozenMapping
-from baxter_kin.errors import expect, quoted, shortened
+from baxter_kin.display import LONGEST_PART, OneLine, count, listing, position
+from baxter_kin.errors import expect, millimetres_hint, quoted, shortened
 from baxter_kin.fields import is_text
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.errors import SceneError, expect_all
@@ -96,8 +97,8 @@ class Sphere:
 Shape: TypeAlias = Box | Cylinder | Sphere | Mesh
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Part:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Part(OneLine):
     """One shape of a body.
 
     Attributes:
@@ -131,9 +132,12 @@ class Part:
             object.__setattr__(moved, name, value)
         return moved
 
+    def _facts(self) -> tuple[str, ...]:
+        return repr(self.shape), f"at {position(self.T_body_part)}"
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Body:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Body(OneLine):
     """A named thing in the scene.
 
     Attributes:
@@ -191,9 +195,14 @@ class Body:
         """The middle of the body's axis-aligned bounding box in base, shape (3,), m."""
         return np.array([sum(self.extent_m(axis)) / 2 for axis in np.eye(3)])
 
+    def _facts(self) -> tuple[str, ...]:
+        kind = "movable" if self.is_movable else "fixed"
+        where = f"at {position(self.T_base_body)}"
+        return quoted(self.name, LONGEST_PART), kind, count(len(self.parts), "part"), where
 
-@dataclass(frozen=True, slots=True)
-class Scene:
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Scene(OneLine):
     """Bodies by name; changing a scene makes another one.
 
     Attributes:
@@ -274,6 +283,9 @@ class Scene:
         body = self[name].at(T_base_body)
         return Scene({**self.bodies, name: body})
 
+    def _facts(self) -> tuple[str, ...]:
+        return (listing(self.bodies, "body"),)
+
 
 def is_name(name: object) -> bool:
     """Whether a body may be called so."""
@@ -290,5 +302,6 @@ def _checked_place(pose: PoseLike, what: str) -> pin.SE3:
     if farthest > FARTHEST_M:
         raise SceneError(
             f"{what} is placed {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
+            f"{millimetres_hint(farthest)}"
         )
     return T

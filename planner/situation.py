@@ -9,7 +9,8 @@ import pinocchio as pin
 
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.copying import FrozenMapping
-from baxter_kin.errors import UnknownNameError, expect
+from baxter_kin.display import LONGEST_PART, OneLine, listing
+from baxter_kin.errors import UnknownNameError, expect, quoted
 from baxter_kin.frames import checked_pose
 from baxter_kin.model import LIMBS
 from planner.errors import SceneError, TaskError, expect_all
@@ -17,8 +18,8 @@ from planner.manipulator import Manipulator
 from planner.scene import Scene
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Holding:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Holding(OneLine):
     """A body in a hand.
 
     Attributes:
@@ -43,9 +44,12 @@ class Holding:
         expect(self.body, str, "the name of a held body", SceneError)
         object.__setattr__(self, "T_tip_body", checked_pose(self.T_tip_body))
 
+    def _facts(self) -> tuple[str, ...]:
+        return f"{self.side} hand", f"holds {quoted(self.body, LONGEST_PART)}"
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Situation:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Situation(OneLine):
     """What stands where before the first step of a plan.
 
     Attributes:
@@ -77,6 +81,9 @@ class Situation:
         }
         object.__setattr__(self, "joints", FrozenMapping(copied))
         object.__setattr__(self, "held", self._checked_held())
+
+    def _facts(self) -> tuple[str, ...]:
+        return listing(self.scene.bodies, "body"), *(f"{each.side} hand full" for each in self.held)
 
     def _checked_held(self) -> tuple[Holding, ...]:
         held = expect_all(self.held, Holding, "what the hands hold", TaskError)

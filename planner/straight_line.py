@@ -10,7 +10,8 @@ import pinocchio as pin
 
 from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.copying import Frozen
-from baxter_kin.errors import expect
+from baxter_kin.display import OneLine, millimetres, position
+from baxter_kin.errors import expect, millimetres_hint
 from baxter_kin.frames import PoseLike, angle_between, checked_pose
 from planner.errors import MotionError, StraightMoveError
 from planner.scene import FARTHEST_M
@@ -26,8 +27,8 @@ FARTHEST = 1e6
 """How many times its length a line may be followed, either way; beyond, turns lose digits."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StraightLine(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StraightLine(Frozen, OneLine):
     """The poses between two, by the fraction s of the way, 0..1.
 
     The position is on the line between both, the orientation on the shortest rotation between them
@@ -104,6 +105,10 @@ class StraightLine(Frozen):
         turn = R @ pin.log3(R.T @ wanted.rotation)
         return np.concatenate([wanted.translation - T_base_tip.translation, turn])
 
+    def _facts(self) -> tuple[str, ...]:
+        way = f"from {position(self.T_base_start)} to {position(self.T_base_goal)}"
+        return way, millimetres(self.length_m), f"{round(self.angle_rad, 6):g} rad"
+
 
 def _orthonormal(pose: PoseLike) -> pin.SE3:
     """The pose with the rotation nearest to its own, which may be off by rounded digits.
@@ -115,6 +120,7 @@ def _orthonormal(pose: PoseLike) -> pin.SE3:
     if farthest > FARTHEST_M:
         raise MotionError(
             f"a line leads to {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
+            f"{millimetres_hint(farthest)}"
         )
     U, _, Vt = np.linalg.svd(T.rotation)
     return pin.SE3(U @ Vt, T.translation)

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from baxter_kin import Arm, ConfigurationError, JointLimits
 from baxter_kin.arrays import Vector, finite_scalar, float_array
 from baxter_kin.copying import Frozen
-from baxter_kin.errors import expect, quoted
+from baxter_kin.display import OneLine, millimetres
+from baxter_kin.errors import expect, millimetres_hint, quoted
 from baxter_kin.frames import PoseLike
 from baxter_kin.ik.reach import ReachBound
 from planner.errors import MotionError, StraightMoveError
@@ -51,8 +52,8 @@ class PathPoint(NamedTuple):
     dddq: Vector
 
 
-@dataclass(frozen=True, slots=True)
-class PathState:
+@dataclass(frozen=True, slots=True, repr=False)
+class PathState(OneLine):
     """Where on a path, how fast and how hard; times `length_m` it is the tip's motion.
 
     Attributes:
@@ -87,8 +88,8 @@ class PathState:
         return self.speed_per_s == 0.0 and self.acceleration_per_s2 == 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StraightPath(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StraightPath(Frozen, OneLine):
     """The configurations q(s) along a straight line, for s from 0 to 1, the fraction of the way.
 
     Made by `plan_straight_path`. Going back the same line leads through the same configurations.
@@ -168,6 +169,9 @@ class StraightPath(Frozen):
         signs = (-1.0) ** np.arange(len(self.coefficients))
         return replace(self, line=line, coefficients=signs[:, None] * self.coefficients)
 
+    def _facts(self) -> tuple[str, ...]:
+        return repr(self.arm), millimetres(self.length_m), f"degree {len(self.coefficients) - 1}"
+
 
 def plan_straight_path(
     arm: Arm, q_start: ArrayLike, T_base_goal: PoseLike, limits: JointLimits
@@ -227,7 +231,8 @@ def _why_not(
     end = follower.end(q_start, limits) or follower.nearest_to_singular(q_start)
     proof = ReachBound(arm).proof(line.T_base_goal)
     reason = end.reason if proof is None else f"the goal is out of reach, {proof}; {end.reason}"
-    return StraightMoveError(end.fraction, reason)
+    hint = millimetres_hint(*line.T_base_goal.translation)
+    return StraightMoveError(end.fraction, f"{reason}{hint}")
 
 
 def _check_limits(arm: Arm, limits: JointLimits) -> None:

@@ -8,13 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from baxter_kin.display import OneLine, clear, millimetres, sentence
 from baxter_kin.fields import check_fields
 from planner.collision import SHOWN_M, Clearance
 from planner.errors import SceneError
 
 
-@dataclass(frozen=True, slots=True)
-class SweptProof:
+@dataclass(frozen=True, slots=True, repr=False)
+class SweptProof(OneLine):
     """A motion is clear at every instant.
 
     Attributes:
@@ -44,9 +45,12 @@ class SweptProof:
         """True."""
         return True
 
+    def _facts(self) -> tuple[str, ...]:
+        return clear(self.proven_m), f"nearest: {sentence(self.nearest.text)}"
 
-@dataclass(frozen=True, slots=True)
-class SweptContact:
+
+@dataclass(frozen=True, slots=True, repr=False)
+class SweptContact(OneLine):
     """A motion that is not clear, or not known to be; `str()` of it says why in one sentence.
 
     Attributes:
@@ -107,6 +111,9 @@ class SweptContact:
             f"{near.first} would be {1e3 * near.distance_m:.1f} mm from {near.second} {at}; "
             f"{1e3 * self.needed_m:.1f} mm are asked for"
         )
+
+    def _facts(self) -> tuple[str, ...]:
+        return sentence(self.nearest.text), f"{millimetres(self.needed_m)} needed"
 
 
 SweptResult: TypeAlias = SweptProof | SweptContact

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Indices, Vector, finite_array, float_array
 from baxter_kin.copying import Frozen
+from baxter_kin.display import OneLine, count, line, seconds, shown, side_of
 from baxter_kin.errors import expect, quoted
 from planner.errors import TrajectoryError
 
@@ -29,6 +30,13 @@ class JointState(NamedTuple):
     v: Vector
     a: Vector
 
+    def __repr__(self) -> str:
+        """The positions of one state, or how many there are, and the greatest speed."""
+        if not isinstance(self.v, np.ndarray) or self.v.dtype.kind != "f":
+            return line("JointState", map(shown, self))  # a named tuple takes anything
+        speed = f"up to {np.abs(self.v).max(initial=0.0):.3g} rad/s"
+        return line("JointState", (f"q={shown(self.q)} rad", speed))
+
 
 class PeakRatios(NamedTuple):
     """The greatest share of a limit that any joint uses at any time; 1 is the limit."""
@@ -38,8 +46,8 @@ class PeakRatios(NamedTuple):
     jerk: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Trajectory(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Trajectory(Frozen, OneLine):
     """A motion of n joints over m segments of constant jerk.
 
     Attributes:
@@ -148,6 +156,9 @@ class Trajectory(Frozen):
         v = np.abs(np.concatenate([self.v, self._turning_velocities()])) / bounds.v_max
         a, j = np.abs(self.a) / bounds.a_max, np.abs(self.j) / bounds.j_max
         return PeakRatios(*(float(np.max(ratio, initial=0.0)) for ratio in (v, a, j)))
+
+    def _facts(self) -> tuple[str, ...]:
+        return side_of(self.limits.names), seconds(self.duration), count(len(self.knots_s), "knot")
 
     def _advanced(self, i: Indices, dt: Vector) -> JointState:
         """The state a time `dt` after knot `i`."""

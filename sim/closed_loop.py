@@ -20,6 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from baxter_kin.display import OneLine, count, millimetres, phrase, position, sentence
 from baxter_kin.errors import expect
 from baxter_kin.fields import check_fields
 from baxter_kin.frames import checked_pose
@@ -60,8 +61,8 @@ LIFT_M = 0.02
 height, less than any block."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Transfer:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Transfer(OneLine):
     """A body to move, by how it is grasped and where it shall be.
 
     Attributes:
@@ -90,9 +91,12 @@ class Transfer:
         for name in ("T_body_tip", "T_base_goal"):
             object.__setattr__(self, name, checked_pose(getattr(self, name)))
 
+    def _facts(self) -> tuple[str, ...]:
+        return phrase(self.body), f"to {position(self.T_base_goal)}", f"hover {self.hover_m:g} m"
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Attempt:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Attempt(OneLine):
     """One look, and what came of it.
 
     Attributes:
@@ -112,9 +116,13 @@ class Attempt:
         """Check."""
         check_fields(self, SimulationError)
 
+    def _facts(self) -> tuple[str, ...]:
+        seen = "not seen" if self.seen is None else f"seen at {position(self.seen.T_base_body)}"
+        return seen, "done" if self.failure is None else f"failed: {phrase(self.failure)}"
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LoopResult:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class LoopResult(OneLine):
     """How a transfer ended.
 
     Attributes:
@@ -147,8 +155,14 @@ class LoopResult:
         plans = [attempt.plan for attempt in self.attempts if attempt.plan is not None]
         return plans[-1] if plans else None
 
+    def _facts(self) -> tuple[str, ...]:
+        attempts = count(len(self.attempts), "attempt")
+        if self.failure is not None:
+            return attempts, f"failed: {sentence(self.failure)}"
+        return attempts, "success", "" if self.off_m is None else f"{millimetres(self.off_m)} off"
 
-class ClosedLoop:
+
+class ClosedLoop(OneLine):
     """Picks and places by what it sees, and tries again after a miss."""
 
     def __init__(
@@ -206,6 +220,9 @@ class ClosedLoop:
         tried = f"{len(attempts)} attempts" if len(attempts) > 1 else "one attempt"
         failure = f"{transfer.body} was not placed in {tried}; the last: {attempts[-1].failure}"
         return LoopResult(tuple(attempts), failure)
+
+    def _facts(self) -> tuple[str, ...]:
+        return self._side, count(self._retries, "retry")
 
     def _attempt(self, transfer: Transfer, title: str, *, looks: int) -> Attempt:
         """Look, plan, pick, feel, place."""

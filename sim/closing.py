@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from baxter_kin.display import OneLine, millimetres
 from baxter_kin.fields import check_fields
 from planner import Grasp
 from planner.grasp import Miss, MissKind
@@ -30,8 +31,8 @@ AGREEMENT_M = 1e-6
 1e-8 m, and several add up."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Closing:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Closing(OneLine):
     """How a close will end.
 
     Attributes:
@@ -54,6 +55,10 @@ class Closing:
     def __post_init__(self) -> None:
         """Check."""
         check_fields(self, SimulationError)
+
+    def _facts(self) -> tuple[str, ...]:
+        found = self.grasp or self.miss
+        return f"fingers at {millimetres(self.finger_m)}", "" if found is None else repr(found)
 
 
 def closing_of(world: World, side: str, wanted: str | None = None) -> Closing:

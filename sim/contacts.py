@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from baxter_kin.arrays import Vector
+from baxter_kin.display import OneLine, millimetres, phrase, seconds
 from baxter_kin.errors import expect
 from baxter_kin.fields import check_fields
 from baxter_kin.model import LIMBS
@@ -38,8 +39,8 @@ AS_PLANNED = 1e-6
 them for its proofs to count; they keep far more distance than that."""
 
 
-@dataclass(frozen=True, slots=True)
-class Contact:
+@dataclass(frozen=True, slots=True, repr=False)
+class Contact(OneLine):
     """Two things that run into each other.
 
     Attributes:
@@ -66,6 +67,10 @@ class Contact:
     def __post_init__(self) -> None:
         """Check."""
         check_fields(self, SimulationError)
+
+    def _facts(self) -> tuple[str, ...]:
+        touch = f"{phrase(self.mover)} {millimetres(self.depth_m)} inside {phrase(self.other)}"
+        return touch, f"at {seconds(self.time_s)}", "stops" if self.stops else ""
 
 
 class ContactWatch:

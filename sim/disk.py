@@ -10,6 +10,7 @@ from typing import IO, NamedTuple
 
 from baxter_kin import files
 from baxter_kin.copying import NotCopied
+from baxter_kin.display import OneLine, phrase
 from baxter_kin.errors import FileError, shown_path
 from baxter_kin.files import PathLike, open_to_read, open_to_write
 from sim.errors import RecordingError
@@ -32,7 +33,7 @@ class Line(NamedTuple):
     is_complete: bool
 
 
-class Output(NotCopied):
+class Output(NotCopied, OneLine):
     """A file that is written piece by piece. Once that has failed, it says so every time."""
 
     def __init__(self, path: PathLike) -> None:
@@ -78,11 +79,14 @@ class Output(NotCopied):
         with self._explained():
             self._stream.close()
 
+    def _facts(self) -> tuple[str, ...]:
+        return phrase(self._path), "closed" if self.is_closed else "open"
+
     def _explained(self) -> AbstractContextManager[None]:
         return explained(f"cannot write {shown_path(self._path)}")
 
 
-class LineFile(NotCopied):
+class LineFile(NotCopied, OneLine):
     """A text file while it is being written; every line is handed to the system at once.
 
     A process that is killed therefore loses no line, and at most its last one is half written. What
@@ -123,6 +127,9 @@ class LineFile(NotCopied):
             RecordingError: when what is left cannot be written.
         """
         self._output.close()
+
+    def _facts(self) -> tuple[str, ...]:
+        return self._output._facts()
 
 
 def checked_path(path: object) -> Path:

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from baxter_kin.arrays import Vector, finite_array, finite_scalar, float_array
 from baxter_kin.copying import Frozen
+from baxter_kin.display import OneLine, count, phrase, seconds
 from baxter_kin.fields import check_fields
 from baxter_kin.model import LIMBS
 from planner import Body, Grasp
@@ -46,8 +47,8 @@ Detail: TypeAlias = Contact | Push | Grasp | Miss | Rest
 """The facts of a hit, a push, a grasp, a miss, or of coming to rest."""
 
 
-@dataclass(frozen=True, slots=True)
-class Event:
+@dataclass(frozen=True, slots=True, repr=False)
+class Event(OneLine):
     """Something that happened.
 
     Attributes:
@@ -74,9 +75,12 @@ class Event:
         check_fields(self, SimulationError)
         finite_scalar(self.time_s, "time_s", SimulationError)
 
+    def _facts(self) -> tuple[str, ...]:
+        return seconds(self.time_s), self.kind.value, phrase(self.text)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Snapshot(Frozen):
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Snapshot(Frozen, OneLine):
     """The world at one tick.
 
     Attributes:
@@ -108,8 +112,11 @@ class Snapshot(Frozen):
         if missing:
             raise SimulationError(f"the grippers lack {', '.join(missing)}")
 
+    def _facts(self) -> tuple[str, ...]:
+        return seconds(self.time_s), count(len(self.T_base_bodies), "body"), phrase(self.caption)
 
-class Observer:
+
+class Observer(OneLine):
     """Sees what a simulation does; the methods do nothing until overridden."""
 
     def on_snapshot(self, snapshot: Snapshot) -> None:

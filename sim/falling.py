@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.display import OneLine, millimetres, phrase, position
 from baxter_kin.fields import check_fields
 from planner import Body
 from planner.contact import PRESSING_TOLERANCE_M, gap_m
@@ -60,8 +61,8 @@ class Leg:
         return math.sqrt(2 * self.drop_m / GRAVITY_M_S2)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Rest:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Rest(OneLine):
     """Where a body comes to rest.
 
     Attributes:
@@ -104,6 +105,13 @@ class Rest:
                 return raised(leg.T_base_body, -GRAVITY_M_S2 * time_s * time_s / 2)
             time_s -= leg.duration_s
         return self.T_base_body
+
+    def _facts(self) -> tuple[str, ...]:
+        return (
+            f"on {phrase(self.support)}",
+            f"fell {millimetres(self.fall_m)}",
+            position(self.T_base_body),
+        )
 
 
 def come_to_rest(body: Body, others: Sequence[Body]) -> Rest:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.display import OneLine, millimetres
 from baxter_kin.errors import expect
 from baxter_kin.fields import check_fields
 from planner.finger_travel import FINGER_SPEED_M_S
@@ -19,8 +20,8 @@ from sim.world import World
 __all__ = ["FINGER_SPEED_M_S", "Closing", "Gripper", "GripperState"]
 
 
-@dataclass(frozen=True, slots=True)
-class GripperState:
+@dataclass(frozen=True, slots=True, repr=False)
+class GripperState(OneLine):
     """What a gripper reports.
 
     Attributes:
@@ -45,7 +46,7 @@ NO_GRIPPER = GripperState(0.0, is_gripping=False, has_missed=False)
 """What a flange without a gripper counts as, where something must be said of it."""
 
 
-class Gripper:
+class Gripper(OneLine):
     """The gripper of one hand in a world."""
 
     def __init__(self, world: World, side: str) -> None:
@@ -135,3 +136,9 @@ class Gripper:
         """The fingers begin to open: name of the body that is free now, or None."""
         self._has_missed = False
         return self._world.detach(self._side)
+
+    def _facts(self) -> tuple[str, ...]:
+        state = (
+            "gripping" if self.state.is_gripping else "missed" if self.state.has_missed else "empty"
+        )
+        return self._side, f"fingers at {millimetres(self.open_m)}", state

@@ -109,6 +109,9 @@ class McapFile(NotCopied, Observer):
                 self._writer.finish()  # type: ignore[no-untyped-call]  # of the library
             self._output.close()
 
+    def _facts(self) -> tuple[str, ...]:
+        return self._output._facts()
+
     def _channel(self, topic: str) -> int:
         kind = TOPICS[topic]
         schema = self._writer.register_schema(kind.name, "ros1msg", kind.definition.encode())

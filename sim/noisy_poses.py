@@ -14,14 +14,15 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.display import OneLine
 from baxter_kin.errors import expect
 from planner import Body
 from sim.errors import SimulationError
 from sim.pose_source import PoseSource, Sighting, checked_source
 
 
-@dataclass(frozen=True, slots=True)
-class Noise:
+@dataclass(frozen=True, slots=True, repr=False)
+class Noise(OneLine):
     """How badly something sees.
 
     Attributes:
@@ -49,7 +50,7 @@ class Noise:
             object.__setattr__(self, name, value)
 
 
-class NoisyPoses:
+class NoisyPoses(OneLine):
     """A pose source that sees what another one sees, but worse."""
 
     def __init__(self, source: PoseSource, noise: Noise, rng: np.random.Generator) -> None:
@@ -80,6 +81,9 @@ class NoisyPoses:
             return None
         shift, yaw = self._noise.position_m * errors[:3], self._noise.yaw_rad * errors[3]
         return Sighting(displaced(sighting.body, shift, float(yaw)), sighting.time_s)
+
+    def _facts(self) -> tuple[str, ...]:
+        return (repr(self._noise),)
 
 
 def displaced(body: Body, shift_base: Vector, yaw_rad: float) -> Body:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.display import OneLine, seconds, sentence
 from baxter_kin.fields import check_fields
 from sim.errors import SimulationError
 
 
-@dataclass(frozen=True, slots=True)
-class Dwell:
+@dataclass(frozen=True, slots=True, repr=False)
+class Dwell(OneLine):
     """Pauses after gripper actions; none by default, where the original waits a second.
 
     Attributes:
@@ -28,8 +29,8 @@ class Dwell:
                 raise SimulationError(f"{name} must not be negative, got {getattr(self, name)}")
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
+@dataclass(frozen=True, slots=True, repr=False)
+class Outcome(OneLine):
     """How the execution of a plan ended.
 
     Attributes:
@@ -51,3 +52,7 @@ class Outcome:
     def is_success(self) -> bool:
         """Whether every step was done."""
         return self.failure is None
+
+    def _facts(self) -> tuple[str, ...]:
+        failure = "success" if self.failure is None else f"failed: {sentence(self.failure)}"
+        return seconds(self.duration_s), failure

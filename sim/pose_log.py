@@ -17,6 +17,7 @@ import pinocchio as pin
 from baxter_kin import pose_from_quaternion, quaternion_xyzw
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.copying import NotCopied
+from baxter_kin.display import OneLine, count, phrase, position, seconds
 from baxter_kin.errors import BaxterError, expect, quoted, shown_path
 from baxter_kin.fields import check_fields
 from planner import Scene
@@ -30,8 +31,8 @@ HEADER = "look_s,name,seen_s,x,y,z,qx,qy,qz,qw"
 _FIELDS = HEADER.count(",") + 1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Look:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Look(OneLine):
     """One look.
 
     Attributes:
@@ -54,8 +55,12 @@ class Look:
         finite_scalar(self.time_s, "the time of a look", SimulationError)
         check_fields(self, SimulationError)
 
+    def _facts(self) -> tuple[str, ...]:
+        where = "not seen" if self.T_base_body is None else f"at {position(self.T_base_body)}"
+        return seconds(self.time_s), phrase(self.name), where
 
-class LoggedPoses(NotCopied):
+
+class LoggedPoses(NotCopied, OneLine):
     """A pose source that writes down what another one sees; close it, or use it in `with`."""
 
     def __init__(self, source: PoseSource, path: str | PathLike[str]) -> None:
@@ -102,8 +107,11 @@ class LoggedPoses(NotCopied):
         """Close the file."""
         self._file.close()
 
+    def _facts(self) -> tuple[str, ...]:
+        return repr(self._source), *self._file._facts()
 
-class ReplayedPoses:
+
+class ReplayedPoses(OneLine):
     """A pose source that sees again what was seen before: each look answers as the one of its time.
 
     Of the looks at a body, the last that was not later than asked for answers; before the first,
@@ -145,6 +153,11 @@ class ReplayedPoses:
         number = int(np.searchsorted(self._times.get(name, []), time_s, side="right"))
         return self._seen[name][number - 1] if number else None
 
+    def _facts(self) -> tuple[str, ...]:
+        return tuple(
+            f"{count(len(times), 'look')} at {name}" for name, times in self._times.items()
+        )
+
 
 def read_looks(path: str | PathLike[str]) -> tuple[Look, ...]:
     """The looks in a file; a half-written last line is left out.
@@ -179,6 +192,6 @@ def _look(text: str) -> Look:
         raise RecordingError("names no body")
     if not seen_s and not any(pose):
         return Look(float(time_s), name)
-    x, y, z, *quat_xyzw = (float(number) for number in pose)
-    T = pose_from_quaternion((x, y, z), tuple(quat_xyzw))
+    numbers = np.array([float(number) for number in pose])
+    T = pose_from_quaternion(numbers[:3], numbers[3:])  # an array: the header states its order
     return Look(float(time_s), name, float(seen_s), T)

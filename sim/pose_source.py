@@ -16,6 +16,7 @@ from typing import Protocol
 import pinocchio as pin
 
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.display import OneLine, seconds
 from baxter_kin.errors import expect, quoted
 from planner import Body
 from sim.errors import SimulationError
@@ -26,8 +27,8 @@ KEPT_SNAPSHOTS = 1000
 """How many ticks back a world is remembered: 10 s at 100 Hz."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sighting:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Sighting(OneLine):
     """What was seen of one body.
 
     Attributes:
@@ -42,6 +43,9 @@ class Sighting:
         """Check both."""
         expect(self.body, Body, "the body of a sighting", SimulationError)
         finite_scalar(self.time_s, "the time of a sighting", SimulationError)
+
+    def _facts(self) -> tuple[str, ...]:
+        return repr(self.body), f"seen at {seconds(self.time_s)}"
 
 
 class PoseSource(Protocol):
@@ -111,3 +115,6 @@ class TruePoses(Observer):
         number = bisect_right(self._past, time_s, key=lambda entry: entry[0])
         seen_s, poses = self._past[max(0, number - 1)]
         return Sighting(bodies[name].at(poses[name]), seen_s) if name in poses else None
+
+    def _facts(self) -> tuple[str, ...]:
+        return (repr(self._world),)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector, finite_array, finite_rows, finite_scalar
 from baxter_kin.copying import Frozen
+from baxter_kin.display import OneLine, count, phrase, seconds, side_of
 from baxter_kin.errors import expect, quoted
 from baxter_kin.fields import check_fields
 from baxter_kin.model import JOINTS, LIMBS
@@ -29,8 +30,8 @@ ROUNDING_S = 1e-9
 """How far a tick may be outside a move by rounding."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RecordedMove:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RecordedMove(OneLine):
     """A move of an arm as it was commanded.
 
     Attributes:
@@ -71,9 +72,13 @@ class RecordedMove:
         """When it ends, in the recording's time."""
         return self.start_s + self.trajectory.duration
 
+    def _facts(self) -> tuple[str, ...]:
+        side = side_of(self.joint_names)
+        return phrase(self.label), side, f"{self.start_s:.2f} .. {seconds(self.end_s)}"
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ArmMotion(Frozen):
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ArmMotion(Frozen, OneLine):
     """An arm at n times.
 
     Attributes:
@@ -111,6 +116,11 @@ class ArmMotion(Frozen):
         is_exact = told.copy()
         is_exact.setflags(write=False)
         object.__setattr__(self, "is_exact", is_exact)
+
+    def _facts(self) -> tuple[str, ...]:
+        times_s = self.times_s.tolist() or [0.0]
+        period = f"{times_s[0]:.2f} .. {seconds(times_s[-1])}"
+        return side_of(self.joint_names), count(len(self.times_s), "sample"), period
 
 
 def recorded_move(event: Event) -> RecordedMove | None:

@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from baxter_kin import Baxter, quaternion_xyzw
 from baxter_kin.arrays import Vector, whole_scalar
+from baxter_kin.display import count
 from baxter_kin.errors import expect
 from baxter_kin.model import LIMBS
 from planner import Body, Scene
@@ -101,6 +102,9 @@ class Recorder(Observer):
             moves=tuple(self._moves),
             robot=self._robot.description.identity,
         )
+
+    def _facts(self) -> tuple[str, ...]:
+        return (count(len(self._snapshots), "snapshot"),)
 
     def _forget_the_past(self) -> None:
         """What ended before the first snapshot that is kept, once others were dropped."""

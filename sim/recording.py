@@ -17,6 +17,7 @@ from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.copying import Frozen, FrozenMapping
 from baxter_kin.description import RobotIdentity
+from baxter_kin.display import OneLine, count, line, listing, seconds, shown
 from baxter_kin.errors import UnknownNameError, expect, quoted
 from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
@@ -40,8 +41,8 @@ __all__ = [  # the names of the CSV can be had here too
 ]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Recording(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Recording(Frozen, OneLine):
     """A finished recording of n snapshots.
 
     Attributes:
@@ -191,6 +192,10 @@ class Recording(Frozen):
             for time_s, q, percent in zip(self.times_s, self.q, self.gripper_percent, strict=True):
                 file.write(float(time_s), q[indices], percent)
 
+    def _facts(self) -> tuple[str, ...]:
+        rows, bodies = count(len(self.times_s), "snapshot"), listing(self.bodies, "body")
+        return rows, seconds(self.duration_s), count(len(self.events), "event"), bodies
+
     def _frozen_poses(self) -> Mapping[str, Vector]:
         if not isinstance(self.body_poses, Mapping):
             raise RecordingError(
@@ -219,6 +224,12 @@ class NotedRecording(NamedTuple):
 
     recording: Recording
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """The recording, and how many oddities it has."""
+        is_known = isinstance(self.notes, tuple)  # a named tuple takes anything
+        notes = count(len(self.notes), "note") if is_known else shown(self.notes)
+        return line("NotedRecording", (notes, quoted(self.recording)))
 
 
 _PARTS: Mapping[str, type[object]] = {

@@ -112,6 +112,9 @@ class LogRecorder(NotCopied, Observer):
             finally:
                 self._file.close()
 
+    def _facts(self) -> tuple[str, ...]:
+        return self._file._facts()
+
     def _changed_poses(self, snapshot: Snapshot) -> dict[str, Json]:
         poses = {name: pose_row(T) for name, T in snapshot.T_base_bodies.items()}
         changed: dict[str, Json] = {

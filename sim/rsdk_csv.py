@@ -12,6 +12,7 @@ import numpy as np
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector
 from baxter_kin.copying import NotCopied
+from baxter_kin.display import OneLine
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
 from baxter_kin.model import JOINTS, LIMBS
@@ -23,7 +24,7 @@ _ROW = ",".join(["{:.6f}", *["{:.12g}"] * 16])
 """Time, and both arms with their grippers."""
 
 
-class CsvFile(NotCopied):
+class CsvFile(NotCopied, OneLine):
     """The RSDK's CSV while it is being written; use it as a context manager."""
 
     def __init__(self, path: PathLike) -> None:
@@ -73,6 +74,9 @@ class CsvFile(NotCopied):
         """
         self._file.close()
 
+    def _facts(self) -> tuple[str, ...]:
+        return self._file._facts()
+
 
 class CsvRecorder(NotCopied, Observer):
     """Writes the RSDK's CSV while the simulation runs, so that a run cut short keeps its rows."""
@@ -100,6 +104,9 @@ class CsvRecorder(NotCopied, Observer):
     def close(self) -> None:
         """Close the file."""
         self._csv.close()
+
+    def _facts(self) -> tuple[str, ...]:
+        return self._csv._facts()
 
 
 def csv_header() -> list[str]:

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.display import OneLine, seconds
 from baxter_kin.errors import expect
 from baxter_kin.model import LIMBS
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan
@@ -46,7 +47,7 @@ MOVED_M = 1e-6
 """A body pushed or fallen by less was not; contacts are found to 1e-8 m."""
 
 
-class Simulation:
+class Simulation(OneLine):
     """A world in time.
 
     Attributes:
@@ -163,6 +164,9 @@ class Simulation:
         """Show the world as it is now, unless the last tick did; a run ends between two ticks."""
         if self._clock.is_past_tick:
             self._show()
+
+    def _facts(self) -> tuple[str, ...]:
+        return seconds(self.time_s), repr(self.world)
 
     def _check_start(self, plan: Plan) -> None:
         if plan.failure is not None:

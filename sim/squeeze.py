@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.copying import Frozen
+from baxter_kin.display import OneLine, millimetres, phrase
 from baxter_kin.fields import check_fields
 from planner import Body, Box, Grasp, Hand, Part
 from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
@@ -20,8 +21,8 @@ from sim.errors import SimulationError
 from sim.world import World
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Push(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Push(Frozen, OneLine):
     """A body that a closing finger moves.
 
     Attributes:
@@ -68,6 +69,10 @@ class Push(Frozen):
         moved_m = max(0.0, self.begin_m - max(finger_m, self.end_m))
         T = self.T_base_begin
         return pin.SE3(T.rotation, T.translation + moved_m * self.axis_base)
+
+    def _facts(self) -> tuple[str, ...]:
+        way = f"{millimetres(self.distance_m)} by the {self.finger} finger"
+        return phrase(self.body), way
 
 
 @dataclass(slots=True, eq=False)

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.copying import NotCopied
+from baxter_kin.display import OneLine
 from baxter_kin.errors import expect, quoted
 from planner import Body
 from sim.appearance import Appearance
@@ -45,7 +46,7 @@ FRAME_HEIGHT_PX = 520
 """Height of the view in a notebook."""
 
 
-class Viewer(NotCopied):
+class Viewer(NotCopied, OneLine):
     """A live view, served from its creation until `close`; use it as a context manager.
 
     As the last value of a notebook's cell it shows itself there. That needs a browser on the
@@ -91,6 +92,9 @@ class Viewer(NotCopied):
     def __exit__(self, *_: object) -> None:
         """Stop serving."""
         self.close()
+
+    def _facts(self) -> tuple[str, ...]:
+        return (self.url,)
 
     def _repr_html_(self) -> str:
         """The view as a frame of a notebook."""

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.display import OneLine, listing
 from baxter_kin.errors import expect, quoted
 from baxter_kin.frames import PoseLike, checked_pose
 from planner import Body, Hand, RobotShapes, Scene
@@ -31,7 +32,7 @@ ROUNDING_RAD = 1e-9
 """How far a trajectory may leave the joint limits by rounding."""
 
 
-class World:
+class World(OneLine):
     """Robot and bodies at one moment.
 
     Attributes:
@@ -290,6 +291,9 @@ class World:
     def body_poses(self) -> Mapping[str, pin.SE3]:
         """Every body's pose seen from base."""
         return {name: pin.SE3(pose) for name, pose in self._poses.items()}
+
+    def _facts(self) -> tuple[str, ...]:
+        return listing(self.scene.bodies, "body"), *(f"{each.side} hand full" for each in self.held)
 
     def _known(self, name: str) -> str:
         if not isinstance(name, str) or name not in self._bodies:

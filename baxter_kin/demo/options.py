@@ -16,6 +16,7 @@ from baxter_kin.command_line import (
     number_within,
     whole_number,
 )
+from baxter_kin.errors import millimetres_hint
 from baxter_kin.files import Destination
 
 DEFAULT_HOVER_M = 0.15
@@ -278,14 +279,17 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
 def _coordinate(text: str) -> float:
     value = number(text)
     if abs(value) > FARTHEST_M:
-        raise argparse.ArgumentTypeError(f"{text} is not within {FARTHEST_M:g} m of the robot")
+        raise argparse.ArgumentTypeError(
+            f"{text} is not within {FARTHEST_M:g} m of the robot{millimetres_hint(value)}"
+        )
     return value
 
 
 def _height(text: str) -> float:
     value = number(text)
     if not 0.0 < value <= FARTHEST_M:
-        raise argparse.ArgumentTypeError(f"{text} is not above zero and at most {FARTHEST_M:g} m")
+        allowed = f"above zero and at most {FARTHEST_M:g} m"
+        raise argparse.ArgumentTypeError(f"{text} is not {allowed}{millimetres_hint(value)}")
     return value
 
 

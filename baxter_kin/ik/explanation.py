@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
@@ -11,6 +12,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
+from baxter_kin.errors import millimetres_hint
+from baxter_kin.frames import read_with_w_first
 from baxter_kin.ik.reach import ReachProof
 from baxter_kin.ik.result import IKFailure
 from baxter_kin.ik.search import Search
@@ -19,6 +22,9 @@ from baxter_kin.ik.tolerance import Tolerance
 from baxter_kin.model import Arm
 
 AT_LIMIT_RAD = 1e-6
+
+STRAIGHT_DOWN_RAD = 0.1
+"""A tool that leans by less points straight down, as those of most picks do."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +68,7 @@ class Explainer:
         self._starts = starts
         self._reach = reach
         self._tolerance = tolerance
+        self._tool_hint = _tool_hint(arm)
         self._unlimited = np.repeat([-np.pi, np.pi], 7)
 
     def are_out_of_reach_at_a_glance(self, Ts: Vector) -> NDArray[np.bool_]:
@@ -84,7 +91,7 @@ class Explainer:
         pose = f"the {what} ({x:.3f}, {y:.3f}, {z:.3f}) m in base"
         proof = self._reach.proof(_se3(attempt.T))
         if proof is not None:
-            reason = f"{pose} is proven out of reach: {proof.text}"
+            reason = f"{pose} is proven out of reach: {proof.text}{self._hint(attempt.T)}"
             return IKFailure(reason, attempt.starts, beyond_reach_m=proof.excess_m)
         if not attempt.starts:
             return IKFailure(
@@ -101,10 +108,31 @@ class Explainer:
         return IKFailure(
             f"no solution found for {pose} in {sum(attempt.starts.values())} starts ({counts}); "
             f"the best attempt ends {1e3 * attempt.position_error_m:.3g} mm and "
-            f"{attempt.orientation_error_rad:.3g} rad away{limited}{only}",
+            f"{attempt.orientation_error_rad:.3g} rad away{limited}{only}{self._hint(attempt.T)}",
             starts=attempt.starts,
             joints_at_limit=at_limit,
             limits_violated=beyond,
+        )
+
+    def _hint(self, T: Vector) -> str:
+        """What was probably meant, where that can be told, as the end of a sentence."""
+        return millimetres_hint(*T[:3, 3].tolist()) or self._tool_hint or self._order_hint(T)
+
+    def _order_hint(self, T: Vector) -> str:
+        """Whether w came first in the quaternion of a tool that was to point straight down.
+
+        The other reading turns z to where it has the component R[0, 0] along z: both are 1 less
+        twice the squares of the quaternion's second and third number.
+        """
+        down = -math.cos(STRAIGHT_DOWN_RAD)
+        if T[0, 0] > down or T[2, 2] <= down:
+            return ""
+        meant = pin.SE3(read_with_w_first(T[:3, :3]), T[:3, 3])
+        if self._reach.proof(meant) is not None:
+            return ""
+        return (
+            "; did its quaternion come with w first? It is read as x, y, z, w; with w first the "
+            "tool would point straight down"
         )
 
     def _joints_at_limit(self, q: Vector) -> tuple[str, ...]:
@@ -126,6 +154,12 @@ class Explainer:
         if not len(solutions):
             return ()
         return limits.violations(solutions[excess.sum(axis=1).argmin()])
+
+
+def _tool_hint(arm: Arm) -> str:
+    tool_m = arm.T_gripper_tip.translation
+    hint = millimetres_hint(*tool_m.tolist())
+    return f"; the tool is {np.linalg.norm(tool_m):.6g} m long{hint}" if hint else ""
 
 
 def _se3(T: Vector) -> pin.SE3:

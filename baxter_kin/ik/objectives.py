@@ -13,6 +13,7 @@ import numpy as np
 
 from baxter_kin.arrays import Vector, finite_array, finite_rows
 from baxter_kin.copying import Frozen
+from baxter_kin.display import OneLine, numbers
 from baxter_kin.errors import ConfigurationError, RequestError, expect, quoted
 from baxter_kin.ik.scalar import least
 from baxter_kin.ik.self_motion import SelfMotion
@@ -38,8 +39,8 @@ class Objective(Protocol):
         """
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NearestTo(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class NearestTo(Frozen, OneLine):
     """Nearest to a seed in joint space.
 
     Cost: `1/2 |q - q_seed|^2`, in rad^2: the least joint motion from where the arm is (Whitney,
@@ -65,9 +66,12 @@ class NearestTo(Frozen):
         squares = np.square(rows - self.q_seed)
         return np.array(0.5 * squares.sum(axis=1))
 
+    def _facts(self) -> tuple[str, ...]:
+        return (f"q_seed={numbers(self.q_seed)} rad",)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TowardsGoal(Frozen):
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class TowardsGoal(Frozen, OneLine):
     """Towards a goal in the null space, each joint as strongly as its gain says.
 
     Cost: `1/2 sum_i gain_i (q_i - goal_i)^2`: the criterion whose negative gradient, projected on
@@ -103,6 +107,9 @@ class TowardsGoal(Frozen):
         """Half the squared distance to the goal, weighted by the gains, shape (n,), rad^2."""
         rows = finite_rows(q, 7, "q", ConfigurationError)
         return 0.5 * np.square(rows - self.q_goal) @ self.gain
+
+    def _facts(self) -> tuple[str, ...]:
+        return f"q_goal={numbers(self.q_goal)} rad", f"gain={numbers(self.gain)}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -116,17 +116,18 @@ class PoseSweep:
         slack_m = slack_m + np.hypot(radially, up) * s1.slack
         beside = _Plane(swing, np.broadcast_to(sideways, swing.shape), slack_m)
         e0 = _less(beside.angle, across.angle)
-        fits: Flags = np.abs(beside.length - across.length) <= beside.slack + across.slack
-        survives: Flags = is_possible & is_seen & fits & self._allows(3, e1) & self._allows(1, s1)
-        survives &= self._allows(2, e0)
+        misfit = np.abs(beside.length - across.length)
+        fits: Flags = np.asarray(misfit <= beside.slack + across.slack)
+        survives = is_possible & is_seen & fits & self._allows(3, e1) & self._allows(1, s1)
+        survives = survives & self._allows(2, e0)
         off = self._margin_rad + s0.slack + s1.slack + e0.slack + e1.slack + w0.slack
         seen = _Seen(s0.middle, s1.middle, e0.middle, e1.middle, w0.middle)
         ahead, sinking, aside = seen.of(target[:3, 2])
         w1 = _Plane(ahead, sinking, off).angle
-        survives &= (np.abs(aside) <= off) & self._allows(5, w1)
+        survives = survives & (np.abs(aside) <= off) & self._allows(5, w1)
         ahead, sinking, aside = seen.of(target[:3, 0])
         bent = np.cos(w1.middle) * sinking - np.sin(w1.middle) * ahead
-        survives &= self._allows(6, _Plane(bent, aside, off + w1.slack).angle)
+        survives = survives & self._allows(6, _Plane(bent, aside, off + w1.slack).angle)
         is_left: Flags = survives.any(axis=0)
         return is_left
 

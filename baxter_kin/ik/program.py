@@ -23,6 +23,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from baxter_kin.display import OneLine, count
 from baxter_kin.errors import RequestError, expect
 from baxter_kin.fields import check_fields
 from baxter_kin.frames import quaternion_xyzw
@@ -55,8 +56,8 @@ _OPTIONS: dict[str, Any] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Program:
+@dataclass(frozen=True, slots=True, repr=False)
+class Program(OneLine):
     """The nonlinear program of one arm.
 
     Attributes:
@@ -131,6 +132,9 @@ class Program:
             pose_error=error,
             widths=np.array(widths),
         )
+
+    def _facts(self) -> tuple[str, ...]:
+        return count(self.q.numel(), "joint"), count(self.parameters.numel(), "parameter")
 
 
 class IpoptSearcher:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.copying import Frozen, FrozenMapping
+from baxter_kin.display import OneLine, sentence, side_of
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.fields import check_fields
 from baxter_kin.ik.seeds import SeedType
@@ -15,8 +16,8 @@ POSITION_TOLERANCE_M = 1e-6
 ORIENTATION_TOLERANCE_RAD = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class IKFailure:
+@dataclass(frozen=True, slots=True, repr=False)
+class IKFailure(OneLine):
     """Why a pose has no solution; `str()` of it is one sentence.
 
     Attributes:
@@ -46,9 +47,12 @@ class IKFailure:
         """The reason."""
         return self.reason
 
+    def _facts(self) -> tuple[str, ...]:
+        return (sentence(self.reason),)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class IKResult(Frozen):
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class IKResult(Frozen, OneLine):
     """The answer to one pose.
 
     When `is_valid` is false, `q` and the errors are those of the best attempt; it never reached the
@@ -129,6 +133,13 @@ class IKResult(Frozen):
     def label(self) -> str:
         """The seed type in the words of the original demo."""
         return self.seed_type.label
+
+    def _facts(self) -> tuple[str, ...]:
+        side = side_of(self.joint_names)
+        if self.failure is not None:
+            return side, f"invalid: {sentence(self.failure)}"
+        errors = f"{self.position_error_m:.2g} m and {self.orientation_error_rad:.2g} rad off"
+        return side, "valid", f"from {self.seed_type.name}", errors
 
 
 _SETTERS = tuple(getattr(IKResult, slot.name).__set__ for slot in fields(IKResult))

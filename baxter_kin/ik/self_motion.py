@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array, finite_rows, finite_scalar, positive_scalar
 from baxter_kin.copying import Frozen
+from baxter_kin.display import OneLine, count
 from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.fields import check_fields
 from baxter_kin.frames import PoseLike, checked_pose
@@ -41,8 +42,8 @@ _OUTSIDE_RAD = 1e-9
 _NEAREST_ITERATIONS = 20
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SelfMotion(Frozen):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class SelfMotion(Frozen, OneLine):
     """One connected piece of the self-motion of a pose, between its ends; n points.
 
     It runs in the direction in which `det [J; tangent']` is positive, wherever the tracing began.
@@ -131,6 +132,10 @@ class SelfMotion(Frozen):
             s = ahead
         distance = float(np.linalg.norm(self.at(s) - q))
         return self._on_curve(s), distance
+
+    def _facts(self) -> tuple[str, ...]:
+        form = "closed" if self.is_closed else "open"
+        return repr(self.arm), count(len(self.q), "point"), f"{self.length_rad:.3g} rad long", form
 
     def _on_curve(self, s: float) -> float:
         length = self.length_rad

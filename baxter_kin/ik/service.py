@@ -17,6 +17,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, float_array
+from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
 from baxter_kin.ik.batch import COARSE_ROUNDS, Batch
@@ -59,7 +60,7 @@ class _Requests:
         return replace(self, poses=poses, seeds=seeds, first=first)
 
 
-class IKService:
+class IKService(OneLine):
     """Inverse kinematics for one arm.
 
     The same request always gets the same answer from the same backend.
@@ -137,6 +138,9 @@ class IKService:
         if objective is None or not result.is_valid:
             return result
         return self._best(result, checked_pose(T_base_tip), objective)
+
+    def _facts(self) -> tuple[str, ...]:
+        return repr(self.arm), f"backend {self.backend.value}"
 
     def _first(
         self, engine: Engine, T_base_tip: PoseLike, seed: Any, current: Any, mode: SeedMode

@@ -18,7 +18,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_scalar, float_array
-from baxter_kin.errors import RequestError, UnknownNameError, expect, quoted
+from baxter_kin.display import OneLine
+from baxter_kin.errors import RequestError, UnknownNameError, degrees_hint, expect, quoted
 
 AXES = ("x", "y", "z")
 
@@ -31,8 +32,8 @@ WIDEST_RAD = math.pi / 2
 _EXACT = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Tolerance:
+@dataclass(frozen=True, slots=True, repr=False)
+class Tolerance(OneLine):
     """How far a tip may be from a pose; the default allows nothing.
 
     Attributes:
@@ -67,6 +68,7 @@ class Tolerance:
                 raise RequestError(
                     f"rotation_rad holds {value:g} rad; bounds go up to a quarter turn "
                     f"({WIDEST_RAD:.4f}), beyond that say inf (free)"
+                    f"{degrees_hint(value, least=WIDEST_RAD)}"
                 )
         self._check_tilt()
 
@@ -150,6 +152,7 @@ class Tolerance:
             raise RequestError(
                 f"tilt_rad is {self.tilt_rad:g} rad; it goes from 0 to a quarter turn "
                 f"({WIDEST_RAD:.4f}), beyond that ask for a position only"
+                f"{degrees_hint(self.tilt_rad, least=WIDEST_RAD)}"
             )
         if self.tilt_rad > 0.0 and sorted(self.rotation_rad) != [0.0, 0.0, FREE]:
             raise RequestError(

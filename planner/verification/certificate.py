@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field, fields
 from enum import Enum
 from typing import Any
 
+from baxter_kin.display import OneLine, count, seconds, sentence
 from baxter_kin.errors import UnknownNameError, expect
 from baxter_kin.fields import check_fields
 from planner.errors import TaskError
@@ -27,8 +28,8 @@ class Relation(str, Enum):
     ABOVE = ">"
 
 
-@dataclass(frozen=True, slots=True)
-class Check:
+@dataclass(frozen=True, slots=True, repr=False)
+class Check(OneLine):
     """One property of a plan: its worst value, the bound, and where that was found.
 
     Attributes:
@@ -67,6 +68,9 @@ class Check:
             f"{self.name} {self.value:.6g}{unit}, must be {self.relation.value} {self.bound:.6g}"
             f"{unit} ({self.where})"
         )
+
+    def _facts(self) -> tuple[str, ...]:
+        return "passed" if self.is_passed else "failed", sentence(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +130,8 @@ class Subject:
         check_fields(self, TaskError)
 
 
-@dataclass(frozen=True, slots=True)
-class Certificate:
+@dataclass(frozen=True, slots=True, repr=False)
+class Certificate(OneLine):
     """Everything that was checked about a plan.
 
     Attributes:
@@ -257,6 +261,12 @@ class Certificate:
             "geometry": self.geometry,
             "checks": checks,
         }
+
+    def _facts(self) -> tuple[str, ...]:
+        checks = count(len(self.checks), "check")
+        state = f"{len(self.failures)} of {checks} failed"
+        state = f"valid, {checks}" if self.is_valid else f"not valid, {state}"
+        return self.limb, count(self.steps, "step"), seconds(self.motion_time_s), state
 
 
 def _row(check: Check) -> tuple[str, ...]:

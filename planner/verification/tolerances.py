@@ -6,11 +6,12 @@ import math
 from dataclasses import dataclass, fields
 
 from baxter_kin.arrays import finite_scalar
+from baxter_kin.display import OneLine
 from planner.errors import TaskError
 
 
-@dataclass(frozen=True, slots=True)
-class Tolerances:
+@dataclass(frozen=True, slots=True, repr=False)
+class Tolerances(OneLine):
     """How much of each is rounding, or what the toolkit promises; none is negative.
 
     Attributes:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,14 @@ from hypothesis import strategies as st
 
 from baxter_kin import BaxterError, FileError, UnknownNameError
 from baxter_kin.arrays import finite_array, finite_scalar
-from baxter_kin.errors import LONGEST_NAME, LONGEST_QUOTE, quoted, shortened
+from baxter_kin.errors import (
+    LONGEST_NAME,
+    LONGEST_QUOTE,
+    degrees_hint,
+    millimetres_hint,
+    quoted,
+    shortened,
+)
 
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.binary(),
@@ -70,3 +78,27 @@ def test_messages_do_not_repeat_long_input() -> None:
 @pytest.mark.parametrize("name", [5, None, ["left"], np.zeros(3)], ids=str)
 def test_unknown_names_of_any_class_are_told(name: Any) -> None:
     assert "unknown limb" in str(UnknownNameError("limb", name, ("left",)))
+
+
+def test_lengths_of_a_workcell_in_millimetres_are_asked_about() -> None:
+    assert millimetres_hint(700.0, 150.0, -129.0) == (
+        "; are these millimetres? Lengths are in metres: 700 mm is 0.7 m"
+    )
+    assert millimetres_hint(0.0, -50.0).endswith("-50 mm is -0.05 m")
+
+
+@given(st.floats(-9.99, 9.99) | st.floats(min_value=1.01e4) | st.floats(max_value=-1.01e4))
+def test_no_other_length_is(length: float) -> None:
+    assert millimetres_hint(length) == millimetres_hint(0.0, length) == ""
+
+
+def test_angles_in_degrees_are_asked_about() -> None:
+    assert degrees_hint(0.0, -90.0) == (
+        "; are these degrees? Angles are in radians: -90 deg is -1.571 rad"
+    )
+    assert degrees_hint(5.0, least=math.pi / 2).endswith("5 deg is 0.08727 rad")
+
+
+@given(st.floats(-math.tau, math.tau) | st.floats(min_value=360.1) | st.floats(max_value=-360.1))
+def test_no_other_angle_is(angle: float) -> None:
+    assert degrees_hint(angle) == degrees_hint(0.0, angle) == ""

@@ -9,7 +9,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from baxter_kin import Frame, PoseError, StampedPose, UnknownNameError
+from baxter_kin import (
+    Frame,
+    PoseError,
+    QuaternionOrderWarning,
+    StampedPose,
+    UnknownNameError,
+)
 from baxter_kin.arrays import Vector
 from baxter_kin.frames import (
     T_world_base,
@@ -18,6 +24,7 @@ from baxter_kin.frames import (
     pose_from_quaternion,
     pose_matrices,
     quaternion_xyzw,
+    read_with_w_first,
 )
 from tests.conftest import OVERHEAD_XYZW
 
@@ -50,6 +57,70 @@ def test_quaternion_of_four_decimals_is_accepted_and_normalised() -> None:
 def test_rejects_quaternion_that_is_not_of_unit_length(quat: tuple[float, ...]) -> None:
     with pytest.raises(PoseError, match=r"has length .* needs length 1"):
         pose_from_quaternion((0.0, 0.0, 0.0), quat)
+
+
+def test_a_length_that_is_not_1_names_the_option_that_allows_it() -> None:
+    with pytest.raises(PoseError, match="or give normalise=True"):
+        pose_from_quaternion((0.0, 0.0, 0.0), (0.0, 2.0, 0.0, 0.0))
+
+
+@given(unit_quaternions, st.floats(-290.0, 290.0))
+def test_any_length_but_zero_is_normalised_when_asked_to(quat: np.ndarray, power: float) -> None:
+    assume(np.linalg.norm(quat) > 1e-3)
+    R = pose_from_quaternion((0, 0, 0), quat / np.linalg.norm(quat)).rotation
+    scaled = pose_from_quaternion((0, 0, 0), quat * 10.0**power, normalise=True)
+    np.testing.assert_allclose(scaled.rotation, R, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("size", [5e-324, 1.7e308])
+def test_the_smallest_and_the_largest_numbers_are_normalised(size: float) -> None:
+    R = pose_from_quaternion((0, 0, 0), [0.0, size, size, 0.0], normalise=True).rotation
+    np.testing.assert_allclose(R @ [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], atol=ROUNDING)
+
+
+def test_zero_is_no_rotation_whatever_is_asked() -> None:
+    with pytest.raises(PoseError, match="quat_xyzw is zero, which is no rotation"):
+        pose_from_quaternion((0, 0, 0), (0, 0, 0, 0), normalise=True)
+    with pytest.raises(PoseError, match="normalise must be of class bool"):
+        pose_from_quaternion((0, 0, 0), (0, 0, 0, 1), normalise="no")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("identity", [(1, 0, 0, 0), [1.0, 0.0, 0.0, 0.0], np.array([1, 0, 0, 0])])
+def test_a_written_identity_with_w_first_warns(identity: object) -> None:
+    with pytest.warns(
+        QuaternionOrderWarning, match=r"read as x, y, z, w: .* \(0, 0, 0, 1\)"
+    ) as told:
+        T = pose_from_quaternion((0, 0, 0), identity)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(T.rotation, np.diag([1.0, -1.0, -1.0]))
+    assert told[0].filename == __file__
+
+
+DOWN = [(0, 1, 0, 0), (0.0, -1.0, 0.0, 0.0), (-1, 0, 0, 0), (0.6, 0.8, 0.0, 0.0), OVERHEAD_XYZW]
+
+
+@pytest.mark.parametrize("quat", [*DOWN, (0, 0, 0, 1), (0, 0, 1, 0), (0.9999, 0.01, 0, 0)])
+def test_no_other_quaternion_warns(quat: tuple[float, ...]) -> None:
+    pose_from_quaternion((0, 0, 0), quat)  # warnings are errors here
+
+
+@given(st.integers(0, 3), st.integers(0, 3))
+def test_no_quaternion_of_a_pose_warns(about_x: int, about_z: int) -> None:
+    turns = np.linalg.matrix_power([[1, 0, 0], [0, 0, -1], [0, 1, 0]], about_x)
+    turns = turns @ np.linalg.matrix_power([[0, -1, 0], [1, 0, 0], [0, 0, 1]], about_z)
+    T = pin.SE3(turns.astype(float), np.zeros(3))
+    for quat in (quaternion_xyzw(T), tuple(quaternion_xyzw(T))):
+        back = pose_from_quaternion((0, 0, 0), quat)  # warnings are errors here
+        np.testing.assert_allclose(back.rotation, T.rotation, atol=ROUNDING)
+
+
+@given(unit_quaternions)
+def test_what_was_meant_with_w_first_is_told_from_the_rotation(quat_wxyz: np.ndarray) -> None:
+    assume(np.linalg.norm(quat_wxyz) > 1e-3)
+    quat_wxyz = quat_wxyz / np.linalg.norm(quat_wxyz)
+    meant = pose_from_quaternion((0, 0, 0), np.roll(quat_wxyz, -1))
+    read = pose_from_quaternion((0, 0, 0), quat_wxyz)
+    np.testing.assert_allclose(read_with_w_first(read.rotation), meant.rotation, atol=1e-7)
+    assert math.isclose(read.rotation[0, 0], meant.rotation[2, 2], abs_tol=ROUNDING)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])

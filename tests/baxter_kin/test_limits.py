@@ -137,3 +137,10 @@ def test_what_is_accepted_violates_nothing(q: list[float], tolerance: float) -> 
 def test_names_that_are_none_are_refused(names: Any) -> None:
     with pytest.raises(LimitsError, match="name"):
         limits(names=names)
+
+
+def test_joint_values_in_degrees_are_asked_about() -> None:
+    with pytest.raises(ConfigurationError, match=r"are these degrees\? .* 45 deg is 0.7854 rad"):
+        limits().check([45.0, 30.0])
+    with pytest.raises(ConfigurationError, match=r"-1 .. 1$"):
+        limits().check([3.5, 0.0])

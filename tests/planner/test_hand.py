@@ -342,3 +342,20 @@ def test_a_pose_that_is_none_is_refused(hand: Hand, pose: Any) -> None:
 def test_a_body_that_is_none_is_refused(hand: Hand, body: Any) -> None:
     with pytest.raises(SceneError):
         hand.grasp(ORIGIN, body, 0.02)
+
+
+@pytest.mark.parametrize("finger_m", [15.0, 100.0])
+def test_fingers_in_millimetres_or_per_cent_are_asked_for_in_metres(
+    hand: Hand, finger_m: float
+) -> None:
+    with pytest.raises(ConfigurationError, match="; give metres, not millimetres or per cent"):
+        hand.percent(finger_m)
+    with pytest.raises(ConfigurationError, match=r"20.833 mm$"):
+        hand.percent(0.021)
+
+
+def test_a_body_placed_in_millimetres_is_asked_about(hand: Hand) -> None:
+    missed = hand.close_on(ORIGIN, thing(cube(0.04), x=700.0), hand.stroke_m)
+    assert "was its place given in millimetres? Lengths are in metres" in str(missed)
+    missed = hand.close_on(ORIGIN, thing(cube(0.04), x=0.7), hand.stroke_m)
+    assert str(missed).endswith("not between the pads")

@@ -312,3 +312,10 @@ def test_refuses_a_place_too_far_away_to_be_measured(block: Body, x: float) -> N
     for place in (lambda: Part(Sphere(0.1), at(x, 0.0, 0.0)), lambda: block.at(at(0.0, x, 0.0))):
         with pytest.raises(SceneError, match="up to 1000 m can be measured"):
             place()
+
+
+def test_sizes_and_places_in_millimetres_are_asked_about(block: Body) -> None:
+    with pytest.raises(SceneError, match=r"are these millimetres\? .* 50 mm is 0.05 m"):
+        Box((50.0, 0.1, 0.1))
+    with pytest.raises(SceneError, match=r"are these millimetres\? .* 1200 mm is 1.2 m"):
+        block.at(at(1200.0, 0.0, 0.0))

@@ -209,6 +209,14 @@ def test_says_how_far_it_is_out_of_reach(arm: Arm) -> None:
     assert "out of reach" in caught.value.reason
 
 
+@pytest.mark.parametrize("scale", [1.0, 10.0])
+def test_asks_whether_a_goal_is_in_millimetres(left: Arm, scale: float) -> None:
+    goal = above(0.0, "left")
+    goal.translation = scale * np.array([700.0, 150.0, -129.0])
+    with pytest.raises(MotionError, match=r"are these millimetres\?"):
+        plan_straight_move(left, q_above(left), goal, left.limits)
+
+
 def test_names_the_joint_that_runs_into_its_limit(arm: Arm) -> None:
     q = q_above(arm)
     goal = arm.T_base_tip(q)

@@ -58,6 +58,12 @@ def test_forever_has_no_number_of_cycles() -> None:
         ("--record run.bag", "--record: run.bag must end in one of .jsonl, .mcap, .npz"),
         ("--record run.npz --forever", "with --forever use .jsonl"),
         ("--add-pose 1e308 0 0", "--add-pose: 1e308 is not within 10 m of the robot"),
+        (
+            "--add-pose 700 150 -129",
+            "--add-pose: 700 is not within 10 m of the robot; are these mil",
+        ),
+        ("--hover 150", "are these millimetres? Lengths are in metres: 150 mm is 0.15 m"),
+        ("--margin 12", "are these millimetres? Lengths are in metres: 12 mm is 0.012 m"),
         ("-v -q", "not allowed with"),
         ("--obstacle 0 0 0 1 1", "--obstacle: expected 6 arguments"),
         ("--obstacle 0 0 0 1 1 0", "the size of an obstacle must be above zero"),

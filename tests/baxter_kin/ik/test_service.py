@@ -23,6 +23,7 @@ from baxter_kin import (
     SeedType,
     StampedPose,
     UnknownNameError,
+    pose_from_quaternion,
 )
 from baxter_kin.frames import T_world_base, angle_between
 from baxter_kin.ik import FarthestFromLimits, Tolerance
@@ -428,3 +429,43 @@ def test_the_reference_solver_knows_the_calibrated_arm(any_arm: Arm) -> None:
     result = ik.solve(T, seed=any_arm.neutral + 0.05)
     assert result.is_valid
     assert np.linalg.norm(any_arm.T_base_tip(result.q).translation - T.translation) < 1e-6
+
+
+def reason(ik: IKService, T: pin.SE3) -> str:
+    """Why there is no solution."""
+    return str(ik.solve(T).failure)
+
+
+def test_a_pose_in_millimetres_is_asked_about(ik: IKService) -> None:
+    T = pose_from_quaternion((700.0, 150.0, -129.0), (0.0, 1.0, 0.0, 0.0))
+    assert "beyond the 0.745 m" in reason(ik, T)
+    assert reason(ik, T).endswith("; are these millimetres? Lengths are in metres: 700 mm is 0.7 m")
+    assert "millimetres" not in reason(ik, pin.SE3(T.rotation, T.translation / 100.0))
+
+
+def test_a_tool_in_millimetres_is_asked_about(left: Arm) -> None:
+    tool = IKService(left.with_tip(pin.SE3(np.eye(3), np.array([0.0, 0.0, 120.0]))))
+    T = pose_from_quaternion((0.7, 0.15, -0.129), (0.0, 1.0, 0.0, 0.0))
+    assert "; the tool is 120 m long; are these millimetres?" in reason(tool, T)
+
+
+@pytest.mark.parametrize(
+    "down_wxyz", [(0.0, 0.0, 1.0, 0.0), (0.00486450832011, -0.0249590815779, 0.999649, 0.00737918)]
+)
+def test_a_hand_upside_down_since_w_came_first_is_asked_about(
+    ik: IKService, down_wxyz: tuple[float, ...]
+) -> None:
+    assert reason(ik, pose_from_quaternion((0.7, 0.15, -0.129), down_wxyz)).endswith(
+        "; did its quaternion come with w first? It is read as x, y, z, w; with w first the tool "
+        "would point straight down"
+    )
+    assert "w first" not in reason(ik, pose_from_quaternion((2.7, 0.15, -0.129), down_wxyz))
+
+
+@pytest.mark.parametrize("yaw", np.linspace(0.0, math.pi, 13))
+def test_a_hand_that_points_down_is_never_asked_about_its_quaternion(
+    ik: IKService, yaw: float
+) -> None:
+    down = (math.sin(yaw / 2), math.cos(yaw / 2), 0.0, 0.0)
+    for position in ((1.3, 0.15, -0.129), (0.7, -0.9, -0.129), (0.1, 0.2, 0.1)):
+        assert "w first" not in reason(ik, pose_from_quaternion(position, down))

@@ -238,3 +238,9 @@ def test_a_position_tolerance_is_one_or_three_numbers(position_m: Any) -> None:
 def test_the_excess_is_of_poses(pose: Any) -> None:
     with pytest.raises(RequestError, match="pose must be of class SE3"):
         Tolerance().excess(pose, pin.SE3.Identity())
+
+
+@pytest.mark.parametrize("bounds", [{"rotation_rad": (5.0, 5.0, 5.0)}, {"tilt_rad": 5.0}])
+def test_bounds_in_degrees_are_asked_about(bounds: dict[str, Any]) -> None:
+    with pytest.raises(RequestError, match=r"are these degrees\? .* 5 deg is 0.08727 rad"):
+        Tolerance(**bounds)

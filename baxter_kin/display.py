@@ -1,0 +1,132 @@
+"""How objects show themselves: one short line with what matters, units included.
+
+A class that inherits from `OneLine` is shown as its name and a few facts in parentheses. Of a
+dataclass that names none, the facts are its fields, those left out that are as they are by default:
+`Noise(position_m=0.003)`. A dataclass needs `repr=False`, so that Python writes none of its own.
+
+A line is there to be read, not to be evaluated or parsed: numbers are rounded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin.errors import quoted, shortened
+
+LONGEST = 120
+"""Characters of a line."""
+
+LONGEST_PART = 60
+"""Characters of one fact that is the text or the name of something else."""
+
+LONG_M, LONG_S = 10.0, 1e5
+"""From here on lengths are shown in metres, and times without hundredths."""
+
+MOST_NUMBERS = 8
+"""Of an array that is shown by its numbers; of another one the shape is shown."""
+
+
+class OneLine:
+    """Base of what is shown in one line."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        """Its class and its facts."""
+        return line(type(self).__name__, self._facts())
+
+    def _facts(self) -> tuple[str, ...]:
+        """What matters about it; what is empty is left out."""
+        return tuple(_changed_fields(self)) if is_dataclass(self) else ()
+
+
+def line(name: str, facts: Iterable[str]) -> str:
+    """A name, and in parentheses the facts that are not empty; of bounded length, on one line."""
+    text = f"{name}({', '.join(filter(None, facts))})"
+    return shortened(" ".join(text.split()), LONGEST)
+
+
+def phrase(text: object) -> str:
+    """A sentence or a name, as part of a line."""
+    return shortened(str(text), LONGEST_PART)
+
+
+def sentence(text: object) -> str:
+    """A sentence that is the last fact of a line and may fill it."""
+    return shortened(str(text), LONGEST - 20)
+
+
+def count(number: int, noun: str) -> str:
+    """How many there are: "1 move", "2 moves", "2 bodies"."""
+    plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
+    return f"{number} {noun if number == 1 else plural}"
+
+
+def listing(items: Collection[str], noun: str) -> str:
+    """How many named things there are, and which: "2 bodies: table, block"."""
+    listed = f": {phrase(', '.join(items))}" if items else ""
+    return f"{count(len(items), noun)}{listed}"
+
+
+def position(T: pin.SE3) -> str:
+    """Where a pose is: "(0.7, 0.15, -0.129) m"."""
+    return f"{numbers(T.translation.round(3))} m"
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Some numbers, rounded: "(0.7, 0.15, -0.129)"."""
+    return f"({', '.join(f'{value + 0.0:.4g}' for value in values)})"
+
+
+def millimetres(length_m: float) -> str:
+    """A length in the unit in which clearances and strokes are read: "18.8 mm"."""
+    if abs(length_m) >= LONG_M:
+        return f"{length_m:.4g} m"
+    return f"{round(1e3 * length_m, 1) + 0.0:.1f} mm"
+
+
+def clear(proven_m: float) -> str:
+    """A clearance that is proven, rounded down: "18.7 mm clear"."""
+    step_m = 1e-4 if abs(proven_m) < LONG_M else 1.0
+    floor_m = math.floor(proven_m / step_m) * step_m if math.isfinite(proven_m) else proven_m
+    return f"{millimetres(floor_m)} clear"
+
+
+def seconds(time_s: float) -> str:
+    """A time or duration: "4.31 s"."""
+    return f"{round(time_s, 2) + 0.0:.2f} s" if abs(time_s) < LONG_S else f"{time_s:.4g} s"
+
+
+def side_of(joint_names: Sequence[str]) -> str:
+    """Whose joints these are: "left", or how many where that is not told by their names."""
+    sides = {name.split("_")[0] for name in joint_names}
+    return sides.pop() if len(sides) == 1 else count(len(joint_names), "joint")
+
+
+def _changed_fields(value: Any) -> Iterator[str]:
+    for field in fields(value):
+        given = getattr(value, field.name)
+        if field.repr and (field.default is MISSING or not _is_same(given, field.default)):
+            yield f"{field.name}={shown(given)}"
+
+
+def _is_same(given: object, default: object) -> bool:
+    return given is default or (type(given) is type(default) and bool(given == default))
+
+
+def shown(value: object) -> str:
+    """A value as part of a line: numbers rounded, of a large array the shape."""
+    if isinstance(value, (float, np.floating)):
+        return f"{value:.4g}"
+    if isinstance(value, tuple) and value and all(type(each) is float for each in value):
+        return numbers(value)
+    if isinstance(value, np.ndarray):
+        is_short = value.ndim == 1 and value.size <= MOST_NUMBERS and value.dtype.kind in "iuf"
+        return numbers(value) if is_short else f"{' x '.join(map(str, value.shape))} array"
+    return quoted(value, LONGEST_PART)
