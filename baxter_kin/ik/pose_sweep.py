@@ -128,7 +128,7 @@ class PoseSweep:
         ahead, sinking, aside = seen.of(target[:3, 0])
         bent = np.cos(w1.middle) * sinking - np.sin(w1.middle) * ahead
         survives = survives & self._allows(6, _Plane(bent, aside, off + w1.slack).angle)
-        is_left: Flags = survives.any(axis=0)
+        is_left: Flags = np.logical_or.reduce(survives, 0)
         return is_left
 
     def _elbow(self, d: Vector, slack_m: Vector, w0: _Angle) -> tuple[_Angle, Flags]:
