@@ -8,6 +8,7 @@ as alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +16,12 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.ik.explanation import Attempt, Explainer
-from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M, IKResult
+from baxter_kin.ik.result import (
+    ORIENTATION_TOLERANCE_RAD,
+    POSITION_TOLERANCE_M,
+    IKFailure,
+    IKResult,
+)
 from baxter_kin.ik.search import Found, Search
 from baxter_kin.ik.seeds import (
     MAP_STARTS,
@@ -74,6 +80,7 @@ class Batch:
             elif seed_type in self._seeds:
                 self._search_from_seeds(arm, search, seed_type)
         self._polish(search)
+        self._measure_untried(arm, explainer)
 
     def solve_as_last_resort(self, search: Search) -> None:
         """One more search, from the best attempt at each pose that is left."""
@@ -97,7 +104,9 @@ class Batch:
             if seed_type:
                 yield IKResult.trusted(arm.joint_names, q, _SEED_TYPES[seed_type], (offset, angle))
             else:
-                yield self._failed(i, arm, explainer)
+                failure = IKFailure.later(partial(self._why, i, explainer))
+                errors = offset, angle
+                yield IKResult.trusted(arm.joint_names, q, SeedType.INVALID, errors, failure)
 
     def _search_from_seeds(self, arm: Arm, search: Search, seed_type: SeedType) -> None:
         seeds = self._seeds[seed_type]
@@ -108,13 +117,16 @@ class Batch:
             self._try(poses, seed_type, search, starts[poses], 1)
 
     def _search_from_map(self, search: Search, starts: Starts, explainer: Explainer) -> None:
-        """From the setpoints, from what is computed coarsely, with care, then from everywhere."""
+        """From the setpoints, from what is computed coarsely, with care, then from everywhere.
+
+        In between proofs that there is nothing to find, the cheap ones first.
+        """
         self._give_up(explainer.are_out_of_reach_at_a_glance)
         poses = self._open()
         if poses.size:
             self._starts[poses, SeedType.NS_MAP] += MAP_STARTS
             self._take(poses, SeedType.NS_MAP, search.search_from_map(self._Ts[poses]))
-        self._give_up(explainer.are_out_of_reach_at_a_glance)
+        self._give_up(explainer.are_clearly_out_of_reach)
         self._search_from_computed(starts.coarse, COARSE_ROUNDS, search)
         self._give_up(explainer.are_out_of_reach)
         self._search_from_computed(starts.fine, search.fine_rounds, search)
@@ -199,28 +211,36 @@ class Batch:
         self._seed_type[solved] = self._best_type[solved]
 
     def _give_up(self, are_out_of_reach: Callable[[Vector], NDArray[np.bool_]]) -> None:
-        """Leave poses that are proven out of reach; what was never tried has no best attempt."""
-        poses = self._open(self._starts.sum(axis=1) > 0)
+        """Leave poses that are proven out of reach."""
+        poses = self._open()
         if poses.size:
             self._is_hopeless[poses] = are_out_of_reach(self._Ts[poses])
 
-    def _failed(self, i: int, arm: Arm, explainer: Explainer) -> IKResult:
-        attempt = self._attempt(i, arm, explainer)
-        return IKResult.trusted(
-            arm.joint_names,
-            attempt.q,
-            SeedType.INVALID,
-            (attempt.position_error_m, attempt.orientation_error_rad),
-            explainer.why(attempt, self._mode.name),
-        )
+    def _measure_untried(self, arm: Arm, explainer: Explainer) -> None:
+        """For poses that nothing was tried for, a seed that was given stands, or the neutral arm.
 
-    def _attempt(self, i: int, arm: Arm, explainer: Explainer) -> Attempt:
+        They were proven out of reach before any search, or the mode's seed was not given.
+        """
+        untried = np.flatnonzero(self._starts.sum(axis=1) == 0)
+        if not untried.size:
+            return
+        self._q[untried] = arm.neutral
+        errors = explainer.errors_in_neutral(self._Ts[untried])
+        self._offset[untried], self._angle[untried] = errors
+        for table in reversed(self._seeds.values()):  # the user's last, which counts
+            for i in untried[~np.isnan(table[untried, 0])]:
+                attempt = explainer.measured(self._Ts[i], table[i])
+                self._q[i] = table[i]
+                self._offset[i], self._angle[i] = (
+                    attempt.position_error_m,
+                    attempt.orientation_error_rad,
+                )
+
+    def _why(self, i: int, explainer: Explainer) -> IKFailure:
         starts = {kind: int(self._starts[i, kind]) for kind in SeedType if self._starts[i, kind]}
-        if starts:
-            offset, angle = float(self._offset[i]), float(self._angle[i])
-            return Attempt(self._Ts[i], self._q[i], offset, angle, starts)
-        given = (table[i] for table in self._seeds.values() if not np.isnan(table[i, 0]))
-        return explainer.measured(self._Ts[i], next(given, arm.neutral).copy())
+        offset, angle = float(self._offset[i]), float(self._angle[i])
+        attempt = Attempt(self._Ts[i], self._q[i], offset, angle, starts)
+        return explainer.why(attempt, self._mode.name)
 
 
 def _nearest(found: Found) -> Indices:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import millimetres_hint
 from baxter_kin.frames import read_with_w_first
+from baxter_kin.ik.linkage import FAR_M
 from baxter_kin.ik.reach import ReachProof
 from baxter_kin.ik.result import IKFailure
 from baxter_kin.ik.search import Search
@@ -55,6 +56,12 @@ class Reach(Protocol):
     def are_outside_shells(self, Ts: Vector) -> NDArray[np.bool_]:
         """Which poses, shape (m, 4, 4), are so far away that it is proven in no time."""
 
+    def are_proven(self, Ts: Vector, levels: int = ...) -> NDArray[np.bool_]:
+        """Which of them are out of reach, by what is proven for many at a time."""
+
+    def are_beyond_limits(self, Ts: Vector) -> NDArray[np.bool_]:
+        """Which of them are out of reach, by what takes milliseconds for each."""
+
 
 class Explainer:
     """Finds the reason, for one arm and what is asked of its tip."""
@@ -75,9 +82,27 @@ class Explainer:
         """Which of poses, shape (m, 4, 4), are so far away that it is proven in no time."""
         return self._reach.are_outside_shells(Ts)
 
+    def are_clearly_out_of_reach(self, Ts: Vector) -> NDArray[np.bool_]:
+        """Which of them are proven to be out of reach in some ten microseconds each."""
+        return self._reach.are_proven(Ts, 1)
+
     def are_out_of_reach(self, Ts: Vector) -> NDArray[np.bool_]:
-        """Which of poses, shape (m, 4, 4), are proven to be out of reach."""
-        return np.array([self._reach.proof(_se3(T)) is not None for T in Ts], dtype=np.bool_)
+        """Which of them are proven to be out of reach by all means, in milliseconds each."""
+        proven = self._reach.are_proven(Ts)
+        proven[~proven] = self._reach.are_beyond_limits(Ts[~proven])
+        return proven
+
+    def errors_in_neutral(self, Ts: Vector) -> tuple[Vector, Vector]:
+        """How far the neutral arm's tip is from poses, shape (m, 4, 4): (m,), m; (m,), rad."""
+        T_neutral = self._arm.T_base_tip(self._arm.neutral)
+        if self._tolerance != Tolerance():
+            rows = [self._tolerance.excess(_se3(T), T_neutral) for T in Ts]
+            offsets, angles = np.reshape(rows, (-1, 2)).T
+            return offsets, angles
+        across = Ts[:, :3, 3] - T_neutral.translation
+        cosines = 0.5 * (np.einsum("nij,ij->n", Ts[:, :3, :3], T_neutral.rotation) - 1.0)
+        x, y, z = across.clip(-FAR_M, FAR_M).T
+        return np.hypot(np.hypot(x, y), z), np.arccos(cosines.clip(-1.0, 1.0))
 
     def measured(self, T: Vector, q: Vector) -> Attempt:
         """A configuration that was not searched for, with its errors."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
 
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.copying import Frozen, FrozenMapping
@@ -16,9 +17,18 @@ POSITION_TOLERANCE_M = 1e-6
 ORIENTATION_TOLERANCE_RAD = 1e-6
 
 
+class _Pending:
+    """What makes the fields of an `IKFailure` when one of them is asked for."""
+
+    __slots__ = ("_ask",)
+
+
 @dataclass(frozen=True, slots=True, repr=False)
-class IKFailure(OneLine):
+class IKFailure(_Pending, OneLine):
     """Why a pose has no solution; `str()` of it is one sentence.
+
+    Those that the service answers find their reason when they are asked for it, which takes longer
+    than to find that there is one.
 
     Attributes:
         reason: that sentence, with numbers.
@@ -42,6 +52,24 @@ class IKFailure(OneLine):
         """Check, and copy what could change."""
         check_fields(self, ConfigurationError)
         object.__setattr__(self, "starts", FrozenMapping(self.starts))
+
+    @classmethod
+    def later(cls, ask: Callable[[], IKFailure]) -> IKFailure:
+        """A failure that calls a function for its fields when one of them is first read."""
+        failure = object.__new__(cls)
+        _PUT_ASK(failure, ask)
+        return failure
+
+    if not TYPE_CHECKING:  # which knows the fields
+
+        def __getattr__(self, name: str) -> Any:
+            """A field that is not there yet."""
+            if name not in _FAILURE_FIELDS:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            found = self._ask()
+            for each in _FAILURE_FIELDS:
+                object.__setattr__(self, each, getattr(found, each))
+            return getattr(found, name)
 
     def __str__(self) -> str:
         """The reason."""
@@ -141,6 +169,9 @@ class IKResult(Frozen, OneLine):
         errors = f"{self.position_error_m:.2g} m and {self.orientation_error_rad:.2g} rad off"
         return side, "valid", f"from {self.seed_type.name}", errors
 
+
+_FAILURE_FIELDS = tuple(slot.name for slot in fields(IKFailure))
+_PUT_ASK = _Pending._ask.__set__  # type: ignore[attr-defined]  # the slot
 
 _SETTERS = tuple(getattr(IKResult, slot.name).__set__ for slot in fields(IKResult))
 """What writes the slots of a frozen result, in half the time of `object.__setattr__`."""

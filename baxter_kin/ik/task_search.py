@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.ik.closed_form import ClosedForm
 from baxter_kin.ik.kernel import ArmNumbers
-from baxter_kin.ik.reach import ReachBound, ReachProof
+from baxter_kin.ik.reach import DECISION_LEVELS, ReachBound, ReachProof
 from baxter_kin.ik.search import FINE_ROUNDS, SCATTERED_STARTS, Backend, Desk, Found, Lanes
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap, pose_features
 from baxter_kin.ik.task import Task
@@ -168,12 +168,14 @@ class TaskReach:
         self._leeway_m = float(np.linalg.norm(task.tolerance.position_m))
         self._wrist_leeway_m = self._leeway_m + _wrist_turns_m(bound, task)
         self._is_posed = _fixes_gripper(bound, task)
+        self._is_roll_free = task.roll_is_free
 
     def proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
         """Why the arm cannot do the task at a pose, or None when that is not proved."""
         T_base_gripper = T_base_tip * self._T_tip_gripper
         if self._is_posed:
-            return _less(self._bound.proof(T_base_gripper), self._leeway_m)
+            proof = self._bound.proof(T_base_gripper, is_roll_free=self._is_roll_free)
+            return _less(proof, self._leeway_m)
         tool_m = float(np.linalg.norm(self._T_tip_gripper.translation))
         position = self._bound.proof_of_position(T_base_tip.translation)
         wrist = self._bound.proof_of_wrist(T_base_gripper)
@@ -185,6 +187,18 @@ class TaskReach:
         if not self._is_posed or self._leeway_m > 0.0:
             return np.zeros(len(Ts), dtype=np.bool_)
         return self._bound.are_outside_shells(Ts @ self._T_tip_gripper.homogeneous)
+
+    def are_proven(self, Ts: Vector, levels: int = DECISION_LEVELS) -> NDArray[np.bool_]:
+        """Which of them are out of reach, by what is proven for many at a time."""
+        if not self._is_posed or self._leeway_m > 0.0:
+            return np.array([self.proof(pin.SE3(T)) is not None for T in Ts], dtype=np.bool_)
+        return self._bound.are_proven(Ts @ self._T_tip_gripper.homogeneous, levels)
+
+    def are_beyond_limits(self, Ts: Vector) -> NDArray[np.bool_]:
+        """Which of them are out of reach, by what takes milliseconds for each."""
+        if not self._is_posed or self._leeway_m > 0.0 or self._is_roll_free:
+            return np.zeros(len(Ts), dtype=np.bool_)
+        return self._bound.are_beyond_limits(Ts @ self._T_tip_gripper.homogeneous)
 
 
 def _less(proof: ReachProof | None, leeway_m: float) -> ReachProof | None:

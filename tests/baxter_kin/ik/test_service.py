@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import pickle
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,11 @@ TOLERANCE = 1e-6
 
 URDF_ROUNDING = 1e-10
 """The search takes the URDF's right angles for exact, which moves the tip by 2e-11 m."""
+
+FOLDED_BACK = pin.SE3(
+    np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.4, 0.3, 0.5])
+)
+"""The same, and between the shells that bound the wrist: only a sweep proves it."""
 
 UNREACHABLE = at(0.9, 0.3, 0.9)
 """Inside the ball that the links span, outside what the joint limits allow."""
@@ -120,10 +126,62 @@ def _hopeless_seed(arm: Arm, ik: IKService) -> np.ndarray:
 
 @pytest.mark.parametrize("mode", [SeedMode.USER, SeedMode.CURRENT, SeedMode.NS_MAP])
 def test_other_modes_try_their_type_alone(left: Arm, ik: IKService, mode: SeedMode) -> None:
-    result = ik.solve(UNREACHABLE, left.neutral, left.neutral, mode)
+    result = ik.solve(FOLDED_BACK, left.neutral, left.neutral, mode)
     assert not result.is_valid
     assert result.failure is not None
     assert set(result.failure.starts) == {SeedType(mode)}
+
+
+def test_a_pose_beyond_the_span_is_not_searched_for(left: Arm, ik: IKService) -> None:
+    result = ik.solve(UNREACHABLE)
+    assert result.failure is not None
+    assert not result.failure.starts
+    assert result.failure.beyond_reach_m > 0.0
+    np.testing.assert_array_equal(result.q, left.neutral)
+    errors = Tolerance().excess(UNREACHABLE, left.T_base_tip(left.neutral))
+    assert (result.position_error_m, result.orientation_error_rad) == pytest.approx(errors)
+
+
+def test_what_was_proven_before_any_search_shows_the_seed_that_was_given(
+    left: Arm, ik: IKService
+) -> None:
+    q, other = left.start, left.neutral
+    (result,) = ik.solve_batch([UNREACHABLE], seeds=[q], current=other, mode=SeedMode.NS_MAP)
+    np.testing.assert_array_equal(result.q, q)
+    errors = Tolerance().excess(UNREACHABLE, left.T_base_tip(q))
+    assert (result.position_error_m, result.orientation_error_rad) == pytest.approx(errors)
+
+
+def test_a_failure_finds_its_reason_when_it_is_asked() -> None:
+    asked = []
+
+    def ask() -> IKFailure:
+        asked.append(1)
+        return IKFailure("no way", {SeedType.USER: 3}, 0.5)
+
+    failure = IKFailure.later(ask)
+    assert not asked
+    assert failure.beyond_reach_m == 0.5
+    assert str(failure) == "no way"
+    assert failure == IKFailure("no way", {SeedType.USER: 3}, 0.5)
+    assert pickle.loads(pickle.dumps(IKFailure.later(ask))) == failure
+    assert len(asked) == 2
+    with pytest.raises(AttributeError, match="no attribute 'resaon'"):
+        _ = failure.resaon  # type: ignore[attr-defined]
+
+
+def test_failures_in_a_batch_are_those_of_each_alone(left: Arm, ik: IKService) -> None:
+    rng = np.random.default_rng(33)
+    Ts = [
+        left.T_base_tip(left.random_configuration(rng)) * pin.SE3(np.eye(3), rng.normal(size=3))
+        for _ in range(60)
+    ]
+    together = ik.solve_batch(Ts)
+    assert sum(not result.is_valid for result in together) > 10
+    for T, result in zip(Ts, together, strict=True):
+        alone = ik.solve(T)
+        assert alone.failure == result.failure
+        np.testing.assert_array_equal(alone.q, result.q)
 
 
 @pytest.mark.parametrize("mode", [SeedMode.USER, SeedMode.CURRENT])
