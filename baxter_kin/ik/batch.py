@@ -83,12 +83,17 @@ class Batch:
         self._measure_untried(arm, explainer)
 
     def solve_as_last_resort(self, search: Search) -> None:
-        """One more search, from the best attempt at each pose that is left."""
+        """One more search, from the best attempt at each pose that is left.
+
+        What has the orientation then takes the place of whatever came nearer without it.
+        """
         poses = self._open(self._starts.sum(axis=1) > 0)
         if poses.size:
             seed_types = self._best_type[poses]
             self._starts[poses, seed_types] += 1
-            self._take(poses, seed_types, search.search(self._q[poses], self._Ts[poses]))
+            found = search.search(self._q[poses], self._Ts[poses])
+            self._offset[poses[found.orientation_error_rad <= ORIENTATION_TOLERANCE_RAD]] = np.inf
+            self._take(poses, seed_types, found)
 
     @property
     def is_open(self) -> bool:

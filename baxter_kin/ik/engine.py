@@ -11,7 +11,7 @@ import pinocchio as pin
 from baxter_kin.arrays import Vector
 from baxter_kin.ik.explanation import Explainer
 from baxter_kin.ik.kernel import ArmNumbers
-from baxter_kin.ik.program import IpoptSearcher
+from baxter_kin.ik.program import IpoptSearcher, NearestSearcher
 from baxter_kin.ik.reach import ReachBound
 from baxter_kin.ik.search import Backend, Desk, Search, Searcher, evaluated
 from baxter_kin.ik.seeds import NullSpaceMap, Starts
@@ -82,7 +82,7 @@ class Engines:
         ipopt = self._ipopt(self._map, tolerance)
         search: Search = quick or ipopt()
         explainer = Explainer(self._arm, search, self._map, self._reach, tolerance)
-        search_one, last_resort = (quick.search_one, ipopt) if quick else (None, None)
+        search_one, last_resort = (quick.search_one, self._nearest) if quick else (None, None)
         return Engine(search, self._map, explainer, search_one, quick, last_resort)
 
     def _task(self, task: Task) -> Engine:
@@ -96,6 +96,15 @@ class Engines:
         explainer = Explainer(self._arm, search, starts, reach, task.tolerance)
         last_resort = ipopt if search_one else None
         return Engine(search, starts, explainer, search_one, None, last_resort)
+
+    def _nearest(self) -> Search:
+        """What finds out how near to a pose the arm comes."""
+        return self._nearest_searcher
+
+    @cached_property
+    def _nearest_searcher(self) -> NearestSearcher:
+        """Made when it is first needed."""
+        return NearestSearcher(self._arm, self._map)
 
     def _ipopt(self, starts: Starts, tolerance: Tolerance) -> Callable[[], Search]:
         made: list[Search] = []

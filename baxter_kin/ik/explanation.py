@@ -16,7 +16,7 @@ from baxter_kin.errors import millimetres_hint
 from baxter_kin.frames import read_with_w_first
 from baxter_kin.ik.linkage import FAR_M
 from baxter_kin.ik.reach import ReachProof
-from baxter_kin.ik.result import IKFailure
+from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, IKFailure
 from baxter_kin.ik.search import Search
 from baxter_kin.ik.seeds import SeedType, Starts
 from baxter_kin.ik.tolerance import Tolerance
@@ -130,14 +130,23 @@ class Explainer:
         limited = f", with {', '.join(at_limit)} at a limit" if at_limit else ""
         beyond = self._beyond_limits(attempt.T)
         only = f"; without joint limits, {'; '.join(beyond)} would reach it" if beyond else ""
+        nearest_m, ends = self._nearest(attempt)
         return IKFailure(
             f"no solution found for {pose} in {sum(attempt.starts.values())} starts ({counts}); "
-            f"the best attempt ends {1e3 * attempt.position_error_m:.3g} mm and "
-            f"{attempt.orientation_error_rad:.3g} rad away{limited}{only}{self._hint(attempt.T)}",
+            f"{ends}{limited}{only}{self._hint(attempt.T)}",
             starts=attempt.starts,
+            nearest_m=nearest_m,
             joints_at_limit=at_limit,
             limits_violated=beyond,
         )
+
+    def _nearest(self, attempt: Attempt) -> tuple[float | None, str]:
+        """How far an attempt in the pose's orientation is from it, and its end in words."""
+        offset_mm, angle = 1e3 * attempt.position_error_m, attempt.orientation_error_rad
+        if angle <= ORIENTATION_TOLERANCE_RAD and self._tolerance == Tolerance():
+            nearest = f"the nearest position found in this orientation is {offset_mm:.3g} mm away"
+            return attempt.position_error_m, nearest
+        return None, f"the best attempt ends {offset_mm:.3g} mm and {angle:.3g} rad away"
 
     def _hint(self, T: Vector) -> str:
         """What was probably meant, where that can be told, as the end of a sentence."""

@@ -35,8 +35,8 @@ from baxter_kin.ik.shoulder_sweep import MARGIN_M, MARGIN_RAD, Flags
 FIRST_CELLS = 24, 16
 """Of s0 and of w0."""
 
-SPLIT, LEVELS, MOST_SURVIVORS = 4, 8, 400
-"""Cells are split in four both ways, down to 8 urad, unless more than 400 of them remain."""
+SPLIT, LEVELS, MOST_SURVIVORS = 4, 8, 1000
+"""Cells are split in four both ways, down to 8 urad, unless more than 1,000 of them remain."""
 
 _LEAST = 1e-9
 _E1_SIGN, _S1_SIGN = np.array([[[1.0], [1.0], [-1.0], [-1.0]], [[1.0], [-1.0], [1.0], [-1.0]]])

@@ -28,6 +28,7 @@ from baxter_kin.errors import RequestError, expect
 from baxter_kin.fields import check_fields
 from baxter_kin.frames import quaternion_xyzw
 from baxter_kin.ik.kernel import CONVERGED_M, CONVERGED_RAD
+from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD
 from baxter_kin.ik.search import Backend, Found
 from baxter_kin.ik.seeds import Starts
 from baxter_kin.ik.task import Task
@@ -38,6 +39,9 @@ from baxter_kin.model import Arm
 from baxter_kin.symbolic import SymbolicArm, quaternion_product
 
 MAX_ITERATIONS = 100
+
+NEAREST_STARTS = 6
+"""For 25 poses up to 6 cm out of reach, each of them but for 3 led to the same nearest position."""
 
 _COLUMNS = tuple(field.name for field in fields(Found))
 
@@ -100,6 +104,24 @@ class Program(OneLine):
             objective=ca.sumsqr(kinematics.q - q_seed) / 2,
             pose_error=ca.vertcat(kinematics.p_base_tip - p_target, rotation_error),
             widths=np.zeros(6),
+        )
+
+    @classmethod
+    def of_nearest(cls, arm: Arm) -> Program:
+        """State the program of coming as near to a position as an orientation allows.
+
+        The orientation is constrained, the objective half the squared distance in millimetres.
+
+        Raises:
+            RequestError: when it is no arm.
+        """
+        program = cls.of(arm)
+        return cls(
+            q=program.q,
+            parameters=program.parameters,
+            objective=ca.sumsqr(1e3 * program.pose_error[:3]) / 2,
+            pose_error=program.pose_error[3:],
+            widths=np.zeros(3),
         )
 
     @classmethod
@@ -212,4 +234,70 @@ class IpoptSearcher:
         )
         q = np.clip(np.array(solution["x"]).ravel(), low, high)
         offset, angle = self._tolerance.excess(T, self._arm.T_base_tip(q))
+        return q, offset, angle, int(self._solve.stats()["iter_count"])
+
+
+class NearestSearcher:
+    """The interior-point method on the nearest position that an orientation allows.
+
+    Where a pose is a little out of reach, no search for it ends well, and this one ends next to it.
+
+    Attributes:
+        backend: `IPOPT`.
+        fine_rounds: none; it is given starts by itself.
+        scattered_starts: none.
+    """
+
+    backend = Backend.IPOPT
+    fine_rounds: tuple[int, ...] = ()
+    scattered_starts: int = 0
+
+    def __init__(self, arm: Arm, starts: Starts) -> None:
+        """Prepare the program's derivatives.
+
+        Args:
+            arm: with the tip that is placed.
+            starts: where to start beside what is given.
+        """
+        self._arm, self._starts = arm, starts
+        program = Program.of_nearest(arm)
+        nlp = {"x": program.q, "p": program.parameters, "f": program.objective}
+        self._solve = ca.nlpsol("nearest", "ipopt", {**nlp, "g": program.pose_error}, _OPTIONS)
+
+    def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
+        """The nearest that was found from each start and from `NEAREST_STARTS` others.
+
+        Arguments and result as of `Searcher.search`; valid is what reaches the pose.
+        """
+        limits = self._arm.limits
+        low, high = (limits.q_min, limits.q_max) if bounds is None else np.split(bounds, 2)
+        others = self._starts.fine.starts(Ts, NEAREST_STARTS)
+        rows = [
+            self._nearest([q_start, *more], pin.SE3(T[:3, :3], T[:3, 3]), low, high)
+            for q_start, more, T in zip(q_starts, others, Ts, strict=True)
+        ]
+        q, offset, angle, iterations = (np.array(column) for column in zip(*rows, strict=True))
+        is_valid = (offset <= CONVERGED_M) & (angle <= CONVERGED_RAD)
+        return Found(q, is_valid, offset, angle, iterations)
+
+    def search_from_map(self, Ts: Vector) -> Found:
+        """The same from the setpoint nearest to each pose."""
+        return self.search(self._starts.setpoints[self._starts.nearest(Ts)[:, 0]], Ts)
+
+    def _nearest(
+        self, q_starts: list[Vector], T: pin.SE3, low: Vector, high: Vector
+    ) -> tuple[Vector, float, float, int]:
+        """Of those that have the orientation the nearest, else the best."""
+        found = [self._search(q_start, T, low, high) for q_start in q_starts]
+        return min(found, key=lambda row: (row[2] > ORIENTATION_TOLERANCE_RAD, row[1] + row[2]))
+
+    def _search(
+        self, q_start: Vector, T: pin.SE3, low: Vector, high: Vector
+    ) -> tuple[Vector, float, float, int]:
+        pose = T.translation, quaternion_xyzw(T), q_start
+        solution = self._solve(
+            x0=q_start, p=np.concatenate(pose), lbx=low, ubx=high, lbg=0.0, ubg=0.0
+        )
+        q = np.clip(np.array(solution["x"]).ravel(), low, high)
+        offset, angle = Tolerance().excess(T, self._arm.T_base_tip(q))
         return q, offset, angle, int(self._solve.stats()["iter_count"])

@@ -37,6 +37,8 @@ class IKFailure(_Pending, OneLine):
         joints_at_limit: joints that the best attempt leaves at a limit.
         limits_violated: what stands in the way: a phrase, with joint, value and range, for each
             joint limit that a solution without limits violates; empty when none was found either.
+        nearest_m: where nothing is proven, how far the pose is from the nearest position that was
+            found to be reachable in its orientation, by the result's `q`; else None.
 
     Raises:
         ConfigurationError: when a value is of another class.
@@ -47,6 +49,7 @@ class IKFailure(_Pending, OneLine):
     beyond_reach_m: float = 0.0
     joints_at_limit: tuple[str, ...] = ()
     limits_violated: tuple[str, ...] = ()
+    nearest_m: float | None = None
 
     def __post_init__(self) -> None:
         """Check, and copy what could change."""

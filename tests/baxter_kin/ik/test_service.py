@@ -28,6 +28,7 @@ from baxter_kin import (
 )
 from baxter_kin.frames import T_world_base, angle_between
 from baxter_kin.ik import FarthestFromLimits, Tolerance
+from baxter_kin.ik.linkage import Linkage
 from baxter_kin.ik.search import Searcher
 from baxter_kin.ik.service import BLOCK
 from tests.conftest import at, overhead
@@ -527,3 +528,28 @@ def test_a_hand_that_points_down_is_never_asked_about_its_quaternion(
     down = (math.sin(yaw / 2), math.cos(yaw / 2), 0.0, 0.0)
     for position in ((1.3, 0.15, -0.129), (0.7, -0.9, -0.129), (0.1, 0.2, 0.1)):
         assert "w first" not in reason(ik, pose_from_quaternion(position, down))
+
+
+@pytest.mark.parametrize("away_m", [2e-6, 4e-6])
+def test_too_near_for_a_proof_a_failure_tells_how_near_the_arm_comes(
+    left: Arm, ik: IKService, away_m: float
+) -> None:
+    """Pushed straight out of the ball that upper arm and forearm span, where proofs keep 5 um."""
+    linkage = Linkage.of(left)
+    straight = linkage.elbow_angle - linkage.wrist_angle  # from shoulder to wrist
+    q = np.array([0.3, -0.2, 0.0, straight, 0.0, 0.9, 0.2])
+    T = left.T_base_tip(q)
+    shoulder = linkage.T_base_first.act(
+        linkage.shoulder_offset_m * np.array([math.cos(q[0]), math.sin(q[0]), 0.0])
+    )
+    outward = T.act(linkage.T_last_tip.inverse().translation) - shoulder
+    target = pin.SE3(T.rotation, T.translation + away_m * outward / np.linalg.norm(outward))
+    result = ik.solve(target)
+    assert result.failure is not None
+    assert result.failure.beyond_reach_m == 0.0
+    reached = left.T_base_tip(result.q)
+    distance = float(np.linalg.norm(reached.translation - target.translation))
+    assert result.failure.nearest_m == pytest.approx(distance, abs=1e-9)
+    assert angle_between(reached.rotation, target.rotation) <= TOLERANCE
+    assert distance == pytest.approx(away_m, rel=0.01)
+    assert f"is {1e3 * distance:.3g} mm away" in str(result.failure)
