@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.copying import Frozen, FrozenMapping
 from baxter_kin.display import OneLine, sentence, side_of
-from baxter_kin.errors import ConfigurationError
+from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.fields import check_fields
 from baxter_kin.ik.seeds import SeedType
 
@@ -58,7 +58,13 @@ class IKFailure(_Pending, OneLine):
 
     @classmethod
     def later(cls, ask: Callable[[], IKFailure]) -> IKFailure:
-        """A failure that calls a function for its fields when one of them is first read."""
+        """A failure that calls a function for its fields when one of them is first read.
+
+        Raises:
+            ConfigurationError: when it is no function.
+        """
+        if not callable(ask):
+            raise ConfigurationError(f"ask must be callable, got {type(ask).__name__}")
         failure = object.__new__(cls)
         _PUT_ASK(failure, ask)
         return failure
@@ -69,7 +75,7 @@ class IKFailure(_Pending, OneLine):
             """A field that is not there yet."""
             if name not in _FAILURE_FIELDS:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-            found = self._ask()
+            found = expect(self._ask(), IKFailure, "what ask returns", ConfigurationError)
             for each in _FAILURE_FIELDS:
                 object.__setattr__(self, each, getattr(found, each))
             return getattr(found, name)

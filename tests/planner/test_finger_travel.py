@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter, pose_from_quaternion
@@ -33,7 +33,7 @@ PICK = pose_from_quaternion((0.7, 0.15, -0.139), DOWN)
 PLACE = pose_from_quaternion((0.75, 0.0, -0.139), DOWN)
 Z_TABLE = -0.155
 SAMPLES = 200
-PROOF_M = 2e-5
+PROOF_M, ROUNDING_M = 2e-5, 1e-9
 """What two runs of GJK and the accuracy that a proof allows for may differ by."""
 
 
@@ -180,6 +180,7 @@ def test_no_sample_of_the_way_is_nearer_than_proven_and_contacts_are_there(
 
 @settings(max_examples=15)
 @given(off=st.floats(-0.006, 0.006), gap=st.floats(-0.001, 0.01))
+@example(off=0.00390625, gap=PROOF_M)  # which rounding decides
 def test_what_a_finger_pushes_hits_its_neighbour_or_not(
     manipulator: Manipulator, off: float, gap: float
 ) -> None:
@@ -197,7 +198,7 @@ def test_what_a_finger_pushes_hits_its_neighbour_or_not(
     result = TravelCheck(manipulator, pushing).above(PICK, 0.0)
     pair = {result.nearest.first, result.nearest.second}
     assert (isinstance(result, SweptContact) and pair == {"cube", "rail"}) == (gap < 0.0) or (
-        abs(gap) < PROOF_M
+        abs(gap) < PROOF_M + ROUNDING_M
     )
 
 
