@@ -135,6 +135,7 @@ class Batch:
         self._search_from_computed(starts.coarse, COARSE_ROUNDS, search)
         self._give_up(explainer.are_out_of_reach)
         self._search_from_computed(starts.fine, search.fine_rounds, search)
+        self._give_up(explainer.are_beyond_limits)
         self._search_from_everywhere(starts.scattered, search)
 
     def _search_from_computed(
