@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baxter_kin import Arm, Baxter
+from baxter_kin.arrays import Vector
+from baxter_kin.ik.curve_functions import MAX_TURN_RAD, curve_functions
+from baxter_kin.ik.curve_kernel import CurveKernel
+
+ROUNDING = 1e-9
+"""Of null vectors and determinants, relative to the singular values that occur."""
+
+
+@pytest.fixture(scope="module")
+def interpreted(robot: Baxter) -> CurveKernel:
+    """That of the left arm in CasADi's virtual machine."""
+    return CurveKernel(curve_functions(robot.arm("left")))
+
+
+def pose(arm: Arm, q: Vector) -> Vector:
+    T: Vector = arm.T_base_tip(q).homogeneous
+    return T
+
+
+@given(seed=st.integers(0, 10_000))
+def test_measures_are_those_of_the_jacobian(seed: int, robot: Baxter) -> None:
+    arm = robot.arm("left" if seed % 2 else "right")
+    rng = np.random.default_rng(seed)
+    q, other = arm.random_configuration(rng), arm.random_configuration(rng)
+    found, J = CurveKernel.of(arm).measured(q, pose(arm, other)), arm.jacobian(q)
+    sigma = np.linalg.svd(J, compute_uv=False)[5]
+    assert np.linalg.norm(found.tangent[0]) == pytest.approx(1.0, abs=1e-12)
+    assert np.linalg.norm(J @ found.tangent[0]) < ROUNDING
+    determinant = np.linalg.det(np.vstack([J, found.tangent[0]]))
+    assert found.determinant[0] == pytest.approx(determinant, abs=ROUNDING)
+    assert found.determinant[0] >= 0.0
+    assert sigma / 3.0 <= found.rank[0] <= sigma * (1.0 + ROUNDING)
+
+
+@given(seed=st.integers(0, 10_000))
+def test_residual_is_the_pose_error(seed: int, robot: Baxter) -> None:
+    arm = robot.arm("left" if seed % 2 else "right")
+    rng = np.random.default_rng(seed)
+    q = arm.random_configuration(rng)
+    T = arm.T_base_tip(q) * pin.exp6(1e-4 * rng.standard_normal(6))
+    expected = np.linalg.norm(pin.log6(arm.T_base_tip(q).actInv(T)).vector)
+    found = CurveKernel.of(arm).measured(q, T.homogeneous)
+    assert found.residual[0] == pytest.approx(expected, rel=1e-3)
+
+
+def test_corrected_is_on_the_pose_and_in_the_hyperplane(arm: Arm) -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        q = arm.random_configuration(rng)
+        normal = np.linalg.svd(arm.jacobian(q))[2][6]
+        off = 1e-3 * rng.standard_normal(7)
+        found = CurveKernel.of(arm).corrected(q + off, normal, pose(arm, q))
+        reached = arm.T_base_tip(found.q[0]).actInv(arm.T_base_tip(q))
+        assert np.linalg.norm(pin.log6(reached).vector) < 1e-12
+        assert abs(normal @ (found.q[0] - q - off)) < 1e-12
+
+
+def test_many_are_corrected_like_one(left: Arm) -> None:
+    kernel, rng = CurveKernel.of(left), np.random.default_rng(2)
+    T, near = pose(left, left.start), left.start + 1e-3 * rng.standard_normal((77, 7))
+    normal = rng.standard_normal((77, 7))
+    many = kernel.corrected_many(near, normal, T)
+    for q, n, row in zip(near, normal, many.q, strict=True):
+        np.testing.assert_array_equal(kernel.corrected(q, n, T).q[0], row)
+
+
+def test_none_are_corrected_to_none(left: Arm) -> None:
+    none = np.empty((0, 7))
+    assert len(CurveKernel.of(left).corrected_many(none, none, pose(left, left.start)).q) == 0
+
+
+def test_steps_stay_on_the_curve_and_turn_little(left: Arm) -> None:
+    kernel, T = CurveKernel.of(left), pose(left, left.start)
+    at = kernel.measured(left.start, T)
+    state = kernel.start_state(left.start, at.tangent[0], float(at.determinant[0]), 0.2)
+    steps = kernel.march(state, T, 0.2)
+    assert len(steps.q) > 5
+    assert steps.residual.max() < 1e-12
+    tangents = np.vstack([at.tangent, steps.tangent])
+    assert (tangents[1:] * tangents[:-1]).sum(axis=1).min() > np.cos(MAX_TURN_RAD)
+    assert np.linalg.norm(np.diff(steps.q, axis=0), axis=1).max() <= 0.2 * 1.05
+
+
+def test_virtual_machine_does_the_same(left: Arm, interpreted: CurveKernel) -> None:
+    kernel, T = CurveKernel.of(left), pose(left, left.start)
+    at = kernel.measured(left.start, T)
+    state = kernel.start_state(left.start, at.tangent[0], float(at.determinant[0]), 0.1)
+    one, other = (k.march(state, T, 0.1) for k in (kernel, interpreted))
+    np.testing.assert_allclose(one.q, other.q, atol=1e-9)
+
+
+def test_arms_of_one_geometry_share_their_kernel(robot: Baxter) -> None:
+    again = Arm("left", robot.model)
+    assert CurveKernel.of(robot.arm("left")) is CurveKernel.of(again)
+    assert CurveKernel.of(again) is not CurveKernel.of(robot.arm("right"))
+    assert CurveKernel.of(again) is not CurveKernel.of(again.with_tip("left_hand"))
