@@ -6,6 +6,7 @@ from baxter_kin.ik.objectives import (
     MostManipulable,
     NearestTo,
     Objective,
+    Scope,
     TowardsGoal,
     best_on,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "NearestTo",
     "Objective",
     "Program",
+    "Scope",
     "SeedMode",
     "SeedType",
     "SelfMotion",

@@ -42,7 +42,7 @@ def _agree(function: ca.Function, external: ca.Function) -> bool:
     rng = np.random.default_rng(0)
     for _ in range(_PROBES):
         inputs = [rng.uniform(-1.0, 1.0, shape) for shape in shapes[0]]
-        for expected, found in zip(function(*inputs), external(*inputs), strict=True):
+        for expected, found in zip(function.call(inputs), external.call(inputs), strict=True):
             difference = np.abs(np.array(expected) - np.array(found))
             if not (difference <= AGREEMENT).all():
                 return False

@@ -4,12 +4,14 @@ Pseudo-arclength continuation (Keller, "Numerical solution of bifurcation and no
 problems", 1977; Allgower and Georg, "Numerical Continuation Methods", 1990, ch. 4 to 8):
 
 - *predict* along the tangent and its last change, second order in the step;
-- *correct* by Newton's method in the hyperplane normal to the tangent;
+- *correct* by Newton's method, with steps of least norm;
 - *accept* when the corrector stays near, the tangent turns little, and `det [J; tangent']` keeps
   its sign: a change of sign is a jump to another branch, or a way through a singularity. Otherwise
   halve the step.
 
-A direction ends on a joint limit, where the curve closes, or at a singularity.
+`baxter_kin.ik.curve_kernel` takes the steps, as long ones as the curve's bends allow; `filled`
+then puts points between them. A direction ends on a joint limit, where the curve closes, or at a
+singularity.
 """
 
 from __future__ import annotations
@@ -20,22 +22,17 @@ from enum import Enum
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector
-from baxter_kin.ik.fibre import CurvePoint, PoseFibre
+from baxter_kin.arrays import Indices, Vector
+from baxter_kin.ik.curve_functions import MAX_TURN_RAD, MIN_STEP_RAD, RESIDUAL_TOLERANCE
+from baxter_kin.ik.curve_points import CurvePoint, CurvePoints, whole_turns_off
+from baxter_kin.ik.fibre import PoseFibre
 from baxter_kin.ik.scalar import root
-from baxter_kin.ik.segment import Segment
-
-MIN_STEP_RAD = 1e-6
-"""A curve that asks for shorter steps turns as sharply as where branches meet."""
-
-MAX_TURN_RAD = 0.2
-"""How far the tangent may turn in one step; keeps cubics between the points good to 1e-5 rad."""
+from baxter_kin.ik.segment import Segment, arc_lengths, cubics
 
 MAX_POINTS = 50_000
 """In one direction, so that nothing runs for ever; curves of Baxter have hundreds."""
-
-_MIN_COSINE = math.cos(MAX_TURN_RAD)
 
 CLOSURE_RAD = 1e-6
 """How near a curve must pass its start to have closed: far below any two branches told apart."""
@@ -43,20 +40,24 @@ CLOSURE_RAD = 1e-6
 _COINCIDENT_RAD = 1e-9
 """Points closer than this are one."""
 
-_SIMULTANEOUS_RAD = 1e-10
+_SIMULTANEOUS_RAD = 1e-11
 """Joints that reach their limits within this length reach them together, up to rounding."""
-
-_MAX_CORRECTION = 0.25
-"""Of a step, as a share of it: a corrector that goes farther may be on another branch."""
 
 _MAX_BULGE = MAX_TURN_RAD / 2
 """How far a joint may swing beyond both ends of a segment, as a share of the segment's length: a
 joint that turns back within it has speeds at the ends that differ by at most `MAX_TURN_RAD`."""
 
-_GROWTH = 1.5
-"""Of the step where the curve is straight enough for the longer one."""
+LONGER_ARC = 1.1
+"""Than its chord: more than that of an arc that turns by `MAX_TURN_RAD`."""
 
-_STRAIGHT_COSINE = math.cos(MAX_TURN_RAD / _GROWTH)
+LONGEST_STEP_RAD = 0.2
+"""Of the way round; where the curve bends, steps are shorter."""
+
+CUBIC_RAD = 1e-3
+"""How far a cubic may be from the curve at the very most, where it decides what to look at."""
+
+_NEAR_CROSSING = 1e-3
+"""Of a segment: how far the curve's crossing of a limit may be from the cubic's."""
 
 
 class EndKind(Enum):
@@ -97,33 +98,30 @@ _REASONS = {
 
 
 def walk_both_ways(
-    fibre: PoseFibre, start: CurvePoint, max_step_rad: float
-) -> tuple[list[CurvePoint], int, tuple[CurveEnd, CurveEnd]]:
+    fibre: PoseFibre, start: CurvePoint
+) -> tuple[CurvePoints, int, tuple[CurveEnd, CurveEnd]]:
     """The whole curve through `start`, in its direction of travel.
 
     Args:
         fibre: whose curve, of an arm whose limits hold.
         start: a point of it inside the limits.
-        max_step_rad: the longest step, rad.
 
     Returns:
-        Its points; the index of `start` among them; why they end, at the beginning and at the end.
-        A closed curve begins and ends with `start`.
+        Its points, as far apart as the curve's bends allow; the index of `start` among them; why
+        they end, at the beginning and at the end. A closed curve begins and ends with `start`.
     """
-    ahead, last = walk(fibre, start, max_step_rad)
+    ahead, last = walk(fibre, start)
     if last.kind is EndKind.CLOSED:
-        return [start, *ahead], 0, (last, last)
-    behind, first = walk(fibre, start.reversed(), max_step_rad)
-    before = [point.reversed() for point in reversed(behind)]
+        return ahead, 0, (last, last)
+    behind, first = walk(fibre, start.reversed())
+    before = behind.reversed()
     if first.kind is EndKind.CLOSED:  # the other way round failed at a turn
-        return [*before, start], 0, (first, first)
-    return [*before, start, *ahead], len(before), (first, last)
+        return before, 0, (first, first)
+    return before.then(ahead.part(slice(1, None))), len(before) - 1, (first, last)
 
 
-def walk(
-    fibre: PoseFibre, start: CurvePoint, max_step_rad: float
-) -> tuple[list[CurvePoint], CurveEnd]:
-    """The points after `start` in its direction of travel, and why they end.
+def walk(fibre: PoseFibre, start: CurvePoint) -> tuple[CurvePoints, CurveEnd]:
+    """The points from `start` on in its direction of travel, and why they end.
 
     The last one stands exactly on a limit, or is `start` again when the curve closes; without
     limits joints may have made whole turns by then.
@@ -131,68 +129,88 @@ def walk(
     Args:
         fibre: whose curve, of an arm whose limits hold.
         start: a point of it inside the limits.
-        max_step_rad: the longest step, rad.
     """
-    points, bend, step = [start], np.zeros(7), max_step_rad
+    points = CurvePoints.of([start])
+    state = fibre.kernel.start_state(start.q, start.tangent, start.determinant, LONGEST_STEP_RAD)
     while len(points) <= MAX_POINTS:
-        here = points[-1]
-        ahead = _stepped(fibre, here, bend, step)
-        if ahead is None:
-            step *= 0.5
-            if step < MIN_STEP_RAD:
-                return points[1:], CurveEnd(EndKind.SINGULARITY)
-            continue
-        if _may_end(fibre, here, ahead, start, step):
-            segment = Segment(fibre, here, ahead)
+        ahead, steps = fibre.march(state, LONGEST_STEP_RAD)
+        block = points.part(slice(-1, None)).then(ahead)
+        for i in _may_end(fibre, block, start).tolist():
+            segment = Segment(fibre, block[i], block[i + 1])
             ending = limit_on(fibre, segment) or _closure_on(fibre, segment, start)
             if ending is not None:
-                return _with_last(points, ending[0])[1:], ending[1]
-        points.append(ahead)
-        bend = (ahead.tangent - here.tangent) / step
-        step = _next_step(here, ahead, step, max_step_rad)
-    return points[1:], CurveEnd(EndKind.BUDGET)
+                return with_last(points.then(ahead.part(slice(i))), ending[0]), ending[1]
+        points, state = points.then(ahead), steps.state
+        if steps.step_rad < MIN_STEP_RAD:
+            return points, CurveEnd(EndKind.SINGULARITY)
+    return points, CurveEnd(EndKind.BUDGET)
 
 
-def _stepped(
-    fibre: PoseFibre, point: CurvePoint, bend: Vector, step_rad: float
-) -> CurvePoint | None:
-    """The point one step ahead, or None when this step is too long; `bend` is d(tangent)/ds."""
-    predicted = point.q + step_rad * (point.tangent + 0.5 * step_rad * bend)
-    found = fibre.corrected(predicted, point.tangent)
-    if found is None:
-        return None
-    correction = found[0] - predicted
-    if math.sqrt(correction @ correction) > _MAX_CORRECTION * step_rad:
-        return None
-    ahead = fibre.point(*found, point.tangent)
-    if ahead is None or ahead.determinant * point.determinant < 0.0 or fibre.is_singular(ahead):
-        return None
-    return ahead if ahead.tangent @ point.tangent > _MIN_COSINE else None
+def filled(
+    fibre: PoseFibre, points: CurvePoints, step_rad: float | Vector
+) -> tuple[CurvePoints, Indices]:
+    """The same points with others between them, at most `step_rad` apart.
+
+    Args:
+        fibre: whose curve.
+        points: two or more, no farther apart than `walk` leaves them.
+        step_rad: the longest arc between neighbours, rad; one for all, or for each of the arcs.
+
+    Returns:
+        The points, and where among them those given are, shape (n,).
+    """
+    chords = whole_turns_off(np.diff(points.q, axis=0))
+    counts = np.ceil(arc_lengths(chords, points.tangent[:-1], points.tangent[1:]) / step_rad)
+    counts = np.maximum(counts.astype(int), 1) - 1
+    segment = np.repeat(np.arange(len(counts)), counts)
+    first = np.cumsum(counts) - counts
+    rank = np.arange(len(segment)) - first[segment]
+    estimate, way = cubics(points.q, points.tangent, segment, (rank + 1) / (counts[segment] + 1))
+    found = fibre.corrected_many(estimate, way)
+    is_good = found.residual <= RESIDUAL_TOLERANCE
+    is_good &= np.square(found.q - estimate).sum(axis=1) <= CUBIC_RAD**2
+    found = found._replace(q=np.clip(found.q, fibre.q_min, fibre.q_max))
+    between = fibre.points(found, way).part(is_good)
+    order = np.argsort(
+        np.concatenate([np.arange(len(points)), segment[is_good] + 0.5]), kind="stable"
+    )
+    places = np.flatnonzero(order < len(points))
+    return points.then(between).part(order), places
 
 
-def _next_step(a: CurvePoint, b: CurvePoint, step_rad: float, max_step_rad: float) -> float:
-    is_straight = a.tangent @ b.tangent > _STRAIGHT_COSINE
-    return min(max_step_rad, _GROWTH * step_rad) if is_straight else step_rad
+def may_leave(points: CurvePoints) -> NDArray[np.bool_]:
+    """Whether the curve may be inside the limits and leave them, or enter them, after each point.
+
+    Args:
+        points: n of them.
+
+    Returns:
+        Shape (n - 1,).
+    """
+    chords = points.chords_rad
+    one, other = points.clearance_rad[:-1], points.clearance_rad[1:]
+    is_near = np.minimum(one, other) < 2.0 * _MAX_BULGE * chords
+    may: NDArray[np.bool_] = is_near & (one + other >= -LONGER_ARC * chords)
+    return may
 
 
-def _may_end(
-    fibre: PoseFibre, a: CurvePoint, b: CurvePoint, start: CurvePoint, step_rad: float
-) -> bool:
-    """Whether the curve may leave the limits, or pass the start, between two points."""
-    if min(a.clearance_rad, b.clearance_rad) < _MAX_BULGE * step_rad:
-        return True
-    behind, ahead = fibre.way(start.q, a.q), fibre.way(start.q, b.q)
-    return bool(behind @ start.tangent < 0.0 <= ahead @ start.tangent)
+def _may_end(fibre: PoseFibre, points: CurvePoints, start: CurvePoint) -> Indices:
+    """Between which points and the next the curve may leave the limits, or pass the start."""
+    along = fibre.way(start.q, points.q) @ start.tangent
+    is_suspect = (along[:-1] < 0.0) & (along[1:] >= 0.0)
+    if fibre.has_limits:
+        is_suspect |= may_leave(points)
+    return np.flatnonzero(is_suspect)
 
 
-def _with_last(points: list[CurvePoint], last: CurvePoint) -> list[CurvePoint]:
+def with_last(points: CurvePoints, last: CurvePoint) -> CurvePoints:
     """The points closed off by `last`, which takes the place of the one it coincides with.
 
     Unless that is the start: then the start, as good as on the limit, stays the only point.
     """
-    if np.abs(last.q - points[-1].q).max() > _COINCIDENT_RAD:
-        return [*points, last]
-    return [*points[:-1], last] if len(points) > 1 else points
+    if np.abs(last.q - points.q[-1]).max() > _COINCIDENT_RAD:
+        return points.then(CurvePoints.of([last]))
+    return points.part(slice(-1)).then(CurvePoints.of([last])) if len(points) > 1 else points
 
 
 def limit_on(fibre: PoseFibre, segment: Segment) -> tuple[CurvePoint, CurveEnd] | None:
@@ -215,10 +233,10 @@ def limit_on(fibre: PoseFibre, segment: Segment) -> tuple[CurvePoint, CurveEnd] 
     for joint, bound in leaving:
         q[joint] = bound
     q = np.clip(q, fibre.q_min, fibre.q_max)
-    residual = float(np.linalg.norm(fibre.error(q)))
-    point = fibre.point(q, residual, segment.a.tangent) or replace(segment.a, q=q)
     joint, bound = min(leaving)
-    return point, CurveEnd(EndKind.LIMIT, fibre.arm.limits.names[joint], bound)
+    return fibre.point(q, segment.direction(first)), CurveEnd(
+        EndKind.LIMIT, fibre.arm.limits.names[joint], bound
+    )
 
 
 def _suspects(fibre: PoseFibre, segment: Segment) -> list[tuple[int, float, float]]:
@@ -234,15 +252,26 @@ def _suspects(fibre: PoseFibre, segment: Segment) -> list[tuple[int, float, floa
 
 
 def _crossing(segment: Segment, joint: int, bound: float, outward: float) -> float | None:
+    """The share of the segment at which the joint first goes beyond the bound."""
+    c0, c1, c2, c3 = segment.coefficients(joint)
+
     def beyond(u: float) -> float:
         return outward * float(segment.exact(u)[joint] - bound)
 
-    turns = segment.turns(joint)
-    for lower, upper in pairwise(turns):
-        if outward * (segment.estimate(upper)[joint] - segment.estimate(lower)[joint]) > 0.0:
-            u = root(beyond, lower, upper)
-            if u is not None:
-                return u
+    def roughly_beyond(u: float) -> float:
+        return outward * (c0 + u * (c1 + u * (c2 + u * c3)) - bound)
+
+    for lower, upper in pairwise(segment.turns(joint)):
+        low, high = roughly_beyond(lower), roughly_beyond(upper)
+        if high <= low or high < -CUBIC_RAD:
+            continue
+        guess, u = root(roughly_beyond, lower, upper), None
+        if guess is not None and low < -CUBIC_RAD and high > CUBIC_RAD:
+            near = max(lower, guess - _NEAR_CROSSING), min(upper, guess + _NEAR_CROSSING)
+            u = root(beyond, *near)
+        u = root(beyond, lower, upper) if u is None else u
+        if u is not None:
+            return u
     return None
 
 
@@ -250,21 +279,16 @@ def _closure_on(
     fibre: PoseFibre, segment: Segment, start: CurvePoint
 ) -> tuple[CurvePoint, CurveEnd] | None:
     """Where the segment passes through the start again: the start, as the curve's last point."""
-
-    def past(u: float) -> float:
-        return float(fibre.way(start.q, segment.exact(u)) @ start.tangent)
-
     behind, ahead = fibre.way(start.q, segment.a.q), fibre.way(start.q, segment.b.q)
-    if behind @ start.tangent >= 0.0 or ahead @ start.tangent < 0.0:
+    before, after = float(behind @ start.tangent), float(ahead @ start.tangent)
+    if before >= 0.0 or after < 0.0:
         return None
     if min(behind @ behind, ahead @ ahead) > segment.length_rad**2:
         return None
-    u = root(past, 0.0, 1.0)
-    if u is None:
+    q = segment.estimate(before / (before - after))
+    beside = q - (fibre.way(start.q, q) @ start.tangent) * start.tangent
+    found = fibre.corrected(beside, start.tangent)
+    if found is None or np.linalg.norm(fibre.way(start.q, found[0])) > CLOSURE_RAD:
         return None
-    q = segment.exact(u)
-    miss = fibre.way(start.q, q)
-    if np.linalg.norm(miss) > CLOSURE_RAD:
-        return None
-    turns = np.round((q - start.q) / (2.0 * math.pi))
+    turns = np.round((found[0] - start.q) / (2.0 * math.pi))
     return replace(start, q=start.q + 2.0 * math.pi * turns), CurveEnd(EndKind.CLOSED)

@@ -13,30 +13,24 @@ the branches leave along those N a for which the quadratic form `w' (dJ along N 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from baxter_kin.ik.curve_functions import RESIDUAL_TOLERANCE, SINGULAR
+from baxter_kin.ik.curve_kernel import Corrected, CurveKernel, Steps
+from baxter_kin.ik.curve_points import CurvePoint, CurvePoints, whole_turns_off
 from baxter_kin.model import Arm
 
-RESIDUAL_TOLERANCE = 1e-12
-"""Of a corrected configuration: norm of the pose error, in m and rad together. Rounding leaves
-1e-15; one Newton step from a predicted point leaves about this."""
+TOUCHING_RAD = 1e-11
+"""How far outside its limits a joint may be by rounding: of the pose, of limits, of what touches
+several limits at once."""
 
-SINGULAR = 1e-6
-"""Smallest singular value of J, in m and rad, at which its rank counts as five.
+_CORRECTIONS, _MAX_CORRECTION_RAD = 2, 1.0
+"""Calls of three Newton steps each, and how far all of them may lead."""
 
-It grows in proportion to the distance from the singularity, by 0.001 to 1 per rad. Two branches
-that pass so closely reach poses that differ by about `RESIDUAL_TOLERANCE` to a thousand times as
-much: they cannot be told apart safely."""
-
-_SUSPECT_DETERMINANT = 1e-3
-"""Manipulability above which J is surely regular: the product of the other five singular values, in
-m and rad, was at most 1.2 at 20,000 random configurations of Baxter's arm."""
-
-_NEWTON_ITERATIONS = 6
 _DIFFERENCE_RAD = 1e-4
 """Step of the central difference of J: its error, the square, is far below `_FLAT`."""
 
@@ -44,37 +38,14 @@ _FLAT = 1e-6
 """Curvature, 1/rad, below which the quadratic form counts as zero."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CurvePoint:
-    """One point of the curve.
-
-    Attributes:
-        q: configuration, shape (7,), rad.
-        tangent: unit direction of travel, shape (7,).
-        determinant: of `[J; tangent']`; its size is Yoshikawa's manipulability.
-        residual: norm of the pose error, m and rad together.
-        clearance_rad: from the joint nearest to a limit to that limit; below zero outside.
-    """
-
-    q: Vector
-    tangent: Vector
-    determinant: float
-    residual: float
-    clearance_rad: float
-
-    def reversed(self) -> CurvePoint:
-        """The same point, travelled the other way."""
-        return replace(self, tangent=-self.tangent, determinant=-self.determinant)
-
-
 class PoseFibre:
     """All configurations of an arm that reach one pose.
-
-    One thread at a time: it reuses its memory.
 
     Attributes:
         arm: whose joints reach it.
         T_base_tip: the pose of the tip, seen from base.
+        kernel: computes along its curves.
+        has_limits: whether curves end on joint limits.
         q_min: where curves end, shape (7,), rad: the arm's lower limits, or minus infinity.
         q_max: the same above.
     """
@@ -82,15 +53,21 @@ class PoseFibre:
     def __init__(self, arm: Arm, T_base_tip: pin.SE3, *, has_limits: bool = True) -> None:
         """State the pose, and whether curves end on the arm's joint limits."""
         self.arm = arm
-        self._has_limits = has_limits
+        self.kernel = CurveKernel.of(arm)
+        self.has_limits = has_limits
         unlimited = np.full(7, np.inf)
         self.q_min = arm.limits.q_min if has_limits else -unlimited
         self.q_max = arm.limits.q_max if has_limits else unlimited
+        self._middle = 0.5 * (arm.limits.q_min + arm.limits.q_max)
         self.T_base_tip = _orthonormal(T_base_tip)
         self._base_from_tip = np.zeros((6, 6))
         self._base_from_tip[:3, :3] = self._base_from_tip[3:, 3:] = self.T_base_tip.rotation
-        self._system = np.empty((7, 7))
-        self._last_axis = np.eye(7)[6]
+        self._matrix = self.T_base_tip.homogeneous
+
+    @cached_property
+    def without_limits(self) -> PoseFibre:
+        """The same pose, whatever the limits."""
+        return PoseFibre(self.arm, self.T_base_tip, has_limits=False)
 
     def error(self, q: Vector) -> Vector:
         """The twist from the pose of `q` to the target, shape (6,), m and rad, linear first.
@@ -116,34 +93,76 @@ class PoseFibre:
         Returns:
             None when it does not converge nearby.
         """
-        wanted = np.zeros(7)
-        for _ in range(_NEWTON_ITERATIONS):
-            wanted[:6] = self.error(q)
-            residual = math.sqrt(wanted @ wanted)
+        moved = q
+        for _ in range(_CORRECTIONS):
+            found = self.kernel.corrected(moved, normal, self._matrix)
+            moved, residual = found.q[0], float(found.residual[0])
             if residual <= tolerance:
-                return q, residual
-            step = self._solved(q, normal, wanted)
-            if step is None or step @ step > 1.0:
-                return None
-            q = q + step
+                is_near = np.square(moved - q).sum() <= _MAX_CORRECTION_RAD**2
+                return (moved, residual) if is_near else None
         return None
 
-    def point(self, q: Vector, residual: float, ahead: Vector) -> CurvePoint | None:
-        """The point of the curve at `q`, its tangent on the side of `ahead`, shape (7,).
+    def corrected_many(self, q: Vector, normal: Vector) -> Corrected:
+        """The same for configurations, shape (n, 7), with their residuals, however large."""
+        return self.kernel.corrected_many(q, normal, self._matrix)
+
+    def nearest_many(self, q: Vector) -> Corrected:
+        """Configurations, shape (n, 7), moved onto the fibre by steps of least norm."""
+        return self.kernel.corrected_many(q, np.zeros_like(q), self._matrix)
+
+    def march(self, state: Vector, max_step_rad: float) -> tuple[CurvePoints, Steps]:
+        """The points of one block of steps, and the steps; as `CurveKernel.march`."""
+        steps = self.kernel.march(state, self._matrix, max_step_rad)
+        clearance = self.clearance_rad(steps.q)
+        return CurvePoints(np.column_stack([*steps[:4], clearance])), steps
+
+    def point(self, q: Vector, ahead: Vector) -> CurvePoint:
+        """The point of the curve at `q`, its tangent on the side of `ahead`.
+
+        Args:
+            q: shape (7,), rad; as good as on the curve.
+            ahead: shape (7,).
+        """
+        return self.points(self.kernel.measured(q, self._matrix), ahead[None])[0]
+
+    def points(self, found: Corrected, ahead: Vector) -> CurvePoints:
+        """Points of the curve, their tangents on the sides of `ahead`, shape (n, 7)."""
+        sign = np.where((found.tangent * ahead).sum(axis=1) < 0.0, -1.0, 1.0)
+        determinant, clearance = sign * found.determinant, self.clearance_rad(found.q)
+        columns = found.q, sign[:, None] * found.tangent, determinant, found.residual, clearance
+        return CurvePoints(np.column_stack(columns))
+
+    def into_range(self, points: CurvePoints) -> CurvePoints:
+        """The points less whole turns: as near to the middle of the ranges as they come.
+
+        Those outside a limit by no more than `TOUCHING_RAD` are put on it.
+        """
+        rows = np.array(points.rows)
+        rows[:, :7] = self.turned(points.q)
+        rows[:, 16] = self.clearance_rad(rows[:, :7])
+        for i in np.flatnonzero((rows[:, 16] < 0.0) & (rows[:, 16] >= -TOUCHING_RAD)):
+            rows[i] = CurvePoints.of([self.touching(rows[i, :7], rows[i, 7:14])]).rows
+        return CurvePoints(rows)
+
+    def touching(self, q: Vector, ahead: Vector) -> CurvePoint:
+        """As `point`, moved onto the limits where `q` is outside by rounding."""
+        return self.point(np.clip(q, self.q_min, self.q_max), ahead)
+
+    def turned(self, q: Vector) -> Vector:
+        """Configurations less whole turns, shape (n, 7), rad, likewise."""
+        return self._middle + whole_turns_off(q - self._middle)
+
+    def clearance_rad(self, q: Vector) -> Vector:
+        """How far the joint nearest to a limit is inside it; below zero outside.
+
+        Args:
+            q: shape (..., 7), rad.
 
         Returns:
-            None when `[J; ahead']` is singular.
+            Shape (...,), rad.
         """
-        tangent = self._solved(q, ahead, self._last_axis)
-        if tangent is None:
-            return None
-        length = math.sqrt(tangent @ tangent)
-        determinant = float(np.linalg.det(self._system)) * length
-        return CurvePoint(q, tangent / length, determinant, residual, self.clearance_rad(q))
-
-    def clearance_rad(self, q: Vector) -> float:
-        """How far the joint nearest to a limit is inside it; below zero outside."""
-        return float(np.minimum(q - self.q_min, self.q_max - q).min())
+        clearance: Vector = np.minimum(q - self.q_min, self.q_max - q).min(axis=-1)
+        return clearance
 
     def start(self, q: Vector, towards: Vector | None = None) -> CurvePoint | None:
         """The point of the curve at `q`, travelled in the direction every curve has.
@@ -166,23 +185,17 @@ class PoseFibre:
             if not directions:
                 return None
             tangent = _nearest_direction(directions, towards)
-        return CurvePoint(q, tangent, abs(determinant), residual, self.clearance_rad(q))
+        clearance = float(self.clearance_rad(q))
+        return CurvePoint(q, tangent, abs(determinant), residual, clearance)
 
     def way(self, start: Vector, end: Vector) -> Vector:
         """The joint motion between two configurations, shape (7,), rad.
 
         Without limits whole turns of a joint do not count. Inside limits there are none.
         """
-        if self._has_limits:
+        if self.has_limits:
             return end - start
         return whole_turns_off(end - start)
-
-    def is_singular(self, point: CurvePoint) -> bool:
-        """Whether the rank of J counts as five there."""
-        if abs(point.determinant) > _SUSPECT_DETERMINANT:
-            return False
-        sigma = np.linalg.svd(self.arm.jacobian(point.q), compute_uv=False)
-        return bool(sigma[5] <= SINGULAR)
 
     def _branches(self, q: Vector, left_null: Vector, null: Vector) -> list[Vector]:
         form = np.array([self._second_derivative(q, n) @ left_null @ null.T for n in null])
@@ -202,20 +215,6 @@ class PoseFibre:
         behind = self.arm.jacobian(q - _DIFFERENCE_RAD * direction)
         change: Vector = (ahead - behind).T / (2.0 * _DIFFERENCE_RAD)
         return change
-
-    def _solved(self, q: Vector, last_row: Vector, wanted: Vector) -> Vector | None:
-        self._system[:6] = self.arm.jacobian(q)
-        self._system[6] = last_row
-        try:
-            return np.asarray(np.linalg.solve(self._system, wanted), dtype=np.float64)
-        except np.linalg.LinAlgError:
-            return None
-
-
-def whole_turns_off(angles: Vector) -> Vector:
-    """The same angles but for whole turns, in [-pi, pi]."""
-    turns = np.round(angles / (2.0 * math.pi))
-    return angles - 2.0 * math.pi * turns
 
 
 def _orthonormal(T: pin.SE3) -> pin.SE3:

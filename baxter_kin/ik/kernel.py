@@ -155,7 +155,7 @@ def iterations_of(step: ca.Function) -> ca.Function:
         step: `(q, ...) -> (q_next, position error at q, orientation error at q)`; what follows `q`
             is handed through. `q` must be inside the bounds.
     """
-    q, *given = _symbols(step)
+    q, *given = symbols(step)
     _, *errors = step(q, *given)
     outcome = ca.vertcat(_arrived(*errors), *errors, ITERATIONS + 1)
     rest = ca.Function("measure", [q, *given], [q, outcome])
@@ -166,7 +166,7 @@ def iterations_of(step: ca.Function) -> ca.Function:
 
 def _iteration(count: int, step: ca.Function, rest: ca.Function) -> ca.Function:
     """The iteration of that number: tell the errors at `q`; if too large, step and go on."""
-    (q, *given), q_next, errors = _symbols(step), ca.MX.sym("q_next", 7), ca.MX.sym("errors", 2)
+    (q, *given), q_next, errors = symbols(step), ca.MX.sym("q_next", 7), ca.MX.sym("errors", 2)
     inputs = [q, q_next, errors, *given]
     stay = ca.Function("stay", inputs, [q, ca.vertcat(1, errors, count)])
     go_on = ca.Function("go_on", inputs, list(rest(q_next, *given)))
@@ -176,7 +176,8 @@ def _iteration(count: int, step: ca.Function, rest: ca.Function) -> ca.Function:
     return ca.Function(f"iteration_{count}", [q, *given], list(outputs))
 
 
-def _symbols(function: ca.Function) -> list[ca.MX]:
+def symbols(function: ca.Function) -> list[ca.MX]:
+    """A symbol for each of its inputs."""
     return [ca.MX.sym(function.name_in(i), *function.size_in(i)) for i in range(function.n_in())]
 
 

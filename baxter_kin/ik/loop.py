@@ -1,4 +1,4 @@
-"""The whole loop of a self-motion, joint limits ignored, and where it runs inside the limits.
+"""The whole loop of a self-motion, joint limits ignored.
 
 Angles that differ by whole turns are one, so without limits a self-motion closes (Burdick, "On the
 inverse kinematics of redundant manipulators", 1989). The limits cut the loop into pieces, and one
@@ -7,75 +7,78 @@ of them leads to all others: also to those too small to be hit by a search from 
 
 from __future__ import annotations
 
-from dataclasses import replace
-from itertools import pairwise
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
-from baxter_kin.ik.continuation import limit_on, walk_both_ways
-from baxter_kin.ik.fibre import CurvePoint, PoseFibre, whole_turns_off
-from baxter_kin.ik.scalar import least
-from baxter_kin.ik.segment import Segment
-from baxter_kin.ik.self_motion import SelfMotion
+from baxter_kin.ik.continuation import CurveEnd, EndKind, walk_both_ways
+from baxter_kin.ik.curve_functions import RESIDUAL_TOLERANCE, SINGULAR
+from baxter_kin.ik.curve_points import CurvePoint, CurvePoints
+from baxter_kin.ik.fibre import PoseFibre
+from baxter_kin.ik.segment import feet
 
-LOOP_STEP_RAD = 0.05
-"""Longest step along the loop. Shorter pieces are found between its points all the same, unless two
-of them, or two of the gaps between them, lie within one step."""
-
-_SHARE = 1e-6
-"""Of a segment, to which the point farthest inside the limits is narrowed down."""
+ON_LOOP_RAD, ALONG = 1e-3, 0.9
+"""How near to the cubics between its points a configuration of the pose lies on a loop, and the
+cosine of its direction with theirs. Beside singularities cubics are off by so much, elsewhere by
+less than 1e-5."""
 
 
-def inside_limits(curve: SelfMotion) -> list[Vector]:
-    """Configurations inside the limits, shape (7,), rad, from every piece of the curve's loop.
+@dataclass(frozen=True, slots=True, eq=False)
+class Loop:
+    """The curve of a pose through a point, whatever the limits.
 
-    One or more from each, those of `curve` itself included. A loop that runs into a singularity is
-    followed up to there.
+    Attributes:
+        points: less whole turns, as near to the middle of the joint ranges as they come.
+        ends: why it goes no further: it closed, unless it meets a singularity.
     """
-    fibre = PoseFibre(curve.arm, curve.T_base_tip)
-    found: list[Vector] = []
-    run: list[CurvePoint] = []
-    points = [_into_range(fibre, point) for point in _loop(curve)]
-    for a, b in pairwise(points):
-        segment = Segment(fibre, a, replace(b, q=a.q + whole_turns_off(b.q - a.q)))
-        if a.clearance_rad >= 0.0:
-            run.append(a)
-            if b.clearance_rad < 0.0 or limit_on(fibre, segment) is not None:
-                found.append(_deepest(run))
-                run = []
-        elif b.clearance_rad < 0.0:
-            found += _between(fibre, segment)
-    return [*found, _deepest(run)] if run else found
+
+    points: CurvePoints
+    ends: tuple[CurveEnd, CurveEnd]
+
+    @classmethod
+    def through(cls, fibre: PoseFibre, start: CurvePoint) -> Loop:
+        """Follow it from a point, inside the limits or not."""
+        points, _, ends = walk_both_ways(fibre.without_limits, start)
+        return cls(fibre.into_range(points), ends)
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it returns to its first point."""
+        return self.ends[1].kind is EndKind.CLOSED
+
+    def holds(self, q: Vector, tangent: Vector) -> NDArray[np.bool_]:
+        """Whether configurations that reach the pose lie on it.
+
+        Args:
+            q: shape (n, 7), rad.
+            tangent: in the direction that every curve has, shape (n, 7); where two strands pass
+                each other closely, they go opposite ways.
+
+        Returns:
+            Shape (n,).
+        """
+        if len(self.points) < 2:
+            return np.zeros(len(q), dtype=np.bool_)
+        distance, direction = feet(self.points.q, self.points.tangent, q)
+        is_along = np.einsum("ij,ij->i", direction, tangent) > ALONG
+        is_on: NDArray[np.bool_] = (distance <= ON_LOOP_RAD) & is_along
+        return is_on
 
 
-def _loop(curve: SelfMotion) -> list[CurvePoint]:
-    fibre = PoseFibre(curve.arm, curve.T_base_tip, has_limits=False)
-    start = fibre.start(curve.q[int(np.argmax(curve.limit_distance_rad))])
-    return [] if start is None else walk_both_ways(fibre, start, LOOP_STEP_RAD)[0]
-
-
-def _into_range(fibre: PoseFibre, point: CurvePoint) -> CurvePoint:
-    """The point less whole turns: as near to the middle of the ranges as it comes."""
-    middle = 0.5 * (fibre.q_min + fibre.q_max)
-    q = middle + whole_turns_off(point.q - middle)
-    return replace(point, q=q, clearance_rad=fibre.clearance_rad(q))
-
-
-def _deepest(run: list[CurvePoint]) -> Vector:
-    return max(run, key=lambda point: point.clearance_rad).q
-
-
-def _between(fibre: PoseFibre, segment: Segment) -> list[Vector]:
-    """Where a segment between points outside the limits is inside them, if it is.
-
-    No joint moves farther than the arc is long, so it cannot be when both ends are too far outside.
-    """
-    if segment.a.clearance_rad + segment.b.clearance_rad < -segment.length_rad:
-        return []
-
-    def outside(u: float) -> float:
-        return -fibre.clearance_rad(segment.exact(u))
-
-    excess, u = least(outside, 0.0, 1.0, _SHARE)
-    return [segment.exact(u)] if excess <= 0.0 else []
+def loops_near(fibre: PoseFibre, starts: Vector) -> list[Loop]:
+    """The loops that Newton's method leads to from configurations, shape (n, 7), rad."""
+    found = fibre.nearest_many(starts)
+    is_good = found.residual <= RESIDUAL_TOLERANCE
+    places = fibre.points(found, found.tangent).part(is_good)
+    is_regular = found.rank[is_good] > SINGULAR
+    loops: list[Loop] = []
+    while len(places):
+        first = places[0] if is_regular[0] else fibre.without_limits.start(places.q[0])
+        is_left = np.arange(len(places)) > 0
+        if first is not None:
+            loops.append(Loop.through(fibre, first))
+            is_left &= ~loops[-1].holds(places.q, places.tangent)
+        places, is_regular = places.part(is_left), is_regular[is_left]
+    return loops

@@ -1,12 +1,15 @@
-"""Which configuration of a pose is best: objectives, and the best point of a self-motion curve.
+"""Which configuration of a pose is best: objectives, and the best point of self-motion curves.
 
 An objective gives every configuration a cost; less is better. `best_on` searches a whole curve, not
-the neighbourhood of a start, so its answer is the best of the curve's connected piece.
+the neighbourhood of a start, so its answer is the best of the curve's connected piece; `best_of`
+that of several.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Protocol
 
 import numpy as np
@@ -14,7 +17,7 @@ import numpy as np
 from baxter_kin.arrays import Vector, finite_array, finite_rows
 from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, numbers
-from baxter_kin.errors import ConfigurationError, RequestError, expect, quoted
+from baxter_kin.errors import ConfigurationError, RequestError, UnknownNameError, expect, quoted
 from baxter_kin.ik.scalar import least
 from baxter_kin.ik.self_motion import SelfMotion
 from baxter_kin.model import Arm
@@ -22,6 +25,28 @@ from baxter_kin.model import Arm
 PRECISION_RAD = 1e-9
 """To which the best arc length is narrowed down; a smooth minimum cannot be located better than to
 the root of the machine precision."""
+
+
+class Scope(str, Enum):
+    """Among which solutions an objective chooses."""
+
+    ALL = "all"
+    """All solutions of the pose, also those that the arm reaches only by moving its tip away."""
+    CURVE = "curve"
+    """The connected curve through the solution that was found: without moving the tip, the arm can
+    move from that one to the best."""
+
+    @classmethod
+    def of(cls, scope: str | Scope) -> Scope:
+        """The scope of that name.
+
+        Raises:
+            UnknownNameError: when there is none.
+        """
+        try:
+            return cls(scope)
+        except ValueError:
+            raise UnknownNameError("scope", scope, [scope.value for scope in cls]) from None
 
 
 class Objective(Protocol):
@@ -159,17 +184,37 @@ def best_on(curve: SelfMotion, objective: Objective) -> Vector:
         RequestError: when `curve` is no `SelfMotion` or `objective` none, or when the costs have
             another shape than (n,) or are not finite.
     """
-    expect(curve, SelfMotion, "curve", RequestError)
+    return best_of([expect(curve, SelfMotion, "curve", RequestError)], objective)
+
+
+def best_of(curves: Sequence[SelfMotion], objective: Objective) -> Vector:
+    """The best configuration of several curves of one arm, as `best_on` of one; one or more.
+
+    Raises:
+        RequestError: as `best_on`.
+    """
     checked_objective(objective)
-    costs = _checked_costs(objective, curve.arm, curve.q)
-    best = int(np.argmin(costs))
-    candidates = [(float(costs[best]), float(curve.s[best]))]
+    arm, sizes = curves[0].arm, [len(curve.q) for curve in curves]
+    costs = _checked_costs(objective, arm, np.concatenate([curve.q for curve in curves]))
+    parts = np.split(costs, np.cumsum(sizes)[:-1])
+    best = min(range(len(curves)), key=lambda i: parts[i].min())
+    candidates = [(float(costs.min()), best, float(curves[best].s[np.argmin(parts[best])]))]
+    for i, (curve, part) in enumerate(zip(curves, parts, strict=True)):
+        for bracket in _brackets(curve, part, float(costs.min())):
+            worth, s = least(_along(curve, objective), *bracket, PRECISION_RAD)
+            candidates.append((worth, i, s))
+    _, i, s = min(candidates)
+    return curves[i].at(s)
+
+
+def _along(curve: SelfMotion, objective: Objective) -> Callable[[float], float]:
+    """The cost at a length along the curve."""
+    at = curve.sampler()
 
     def cost(s: float) -> float:
-        return float(_checked_costs(objective, curve.arm, curve.at(s)[None])[0])
+        return float(_checked_costs(objective, curve.arm, at(s)[None])[0])
 
-    candidates += [least(cost, *bracket, PRECISION_RAD) for bracket in _brackets(curve, costs)]
-    return curve.at(min(candidates)[1])
+    return cost
 
 
 def checked_objective(objective: object) -> None:
@@ -190,8 +235,8 @@ def _checked_costs(objective: Objective, arm: Arm, q: Vector) -> Vector:
     return finite_array(objective.costs(arm, q), (len(q),), what, RequestError)
 
 
-def _brackets(curve: SelfMotion, costs: Vector) -> list[tuple[float, float]]:
-    """Stretches of arc length that contain a minimum which may be the least of all."""
+def _brackets(curve: SelfMotion, costs: Vector, lowest: float) -> list[tuple[float, float]]:
+    """Stretches of arc length that contain a minimum which may be below the lowest cost known."""
     s = curve.s
     if len(s) < 2:
         return []
@@ -201,7 +246,7 @@ def _brackets(curve: SelfMotion, costs: Vector) -> list[tuple[float, float]]:
     padded = np.concatenate([costs[:1], costs, costs[-1:]])
     before, after = padded[:-2] - costs, padded[2:] - costs
     promising = (before >= 0.0) & (after >= 0.0)
-    promising &= costs - np.maximum(before, after) <= costs.min()
+    promising &= costs - np.maximum(before, after) <= lowest
     last = len(s) - 1
     places = [int(i) for i in np.flatnonzero(promising)]
     return [(float(s[max(i - 1, 0)]), float(s[min(i + 1, last)])) for i in places]

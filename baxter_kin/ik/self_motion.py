@@ -8,6 +8,7 @@ follows the piece through one configuration to both its ends; `baxter_kin.ik.con
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +21,9 @@ from baxter_kin.display import OneLine, count
 from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.fields import check_fields
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.ik.continuation import CurveEnd, EndKind, walk_both_ways
-from baxter_kin.ik.fibre import CurvePoint, PoseFibre
+from baxter_kin.ik.continuation import CurveEnd, EndKind, filled, walk_both_ways
+from baxter_kin.ik.curve_points import CurvePoint, CurvePoints
+from baxter_kin.ik.fibre import PoseFibre
 from baxter_kin.ik.segment import Segment, arc_lengths
 from baxter_kin.model import Arm
 
@@ -105,12 +107,20 @@ class SelfMotion(Frozen, OneLine):
         Raises:
             RequestError: when `s` is not a finite number, or beyond the ends of an open curve.
         """
-        s = self._on_curve(finite_scalar(s, "s", RequestError))
-        if len(self.q) == 1:
-            return np.array(self.q[0])
-        i, u = self._placed(s)
-        segment = self._segment(PoseFibre(self.arm, self.T_base_tip), i)
-        return np.clip(segment.exact(u), self.arm.limits.q_min, self.arm.limits.q_max)
+        return self.sampler()(finite_scalar(s, "s", RequestError))
+
+    def sampler(self) -> Callable[[float], Vector]:
+        """What `at` does, for finite numbers: quicker where many are wanted."""
+        fibre, limits = PoseFibre(self.arm, self.T_base_tip), self.arm.limits
+
+        def at(s: float) -> Vector:
+            s = self._on_curve(s)
+            if len(self.q) == 1:
+                return np.array(self.q[0])
+            i, u = self._placed(s)
+            return np.clip(self._segment(fibre, i).exact(u), limits.q_min, limits.q_max)
+
+        return at
 
     def nearest(self, q: ArrayLike) -> tuple[float, float]:
         """Where the curve passes `q` most closely: the length along it, and the distance; both rad.
@@ -122,15 +132,15 @@ class SelfMotion(Frozen, OneLine):
             ConfigurationError: when `q` has another shape or is not finite.
         """
         q = finite_array(q, (7,), "q", ConfigurationError)
-        s = self._nearest_on_chords(q)
+        s, at = self._nearest_on_chords(q), self.sampler()
         for _ in range(_NEAREST_ITERATIONS):
-            here = self.at(s)
+            here = at(s)
             ahead = s + float((q - here) @ self._direction(s))
             ahead = ahead if self.is_closed else min(max(ahead, 0.0), self.length_rad)
             if abs(ahead - s) < 1e-12:
                 break
             s = ahead
-        distance = float(np.linalg.norm(self.at(s) - q))
+        distance = float(np.linalg.norm(at(s) - q))
         return self._on_curve(s), distance
 
     def _facts(self) -> tuple[str, ...]:
@@ -212,10 +222,10 @@ def trace_self_motion(
     start = fibre.start(q, direction)
     if start is None:
         residual = float(np.linalg.norm(fibre.error(q)))
-        alone = CurvePoint(q, np.zeros(7), 0.0, residual, fibre.clearance_rad(q))
+        alone = CurvePoint(q, np.zeros(7), 0.0, residual, float(fibre.clearance_rad(q)))
         end = CurveEnd(EndKind.SINGULARITY)
-        return _assembled(fibre, [alone], 0, (end, end))
-    return _assembled(fibre, *walk_both_ways(fibre, start, step_rad))
+        return assembled(fibre, CurvePoints.of([alone]), 0, (end, end), step_rad)
+    return assembled(fibre, *walk_both_ways(fibre, start), step_rad)
 
 
 def checked_step(step_rad: float) -> float:
@@ -262,22 +272,43 @@ def _onto_fibre(fibre: PoseFibre, q: Vector) -> Vector:
     )
 
 
-def _assembled(
-    fibre: PoseFibre, points: list[CurvePoint], start: int, ends: tuple[CurveEnd, CurveEnd]
+def assembled(
+    fibre: PoseFibre,
+    points: CurvePoints,
+    start: int,
+    ends: tuple[CurveEnd, CurveEnd],
+    step_rad: float,
 ) -> SelfMotion:
-    q = np.array([point.q for point in points])
-    tangent = np.array([point.tangent for point in points])
-    lengths = arc_lengths(np.diff(q, axis=0), tangent[:-1], tangent[1:])
+    """The curve through points, with others between them.
+
+    Args:
+        fibre: whose curve.
+        points: as `baxter_kin.ik.continuation.walk` leaves them.
+        start: which of them the tracing began at.
+        ends: why they end.
+        step_rad: the longest step.
+    """
+    if len(points) == 1:
+        return curve_of(fibre, points, 0, ends)
+    points, places = filled(fibre, points, step_rad)
+    return curve_of(fibre, points, int(places[start]), ends)
+
+
+def curve_of(
+    fibre: PoseFibre, points: CurvePoints, start: int, ends: tuple[CurveEnd, CurveEnd]
+) -> SelfMotion:
+    """The curve of points that are close enough; arguments as for `assembled`."""
+    lengths = arc_lengths(np.diff(points.q, axis=0), points.tangent[:-1], points.tangent[1:])
     s = np.concatenate([[0.0], np.cumsum(lengths)])
     return SelfMotion(
         arm=fibre.arm,
         T_base_tip=fibre.T_base_tip,
-        q=q,
+        q=points.q,
         s=s,
-        tangent=tangent,
-        manipulability=np.array([abs(point.determinant) for point in points]),
-        limit_distance_rad=np.array([point.clearance_rad for point in points]),
-        pose_residual=max(point.residual for point in points),
+        tangent=points.tangent,
+        manipulability=np.abs(points.determinant),
+        limit_distance_rad=points.clearance_rad,
+        pose_residual=float(points.residual.max()),
         s_start=float(s[start]),
         ends=ends,
     )

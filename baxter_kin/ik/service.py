@@ -23,7 +23,8 @@ from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
 from baxter_kin.ik.batch import COARSE_ROUNDS, Batch
 from baxter_kin.ik.engine import Engine, Engines
 from baxter_kin.ik.kernel import SEED_TOLERANCE_RAD
-from baxter_kin.ik.objectives import Objective, best_on, checked_objective
+from baxter_kin.ik.objectives import Objective, Scope, best_of, best_on, checked_objective
+from baxter_kin.ik.pieces import all_pieces
 from baxter_kin.ik.result import IKResult
 from baxter_kin.ik.search import Backend
 from baxter_kin.ik.seeds import SeedMode, SeedType
@@ -99,6 +100,7 @@ class IKService(OneLine):
         mode: SeedMode = SeedMode.AUTO,
         *,
         objective: Objective | None = None,
+        scope: str | Scope | None = None,
         tolerance: Tolerance | None = None,
     ) -> IKResult:
         """Joint angles that place the tip at a pose.
@@ -109,8 +111,11 @@ class IKService(OneLine):
             current: the arm's present joint angles, in the same forms.
             mode: which seeds to try.
             objective: what to make of the freedom that a seventh joint leaves: the solution is then
-                the best on the whole self-motion curve through the one that was found. Takes some
-                milliseconds. Without one, it is the first that was found, near its start.
+                the best of all that reach the pose. Takes tens of milliseconds. Without one, it is
+                the first that was found, near its start.
+            scope: among which solutions the objective chooses: `Scope.ALL`, "all", which is the
+                default, or `Scope.CURVE`, "curve": those that the arm can move to from the first
+                that was found while the tip stays at the pose.
             tolerance: what of the pose does not matter, or not exactly; the errors of the result
                 are what exceeds it.
 
@@ -122,22 +127,22 @@ class IKService(OneLine):
             PoseError: when the pose is none.
             ConfigurationError: when a seed has another shape, is not finite, or lies outside the
                 limits by more than `SEED_TOLERANCE_RAD`.
-            UnknownNameError: when a seed names a joint of another arm, or the mode is none.
+            UnknownNameError: when a seed names a joint of another arm, or there is no such mode
+                or scope.
             RequestError: when both an objective and a tolerance are given, or one of them is of
-                another class.
+                another class, or a scope comes without an objective.
         """
         if objective is not None and tolerance is not None:
             raise RequestError(
                 "an objective chooses among the solutions of an exact pose; give either an "
                 "objective or a tolerance"
             )
-        if objective is not None:
-            checked_objective(objective)
+        chosen = _checked_scope(objective, scope)
         engine = self._default if tolerance is None else self._engine(tolerance)
         result = self._first(engine, T_base_tip, seed, current, mode)
         if objective is None or not result.is_valid:
             return result
-        return self._best(result, checked_pose(T_base_tip), objective)
+        return self._best(result, checked_pose(T_base_tip), objective, chosen)
 
     def _facts(self) -> tuple[str, ...]:
         return repr(self.arm), f"backend {self.backend.value}"
@@ -278,15 +283,18 @@ class IKService(OneLine):
                 return IKResult.trusted(names, q.copy(), seed_type, (offset, angle))
         return None
 
-    def _best(self, result: IKResult, T_base_tip: pin.SE3, objective: Objective) -> IKResult:
-        curve = trace_self_motion(
-            self.arm, result.q, T_base_tip=T_base_tip, step_rad=OBJECTIVE_STEP_RAD
-        )
-        best = self._default.explainer.measured(
-            T_base_tip.homogeneous, best_on(curve, objective).copy()
-        )
+    def _best(
+        self, result: IKResult, T_base_tip: pin.SE3, objective: Objective, scope: Scope
+    ) -> IKResult:
+        arm, step_rad = self.arm, OBJECTIVE_STEP_RAD
+        if scope is Scope.CURVE:
+            curve = trace_self_motion(arm, result.q, T_base_tip=T_base_tip, step_rad=step_rad)
+            q = best_on(curve, objective)
+        else:
+            q = best_of(all_pieces(arm, self.search, T_base_tip, step_rad, result.q), objective)
+        best = self._default.explainer.measured(T_base_tip.homogeneous, q.copy())
         errors = best.position_error_m, best.orientation_error_rad
-        return IKResult.trusted(self.arm.joint_names, best.q, result.seed_type, errors)
+        return IKResult.trusted(arm.joint_names, best.q, result.seed_type, errors)
 
     def _blocks(self, engine: Engine, requests: _Requests) -> Iterator[list[IKResult]]:
         for at in range(0, len(requests.poses), BLOCK):
@@ -335,6 +343,16 @@ class IKService(OneLine):
     def _checked_seed(self, seed: SeedLike, what: str) -> Vector:
         q = self.arm.configuration(seed, what)
         return self.arm.limits.check(q, what, SEED_TOLERANCE_RAD)
+
+
+def _checked_scope(objective: object, scope: str | Scope | None) -> Scope:
+    if objective is not None:
+        checked_objective(objective)
+    elif scope is not None:
+        raise RequestError(
+            "scope says among which solutions an objective chooses; give an objective too"
+        )
+    return Scope.ALL if scope is None else Scope.of(scope)
 
 
 def _as_list(values: Iterable[Any], what: str) -> list[Any]:

@@ -123,6 +123,10 @@ class _Lasting:
         return ik.Backend.AUTO
 
     @cached_property
+    def Scope(self) -> ik.Scope:
+        return ik.Scope.ALL
+
+    @cached_property
     def JointLimits(self) -> Any:
         return self.Arm.limits
 

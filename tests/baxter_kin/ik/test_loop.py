@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm, Baxter
+from baxter_kin.arrays import Vector
 from baxter_kin.ik.components import distinct_solutions
-from baxter_kin.ik.loop import inside_limits
+from baxter_kin.ik.cutting import Piece, pieces_inside
+from baxter_kin.ik.fibre import PoseFibre
+from baxter_kin.ik.loop import loops_near
 from baxter_kin.ik.self_motion import trace_self_motion
 from tests.baxter_kin.ik.test_self_motion import ALONE, CLOSED, pose_error, singular_near
 
@@ -17,18 +20,51 @@ WITH_TINY_PIECE = [
 """Configurations of the left arm whose loops have a piece shorter than 0.01 rad elsewhere."""
 
 
+def pieces_of(arm: Arm, q: Vector) -> list[Piece]:
+    """Those of the loop through a configuration."""
+    fibre = PoseFibre(arm, arm.T_base_tip(q))
+    return list(pieces_inside(fibre, loops_near(fibre, np.array([q]))))
+
+
 def test_every_configuration_is_inside_the_limits(arm: Arm) -> None:
     rng = np.random.default_rng(1)
     for _ in range(10):
-        for q in inside_limits(trace_self_motion(arm, arm.random_configuration(rng))):
-            assert not arm.limits.violations(q)
+        for piece in pieces_of(arm, arm.random_configuration(rng)):
+            for q in piece.points.q:
+                assert not arm.limits.violations(q)
 
 
 def test_the_curve_it_comes_from_is_among_the_pieces(arm: Arm) -> None:
     rng = np.random.default_rng(2)
     for _ in range(10):
         curve = trace_self_motion(arm, arm.random_configuration(rng))
-        assert min(curve.nearest(q)[1] for q in inside_limits(curve)) < 1e-6
+        pieces = pieces_of(arm, curve.at(curve.s_start))
+        assert min(curve.nearest(piece.points.q[0])[1] for piece in pieces) < 1e-6
+
+
+def test_ends_of_pieces_are_those_of_the_curves_through_them(arm: Arm) -> None:
+    """Those traced with limits, and those cut out of the loop: on the same limits."""
+    rng = np.random.default_rng(4)
+    for _ in range(6):
+        for piece in pieces_of(arm, arm.random_configuration(rng)):
+            middle = piece.points.q[len(piece.points) // 2]
+            curve = trace_self_motion(arm, middle)
+            assert curve.ends == piece.ends
+            np.testing.assert_allclose(curve.q[[0, -1]], piece.points.q[[0, -1]], atol=1e-7)
+
+
+def test_loop_holds_its_pieces_and_no_others(arm: Arm) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        q = arm.random_configuration(rng)
+        fibre = PoseFibre(arm, arm.T_base_tip(q))
+        (loop,) = loops_near(fibre, np.array([q]))
+        pieces = list(pieces_inside(fibre, [loop]))
+        on = pieces[0].points.then(*(piece.points for piece in pieces[1:]))
+        assert loop.holds(on.q, on.tangent).all()
+        assert not loop.holds(on.q, -on.tangent).any()
+        across = np.linalg.svd(on.tangent[:1])[2][3]
+        assert not loop.holds(on.q[:1] + 0.01 * across, on.tangent[:1]).any()
 
 
 def test_every_piece_leads_to_the_same_pieces(arm: Arm) -> None:
@@ -54,10 +90,11 @@ def test_loop_that_limits_do_not_cut_is_one_piece(left: Arm) -> None:
 
 
 def test_point_that_stands_alone_has_no_loop(left: Arm) -> None:
-    assert inside_limits(trace_self_motion(left, singular_near(left, ALONE))) == []
+    assert pieces_of(left, singular_near(left, ALONE)) == []
 
 
 def test_pieces_reach_the_pose(robot: Baxter, left: Arm) -> None:
-    curve = trace_self_motion(left, WITH_TINY_PIECE[0])
-    for q in inside_limits(curve):
-        assert pose_error(robot, left, q, curve.T_base_tip) < 1e-9
+    q_known = np.array(WITH_TINY_PIECE[0])
+    for piece in pieces_of(left, q_known):
+        for q in piece.points.q:
+            assert pose_error(robot, left, q, left.T_base_tip(q_known)) < 1e-9

@@ -11,15 +11,18 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, ConfigurationError, RequestError
 from baxter_kin.arrays import Vector
+from baxter_kin.ik.components import distinct_solutions
 from baxter_kin.ik.objectives import (
     FarthestFromLimits,
     MostManipulable,
     NearestTo,
     Objective,
     TowardsGoal,
+    best_of,
     best_on,
 )
 from baxter_kin.ik.self_motion import SelfMotion, trace_self_motion
+from tests.baxter_kin.ik.test_loop import WITH_TINY_PIECE
 from tests.baxter_kin.ik.test_self_motion import ALONE, CLOSED, singular_near
 
 LOCATED = 1e-9
@@ -130,6 +133,15 @@ def test_best_on_a_closed_curve_may_lie_across_its_start(left: Arm) -> None:
         assert cost(objective, left, again) == pytest.approx(
             cost(objective, left, best), abs=LOCATED
         )
+
+
+def test_best_of_several_curves_is_that_of_the_best(left: Arm) -> None:
+    curves = distinct_solutions(left, [WITH_TINY_PIECE[1]], step_rad=0.1)
+    assert len(curves) > 1
+    for objective in objectives(left, 4):
+        each = [cost(objective, left, best_on(curve, objective)) for curve in curves]
+        together = cost(objective, left, best_of(curves, objective))
+        assert together == pytest.approx(min(each), abs=LOCATED)
 
 
 def test_best_of_a_single_point_is_that_point(left: Arm) -> None:

@@ -27,7 +27,14 @@ from baxter_kin import (
     pose_from_quaternion,
 )
 from baxter_kin.frames import T_world_base, angle_between
-from baxter_kin.ik import FarthestFromLimits, Tolerance
+from baxter_kin.ik import (
+    FarthestFromLimits,
+    NearestTo,
+    Scope,
+    Tolerance,
+    solutions,
+    trace_self_motion,
+)
 from baxter_kin.ik.linkage import Linkage
 from baxter_kin.ik.search import Searcher
 from baxter_kin.ik.service import BLOCK
@@ -370,6 +377,45 @@ def test_an_objective_that_is_none_is_refused(ik: IKService, left: Arm, objectiv
     T = left.T_base_tip(left.neutral)
     with pytest.raises(RequestError, match="objective must be an object with a method costs"):
         ik.solve(T, objective=objective)
+
+
+def test_objective_chooses_among_all_pieces_unless_told_otherwise(robot: Baxter, arm: Arm) -> None:
+    ik, rng = IKService(arm), np.random.default_rng(13)
+    differ = 0
+    for _ in range(8):
+        T, kind = arm.T_base_tip(arm.random_configuration(rng)), NearestTo(arm.neutral)
+        first, here = ik.solve(T), ik.solve(T, objective=kind, scope="curve")
+        everywhere = ik.solve(T, objective=kind)
+        for result in (here, everywhere):
+            assert_solves(result, T, robot, arm)
+        costs = kind.costs(arm, np.array([first.q, here.q, everywhere.q]))
+        assert costs[2] <= costs[1] + TOLERANCE
+        assert costs[1] <= costs[0] + TOLERANCE
+        differ += costs[2] < costs[1] - 1e-3
+        assert trace_self_motion(arm, first.q).nearest(here.q)[1] < 1e-4
+        points = np.concatenate([curve.q for curve in solutions(ik, T)])
+        assert costs[2] <= kind.costs(arm, points).min() + TOLERANCE
+    assert differ
+
+
+@pytest.mark.parametrize("scope", [Scope.ALL, Scope.CURVE])
+def test_scope_may_be_given_by_name(ik: IKService, left: Arm, scope: Scope) -> None:
+    T, kind = left.T_base_tip(left.neutral), FarthestFromLimits()
+    one, other = (ik.solve(T, objective=kind, scope=given) for given in (scope, scope.value))
+    np.testing.assert_array_equal(one.q, other.q)
+
+
+@pytest.mark.parametrize("scope", ["everything", 5, b"all", np.zeros(3), [], True], ids=str)
+def test_unknown_scope_is_refused(ik: IKService, left: Arm, scope: Any) -> None:
+    T = left.T_base_tip(left.neutral)
+    with pytest.raises(UnknownNameError, match=r"unknown scope .*; use one of: all, curve"):
+        ik.solve(T, objective=FarthestFromLimits(), scope=scope)
+
+
+@pytest.mark.parametrize("scope", ["all", "curve", Scope.ALL, "x"], ids=str)
+def test_scope_without_an_objective_is_refused(ik: IKService, left: Arm, scope: Any) -> None:
+    with pytest.raises(RequestError, match="give an objective too"):
+        ik.solve(left.T_base_tip(left.neutral), scope=scope)
 
 
 @pytest.mark.parametrize("chain", ["no", np.zeros(3), 1, None], ids=str)
