@@ -31,6 +31,10 @@ several limits at once."""
 _CORRECTIONS, _MAX_CORRECTION_RAD = 2, 1.0
 """Calls of three Newton steps each, and how far all of them may lead."""
 
+_REPEATS = 2
+"""More such calls for what is far from the fibre, as closed forms of an arm as drawn are from that
+of a calibrated one."""
+
 _DIFFERENCE_RAD = 1e-4
 """Step of the central difference of J: its error, the square, is far below `_FLAT`."""
 
@@ -108,7 +112,13 @@ class PoseFibre:
 
     def nearest_many(self, q: Vector) -> Corrected:
         """Configurations, shape (n, 7), moved onto the fibre by steps of least norm."""
-        return self.kernel.corrected_many(q, np.zeros_like(q), self._matrix)
+        found = self.kernel.corrected_many(q, np.zeros_like(q), self._matrix)
+        for _ in range(_REPEATS):
+            off = np.flatnonzero(~(found.residual <= RESIDUAL_TOLERANCE))
+            again = self.kernel.corrected_many(found.q[off], np.zeros((len(off), 7)), self._matrix)
+            for values, better in zip(found, again, strict=True):
+                values[off] = better
+        return found
 
     def march(self, state: Vector, max_step_rad: float) -> tuple[CurvePoints, Steps]:
         """The points of one block of steps, and the steps; as `CurveKernel.march`."""

@@ -7,13 +7,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm, ConfigurationError, IKService, PoseError, RequestError
+from baxter_kin import Arm, Baxter, ConfigurationError, IKService, PoseError, RequestError
 from baxter_kin.arrays import Vector
 from baxter_kin.ik.components import MOST_CANDIDATES, distinct_solutions, solutions
 from baxter_kin.ik.continuation import EndKind
 from baxter_kin.ik.objectives import NearestTo, best_on
 from baxter_kin.ik.self_motion import SelfMotion, trace_self_motion
 from tests.conftest import at, overhead
+from tests.served_urdf import served_urdf
 
 ON_CURVE_RAD = 1e-6
 BLOCK = overhead(0.70, 0.15, -0.129)
@@ -203,6 +204,23 @@ def test_pieces_are_of_the_arm_as_it_is(robot: Any) -> None:
     for curve in curves:
         for q in curve.q:
             assert np.linalg.norm(pin.log6(arm.T_base_tip(q).actInv(T)).vector) < 1e-11
+
+
+CALIBRATED = [
+    [-1.70167993878, 0.577773317903, 1.325334048397, -0.05, -3.059, 1.951729631474, 2.604904680837],
+    [-0.9592524447, -1.9142184511, 2.990260422, 0.247286426, 0.1654163201, 1.770201325, -2.4610039],
+]
+"""Configurations of a calibrated left arm whose loops lie 0.1 rad and more from all closed forms of
+the arm as drawn."""
+
+
+@pytest.mark.parametrize("q", CALIBRATED)
+def test_all_pieces_of_a_calibrated_arm_are_found(q: list[float]) -> None:
+    arm = Baxter.load(served_urdf(np.random.default_rng(7))).arm("left")
+    T = arm.T_base_tip(q)
+    curves = solutions(IKService(arm), T)
+    for other in [np.array(q), *independent_solutions(arm, T, 100, seed=2)]:
+        assert min(curve.nearest(other)[1] for curve in curves) < 1e-4
 
 
 def test_same_pose_has_the_same_solutions(ik: IKService) -> None:
