@@ -1,0 +1,44 @@
+"""Poses at the edge of what an arm reaches, as the script finds it by searches from random seeds."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+from baxter_kin import Arm, IKService
+
+POSES, MEET_M = 12, 1e-6
+
+
+@pytest.fixture(scope="module")
+def edges(arm: Arm) -> tuple[tuple[pin.SE3, NDArray[np.float64]], ...]:
+    """The last poses within reach on some ways out, and their directions."""
+    script: Any = importlib.import_module("check_reach")
+    rng, ik = np.random.default_rng(5), IKService(arm)
+    found = (script.boundary(ik, rng) for _ in range(2 * POSES))
+    return tuple(edge for edge in found if edge is not None)[:POSES]
+
+
+@pytest.mark.parametrize("inside_m", [2e-6, 1e-6, 0.0, -0.9e-6])
+def test_poses_are_solved_up_to_the_edge(arm: Arm, edges: Any, inside_m: float) -> None:
+    ik = IKService(arm)
+    for edge, outward in edges:
+        T = pin.SE3(edge.rotation, edge.translation - inside_m * outward)
+        result = ik.solve(T)
+        assert result.is_valid, (T, result.failure)
+        assert np.linalg.norm(arm.T_base_tip(result.q).translation - T.translation) <= MEET_M
+
+
+def test_a_little_farther_out_failures_have_numbers(arm: Arm, edges: Any) -> None:
+    ik, told = IKService(arm), []
+    for edge, outward in edges:
+        failure = ik.solve(pin.SE3(edge.rotation, edge.translation + 3e-3 * outward)).failure
+        if failure is not None and failure.beyond_reach_m == 0.0:
+            told.append(failure.nearest_m)
+    assert told
+    assert all(nearest_m is not None and 0.0 < nearest_m <= 3e-3 + MEET_M for nearest_m in told)
