@@ -3,9 +3,10 @@
     python scripts/check_reach.py [--count 1000] [--seed 0] [--limb left|right]
 
 From a random reachable pose the tip is moved in a random direction, its orientation kept, until no
-search from 256 random seeds succeeds any more; the pose asked for lies 1e-6 to 0.06 m beyond, evenly spread over the
-logarithm. The exit status is 1 when more than one in a hundred is neither solved nor proven out of
-reach nor told a reachable position within 1 mm, or when a proof contradicts what was found.
+search from 256 random seeds succeeds any more; the pose asked for lies 1e-6 to 0.06 m beyond,
+evenly spread over the logarithm. The exit status is 1 when more than one in a hundred is neither
+solved nor proven out of reach nor told a reachable position within 1 mm, or when a proof
+contradicts what was found.
 """
 
 from __future__ import annotations
