@@ -30,7 +30,8 @@ import numpy as np
 
 from baxter_kin.arrays import Vector
 from baxter_kin.ik.linkage import Linkage
-from baxter_kin.ik.shoulder_sweep import MARGIN_M, MARGIN_RAD, Flags
+from baxter_kin.ik.shoulder_sweep import MARGIN_M, MARGIN_RAD
+from baxter_kin.ik.uncertain import Flags, UncertainAngle, UncertainVector
 
 FIRST_CELLS = 24, 16
 """Of s0 and of w0."""
@@ -38,33 +39,7 @@ FIRST_CELLS = 24, 16
 SPLIT, LEVELS, MOST_SURVIVORS = 4, 8, 1000
 """Cells are split in four both ways, down to 8 urad, unless more than 1,000 of them remain."""
 
-_LEAST = 1e-9
 _E1_SIGN, _S1_SIGN = np.array([[[1.0], [1.0], [-1.0], [-1.0]], [[1.0], [-1.0], [1.0], [-1.0]]])
-
-
-class _Angle(NamedTuple):
-    """An angle (rad), and how far it may be off; above half a turn it may be any."""
-
-    middle: Vector
-    slack: Vector
-
-
-class _Plane(NamedTuple):
-    """A vector in a plane by its components, and how far it may be off."""
-
-    x: Vector
-    y: Vector
-    slack: Vector
-
-    @property
-    def length(self) -> Vector:
-        length: Vector = np.hypot(self.x, self.y)
-        return length
-
-    @property
-    def angle(self) -> _Angle:
-        """From x towards y."""
-        return _Angle(np.arctan2(self.y, self.x), _turn(self.length, self.slack))
 
 
 class PoseSweep:
@@ -93,7 +68,9 @@ class PoseSweep:
         s0, w0 = (grid.ravel() for grid in np.meshgrid(*starts))
         offsets = (2.0 * np.arange(SPLIT) + 1.0) / SPLIT - 1.0
         for _ in range(LEVELS):
-            survives = self._survivors(target, radius_m, _Angle(s0, half[0]), _Angle(w0, half[1]))
+            survives = self._survivors(
+                target, radius_m, UncertainAngle(s0, half[0]), UncertainAngle(w0, half[1])
+            )
             s0, w0 = s0[survives], w0[survives]
             if s0.size == 0 or s0.size > MOST_SURVIVORS:
                 return bool(s0.size == 0)
@@ -102,7 +79,9 @@ class PoseSweep:
             half = half / SPLIT
         return False
 
-    def _survivors(self, target: Vector, radius_m: float, s0: _Angle, w0: _Angle) -> Flags:
+    def _survivors(
+        self, target: Vector, radius_m: float, s0: UncertainAngle, w0: UncertainAngle
+    ) -> Flags:
         """Which cells may hold a solution, shape (n,); on the way arrays of shape (4, n)."""
         wobble_m, cos, sin = radius_m + self._margin_m, np.cos(s0.middle), np.sin(s0.middle)
         x, y, up = target[:3, 3].tolist()
@@ -111,11 +90,11 @@ class PoseSweep:
         d = np.sqrt(radially * radially + sideways * sideways + up * up)
         e1, is_possible = self._elbow(d, wobble_m + s0.slack * self._arm.shoulder_offset_m, w0)
         along, across = self._forearm(e1, w0)
-        s1, is_seen = _shoulder(_Plane(radially, np.full_like(d, up), slack_m), along)
+        s1, is_seen = _shoulder(UncertainVector(radially, np.full_like(d, up), slack_m), along)
         swing = -np.sin(s1.middle) * radially - np.cos(s1.middle) * up
         slack_m = slack_m + np.hypot(radially, up) * s1.slack
-        beside = _Plane(swing, np.broadcast_to(sideways, swing.shape), slack_m)
-        e0 = _less(beside.angle, across.angle)
+        beside = UncertainVector(swing, np.broadcast_to(sideways, swing.shape), slack_m)
+        e0 = beside.angle.less(across.angle)
         misfit = np.abs(beside.length - across.length)
         fits: Flags = np.asarray(misfit <= beside.slack + across.slack)
         survives = is_possible & is_seen & fits & self._allows(3, e1) & self._allows(1, s1)
@@ -123,18 +102,20 @@ class PoseSweep:
         off = self._margin_rad + s0.slack + s1.slack + e0.slack + e1.slack + w0.slack
         seen = _Seen(s0.middle, s1.middle, e0.middle, e1.middle, w0.middle)
         ahead, sinking, aside = seen.of(target[:3, 2])
-        w1 = _Plane(ahead, sinking, off).angle
+        w1 = UncertainVector(ahead, sinking, off).angle
         survives = survives & (np.abs(aside) <= off) & self._allows(5, w1)
         ahead, sinking, aside = seen.of(target[:3, 0])
         bent = np.cos(w1.middle) * sinking - np.sin(w1.middle) * ahead
-        survives = survives & self._allows(6, _Plane(bent, aside, off + w1.slack).angle)
+        survives = survives & self._allows(6, UncertainVector(bent, aside, off + w1.slack).angle)
         is_left: Flags = np.logical_or.reduce(survives, 0)
         return is_left
 
-    def _elbow(self, d: Vector, slack_m: Vector, w0: _Angle) -> tuple[_Angle, Flags]:
+    def _elbow(
+        self, d: Vector, slack_m: Vector, w0: UncertainAngle
+    ) -> tuple[UncertainAngle, Flags]:
         """e1 for |v|, either way, and where there is one."""
         arm, offset = self._arm, self._arm.wrist_offset_m * np.cos(w0.middle)
-        amplitude = _Plane(
+        amplitude = UncertainVector(
             arm.upper_m * arm.fore_m + arm.elbow_offset_m * offset,
             arm.elbow_offset_m * arm.fore_m - arm.upper_m * offset,
             arm.wrist_offset_m * arm.upper_span_m * w0.slack,
@@ -142,11 +123,15 @@ class PoseSweep:
         squares = arm.upper_span_m**2 + arm.fore_span_m**2
         least = 0.5 * ((d - slack_m).clip(min=0.0) ** 2 - squares)
         most = 0.5 * ((d + slack_m) ** 2 - squares)
-        turn, is_possible = _arc_cosine(least, most, amplitude)
+        turn, is_possible = amplitude.arc_cosine(least, most)
         phi = amplitude.angle
-        return _Angle(phi.middle + _E1_SIGN * turn.middle, phi.slack + turn.slack), is_possible
+        return UncertainAngle(
+            phi.middle + _E1_SIGN * turn.middle, phi.slack + turn.slack
+        ), is_possible
 
-    def _forearm(self, e1: _Angle, w0: _Angle) -> tuple[_Angle, _Plane]:
+    def _forearm(
+        self, e1: UncertainAngle, w0: UncertainAngle
+    ) -> tuple[UncertainAngle, UncertainVector]:
         """How far W - S goes along u, and across it along r and n."""
         arm, cos, sin = self._arm, np.cos(e1.middle), np.sin(e1.middle)
         offset = arm.wrist_offset_m * np.cos(w0.middle)
@@ -154,14 +139,11 @@ class PoseSweep:
         along = arm.upper_m + arm.fore_m * cos - offset * sin
         down = arm.elbow_offset_m + arm.fore_m * sin + offset * cos
         aside = np.broadcast_to(arm.wrist_offset_m * np.sin(w0.middle), down.shape)
-        return _Angle(along, slack_m), _Plane(down, aside, slack_m)
+        return UncertainAngle(along, slack_m), UncertainVector(down, aside, slack_m)
 
-    def _allows(self, joint: int, angle: _Angle) -> Flags:
+    def _allows(self, joint: int, angle: UncertainAngle) -> Flags:
         """Where a joint may be inside its limits."""
-        turned = angle.middle - (self._middle[joint] - math.pi)
-        off = np.abs(np.remainder(turned, 2.0 * math.pi) - math.pi)
-        is_allowed: Flags = off <= self._half[joint] + angle.slack
-        return is_allowed
+        return angle.is_within(self._middle[joint], self._half[joint])
 
 
 class _Seen(NamedTuple):
@@ -185,34 +167,14 @@ class _Seen(NamedTuple):
         return ahead, sinking, aside
 
 
-def _shoulder(v: _Plane, along: _Angle) -> tuple[_Angle, Flags]:
+def _shoulder(v: UncertainVector, along: UncertainAngle) -> tuple[UncertainAngle, Flags]:
     """s1 that gives v, radially and up, its component along u, either way, and where it can."""
     least, most = along.middle - along.slack, along.middle + along.slack
-    turn, is_possible = _arc_cosine(least, most, v)
+    turn, is_possible = v.arc_cosine(least, most)
     gamma = v.angle
-    return _Angle(_S1_SIGN * turn.middle - gamma.middle, turn.slack + gamma.slack), is_possible
-
-
-def _arc_cosine(least: Vector, most: Vector, amplitude: _Plane) -> tuple[_Angle, Flags]:
-    """The arc cosine of a value in a range over the length of a vector, and where there is one."""
-    short = np.maximum(amplitude.length - amplitude.slack, _LEAST)
-    long = amplitude.length + amplitude.slack
-    low = least / np.where(least > 0.0, long, short)
-    high = most / np.where(most > 0.0, short, long)
-    far, near = np.arccos(low.clip(-1.0, 1.0)), np.arccos(high.clip(-1.0, 1.0))
-    is_possible: Flags = (low <= 1.0) & (high >= -1.0)
-    return _Angle(0.5 * (far + near), 0.5 * (far - near)), is_possible
-
-
-def _turn(length: Vector, slack: Vector) -> Vector:
-    """How far a vector of that length can turn when its end moves by the slack."""
-    sine = np.where(slack < length, slack / np.maximum(length, _LEAST), 0.0)
-    turn: Vector = np.where(slack < length, np.arcsin(sine), math.pi)
-    return turn
-
-
-def _less(a: _Angle, b: _Angle) -> _Angle:
-    return _Angle(a.middle - b.middle, a.slack + b.slack)
+    return UncertainAngle(
+        _S1_SIGN * turn.middle - gamma.middle, turn.slack + gamma.slack
+    ), is_possible
 
 
 def _rotated(a: Vector, b: Vector, angle: Vector) -> tuple[Vector, Vector]:

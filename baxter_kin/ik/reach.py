@@ -27,7 +27,8 @@ from baxter_kin.errors import PoseError
 from baxter_kin.ik.linkage import FAR_M, Linkage
 from baxter_kin.ik.pose_sweep import PoseSweep
 from baxter_kin.ik.position_sweep import PositionSweep
-from baxter_kin.ik.shoulder_sweep import MARGIN_M, Flags, ShoulderSweep
+from baxter_kin.ik.shoulder_sweep import MARGIN_M, ShoulderSweep
+from baxter_kin.ik.uncertain import Flags
 from baxter_kin.model import JOINTS, Arm
 
 RADII_M = np.array([1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1])

@@ -23,15 +23,13 @@ and w2 are not used, so the proofs hold for every rotation of the tool about its
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
 from baxter_kin.ik.linkage import Linkage
-
-Flags: TypeAlias = NDArray[np.bool_]
+from baxter_kin.ik.uncertain import Flags, UncertainAngle, UncertainVector
 
 MARGIN_M = MARGIN_RAD = 5e-6
 """Every proof also holds for wrists and tool axes this far off. A solution counts as valid within
@@ -164,12 +162,12 @@ class ShoulderSweep:
         """Which cells pass the limits of shoulder and elbow, and which those of w1 too."""
         d, is_within = self._distances(cells)
         projection = self._projections(d)
-        s1, s1_slack, is_possible = self._shoulder_angles(cells, projection)
-        off = np.abs(np.remainder(s1 - (self._s1_middle - math.pi), 2.0 * math.pi) - math.pi)
-        shoulder: Flags = is_within & is_possible & (off <= self._s1_half + s1_slack)
+        s1, is_possible = self._shoulder_angles(cells, projection)
+        is_allowed = s1.is_within(self._s1_middle, self._s1_half)
+        shoulder: Flags = is_within & is_possible & is_allowed
         if not shoulder.any():
             return shoulder[0, 0], shoulder[0, 0]
-        advance = self._most_advance(cells, d, projection, s1, s1_slack)
+        advance = self._most_advance(cells, d, projection, s1)
         wrist: Flags = shoulder & (advance >= self._least_advance)
         return np.logical_or.reduce(shoulder, (0, 1)), np.logical_or.reduce(wrist, (0, 1))
 
@@ -208,29 +206,23 @@ class ShoulderSweep:
         m = (square + (self._upper**2 - self._fore**2)) / (2.0 * self._upper)
         return m, np.sqrt(np.maximum(square - m * m, 0.0))
 
-    def _shoulder_angles(self, cells: _Cells, projection: _Bounds) -> tuple[Vector, Vector, Flags]:
-        """Middles and slack of s1, (b, 2, n), and where u can have the projection, (b, 1, n).
+    def _shoulder_angles(self, cells: _Cells, projection: _Bounds) -> tuple[UncertainAngle, Flags]:
+        """s1, shape (b, 2, n), and where u can have the projection, (b, 1, n).
 
         `u . v = rho cos(s1 + gamma)` with (rho, gamma) the polar form of v's (radial, up).
         """
-        radially, _, up = cells.v
-        rho, slack = np.hypot(radially, up), cells.plane_slack
-        least, most = np.maximum(rho - slack, 1e-9), rho + slack
-        low = projection.low / np.where(projection.low > 0.0, most, least)
-        high = projection.high / np.where(projection.high > 0.0, least, most)
-        nearest = np.arccos(np.minimum(np.maximum(high, -1.0), 1.0))
-        farthest = np.arccos(np.minimum(np.maximum(low, -1.0), 1.0))
-        turn = np.where(slack < rho, np.arcsin(slack / np.maximum(rho, slack)), math.pi)
-        s1 = _BOTH_SIGNS * (0.5 * (nearest + farthest)) - np.arctan2(up, radially)
-        return s1, 0.5 * (farthest - nearest) + turn, (low <= 1.0) & (high >= -1.0)
+        v = UncertainVector(cells.v[0], cells.v[2], cells.plane_slack)
+        turn, is_possible = v.arc_cosine(projection.low, projection.high)
+        s1 = UncertainAngle(_BOTH_SIGNS * turn.middle, turn.slack).less(v.angle)
+        return s1, is_possible
 
     def _most_advance(
-        self, cells: _Cells, d: _Bounds, projection: _Bounds, s1: Vector, s1_slack: Vector
+        self, cells: _Cells, d: _Bounds, projection: _Bounds, s1: UncertainAngle
     ) -> Vector:
         """An upper bound of `t . (W - E)`, shape (b, 2, n): how far the forearm goes along t."""
         t_v = cells.t[0] * cells.v[0] + cells.t[1] * cells.v[1] + cells.t[2] * cells.v[2]
-        t_u = cells.t[0] * np.cos(s1) - cells.t[2] * np.sin(s1)
-        u_slack = s1_slack + cells.half
+        t_u = cells.t[0] * np.cos(s1.middle) - cells.t[2] * np.sin(s1.middle)
+        u_slack = s1.slack + cells.half
         middle = 0.5 * (projection.low + projection.high)
         farthest = np.maximum(np.abs(projection.low), np.abs(projection.high))
         swing = self._swing(d, projection, farthest)
