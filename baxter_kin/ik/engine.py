@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import pinocchio as pin
 
@@ -82,7 +82,8 @@ class Engines:
         ipopt = self._ipopt(self._map, tolerance)
         search: Search = quick or ipopt()
         explainer = Explainer(self._arm, search, self._map, self._reach, tolerance)
-        search_one, last_resort = (quick.search_one, self._nearest) if quick else (None, None)
+        last_resort = self._nearest(self._map) if quick else None
+        search_one = quick.search_one if quick else None
         return Engine(search, self._map, explainer, search_one, quick, last_resort)
 
     def _task(self, task: Task) -> Engine:
@@ -94,27 +95,17 @@ class Engines:
             quick = TaskSearcher(self._arm, self._task_evaluator, task, starts)
             search, search_one = quick, quick.search_one
         explainer = Explainer(self._arm, search, starts, reach, task.tolerance)
-        last_resort = ipopt if search_one else None
+        if search_one is None:
+            return Engine(search, starts, explainer, None, None, None)
+        last_resort = self._nearest(starts) if task.tolerance == Tolerance() else ipopt
         return Engine(search, starts, explainer, search_one, None, last_resort)
 
-    def _nearest(self) -> Search:
-        """What finds out how near to a pose the arm comes."""
-        return self._nearest_searcher
-
-    @cached_property
-    def _nearest_searcher(self) -> NearestSearcher:
-        """Made when it is first needed."""
-        return NearestSearcher(self._arm, self._map)
+    def _nearest(self, starts: Starts) -> Callable[[], Search]:
+        """What makes, once, the search for how near to a pose the arm comes."""
+        return cache(lambda: NearestSearcher(self._arm, starts))
 
     def _ipopt(self, starts: Starts, tolerance: Tolerance) -> Callable[[], Search]:
-        made: list[Search] = []
-
-        def searcher() -> Search:
-            if not made:
-                made.append(IpoptSearcher(self._arm, starts, tolerance))
-            return made[0]
-
-        return searcher
+        return cache(lambda: IpoptSearcher(self._arm, starts, tolerance))
 
     @cached_property
     def _task_evaluator(self) -> TaskEvaluator:

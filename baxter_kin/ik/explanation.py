@@ -24,6 +24,9 @@ from baxter_kin.model import Arm
 
 AT_LIMIT_RAD = 1e-6
 
+NEAR_ENOUGH_M = 1e-3
+"""A pose that the arm comes closer to is not given more time to be proven out of reach."""
+
 STRAIGHT_DOWN_RAD = 0.1
 """A tool that leans by less points straight down, as those of most picks do."""
 
@@ -50,8 +53,8 @@ class Attempt:
 class Reach(Protocol):
     """What proves that poses are out of reach."""
 
-    def proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
-        """Why a pose is, or None."""
+    def proof(self, T_base_tip: pin.SE3, *, is_thorough: bool = ...) -> ReachProof | None:
+        """Why a pose is, or None; a thorough one may take a second."""
 
     def are_outside_shells(self, Ts: Vector) -> NDArray[np.bool_]:
         """Which poses, shape (m, 4, 4), are so far away that it is proven in no time."""
@@ -117,22 +120,28 @@ class Explainer:
         what = "position" if self._tolerance.is_position_only else "pose at"
         pose = f"the {what} ({x:.3f}, {y:.3f}, {z:.3f}) m in base"
         proof = self._reach.proof(_se3(attempt.T))
-        if proof is not None:
-            reason = f"{pose} is proven out of reach: {proof.text}{self._hint(attempt.T)}"
-            return IKFailure(reason, attempt.starts, beyond_reach_m=proof.excess_m)
-        if not attempt.starts:
+        nearest_m = self._nearest_m(attempt)
+        if proof is None and not attempt.starts:
             return IKFailure(
                 f"seed mode {mode_name} was asked for, but no {mode_name} seed was given"
             )
-        return self._not_found(pose, attempt)
+        if proof is None and nearest_m is not None and nearest_m > NEAR_ENOUGH_M:
+            proof = self._reach.proof(_se3(attempt.T), is_thorough=True)
+        if proof is None:
+            return self._not_found(pose, attempt, nearest_m)
+        reason = f"{pose} is proven out of reach: {proof.text}{self._hint(attempt.T)}"
+        return IKFailure(reason, attempt.starts, beyond_reach_m=proof.excess_m, nearest_m=nearest_m)
 
-    def _not_found(self, pose: str, attempt: Attempt) -> IKFailure:
+    def _not_found(self, pose: str, attempt: Attempt, nearest_m: float | None) -> IKFailure:
         counts = ", ".join(f"{count} {type_.name}" for type_, count in attempt.starts.items())
         at_limit = self._joints_at_limit(attempt.q)
         limited = f", with {', '.join(at_limit)} at a limit" if at_limit else ""
         beyond = self._beyond_limits(attempt.T)
         only = f"; without joint limits, {'; '.join(beyond)} would reach it" if beyond else ""
-        nearest_m, ends = self._nearest(attempt)
+        offset_mm, angle = 1e3 * attempt.position_error_m, attempt.orientation_error_rad
+        ends = f"the best attempt ends {offset_mm:.3g} mm and {angle:.3g} rad away"
+        if nearest_m is not None:
+            ends = f"the nearest position found in this orientation is {offset_mm:.3g} mm away"
         return IKFailure(
             f"no solution found for {pose} in {sum(attempt.starts.values())} starts ({counts}); "
             f"{ends}{limited}{only}{self._hint(attempt.T)}",
@@ -142,13 +151,11 @@ class Explainer:
             limits_violated=beyond,
         )
 
-    def _nearest(self, attempt: Attempt) -> tuple[float | None, str]:
-        """How far an attempt in the pose's orientation is from it, and its end in words."""
-        offset_mm, angle = 1e3 * attempt.position_error_m, attempt.orientation_error_rad
-        if angle <= ORIENTATION_TOLERANCE_RAD and self._tolerance == Tolerance():
-            nearest = f"the nearest position found in this orientation is {offset_mm:.3g} mm away"
-            return attempt.position_error_m, nearest
-        return None, f"the best attempt ends {offset_mm:.3g} mm and {angle:.3g} rad away"
+    def _nearest_m(self, attempt: Attempt) -> float | None:
+        """How far an attempt in the pose's orientation is from it; None for another."""
+        is_turned = attempt.orientation_error_rad > ORIENTATION_TOLERANCE_RAD
+        is_exact = self._tolerance == Tolerance() and bool(attempt.starts)
+        return attempt.position_error_m if is_exact and not is_turned else None
 
     def _hint(self, T: Vector) -> str:
         """What was probably meant, where that can be told, as the end of a sentence."""

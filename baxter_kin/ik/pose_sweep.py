@@ -39,6 +39,9 @@ FIRST_CELLS = 24, 16
 SPLIT, LEVELS, MOST_SURVIVORS = 4, 8, 1000
 """Cells are split in four both ways, down to 8 urad, unless more than 1,000 of them remain."""
 
+MANY_SURVIVORS = 20_000
+"""So many prove six of eight poses 1 to 3 mm out of reach that 1,000 do not, in up to a second."""
+
 _E1_SIGN, _S1_SIGN = np.array([[[1.0], [1.0], [-1.0], [-1.0]], [[1.0], [-1.0], [1.0], [-1.0]]])
 
 
@@ -53,12 +56,15 @@ class PoseSweep:
         self._margin_m = MARGIN_M + linkage.deviation.wrist_m
         self._margin_rad = MARGIN_RAD + linkage.deviation.axis
 
-    def excludes(self, target: Vector, radius_m: float) -> bool:
+    def excludes(
+        self, target: Vector, radius_m: float, most_survivors: int = MOST_SURVIVORS
+    ) -> bool:
         """Whether no pose of that orientation so near to a target is within reach.
 
         Args:
             target: one of `Linkage.targets`, finite, shape (4, 4).
             radius_m: how far from its position, m.
+            most_survivors: how many cells may remain; more of them prove more, and take longer.
         """
         half = self._half[[0, 4]] / FIRST_CELLS
         starts = (
@@ -72,7 +78,7 @@ class PoseSweep:
                 target, radius_m, UncertainAngle(s0, half[0]), UncertainAngle(w0, half[1])
             )
             s0, w0 = s0[survives], w0[survives]
-            if s0.size == 0 or s0.size > MOST_SURVIVORS:
+            if s0.size == 0 or s0.size > most_survivors:
                 return bool(s0.size == 0)
             s0 = np.repeat((s0[:, None] + half[0] * offsets).ravel(), SPLIT)
             w0 = np.tile(w0[:, None] + half[1] * offsets, SPLIT).ravel()

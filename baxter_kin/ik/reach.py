@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from baxter_kin.arrays import Vector, finite_array
 from baxter_kin.errors import PoseError
 from baxter_kin.ik.linkage import FAR_M, Linkage
-from baxter_kin.ik.pose_sweep import PoseSweep
+from baxter_kin.ik.pose_sweep import MANY_SURVIVORS, MOST_SURVIVORS, PoseSweep
 from baxter_kin.ik.position_sweep import PositionSweep
 from baxter_kin.ik.shoulder_sweep import MARGIN_M, ShoulderSweep
 from baxter_kin.ik.uncertain import Flags
@@ -97,19 +97,24 @@ class ReachBound:
         low, high = self._arm.q_min[0], self._arm.q_max[0]
         self._s0_middle, self._s0_half = 0.5 * (low + high), 0.5 * (high - low)
 
-    def proof(self, T_base_tip: pin.SE3, *, is_roll_free: bool = False) -> ReachProof | None:
+    def proof(
+        self, T_base_tip: pin.SE3, *, is_roll_free: bool = False, is_thorough: bool = False
+    ) -> ReachProof | None:
         """Why the arm cannot reach a pose, or None when that is not proved.
 
         Args:
             T_base_tip: the tip seen from base, as `checked_pose` returns it.
             is_roll_free: whether the proof shall cover every rotation about the last joint's axis.
+            is_thorough: whether it may take a second.
 
         Raises:
             PoseError: when the pose is not finite.
         """
         target, where = self._target(T_base_tip)
         proof = self._shell_proof(target, where) or self._sweep_proof(target, where)
-        return proof if proof or is_roll_free else self._limits_proof(target, where)
+        if proof or is_roll_free:
+            return proof
+        return self._limits_proof(target, where, MANY_SURVIVORS if is_thorough else MOST_SURVIVORS)
 
     def are_proven(self, Ts: Vector, levels: int = DECISION_LEVELS) -> Flags:
         """Which poses are out of reach by any bound but "limits", proven for many at a time.
@@ -271,14 +276,14 @@ class ReachBound:
         text = f"at least {_length(radius_m)} from where {reachable}, {where}"
         return ReachProof(radius_m, "wrist" if needs_wrist else "shoulder", text)
 
-    def _limits_proof(self, target: Vector, where: str) -> ReachProof | None:
-        radius_m = 0.0
-        for wider_m in RADII_M.tolist():
+    def _limits_proof(self, target: Vector, where: str, most_cells: int) -> ReachProof | None:
+        radius_m, *wider = RADII_M.tolist()
+        if not self._pose_sweep.excludes(target, radius_m, most_cells):
+            return None
+        for wider_m in wider:
             if not self._pose_sweep.excludes(target, wider_m):
                 break
             radius_m = wider_m
-        if radius_m == 0.0:
-            return None
         text = (
             f"at least {_length(radius_m)} from where the limits of all joints together let the "
             f"tool be in this orientation, {where}"

@@ -37,8 +37,9 @@ class IKFailure(_Pending, OneLine):
         joints_at_limit: joints that the best attempt leaves at a limit.
         limits_violated: what stands in the way: a phrase, with joint, value and range, for each
             joint limit that a solution without limits violates; empty when none was found either.
-        nearest_m: where nothing is proven, how far the pose is from the nearest position that was
-            found to be reachable in its orientation, by the result's `q`; else None.
+        nearest_m: how far the pose is from the nearest position that was found to be reachable in
+            its orientation, by the result's `q`; None where `beyond_reach_m` was proven before that
+            was searched for. With both, the nearest is between them.
 
     Raises:
         ConfigurationError: when a value is of another class.

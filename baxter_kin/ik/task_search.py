@@ -170,11 +170,18 @@ class TaskReach:
         self._is_posed = _fixes_gripper(bound, task)
         self._is_roll_free = task.roll_is_free
 
-    def proof(self, T_base_tip: pin.SE3) -> ReachProof | None:
-        """Why the arm cannot do the task at a pose, or None when that is not proved."""
+    def proof(self, T_base_tip: pin.SE3, *, is_thorough: bool = False) -> ReachProof | None:
+        """Why the arm cannot do the task at a pose, or None when that is not proved.
+
+        Args:
+            T_base_tip: the tip seen from base.
+            is_thorough: whether it may take a second.
+        """
         T_base_gripper = T_base_tip * self._T_tip_gripper
         if self._is_posed:
-            proof = self._bound.proof(T_base_gripper, is_roll_free=self._is_roll_free)
+            proof = self._bound.proof(
+                T_base_gripper, is_roll_free=self._is_roll_free, is_thorough=is_thorough
+            )
             return _less(proof, self._leeway_m)
         tool_m = float(np.linalg.norm(self._T_tip_gripper.translation))
         position = self._bound.proof_of_position(T_base_tip.translation)

@@ -599,3 +599,21 @@ def test_too_near_for_a_proof_a_failure_tells_how_near_the_arm_comes(
     assert angle_between(reached.rotation, target.rotation) <= TOLERANCE
     assert distance == pytest.approx(away_m, rel=0.01)
     assert f"is {1e3 * distance:.3g} mm away" in str(result.failure)
+
+
+HARD_TO_PROVE = (0.07577321122, 0.67417202212, 0.32729818058)
+HARD_TO_PROVE_XYZW = (-0.57846996836, 0.74149685357, -0.23663931186, -0.24404251256)
+
+
+@pytest.mark.parametrize("tool_m", [0.0, 0.1])
+def test_what_is_hard_to_prove_out_of_reach_gets_a_bracket(left: Arm, tool_m: float) -> None:
+    T = pose_from_quaternion(HARD_TO_PROVE, HARD_TO_PROVE_XYZW, normalise=True)
+    tool = pin.SE3(np.eye(3), np.array([0.0, 0.0, tool_m]))
+    arm = left.with_tip(tool) if tool_m else left
+    result = IKService(arm).solve(T * tool)
+    assert result.failure is not None
+    assert result.failure.nearest_m is not None
+    assert 1e-3 < result.failure.nearest_m < 2.3e-3
+    assert 0.0 < result.failure.beyond_reach_m <= result.failure.nearest_m
+    reached = arm.T_base_tip(result.q)
+    assert angle_between(reached.rotation, T.rotation) <= TOLERANCE
