@@ -23,11 +23,11 @@ import warnings
 from collections.abc import Sequence, Sized
 from dataclasses import dataclass
 from enum import Enum
-from typing import TypeAlias
+from typing import TypeAlias, TypeGuard
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.arrays import Vector, finite_array
 from baxter_kin.display import OneLine, numbers, position
@@ -184,11 +184,15 @@ def checked_pose(pose: PoseLike) -> pin.SE3:
     return pin.SE3(T[:3, :3], T[:3, 3])
 
 
-def pose_matrices(poses: Sequence[PoseLike]) -> Vector:
+def pose_matrices(poses: Sequence[PoseLike], first: int = 0) -> Vector:
     """Valid poses seen from base, as matrices, shape (n, 4, 4).
 
+    Args:
+        poses: as for `checked_pose`.
+        first: the number of the first one, for error messages.
+
     Raises:
-        PoseError: when one of them is none, by the tests of `checked_pose`; with its index. When
+        PoseError: when one of them is none, by the tests of `checked_pose`; with its number. When
             they have no length.
     """
     if not isinstance(poses, Sized):
@@ -197,15 +201,33 @@ def pose_matrices(poses: Sequence[PoseLike]) -> Vector:
     for i, pose in enumerate(poses):
         if isinstance(pose, pin.SE3):
             Ts[i] = pose.homogeneous
+        elif _is_matrix(pose):
+            Ts[i] = pose
         else:
-            Ts[i] = _checked_at(i, pose).homogeneous
-    R = Ts[:, :3, :3]
-    deviation = np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)).max(axis=(1, 2))
-    is_pose = (deviation <= ROTATION_TOLERANCE) & (np.linalg.det(R) > 0.0)
-    is_pose &= np.isfinite(Ts).all(axis=(1, 2))
-    for index in np.flatnonzero(~is_pose).tolist():
-        _checked_at(index, poses[index])
+            Ts[i] = _checked_at(first + i, pose).homogeneous
+    for i in np.flatnonzero(~_are_poses(Ts)).tolist():
+        _checked_at(first + i, poses[i])
+    Ts[:, 3] = 0.0, 0.0, 0.0, 1.0
     return Ts
+
+
+def _is_matrix(pose: object) -> TypeGuard[Vector]:
+    """Whether it has the right shape for a pose, and numbers of full precision."""
+    return type(pose) is np.ndarray and pose.shape == (4, 4) and pose.dtype == np.float64
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _are_poses(Ts: Vector) -> NDArray[np.bool_]:
+    """Which of matrices, shape (n, 4, 4), are poses, by the tests of `checked_pose`."""
+    columns = [np.ascontiguousarray(Ts[:, :3, j].T) for j in range(3)]
+    is_pose = np.isfinite(Ts).all(axis=(1, 2))
+    is_pose &= (np.abs(Ts[:, 3] - (0.0, 0.0, 0.0, 1.0)) <= ROTATION_TOLERANCE).all(axis=1)
+    for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+        (ax, ay, az), (bx, by, bz) = columns[i], columns[j]
+        is_pose &= np.abs(ax * bx + ay * by + az * bz - (i == j)) <= ROTATION_TOLERANCE
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = columns
+    turn = (ay * bz - az * by) * cx + (az * bx - ax * bz) * cy + (ax * by - ay * bx) * cz
+    return np.asarray(is_pose & (turn > 0.0))
 
 
 def _unit_quaternion(quat: Vector, normalise: bool) -> Vector:

@@ -6,17 +6,16 @@ virtual machine, six times as slow.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Sequence
 from functools import cache, lru_cache
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
 from baxter_kin.dh_parameters import DHParameters
+from baxter_kin.ik.buffered import BufferedFunction
 from baxter_kin.ik.curve_functions import LANES, curve_functions
 from baxter_kin.ik.machine_code import compiled
 from baxter_kin.model import Arm
@@ -69,7 +68,7 @@ class CurveKernel:
 
     def __init__(self, dh: DHParameters, functions: Sequence[ca.Function]) -> None:
         """Wrap those of `curve_functions`."""
-        self._measure, self._one, self._many, self._march = map(_Buffered, functions)
+        self._measure, self._one, self._many, self._march = map(BufferedFunction, functions)
         self._dimensions = dimensions_of(dh)[None]
         self._first = dh.T_base_first.inverse().homogeneous
         self._last = dh.T_last_tip.inverse().homogeneous
@@ -150,26 +149,3 @@ def _functions() -> Sequence[ca.Function]:
 
 def _corrected(rows: Vector) -> Corrected:
     return Corrected(rows[:, :7], rows[:, 7:14], rows[:, 14], rows[:, 15], rows[:, 16])
-
-
-class _Buffered(threading.local):
-    """A function on memory that CasADi reads and writes directly, for each thread its own."""
-
-    def __init__(self, function: ca.Function) -> None:
-        self._inputs = [np.zeros(function.size_in(i)[::-1]) for i in range(function.n_in())]
-        self._outputs = [np.zeros(function.size_out(i)[::-1]) for i in range(function.n_out())]
-        self._buffer, self._run = function.buffer()
-        for i, array in enumerate(self._inputs):
-            self._buffer.set_arg(i, array.data)  # type: ignore[call-arg]  # wants no size
-        for i, array in enumerate(self._outputs):
-            self._buffer.set_res(i, array.data)  # type: ignore[call-arg]  # neither here
-
-    def __call__(self, *rows: Vector) -> list[NDArray[np.float64]]:
-        """Each output's columns as rows, for each input's columns as rows.
-
-        Of an input that gets fewer rows than it has columns, the rest is what it was before.
-        """
-        for memory, given in zip(self._inputs, rows, strict=True):
-            memory[: len(given)] = given
-        self._run()
-        return [array.copy() for array in self._outputs]

@@ -22,7 +22,10 @@ for arms of right angles, as Baxter is drawn, and one for arms as they are calib
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import casadi as ca
 import numpy as np
@@ -144,7 +147,9 @@ def _pose(numbers: ca.SX) -> ca.SX:
     return ca.sparsify(ca.vertcat(rows, ca.horzcat(0, 0, 0, 1)))
 
 
-def iterations_of(step: ca.Function) -> ca.Function:
+def iterations_of(
+    step: ca.Function, patience: Mapping[int, float] = MappingProxyType({})
+) -> ca.Function:
     """`(q, ...) -> (last iterate, (arrived, position error, orientation error, count))`.
 
     Each iteration holds the rest of them behind a lazy switch, so that what comes after the last
@@ -154,25 +159,30 @@ def iterations_of(step: ca.Function) -> ca.Function:
     Args:
         step: `(q, ...) -> (q_next, position error at q, orientation error at q)`; what follows `q`
             is handed through. `q` must be inside the bounds.
+        patience: the greatest error, m and rad (weighted) together, to go on with at iterations of
+            these numbers; others go on whatever it is.
     """
     q, *given = symbols(step)
     _, *errors = step(q, *given)
     outcome = ca.vertcat(_arrived(*errors), *errors, ITERATIONS + 1)
     rest = ca.Function("measure", [q, *given], [q, outcome])
     for count in range(ITERATIONS, 0, -1):
-        rest = _iteration(count, step, rest)
+        rest = _iteration(count, step, rest, patience.get(count, math.inf))
     return rest
 
 
-def _iteration(count: int, step: ca.Function, rest: ca.Function) -> ca.Function:
+def _iteration(count: int, step: ca.Function, rest: ca.Function, most: float) -> ca.Function:
     """The iteration of that number: tell the errors at `q`; if too large, step and go on."""
-    (q, *given), q_next, errors = symbols(step), ca.MX.sym("q_next", 7), ca.MX.sym("errors", 2)
-    inputs = [q, q_next, errors, *given]
-    stay = ca.Function("stay", inputs, [q, ca.vertcat(1, errors, count)])
+    (q, *given), q_next, outcome = symbols(step), ca.MX.sym("q_next", 7), ca.MX.sym("outcome", 4)
+    inputs = [q, q_next, outcome, *given]
+    stay = ca.Function("stay", inputs, [q, outcome])
     go_on = ca.Function("go_on", inputs, list(rest(q_next, *given)))
     switch = ca.Function.if_else("switch", stay, go_on)
-    q_new, *measured = step(q, *given)
-    outputs = switch(_arrived(*measured), q, q_new, ca.vertcat(*measured), *given)
+    q_new, *errors = step(q, *given)
+    is_end = arrived = _arrived(*errors)
+    if most < math.inf:
+        is_end = ca.logic_or(arrived, errors[0] + ROTATION_WEIGHT_M * errors[1] > most)
+    outputs = switch(is_end, q, q_new, ca.vertcat(arrived, *errors, count), *given)
     return ca.Function(f"iteration_{count}", [q, *given], list(outputs))
 
 

@@ -12,6 +12,11 @@ from baxter_kin.ik.kernel import arm_symbols, target_function
 from baxter_kin.ik.seeds import MAP_STARTS, ROTATION_WEIGHT_M, setpoint_table
 from baxter_kin.symbolic import Shape
 
+PATIENCE = {8: 0.1, 10: 0.03, 12: 0.01}
+"""The error, m and 0.6 rad together, that a search may have left at iterations of these numbers.
+Of searches from the nearest setpoint 2 % have more and would have converged, as 8 of 9 % that would
+not: the next setpoint is the better bet."""
+
 
 def map_search_function(shape: Shape, iterations: ca.Function, side: str) -> ca.Function:
     """The search from the map as `(T_base_tip, arm) -> (q, report)`.

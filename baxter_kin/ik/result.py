@@ -141,13 +141,12 @@ class IKResult(Frozen, OneLine):
 
         Args:
             joint_names: the joints of `q`.
-            q: shape (7,), rad; frozen here.
+            q: shape (7,), rad, read-only.
             seed_type: whose start converged.
             errors: position error in m, orientation error in rad.
             failure: None, or why there is no solution.
         """
         result = object.__new__(cls)
-        q.setflags(write=False)
         put_names, put_q, put_seed_type, put_offset, put_angle, put_failure = _SETTERS
         put_names(result, joint_names)
         put_q(result, q)

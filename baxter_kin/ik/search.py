@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -19,9 +18,10 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import UnknownNameError
+from baxter_kin.ik.buffered import BufferedFunction
 from baxter_kin.ik.kernel import ArmNumbers, iterations_of, search_function, step_function
 from baxter_kin.ik.machine_code import compiled
-from baxter_kin.ik.restarts import map_search_function
+from baxter_kin.ik.restarts import PATIENCE, map_search_function
 from baxter_kin.model import LIMBS, Arm
 from baxter_kin.symbolic import Shape
 
@@ -153,16 +153,16 @@ class Searcher:
             are overwritten by the next search of this thread.
         """
         desk = self._desk
-        inputs = desk.inputs
-        inputs[0][:] = q_start
-        inputs[1][:] = T_base_tip.homogeneous
+        request = desk.request
+        request[0][:] = q_start
+        request[1][:] = T_base_tip.homogeneous
         desk.run()
         return desk.q, desk.report
 
     def search_one_from_map(self, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
         """The same from the nearest setpoints; the pose must be valid."""
         desk = self._map_desk
-        desk.inputs[0][:] = T_base_tip.homogeneous
+        desk.request[0][:] = T_base_tip.homogeneous
         desk.run()
         return desk.q, desk.report
 
@@ -202,9 +202,10 @@ def evaluated(
 @cache
 def search_functions(shape: Shape) -> tuple[ca.Function, ...]:
     """The searches of all arms of a shape: from a start, from the left map, from the right one."""
-    iterations = iterations_of(step_function(shape))
-    from_maps = (map_search_function(shape, iterations, side) for side in LIMBS)
-    return search_function(shape, iterations), *from_maps
+    step = step_function(shape)
+    impatient = iterations_of(step, PATIENCE)
+    from_maps = (map_search_function(shape, impatient, side) for side in LIMBS)
+    return search_function(shape, iterations_of(step)), *from_maps
 
 
 class Lanes:
@@ -218,9 +219,11 @@ class Lanes:
             filler: its first inputs, such that it ends at once.
         """
         shared = list(range(len(filler), function.n_in()))
-        self._filler = filler
+        self._filler = [_rows(value) for value in filler]
         self._mapped = {
-            lanes: function.map(f"{function.name()}_{lanes}", "serial", lanes, shared, [])
+            lanes: BufferedFunction(
+                function.map(f"{function.name()}_{lanes}", "serial", lanes, shared, [])
+            )
             for lanes in LANES
         }
 
@@ -237,20 +240,20 @@ class Lanes:
         """One call, for at most as many requests as the largest has lanes."""
         count = len(inputs[0])
         lanes = next(lanes for lanes in LANES if lanes >= count)
-        columns = []
-        for given, filler in zip(inputs, self._filler, strict=True):
-            padded = np.empty((lanes, *filler.shape))
-            padded[:count], padded[count:] = given, filler
-            columns.append(_side_by_side_columns(padded))
-        q, report = self._mapped[lanes](*columns, *shared)
-        return np.array(q).T[:count], np.array(report).T[:count]
+        mapped, own = self._mapped[lanes], len(inputs)
+        for memory, filler, given in zip(mapped.inputs, self._filler, inputs, strict=False):
+            rows = memory.reshape(lanes, *filler.shape)
+            rows[:count], rows[count:] = _rows(given), filler
+        for memory, value in zip(mapped.inputs[own:], shared, strict=True):
+            memory[:] = _rows(value)
+        mapped.run()
+        q, report = mapped.outputs
+        return q[:count].copy(), report[:count].copy()
 
 
-def _side_by_side_columns(values: Vector) -> Vector:
-    """Vectors (m, n) as the columns of (n, m), matrices (m, 4, 4) side by side as (4, 4 m)."""
-    if values.ndim == 2:
-        return values.T
-    return values.transpose(1, 0, 2).reshape(4, -1)
+def _rows(values: Vector) -> Vector:
+    """Matrices (..., n, n) by columns, as CasADi stores them; vectors (..., n) as they are."""
+    return values.swapaxes(-1, -2) if values.shape[-2:] == (4, 4) else values
 
 
 @contextmanager
@@ -267,28 +270,18 @@ def _side_by_side(count: int) -> Iterator[Callable[..., Iterable[Any]]]:
         yield pool.map
 
 
-class Desk(threading.local):
-    """Memory that CasADi reads and writes directly, one for each thread.
+class Desk(BufferedFunction):
+    """A search function for one request at a time, with nothing copied.
 
     Attributes:
-        inputs: what the function is given, vectors and matrices; what it knows of the arm last.
+        request: views of its inputs but the last, which stays: vectors, and matrices by rows.
         q: what it finds, shape (7,), rad.
         report: shape (5,).
-        run: evaluates the function.
     """
 
     def __init__(self, function: ca.Function, arm: Vector) -> None:
         """Lay out the inputs of a search function, the last of which is `ArmNumbers.within`."""
-        shapes = [function.size_in(i) for i in range(function.n_in())]
-        self._memory = [np.zeros(rows * columns) for rows, columns in shapes]
-        self._memory[-1][:] = arm
-        self.inputs = [  # the same memory, in the shapes that NumPy uses
-            memory if columns == 1 else memory.reshape(rows, columns, order="F")
-            for memory, (rows, columns) in zip(self._memory, shapes, strict=True)
-        ]
-        self.q, self.report = np.zeros(7), np.zeros(5)
-        self._buffer, self.run = function.buffer()
-        for index, array in enumerate(self._memory):
-            self._buffer.set_arg(index, array.data)  # type: ignore[call-arg]  # wants no size
-        for index, array in enumerate((self.q, self.report)):
-            self._buffer.set_res(index, array.data)  # type: ignore[call-arg]  # neither here
+        super().__init__(function)
+        self.inputs[-1][:] = arm
+        self.request = [rows[0] if len(rows) == 1 else rows.T for rows in self.inputs[:-1]]
+        self.q, self.report = (rows[0] for rows in self.outputs)

@@ -261,7 +261,7 @@ class IKService(OneLine):
         q, report = engine.search_one(q_seed, T_base_tip)
         is_solved, offset, angle, _, is_valid_input = report.tolist()
         if is_solved == 1.0:
-            return IKResult.trusted(self.arm.joint_names, q.copy(), seed_type, (offset, angle))
+            return IKResult.trusted(self.arm.joint_names, _frozen(q), seed_type, (offset, angle))
         return None if is_valid_input != 1.0 else self._from_map(engine, T_base_tip)
 
     def _from_map(self, engine: Engine, T_base_tip: pin.SE3) -> IKResult | None:
@@ -272,7 +272,7 @@ class IKService(OneLine):
         q, report = engine.quick.search_one_from_map(T_base_tip)
         is_solved, offset, angle, _, _ = report.tolist()
         if is_solved == 1.0:
-            return IKResult.trusted(names, q.copy(), seed_type, (offset, angle))
+            return IKResult.trusted(names, _frozen(q), seed_type, (offset, angle))
         Ts = T_base_tip.homogeneous[None]
         if engine.explainer.are_out_of_reach_at_a_glance(Ts).any():
             return None
@@ -280,7 +280,7 @@ class IKService(OneLine):
             q, report = engine.quick.search_one(q_start, T_base_tip)
             is_solved, offset, angle, _, _ = report.tolist()
             if is_solved == 1.0:
-                return IKResult.trusted(names, q.copy(), seed_type, (offset, angle))
+                return IKResult.trusted(names, _frozen(q), seed_type, (offset, angle))
         return None
 
     def _best(
@@ -292,7 +292,7 @@ class IKService(OneLine):
             q = best_on(curve, objective)
         else:
             q = best_of(all_pieces(arm, self.search, T_base_tip, step_rad, result.q), objective)
-        best = self._default.explainer.measured(T_base_tip.homogeneous, q.copy())
+        best = self._default.explainer.measured(T_base_tip.homogeneous, _frozen(q))
         errors = best.position_error_m, best.orientation_error_rad
         return IKResult.trusted(arm.joint_names, best.q, result.seed_type, errors)
 
@@ -309,7 +309,7 @@ class IKService(OneLine):
             yield [result]
 
     def _answers(self, engine: Engine, requests: _Requests) -> list[IKResult]:
-        Ts, table = pose_matrices(requests.poses), self._seed_table(requests)
+        Ts, table = pose_matrices(requests.poses, requests.first), self._seed_table(requests)
         batch = Batch(Ts, table, SeedMode.of(requests.mode))
         batch.solve(self.arm, engine.search, engine.starts, engine.explainer)
         if batch.is_open and engine.last_resort is not None:
@@ -353,6 +353,13 @@ def _checked_scope(objective: object, scope: str | Scope | None) -> Scope:
             "scope says among which solutions an objective chooses; give an objective too"
         )
     return Scope.ALL if scope is None else Scope.of(scope)
+
+
+def _frozen(q: Vector) -> Vector:
+    """A copy that nobody can change."""
+    q = q.copy()
+    q.setflags(write=False)
+    return q
 
 
 def _as_list(values: Iterable[Any], what: str) -> list[Any]:

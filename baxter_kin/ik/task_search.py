@@ -135,7 +135,7 @@ class TaskSearcher:
         """One search; as `Searcher.search_one`."""
         desk = self._desk
         request = q_start, self._task.turned(T_base_tip.homogeneous), *self._given
-        for memory, value in zip(desk.inputs[:-1], request, strict=True):
+        for memory, value in zip(desk.request, request, strict=True):
             memory[:] = value
         desk.run()
         return desk.q, desk.report

@@ -236,3 +236,36 @@ def test_angles_are_between_matrices(R: Any) -> None:
 def test_poses_without_a_length_are_refused(poses: Any) -> None:
     with pytest.raises(PoseError, match="poses must be a sequence"):
         pose_matrices(poses)
+
+
+BAD_MATRICES = [
+    np.diag([1.0, 1.0, -1.0, 1.0]),
+    np.diag([1.0, 1.0, 1.0, 2.0]),
+    np.full((4, 4), np.nan),
+    np.full((4, 4), 1e300),
+    np.where(np.eye(4, k=1) == 1.0, np.inf, np.eye(4)),
+    np.eye(4) + 1e-3 * np.eye(4)[:, [3, 0, 1, 2]],
+    np.zeros((4, 4)),
+]
+
+
+@pytest.mark.parametrize("bad", BAD_MATRICES, ids=range(len(BAD_MATRICES)))
+def test_matrix_among_many_that_is_no_pose_is_refused_by_number(bad: np.ndarray) -> None:
+    several: list[Any] = [[np.eye(4), bad], np.stack([np.eye(4), bad]), [np.eye(4), bad.tolist()]]
+    for poses in several:
+        with pytest.raises(PoseError, match=r"^poses\[8\]: "):
+            pose_matrices(poses, 7)
+
+
+@given(seed=st.integers(0, 10_000), exponent=st.floats(-8.0, -4.0))
+def test_many_matrices_are_judged_as_each_alone(seed: int, exponent: float) -> None:
+    rng = np.random.default_rng(seed)
+    T = pin.exp6(rng.standard_normal(6)).homogeneous
+    T = T + 10.0**exponent * rng.standard_normal((4, 4)) * rng.integers(0, 2, (4, 4))
+    try:
+        expected = checked_pose(T).homogeneous
+    except PoseError:
+        with pytest.raises(PoseError):
+            pose_matrices([T])
+    else:
+        np.testing.assert_array_equal(pose_matrices([T])[0], expected)

@@ -5,7 +5,15 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm
-from baxter_kin.ik.kernel import ITERATIONS, ArmNumbers
+from baxter_kin.ik.kernel import (
+    ITERATIONS,
+    ROTATION_WEIGHT_M,
+    ArmNumbers,
+    iterations_of,
+    search_function,
+    step_function,
+)
+from baxter_kin.ik.restarts import PATIENCE
 from baxter_kin.ik.search import search_functions
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
 from baxter_kin.model import LIMBS
@@ -13,9 +21,11 @@ from baxter_kin.model import LIMBS
 
 @pytest.fixture(scope="module")
 def searches(any_arm: Arm) -> tuple[ca.Function, ca.Function]:
-    """From a start, and from the map."""
-    functions = search_functions(ArmNumbers.of(any_arm).shape)
-    return functions[0], functions[1 + LIMBS.index(any_arm.side)]
+    """From a start, giving up as the map's searches do, and from the map."""
+    shape = ArmNumbers.of(any_arm).shape
+    iterations = iterations_of(step_function(shape), PATIENCE)
+    from_map = search_functions(shape)[1 + LIMBS.index(any_arm.side)]
+    return search_function(shape, iterations), from_map
 
 
 def run(function: ca.Function, *inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -63,4 +73,26 @@ def test_when_all_fail_the_nearest_iterate_is_kept(
     np.testing.assert_array_equal(report, expected)
     assert report[0] == 0.0
     assert report[4] == MAP_STARTS
-    assert report[3] == MAP_STARTS * (ITERATIONS + 1)
+    assert report[3] == MAP_STARTS * min(PATIENCE)
+
+
+def test_searches_end_where_patience_does(any_arm: Arm) -> None:
+    """A search that is still slow then ends; one that is not, as if patience were endless."""
+    numbers, rng = ArmNumbers.of(any_arm), np.random.default_rng(3)
+    step = step_function(numbers.shape)
+    one, other = (search_function(numbers.shape, iterations_of(step, p)) for p in (PATIENCE, {}))
+    ends = set()
+    for _ in range(200):
+        T = any_arm.T_base_tip(any_arm.random_configuration(rng)).homogeneous
+        start = any_arm.random_configuration(rng)
+        (q, report), (q_other, other_report) = (
+            run(search, start, T, numbers.within()) for search in (one, other)
+        )
+        error, count = report[1] + ROTATION_WEIGHT_M * report[2], int(report[3])
+        if report[0] == 0.0 and count <= ITERATIONS:
+            assert error > PATIENCE[count]
+            ends.add(count)
+        else:
+            np.testing.assert_array_equal(q, q_other)
+            np.testing.assert_array_equal(report, other_report)
+    assert ends == set(PATIENCE)

@@ -261,7 +261,7 @@ def test_failure_carries_the_best_attempt_and_its_residual(ik: IKService, left: 
     assert result.position_error_m == pytest.approx(offset, abs=URDF_ROUNDING)
     assert result.position_error_m > TOLERANCE
     assert f"{1e3 * offset:.3g} mm" in str(result.failure)
-    assert "1 CURRENT, 629 NS_MAP" in str(result.failure)
+    assert "1 CURRENT, 637 NS_MAP" in str(result.failure)
 
 
 @pytest.mark.parametrize(
@@ -617,3 +617,10 @@ def test_what_is_hard_to_prove_out_of_reach_gets_a_bracket(left: Arm, tool_m: fl
     assert 0.0 < result.failure.beyond_reach_m <= result.failure.nearest_m
     reached = arm.T_base_tip(result.q)
     assert angle_between(reached.rotation, T.rotation) <= TOLERANCE
+
+
+def test_bad_pose_far_on_in_a_batch_is_named_by_its_number(left: Arm, ik: IKService) -> None:
+    poses: list[Any] = [left.T_base_tip(left.start)] * (BLOCK + 3)
+    poses[BLOCK + 1] = np.zeros((4, 4))
+    with pytest.raises(PoseError, match=rf"^poses\[{BLOCK + 1}\]: "):
+        ik.solve_batch(poses)
