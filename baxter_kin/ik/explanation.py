@@ -170,8 +170,9 @@ class Explainer:
         down = -math.cos(STRAIGHT_DOWN_RAD)
         if T[0, 0] > down or T[2, 2] <= down:
             return ""
-        meant = pin.SE3(read_with_w_first(T[:3, :3]), T[:3, 3])
-        if self._reach.proof(meant) is not None:
+        meant = T.copy()
+        meant[:3, :3] = read_with_w_first(T[:3, :3])
+        if self._reach.are_proven(meant[None])[0]:
             return ""
         return (
             "; did its quaternion come with w first? It is read as x, y, z, w; with w first the "
