@@ -125,7 +125,8 @@ class RobotBody(Frozen, OneLine):
     """The bodies of all links, and the pairs of them that need no check.
 
     Attributes:
-        links: link name -> its body; links without any shape are absent.
+        links: link name -> its body; links without any shape are absent. What may be mounted in
+            place of a link's mesh is there as `<link>:<mesh>`; see `planner.hand_body`.
         skipped_pairs: two link names -> why they are not checked against each other.
 
     Raises:
