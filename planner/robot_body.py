@@ -197,8 +197,9 @@ class RobotBody(Frozen, OneLine):
         return RobotBody(FrozenMapping(links), self.skipped_pairs)
 
     def _facts(self) -> tuple[str, ...]:
-        triangles = sum(len(link.surface.triangles) for link in self.links.values())
-        size = count(len(self.links), "link"), count(triangles, "triangle")
+        links = [link for name, link in self.links.items() if ":" not in name]
+        triangles = sum(len(link.surface.triangles) for link in links)
+        size = count(len(links), "link"), count(triangles, "triangle")
         padding_m = max((link.padding_m for link in self.links.values()), default=0.0)
         return *size, f"padded {millimetres(padding_m)}" if padding_m > 0.0 else ""
 
