@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from baxter_kin.description import ElectricGripper, Tool
     from baxter_kin.errors import (
         BaxterError,
         ConfigurationError,
@@ -36,6 +37,7 @@ __all__ = [
     "ConfigurationError",
     "CopyError",
     "DescriptionError",
+    "ElectricGripper",
     "FileError",
     "Frame",
     "IKFailure",
@@ -50,12 +52,13 @@ __all__ = [
     "SeedMode",
     "SeedType",
     "StampedPose",
+    "Tool",
     "UnknownNameError",
     "pose_from_quaternion",
     "quaternion_xyzw",
 ]
 
-_MODULES = ("errors", "pinocchio_loading", "frames", "ik", "limits", "model")
+_MODULES = ("errors", "pinocchio_loading", "frames", "ik", "limits", "model", "description")
 """Where they are, in the order of loading: what is missing is said before it is needed."""
 
 

@@ -9,13 +9,16 @@ import argparse
 import logging
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
-from baxter_kin.errors import DescriptionError, FileError, millimetres_hint
+from baxter_kin.errors import ConfigurationError, DescriptionError, FileError, millimetres_hint
 from baxter_kin.files import Destination
+
+if TYPE_CHECKING:
+    from baxter_kin.description import HandMount
 
 LONGEST_SHOWN = 200
 """How much of a file's name a message repeats."""
@@ -49,6 +52,35 @@ def urdf_file(text: str) -> Path:
     except DescriptionError as cause:
         raise argparse.ArgumentTypeError(str(cause)) from None
     return path
+
+
+def add_hands(parser: argparse.ArgumentParser) -> None:
+    """Add `--left-hand` and `--right-hand`, what is on the flanges; `hands_of` reads them."""
+    for side in ("left", "right"):
+        parser.add_argument(
+            f"--{side}-hand",
+            type=_hand,
+            default=argparse.SUPPRESS,
+            metavar="HAND",
+            help="what is on that flange: none, or how the gripper is assembled: fingers, slot and "
+            "tips, such as wide, narrow-3 or narrow-2-half_round (default: as the URDF says; the "
+            "stock robot has narrow-2-paddle on both sides)",
+        )
+
+
+def hands_of(raw: argparse.Namespace) -> Mapping[str, HandMount]:
+    """What `add_hands` has read, by side; sides of which nothing was said are absent."""
+    named = {side: f"{side}_hand" for side in ("left", "right")}
+    return {side: getattr(raw, name) for side, name in named.items() if hasattr(raw, name)}
+
+
+def _hand(text: str) -> HandMount:
+    from baxter_kin.description.hands import hand_of  # noqa: PLC0415 - loads Pinocchio
+
+    try:
+        return hand_of(text)
+    except ConfigurationError as cause:
+        raise argparse.ArgumentTypeError(str(cause)) from None
 
 
 def number(text: str) -> float:

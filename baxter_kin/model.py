@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector, finite_array
 from baxter_kin.copying import FrozenMapping
-from baxter_kin.description import RobotDescription, UrdfSource
+from baxter_kin.description import HandMount, RobotDescription, UrdfSource
 from baxter_kin.display import OneLine, count
 from baxter_kin.errors import (
     ConfigurationError,
@@ -216,17 +216,23 @@ class Baxter(OneLine):
         check_fields(self, DescriptionError)
 
     @classmethod
-    def load(cls, urdf: UrdfSource | None = None) -> Baxter:
+    def load(
+        cls, urdf: UrdfSource | None = None, *, hands: Mapping[str, HandMount] | None = None
+    ) -> Baxter:
         """Read the kinematics of a Baxter; no mesh is touched.
 
         Args:
             urdf: the robot's own description, as it serves it: the path of a URDF, or its text, as
                 text that begins with "<" or as bytes. The stock robot when not given.
+            hands: by side what is on the flange: an `ElectricGripper`, a `Tool`, or None for
+                nothing. A side that is not named is as the URDF has it; the stock robot has
+                `ElectricGripper()` on both.
 
         Raises:
-            DescriptionError: when it cannot be read or is not a Baxter's; one sentence says why.
+            DescriptionError: when it cannot be read or is not a Baxter's, or the hands are not such
+                a mapping; one sentence says why.
         """
-        description = RobotDescription.of(urdf)
+        description = RobotDescription.of(urdf, hands)
         model = pin.buildModelFromXML(description.text)
         arms = FrozenMapping({side: Arm(side, model) for side in LIMBS})
         return cls(description=description, model=model, arms=arms)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter, BaxterError, pose_from_quaternion
-from baxter_kin.command_line import add_urdf
+from baxter_kin.command_line import add_hands, add_urdf, hands_of
+from baxter_kin.description import HandMount
 from planner import (
     Manipulator,
     PickAndPlace,
@@ -74,9 +75,16 @@ class Workbench:
         motion_s: how long the arms have moved so far.
     """
 
-    def __init__(self, urdf: Path | None = None) -> None:
-        """Robot and table, no blocks; the robot as its own description has it, if there is one."""
-        self.robot = Baxter.load(urdf)
+    def __init__(
+        self, urdf: Path | None = None, hands: Mapping[str, HandMount] | None = None
+    ) -> None:
+        """Robot and table, no blocks.
+
+        Args:
+            urdf: the robot's own description, if there is one.
+            hands: what is on its flanges, by side; else as it is described.
+        """
+        self.robot = Baxter.load(urdf, hands=hands)
         self.world = World(self.robot)
         self.recorder = Recorder(self.robot)
         self.simulation = Simulation(self.world, [self.recorder])
@@ -174,11 +182,15 @@ def play(
     story: Callable[[Workbench, np.random.Generator], None],
     *,
     is_random: bool = False,
+    hands: Mapping[str, HandMount] | None = None,
 ) -> int:
-    """Run an example as a program; returns its exit status, 0 when every task was done."""
+    """Run an example as a program; returns its exit status, 0 when every task was done.
+
+    `hands` are those of the story, where the command line does not say others.
+    """
     options = _options(argv, about, is_random=is_random)
     try:
-        bench = Workbench(options.urdf)
+        bench = Workbench(options.urdf, {**(hands or {}), **hands_of(options)})
         story(bench, np.random.default_rng(options.seed))
         bench.simulation.finish()
         _tell(bench)
@@ -202,6 +214,7 @@ def _tell(bench: Workbench) -> None:
 def _options(argv: Sequence[str] | None, about: str, *, is_random: bool) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=about.splitlines()[0])
     add_urdf(parser)
+    add_hands(parser)
     parser.add_argument("--html", type=Path, metavar="FILE", help="write a replay to open and send")
     parser.add_argument("--record", type=Path, metavar="FILE", help="write all that happens, .npz")
     parser.set_defaults(seed=0)

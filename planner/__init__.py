@@ -38,6 +38,7 @@ from planner.straight_path import PathState, StraightPath, plan_straight_path
 from planner.swept import prove_clear
 from planner.swept_result import SweptContact, SweptProof
 from planner.timing import plan_joint_move
+from planner.tool import tool_of
 from planner.trajectory import JointState, PeakRatios, Trajectory
 from planner.verification import Certificate, Check, Tolerances, verify
 
@@ -101,6 +102,7 @@ __all__ = [
     "plan_straight_path",
     "prove_clear",
     "save_plan",
+    "tool_of",
     "transfer_bound_s",
     "verify",
 ]

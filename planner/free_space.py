@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from baxter_kin import Baxter
 from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, expect
@@ -54,8 +55,33 @@ class FreeSpace(OneLine):
         arm = manipulator.arm
         if checker.arm.side != arm.side:
             raise SceneError(f"the checker is for the {checker.arm.side} arm, not the {arm.side}")
-        self._q_full = next(manipulator.configurations(arm.neutral[None], finger_m))
-        self._where = np.array(manipulator.robot.indices(arm.joint_names))
+        q_full = next(manipulator.configurations(arm.neutral[None], finger_m))
+        self._begin(manipulator.robot, checker, q_full)
+
+    @classmethod
+    def around(cls, robot: Baxter, checker: ClearanceChecker, q_others: ArrayLike) -> FreeSpace:
+        """That of an arm whatever it has on its flange: a gripper, a tool, or nothing.
+
+        Args:
+            robot: the robot.
+            checker: of the arm that moves, in that situation.
+            q_others: a full configuration, which says where all joints but the arm's stand.
+
+        Raises:
+            SceneError: when robot or checker is of another class.
+            ConfigurationError: when `q_others` has another shape or is not finite.
+        """
+        expect(robot, Baxter, "robot", SceneError)
+        space = cls.__new__(cls)
+        space._checker = expect(checker, ClearanceChecker, "checker", SceneError)
+        count = len(robot.joint_names)
+        q_full = finite_array(q_others, (count,), "q_others", ConfigurationError).copy()
+        space._begin(robot, checker, q_full)
+        return space
+
+    def _begin(self, robot: Baxter, checker: ClearanceChecker, q_full: Vector) -> None:
+        self._q_full = q_full
+        self._where = np.array(robot.indices(checker.arm.joint_names))
         self._touches = Touches(checker)
 
     def is_free(self, q: ArrayLike) -> bool:

@@ -90,7 +90,8 @@ class Hand(OneLine):
         names = finger_joints(arm.side)
         if not cls.is_on(robot, arm.side):
             raise SceneError(
-                f"the {arm.side} hand of this robot has no fingers: its URDF lacks {names[0]}"
+                f"the {arm.side} hand of this robot has no fingers: its URDF lacks {names[0]}; "
+                f"mount some: hands={{{arm.side!r}: ElectricGripper()}} or --{arm.side}-hand narrow"
             )
         _check_axes(robot, arm, names)
         index = robot.indices(names)[0]

@@ -125,7 +125,8 @@ class RobotBody(Frozen, OneLine):
     """The bodies of all links, and the pairs of them that need no check.
 
     Attributes:
-        links: link name -> its body; links without any shape are absent.
+        links: link name -> its body; links without any shape are absent. What may be mounted in
+            place of a link's mesh is there as `<link>:<mesh>`; see `planner.hand_body`.
         skipped_pairs: two link names -> why they are not checked against each other.
 
     Raises:
@@ -196,8 +197,9 @@ class RobotBody(Frozen, OneLine):
         return RobotBody(FrozenMapping(links), self.skipped_pairs)
 
     def _facts(self) -> tuple[str, ...]:
-        triangles = sum(len(link.surface.triangles) for link in self.links.values())
-        size = count(len(self.links), "link"), count(triangles, "triangle")
+        links = [link for name, link in self.links.items() if ":" not in name]
+        triangles = sum(len(link.surface.triangles) for link in links)
+        size = count(len(links), "link"), count(triangles, "triangle")
         padding_m = max((link.padding_m for link in self.links.values()), default=0.0)
         return *size, f"padded {millimetres(padding_m)}" if padding_m > 0.0 else ""
 

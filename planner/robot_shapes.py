@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 
 import coal
 import numpy as np
@@ -16,8 +16,9 @@ from baxter_kin.display import OneLine
 from baxter_kin.errors import expect
 from planner.contact import convex, has_depth, shape_of, surface, surface_for_contacts
 from planner.distances import Enclosure
-from planner.drawing import Drawing
+from planner.drawing import KnownPairs
 from planner.errors import SceneError
+from planner.hand_body import fitted
 from planner.lever_arms import Covers
 from planner.robot_body import LinkBody, RobotBody
 from planner.scene import Part
@@ -70,7 +71,7 @@ class RobotShapes(OneLine):
     @property
     def for_contacts(self) -> Mapping[int, coal.BVHModelOBB]:
         """The surfaces among them once more, as contacts are found in them fastest."""
-        return _for_contacts(self.body, self._there)
+        return _for_contacts(self.fitted_body, self._there)
 
     @cached_property
     def links(self) -> tuple[str, ...]:
@@ -120,7 +121,7 @@ class RobotShapes(OneLine):
         Those that the body skips are left out, unless more than one joint is between them and what
         was proven of the stock robot is not known of this one.
         """
-        skipped = self.body.skipped_pairs.keys()
+        known = KnownPairs(self.robot, self.body.skipped_pairs.keys())
         links, shapes, wholes = self.links, self.model.geometryObjects, sorted(self.wholes)
         return tuple(
             (first, second)
@@ -128,15 +129,13 @@ class RobotShapes(OneLine):
             for first in wholes
             if first < second
             and shapes[first].parentJoint != shapes[second].parentJoint
-            and not (
-                frozenset((links[first], links[second])) in skipped
-                and self._drawing.is_as_drawn(links[first], links[second])
-            )
+            and not known.has(links[first], links[second])
         )
 
     @cached_property
-    def _drawing(self) -> Drawing:
-        return Drawing(self.robot.model, _stock().model)
+    def fitted_body(self) -> RobotBody:
+        """The body with the robot's own hands: other fingers, tips and tools."""
+        return fitted(self.body, self.robot.description)
 
     @cached_property
     def covers(self) -> Covers:
@@ -195,13 +194,14 @@ class RobotShapes(OneLine):
     @cached_property
     def _made(self) -> tuple[_Made, ...]:
         """The shapes of all links."""
-        return _of_body(self.body, self._there)
+        return _of_body(self.fitted_body, self._there)
 
     @cached_property
     def _there(self) -> frozenset[str]:
         """The links of the body that the robot has; only grippers may be missing."""
         model = self.robot.model
-        there = frozenset(n for n in self.body.links if model.existFrame(n, pin.FrameType.BODY))
+        links = self.fitted_body.links
+        there = frozenset(n for n in links if model.existFrame(n, pin.FrameType.BODY))
         lost = sorted(n for n in self.body.links.keys() - there if GRIPPER not in n)
         if lost:
             raise SceneError(f"the robot lacks links that its body has: {', '.join(lost)}")
@@ -221,6 +221,8 @@ class RobotShapes(OneLine):
 
     def _below(self, joint: str) -> frozenset[int]:
         model = self.robot.model
+        if not model.existJointName(joint):  # of a finger, on a hand that has none
+            return frozenset()
         moved = set(model.subtrees[model.getJointId(joint)].tolist())
         shapes = self.model.geometryObjects
         return frozenset(i for i, shape in enumerate(shapes) if shape.parentJoint in moved)
@@ -237,11 +239,6 @@ class _Made:
     padding_m: float = 0.0
     is_whole: bool = True
     is_detail: bool = True
-
-
-@cache
-def _stock() -> Baxter:
-    return Baxter.load()
 
 
 def _checked(arm: Arm) -> Arm:

@@ -52,6 +52,9 @@ where two colours meet, each would otherwise shrink away from the other.
 FINENESS = 4095
 """Vertices are rounded to this part of half a mesh's longest extent: 0.1 mm on the torso."""
 
+IN_PLACE_OF = {"extended_narrow": "extended_wide"}
+"""Meshes of the stock robot's hands, and what may be mounted instead."""
+
 Rgb = tuple[float, float, float]
 
 PEDESTAL = "meshes/base/pedestal_link_collision.DAE"
@@ -106,19 +109,29 @@ def build(description: StockFiles) -> dict[str, NDArray[Any]]:
     """Every array of the asset, as `sim.appearance` documents them."""
     model = pin.buildModelFromUrdf(str(description.urdf))
     arrays: dict[str, NDArray[Any]] = {}
-    parts: list[tuple[str, str, Rgb, pin.SE3]] = []
+    parts: dict[str, list[tuple[str, str, Rgb, pin.SE3]]] = {"part": [], "spare": []}
     for visual in _visuals(model, description):
-        for surface in _surfaces(visual, description):
+        joint = model.names[visual.parentJoint]
+        surfaces = [("part", surface) for surface in _surfaces(visual, description)]
+        surfaces += [("spare", surface) for surface in _spares(visual, joint)]
+        for kind, surface in surfaces:
             if f"{surface.name}/faces" not in arrays:
                 arrays.update(_packed(_thinned(surface)))
-            joint = model.names[visual.parentJoint]
-            parts.append((surface.name, joint, surface.rgb, visual.placement))
-    arrays["part_mesh"] = np.array([mesh for mesh, _, _, _ in parts])
-    arrays["part_joint"] = np.array([joint for _, joint, _, _ in parts])
-    arrays["part_rgb"] = np.array([rgb for _, _, rgb, _ in parts])
-    arrays["part_xyz_quat_xyzw"] = np.array([pin.SE3ToXYZQUAT(T) for _, _, _, T in parts])
+            parts[kind].append((surface.name, joint, surface.rgb, visual.placement))
+    for kind, rows in parts.items():
+        arrays[f"{kind}_mesh"] = np.array([mesh for mesh, _, _, _ in rows])
+        arrays[f"{kind}_joint"] = np.array([joint for _, joint, _, _ in rows])
+        arrays[f"{kind}_rgb"] = np.array([rgb for _, _, rgb, _ in rows])
+        arrays[f"{kind}_xyz_quat_xyzw"] = np.array([pin.SE3ToXYZQUAT(T) for _, _, _, T in rows])
     arrays["notice"] = np.array(_license(description))
     return arrays
+
+
+def _spares(visual: pin.GeometryObject, joint: str) -> list[Surface]:
+    """The surfaces of what may be mounted in place of a visual of the left hand."""
+    file = Path(visual.meshPath)
+    mesh = IN_PLACE_OF.get(file.stem) if joint.startswith("l_gripper") else None
+    return [] if mesh is None else _read(file.with_name(f"{mesh}.DAE"))
 
 
 def _license(description: StockFiles) -> str:

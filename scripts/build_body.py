@@ -80,7 +80,8 @@ def build(out: Path, folder: Path) -> None:
         print(f"{name}: {counts} triangles, {len(shape.pieces)} pieces", flush=True)
     notice = (StockFiles.installed().urdf.parent.parent / "LICENSE").read_text("utf-8")
     np.savez_compressed(out, allow_pickle=False, **packed(shapes, links, {}, notice))
-    pairs = reasons(RobotBody.read(out).links)
+    on_robot = {name: link for name, link in RobotBody.read(out).links.items() if ":" not in name}
+    pairs = reasons(on_robot)
     np.savez_compressed(out, allow_pickle=False, **packed(shapes, links, pairs, notice))
     print(f"{out}: {out.stat().st_size / 1e3:.0f} kB, {len(pairs)} pairs skipped")
 

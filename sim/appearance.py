@@ -7,7 +7,7 @@ uniform scale, so that nothing is converted between the file and the browser.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import as_file, files
 from typing import Any
@@ -18,6 +18,10 @@ from numpy.typing import NDArray
 
 from baxter_kin import Baxter
 from baxter_kin.copying import FrozenMapping
+from baxter_kin.description import RobotDescription
+from baxter_kin.description.mounting import is_finger, is_tool
+from baxter_kin.description.urdf import Urdf, UrdfJoint
+from planner.hand_body import around
 from sim.errors import SimulationError
 
 _ASSET = "appearance.npz"
@@ -37,6 +41,8 @@ _FIXED_LINKS: Mapping[str, str] = FrozenMapping(
     }
 )
 """The link that a mesh belongs to, where it is not the one that a joint moves."""
+
+TOOL_RGB = (0.45, 0.47, 0.50)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,26 +105,34 @@ class Appearance:
         meshes: by name, each one once, though arms and fingers share them.
         parts: what hangs where.
         notice: the licence of the meshes.
+        spares: parts of hands that the stock robot lacks, where they would be mounted on its left.
     """
 
     meshes: Mapping[str, Mesh]
     parts: tuple[RobotPart, ...]
     notice: str
+    spares: tuple[RobotPart, ...] = ()
 
     @classmethod
     def of(cls, robot: Baxter) -> Appearance:
         """That of a robot: every mesh on its link, wherever the robot's own description puts it.
 
-        A hand without gripper is bare. Where a link is rigid to the one that a joint moves, the
-        meshes go along when it sits elsewhere than on the stock robot.
+        A hand without gripper is bare; fingers and tips are those that are mounted, and a tool is
+        of its own shapes. Where a link is rigid to the one that a joint moves, the meshes go along
+        when it sits elsewhere than on the stock robot.
 
         Raises:
             SimulationError: when the asset is missing or damaged.
         """
-        stock = Baxter.load().model
-        whole = cls.load()
-        parts = (_on(robot.model, stock, part) for part in whole.parts)
-        return replace(whole, parts=tuple(part for part in parts if part is not None))
+        drawn = Baxter.load(RobotDescription.drawn().text).model
+        whole, tree = cls.load(), robot.description.tree
+        known = (*whole.parts, *whole.spares)
+        shown = (_of_own_mesh(part, known, tree) for part in whole.parts)
+        parts = [_on(robot.model, drawn, part) for part in shown]
+        parts += [_tool(robot.model, joint) for joint in tree.joints if is_tool(joint.child)]
+        there = tuple(part for part in parts if part is not None)
+        meshes = {part.mesh.name: part.mesh for part in there}
+        return Appearance(FrozenMapping(meshes), there, whole.notice)
 
     @classmethod
     def load(cls) -> Appearance:
@@ -136,11 +150,51 @@ class Appearance:
             ) from cause
 
 
+def _stem(part: RobotPart) -> str:
+    """The name of the mesh file that a part is of."""
+    return part.mesh.name.split(".")[0]
+
+
+def _link(part: RobotPart) -> str:
+    """The link that a part belongs to, where it is not the one that a joint moves; else ""."""
+    finger = part.joint.removesuffix("_joint")
+    return _FIXED_LINKS.get(_stem(part), "").format(side=part.joint.split("_")[0], finger=finger)
+
+
+def _of_own_mesh(part: RobotPart, parts: Sequence[RobotPart], tree: Urdf) -> RobotPart:
+    """A part of a finger or tip as a robot has it: as the asset has it on the same finger."""
+    link = _link(part) or part.joint.removesuffix("_joint")
+    if not is_finger(link) or link not in tree.by_child:
+        return part
+    mesh = tree.by_child[link].shapes[0].mesh
+    finger = "_l_finger" if "_l_finger" in link else "_r_finger"
+    own = next(each for each in parts if _stem(each) == mesh and finger in each.joint)
+    return part if _stem(part) == mesh else replace(own, joint=part.joint)
+
+
+def _tool(model: pin.Model, joint: UrdfJoint) -> RobotPart:
+    """A shape of a tool, every face flat."""
+    vertices, triangles = around(joint.shapes[0])
+    corners = vertices[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals *= 127.0 / np.linalg.norm(normals, axis=1, keepdims=True)
+    centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    scale = float(np.abs(vertices - centre).max()) / np.iinfo(np.int16).max
+    mesh = Mesh(
+        name=joint.child,
+        vertices=np.rint((corners.reshape(-1, 3) - centre) / scale).astype(np.int16),
+        normals=np.repeat(np.rint(normals), 3, axis=0).astype(np.int8),
+        faces=np.arange(3 * len(triangles), dtype=np.uint16).reshape(-1, 3),
+        centre_m=centre,
+        scale_m=scale,
+    )
+    frame = model.frames[model.getFrameId(joint.child, pin.FrameType.BODY)]
+    return RobotPart(mesh, model.names[frame.parentJoint], frame.placement, TOOL_RGB)
+
+
 def _on(model: pin.Model, stock: pin.Model, part: RobotPart) -> RobotPart | None:
     """A part of the stock robot where a robot has it; None where it has no such link."""
-    finger = part.joint.removesuffix("_joint")
-    link = _FIXED_LINKS.get(part.mesh.name.split(".")[0], "")
-    link = link.format(side=part.joint.split("_")[0], finger=finger)
+    link = _link(part)
     if not model.existJointName(part.joint) or (link and not model.existFrame(link)):
         return None
     if not link:
@@ -151,19 +205,19 @@ def _on(model: pin.Model, stock: pin.Model, part: RobotPart) -> RobotPart | None
 
 
 def _from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Appearance:
-    names = [str(name) for name in arrays["part_mesh"]]
+    names = [str(name) for kind in ("part", "spare") for name in arrays[f"{kind}_mesh"]]
     meshes = {name: _mesh(name, arrays) for name in dict.fromkeys(names)}
-    parts = tuple(
-        RobotPart(meshes[name], str(joint), pin.XYZQUATToSE3(pose), (float(r), float(g), float(b)))
-        for name, joint, pose, (r, g, b) in zip(
-            names,
-            arrays["part_joint"],
-            arrays["part_xyz_quat_xyzw"],
-            arrays["part_rgb"],
-            strict=True,
-        )
-    )
-    return Appearance(FrozenMapping(meshes), parts, str(arrays["notice"]))
+    parts, spares = (tuple(_parts(kind, meshes, arrays)) for kind in ("part", "spare"))
+    return Appearance(FrozenMapping(meshes), parts, str(arrays["notice"]), spares)
+
+
+def _parts(
+    kind: str, meshes: Mapping[str, Mesh], arrays: Mapping[str, NDArray[Any]]
+) -> Iterator[RobotPart]:
+    columns = (arrays[f"{kind}_{name}"] for name in ("mesh", "joint", "xyz_quat_xyzw", "rgb"))
+    for name, joint, pose, (r, g, b) in zip(*columns, strict=True):
+        rgb = float(r), float(g), float(b)
+        yield RobotPart(meshes[str(name)], str(joint), pin.XYZQUATToSE3(pose), rgb)
 
 
 def _mesh(name: str, arrays: Mapping[str, NDArray[Any]]) -> Mesh:

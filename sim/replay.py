@@ -16,6 +16,7 @@ from baxter_kin import Baxter
 from baxter_kin.arrays import positive_scalar
 from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike, replace_file
+from planner.hand_body import fitted
 from planner.robot_body import RobotBody
 from sim.animation import animation_commands, recorded_tracks
 from sim.appearance import Appearance
@@ -154,6 +155,7 @@ def _content(
         f"/path/{number}": piece
         for number, piece in enumerate(recorded_paths(recording, robot, phases))
     }
+    body = None if body is None else fitted(body, robot.description)
     commands = [
         *stage_commands(),
         *tree.commands(),

@@ -34,12 +34,24 @@ class Closeness:
             pin.GeometryType.COLLISION,
             package_dirs=[str(files.package_dir)],
         )
+        self._mount_paddles()
         self._shapes.addAllCollisionPairs()
         pin.removeCollisionPairs(self._model, self._shapes, str(files.srdf))
         self._parts: list[tuple[int, str, pin.SE3]] = []  # shape, body, where it sits on that
         for body in bodies:
             self._add(body)
         self._names = [self._name(i) for i in range(self._shapes.ngeoms)]
+
+    def _mount_paddles(self) -> None:
+        """On the right hand, too, as the stock robot of the toolkit has them."""
+        for finger in "lr":
+            left, right = (
+                self._shapes.geometryObjects[
+                    self._shapes.getGeometryId(f"{hand}_gripper_{finger}_finger_tip_0")
+                ]
+                for hand in "lr"
+            )
+            right.geometry, right.placement = left.geometry, left.placement
 
     def along(self, recording: Recording) -> Mapping[tuple[str, str], float]:
         """The least distance of each pair, m, over all snapshots.

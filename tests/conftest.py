@@ -14,6 +14,7 @@ import pytest
 from hypothesis import settings
 
 from baxter_kin import Arm, Baxter, IKService, pose_from_quaternion
+from baxter_kin.description import StockFiles
 from baxter_kin.files import PathLike
 from planner import Body, Manipulator, Scene, load_object
 from planner.robot_body import RobotBody
@@ -45,6 +46,12 @@ def at(x: float, y: float, z: float) -> pin.SE3:
 @pytest.fixture(scope="session")
 def robot() -> Baxter:
     return Baxter.load()
+
+
+@pytest.fixture(scope="session")
+def drawn() -> Baxter:
+    """As the URDF of example-robot-data draws it: with half-round tips on the right hand."""
+    return Baxter.load(StockFiles.installed().urdf)
 
 
 @pytest.fixture(scope="session", params=["left", "right"])

@@ -23,7 +23,15 @@ import baxter_kin
 import baxter_kin.ik as inverse
 import planner
 import sim
-from baxter_kin import Arm, Baxter, BaxterError, IKService, StampedPose, UnknownNameError
+from baxter_kin import (
+    Arm,
+    Baxter,
+    BaxterError,
+    ElectricGripper,
+    IKService,
+    StampedPose,
+    UnknownNameError,
+)
 from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import CopyError
 from planner import (
@@ -110,6 +118,10 @@ def everything(
         "fingers": fingers(manipulator.hand, simulation.world.body("block")),
         "notes": sim.NotedRecording(recorder.recording(), ("a line is cut off",)),
         "shapes": (planner.Sphere(0.1), planner.Cylinder(0.1, 0.2)),
+        "hands": (
+            ElectricGripper(slot=3),
+            planner.tool_of(planner.make_block("probe", at(0.0, 0.0, 0.0)), at(0.0, 0.0, 0.1)),
+        ),
     }
 
 

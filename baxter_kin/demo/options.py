@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from baxter_kin.command_line import (
     OneSentenceParser,
+    add_hands,
     add_urdf,
     file_to_write,
+    hands_of,
     number,
     number_within,
     whole_number,
 )
 from baxter_kin.errors import millimetres_hint
 from baxter_kin.files import Destination
+
+if TYPE_CHECKING:
+    from baxter_kin.description import HandMount
 
 DEFAULT_HOVER_M = 0.15
 FARTHEST_M = 10.0
@@ -35,6 +41,7 @@ class Options:
 
     Attributes:
         urdf: the robot's own description, or None for the stock robot.
+        hands: what is on the flanges, by side; a side that is absent is as the URDF says.
         limb: "left" or "right".
         poses_m: block poses: tip positions in base, visited in turn.
         hover_m: height above the place where a cycle ends; the arm moves sideways above 5 cm, or
@@ -59,6 +66,7 @@ class Options:
     """
 
     urdf: Path | None
+    hands: Mapping[str, HandMount]
     limb: str
     poses_m: tuple[tuple[float, float, float], ...]
     hover_m: float
@@ -96,6 +104,7 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
     cycles = None if raw.forever else raw.cycles or len(poses)
     return Options(
         urdf=raw.urdf,
+        hands=hands_of(raw),
         limb=raw.limb,
         poses_m=tuple(poses),
         hover_m=raw.hover,
@@ -169,6 +178,7 @@ def _parser() -> argparse.ArgumentParser:
 def _add_task(parser: argparse.ArgumentParser) -> None:
     """What is done."""
     add_urdf(parser)
+    add_hands(parser)
     parser.add_argument("--limb", choices=("left", "right"), default="left", help="which arm")
     parser.add_argument(
         "--add-pose",

@@ -72,7 +72,7 @@ class _Demo:
         self._narrator = narrator
         self._report = Report(options)
         self._started_s = time.perf_counter()
-        self._robot = Baxter.load(options.urdf)
+        self._robot = Baxter.load(options.urdf, hands=options.hands)
         self._arm = self._robot.arm(options.limb)
         self._world = World(self._robot)
         self._manipulator = Manipulator.of(

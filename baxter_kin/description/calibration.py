@@ -49,7 +49,7 @@ def as_baxter(given: Urdf, stock: Urdf) -> Urdf:
             which joint is missing, of another kind, or how far off.
     """
     without = tuple(side for side in SIDES if not _has_fingers(given, side))
-    expected = _without_hands(stock, without)
+    expected = without_hands(stock, without)
     _check_no_more_joints(given, expected)
     _check_joints(given, expected)
     named = _named(given, expected, without)
@@ -81,7 +81,7 @@ def _has_fingers(given: Urdf, side: str) -> bool:
     return bool(there)
 
 
-def _without_hands(stock: Urdf, sides: Iterable[str]) -> Urdf:
+def without_hands(stock: Urdf, sides: Iterable[str]) -> Urdf:
     """The stock robot without gripper on some sides; where its tip was stays known."""
     for side in sides:
         base, tip = f"{side}_gripper_base{_LINK}", f"{side}_gripper"
@@ -89,7 +89,7 @@ def _without_hands(stock: Urdf, sides: Iterable[str]) -> Urdf:
             j.child for j in stock.joints if base in {e.parent for e in stock.chain(j.child)}
         }
         flange, tip_joint = f"{side}_hand{_LINK}", stock.by_child[tip]
-        xyz, rpy = _origin(_from_link(stock, flange, tip))
+        xyz, rpy = origin_of(_from_link(stock, flange, tip))
         moved = replace(tip_joint, parent=flange, xyz=xyz, rpy=rpy)
         kept = (j for j in stock.joints if j.child not in gripper | {base})
         stock = Urdf(stock.root, (*kept, moved))
@@ -216,7 +216,7 @@ def _from_link(tree: Urdf, first: str, last: str) -> pin.SE3:
     return T
 
 
-def _origin(T: pin.SE3) -> tuple[Triple, Triple]:
+def origin_of(T: pin.SE3) -> tuple[Triple, Triple]:
     """Position, and roll, pitch and yaw of a pose."""
     x, y, z = (T.translation + 0.0).tolist()
     roll, pitch, yaw = (pin.rpy.matrixToRpy(T.rotation) + 0.0).tolist()

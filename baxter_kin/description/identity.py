@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from baxter_kin.copying import FrozenMapping
 from baxter_kin.description.calibration import SIDES, hand_links
-from baxter_kin.description.urdf import Urdf, UrdfJoint
+from baxter_kin.description.urdf import Urdf, UrdfJoint, UrdfShape
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.fields import check_fields
 
@@ -28,7 +28,7 @@ class RobotIdentity:
 
     Attributes:
         kinematics: digest of where all joints and links are, those of the hands left out.
-        hands: digest of where what is on the flanges of both arms is.
+        hands: digest of what is on the flanges of both arms, and where it is.
         limits: digest of what the joints may do.
         body: digest of the shapes that plans keep apart; empty where no shapes count.
         places: of each joint that moves, where it is on the link that it is on: x, y, z in m, then
@@ -115,7 +115,13 @@ def _place(joint: UrdfJoint) -> str:
     """What says where a joint puts its child; its own name counts where it moves."""
     name = joint.name if joint.is_movable else ""
     numbers = (*joint.xyz, *joint.rpy, *(joint.axis if joint.is_movable else ()))
-    return f"{joint.child} {joint.parent} {joint.kind.value} {name} {_words(numbers)}"
+    shapes = "".join(f" {_shape(shape)}" for shape in joint.shapes)
+    return f"{joint.child} {joint.parent} {joint.kind.value} {name} {_words(numbers)}{shapes}"
+
+
+def _shape(shape: UrdfShape) -> str:
+    numbers = _words((*shape.size_m, *shape.xyz, *shape.rpy))
+    return f"{shape.kind.value} {shape.mesh} {numbers}"
 
 
 def _range(joint: UrdfJoint) -> tuple[float, ...]:

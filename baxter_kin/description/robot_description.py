@@ -8,6 +8,7 @@ every Baxter, whatever the robot's own description calls them.
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, distribution
@@ -15,7 +16,9 @@ from pathlib import Path
 from typing import TypeAlias
 
 from baxter_kin.description.calibration import ROOT, as_baxter
+from baxter_kin.description.hands import DEFAULT_RIGHT, HandMount, checked_hands
 from baxter_kin.description.identity import RobotIdentity
+from baxter_kin.description.mounting import drawn_like, mounted, with_known_meshes, without
 from baxter_kin.description.urdf import Urdf
 from baxter_kin.description.urdf_reading import read_urdf
 from baxter_kin.description.xml_text import LARGEST_TEXT_BYTES
@@ -77,7 +80,8 @@ class RobotDescription:
     """Which robot it is.
 
     Attributes:
-        text: its links and joints as a URDF without shapes, with the names of the stock robot.
+        text: its links and joints as a URDF, with the names of the stock robot; of shapes, only
+            those of its hands, which differ from robot to robot.
         stock: the files that have the shapes of its links.
         source: where it came from, as a phrase; it does not count when two are compared.
     """
@@ -87,28 +91,50 @@ class RobotDescription:
     source: str = field(default="a text", compare=False)
 
     @classmethod
-    def of(cls, urdf: UrdfSource | None = None) -> RobotDescription:
+    def of(
+        cls, urdf: UrdfSource | None = None, hands: Mapping[str, HandMount] | None = None
+    ) -> RobotDescription:
         """The description of a robot of one's own, or of the stock robot when none is given.
 
         Args:
             urdf: the path of a URDF; or its text, as text that begins with "<" or as bytes.
+            hands: what is on the flange of each side, None for nothing. Where a side is not named,
+                what the URDF says; on the right of the stock robot `DEFAULT_RIGHT`.
 
         Raises:
-            DescriptionError: when it cannot be read, or is no Baxter's; in one sentence.
+            DescriptionError: when it cannot be read, or is no Baxter's, or the hands are not such a
+                mapping; in one sentence.
         """
         stock = StockFiles.installed()
+        given = checked_hands({} if hands is None else hands)
+        drawn = _drawn_tree(stock)
         if urdf is None:
-            return cls(_stock_tree(stock).text, stock, "the stock robot")
+            tree = mounted(drawn, {"right": DEFAULT_RIGHT, **given}, drawn)
+            return cls(tree.text, stock, "the stock robot")
         text, source = _read(urdf)
         try:
-            tree = as_baxter(read_urdf(text, ROOT), _stock_tree(stock))
+            tree = read_urdf(text, ROOT)
+            for side in given:
+                tree = without(tree, side)
+            own = as_baxter(tree, drawn_like(tree, drawn))
+            tree = mounted(with_known_meshes(own, drawn), given, drawn)
         except DescriptionError as cause:
             raise DescriptionError(f"{source} cannot be used: {cause}") from None
         return cls(tree.text, stock, source)
 
     @classmethod
+    def drawn(cls) -> RobotDescription:
+        """Baxter as the URDF of example-robot-data draws it, with half-round tips on the right.
+
+        Raises:
+            DescriptionError: when that package, or Baxter in it, is missing.
+        """
+        stock = StockFiles.installed()
+        return cls(_drawn_tree(stock).text, stock, "the URDF of example-robot-data")
+
+    @classmethod
     def installed(cls) -> RobotDescription:
-        """Baxter, as the installed example-robot-data has it.
+        """The stock robot: as the installed example-robot-data has it, with alike hands.
 
         Raises:
             DescriptionError: when that package, or Baxter in it, is missing.
@@ -127,11 +153,11 @@ class RobotDescription:
 
 
 @cache
-def _stock_tree(files: StockFiles) -> Urdf:
+def _drawn_tree(files: StockFiles) -> Urdf:
     text, source = _read(files.urdf)
     try:
         tree = read_urdf(text, ROOT)
-        return as_baxter(tree, tree)
+        return with_known_meshes(as_baxter(tree, tree), tree)
     except DescriptionError as cause:
         raise DescriptionError(f"{source} cannot be used: {cause}; reinstall its package") from None
 

@@ -1,10 +1,11 @@
-"""Urdf: the tree of links and joints that a URDF describes, and nothing else of it.
+"""Urdf: the tree of links and joints that a URDF describes, and the shapes of what is on its hands.
 
 Every number is kept as it was written, so that `text` says the same to any other reader.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,9 +15,15 @@ from typing import TypeAlias
 from xml.sax.saxutils import quoteattr
 
 from baxter_kin.copying import FrozenMapping
-from baxter_kin.errors import DescriptionError
+from baxter_kin.errors import DescriptionError, quoted
+from baxter_kin.fields import check_fields
 
 Triple: TypeAlias = "tuple[float, float, float]"
+
+MESH_FILE = (
+    "package://example-robot-data/robots/baxter_description/meshes/electric_gripper/fingers/{}.DAE"
+)
+"""Where the meshes of fingers and tips are, by their names."""
 
 X_AXIS: Triple = (1.0, 0.0, 0.0)
 """The axis of a joint that names none."""
@@ -47,6 +54,60 @@ class JointRange:
     effort: float
 
 
+class ShapeKind(str, Enum):
+    """What a shape is; of each, the lengths in m that it has."""
+
+    MESH = "mesh"
+    BOX = "box"
+    CYLINDER = "cylinder"
+    SPHERE = "sphere"
+
+
+LENGTHS: Mapping[ShapeKind, int] = FrozenMapping(
+    {ShapeKind.MESH: 0, ShapeKind.BOX: 3, ShapeKind.CYLINDER: 2, ShapeKind.SPHERE: 1}
+)
+"""How many lengths a shape of a kind has."""
+
+
+@dataclass(frozen=True, slots=True)
+class UrdfShape:
+    """One shape of a link.
+
+    Attributes:
+        kind: what it is.
+        size_m: of a box its edges along x, y and z; of a cylinder along z its radius and length; of
+            a sphere its radius; of a mesh nothing.
+        mesh: the name of a mesh of Rethink's, without folder and ending; empty for all others.
+        xyz: where it is on the link, m.
+        rpy: how it is turned there: roll, pitch, yaw about the link's x, y, z in this order, rad.
+
+    Raises:
+        DescriptionError: when a value is of another class, a number is not finite, or the lengths
+            are not as many as the kind has, or not above zero.
+    """
+
+    kind: ShapeKind
+    size_m: tuple[float, ...] = ()
+    mesh: str = ""
+    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, DescriptionError)
+        for name in ("size_m", "xyz", "rpy"):
+            numbers = tuple(map(float, getattr(self, name)))
+            if not all(map(math.isfinite, numbers)):
+                raise DescriptionError(f"{name} of a {self.kind.value} is not finite: {numbers}")
+            object.__setattr__(self, name, numbers)
+        lengths = LENGTHS[self.kind]
+        if len(self.size_m) != lengths or min(self.size_m, default=1.0) <= 0.0:
+            raise DescriptionError(
+                f"a {self.kind.value} has lengths above zero, {lengths} in number, got "
+                f"{quoted(self.size_m)}"
+            )
+
+
 @dataclass(frozen=True, slots=True)
 class UrdfJoint:
     """A joint, and with it where its child is.
@@ -60,6 +121,8 @@ class UrdfJoint:
         rpy: how it is turned there: roll, pitch, yaw about the parent's x, y, z in this order, rad.
         axis: of unit length, in the child's frame.
         range: what it may do; None for a fixed one.
+        shapes: what its child looks like, where that is up to the owner of the robot: fingers,
+            their tips, tools. All other links look as on every Baxter, and state none.
     """
 
     name: str
@@ -70,6 +133,7 @@ class UrdfJoint:
     rpy: Triple = (0.0, 0.0, 0.0)
     axis: Triple = X_AXIS
     range: JointRange | None = None
+    shapes: tuple[UrdfShape, ...] = ()
 
     @property
     def is_movable(self) -> bool:
@@ -123,9 +187,9 @@ class Urdf:
 
     @cached_property
     def text(self) -> str:
-        """The tree as a URDF: links without shapes, joints, and every number in full."""
-        names = [self.root, *(joint.child for joint in self.joints)]
-        links = (f"  <link name={quoteattr(name)}/>" for name in names)
+        """The tree as a URDF: links, shapes of hands, joints, and every number in full."""
+        root = f"  <link name={quoteattr(self.root)}/>"
+        links = (root, *(line for joint in self.joints for line in _link_lines(joint)))
         joints = (line for joint in self.joints for line in _lines(joint))
         return "\n".join(['<robot name="baxter">', *links, *joints, "</robot>", ""])
 
@@ -155,6 +219,31 @@ def check_once(kind: str, names: Sequence[str]) -> None:
         raise DescriptionError(f"its {kind} {twice[0]} is there more than once")
 
 
+def _link_lines(joint: UrdfJoint) -> Iterator[str]:
+    name = quoteattr(joint.child)
+    if not joint.shapes:
+        yield f"  <link name={name}/>"
+        return
+    yield f"  <link name={name}>"
+    for shape in joint.shapes:
+        yield "    <visual>"
+        yield f'      <origin xyz="{_words(shape.xyz)}" rpy="{_words(shape.rpy)}"/>'
+        yield f"      <geometry>{_geometry(shape)}</geometry>"
+        yield "    </visual>"
+    yield "  </link>"
+
+
+def _geometry(shape: UrdfShape) -> str:
+    size = tuple(map(repr, shape.size_m))
+    if shape.kind is ShapeKind.MESH:
+        return f"<mesh filename={quoteattr(MESH_FILE.format(shape.mesh))}/>"
+    if shape.kind is ShapeKind.BOX:
+        return f'<box size="{" ".join(size)}"/>'
+    if shape.kind is ShapeKind.CYLINDER:
+        return f'<cylinder radius="{size[0]}" length="{size[1]}"/>'
+    return f'<sphere radius="{size[0]}"/>'
+
+
 def _lines(joint: UrdfJoint) -> Iterator[str]:
     yield f'  <joint name={quoteattr(joint.name)} type="{joint.kind.value}">'
     yield f"    <parent link={quoteattr(joint.parent)}/>"
@@ -170,5 +259,5 @@ def _lines(joint: UrdfJoint) -> Iterator[str]:
     yield "  </joint>"
 
 
-def _words(numbers: Triple) -> str:
+def _words(numbers: Iterable[float]) -> str:
     return " ".join(map(repr, numbers))

@@ -1,22 +1,25 @@
 """Reads a URDF as a tree of links and joints.
 
-Shapes, meshes, inertias, colours and what simulators add are passed over: no path in the text is
-looked at, still less opened. What makes no sense is refused in one sentence that begins with "it"
-or "its".
+Inertias, colours, what simulators add, and the shapes of most links are passed over. Of fingers
+and tools the shapes are read; of the file of a mesh, its bare name. No path is looked up, still
+less opened. What makes no sense is refused in one sentence that begins with "it" or "its".
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 
 from baxter_kin.description.urdf import (
     X_AXIS,
     JointKind,
     JointRange,
+    ShapeKind,
     Triple,
     Urdf,
     UrdfJoint,
+    UrdfShape,
     below,
     check_once,
 )
@@ -37,6 +40,20 @@ LEAST_AXIS = 1e-3
 ROUNDING = 1e-9
 """How far from 1 the length of an axis may be where it counts as written in full."""
 
+SHAPED = ("_finger", "_tool_")
+"""In names of links whose shapes are read."""
+
+MOST_SHAPES = 100
+"""Of a link."""
+
+_LENGTHS = {
+    "mesh": (),
+    "box": (("size", 3),),
+    "cylinder": (("radius", 1), ("length", 1)),
+    "sphere": (("radius", 1),),
+}
+"""The attributes of a shape, and how many lengths each states."""
+
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _XACRO_SIGNS = ("${", "$(")
 _RUN_XACRO = "run xacro first, and give what it prints"
@@ -51,7 +68,10 @@ def read_urdf(text: str | bytes, root: str) -> Urdf:
     """
     robot = _checked_robot(read_xml(text))
     names = [_name(link) for link in robot.all("link")]
-    joints = [_joint(joint) for joint in robot.all("joint")]
+    shapes = {
+        name: _shapes(name, link) for name, link in zip(names, robot.all("link"), strict=True)
+    }
+    joints = [_joint(joint, shapes) for joint in robot.all("joint")]
     check_once("link", names)
     check_once("joint", [joint.name for joint in joints])
     links = frozenset(names)
@@ -98,20 +118,69 @@ def _name(element: Element) -> str:
     return name
 
 
-def _joint(element: Element) -> UrdfJoint:
+def _joint(element: Element, shapes: Mapping[str, tuple[UrdfShape, ...]]) -> UrdfJoint:
     name = _name(element)
     kind = _kind(name, element.attributes.get("type", ""))
     origin, axis = element.first("origin"), element.first("axis")
+    child = _link(name, element, "child")
     return UrdfJoint(
         name,
         kind,
         _link(name, element, "parent"),
-        _link(name, element, "child"),
-        _triple(name, origin, "xyz", (0.0, 0.0, 0.0)),
-        _triple(name, origin, "rpy", (0.0, 0.0, 0.0)),
-        X_AXIS if kind is JointKind.FIXED else _unit(name, _triple(name, axis, "xyz", X_AXIS)),
+        child,
+        _triple(f"joint {name}", origin, "xyz", (0.0, 0.0, 0.0)),
+        _triple(f"joint {name}", origin, "rpy", (0.0, 0.0, 0.0)),
+        X_AXIS
+        if kind is JointKind.FIXED
+        else _unit(name, _triple(f"joint {name}", axis, "xyz", X_AXIS)),
         None if kind is JointKind.FIXED else _range(name, element.first("limit")),
+        shapes.get(child, ()),
     )
+
+
+def _shapes(name: str, link: Element) -> tuple[UrdfShape, ...]:
+    """What a link of a hand is: what it shows, or else what is said to collide."""
+    if not any(word in name for word in SHAPED):
+        return ()
+    elements = list(link.all("visual")) or list(link.all("collision"))
+    if len(elements) > MOST_SHAPES:
+        raise DescriptionError(
+            f"its link {name} has {len(elements)} shapes; at most {MOST_SHAPES} are read"
+        )
+    return tuple(_shape(name, element) for element in elements)
+
+
+def _shape(name: str, element: Element) -> UrdfShape:
+    geometry, origin = element.first("geometry"), element.first("origin")
+    kinds = [] if geometry is None else geometry.children
+    if len(kinds) != 1 or kinds[0].name not in _LENGTHS:
+        given = ", ".join(kind.name for kind in kinds) or "nothing"
+        raise DescriptionError(
+            f"its link {name} has a shape of {shortened(given, LONGEST_NAME)}; it must be one "
+            "mesh, box, cylinder or sphere"
+        )
+    (kind,) = kinds
+    sizes = (_lengths(name, kind, *each) for each in _LENGTHS[kind.name])
+    file = kind.attributes.get("filename", "").replace("\\", "/")
+    return UrdfShape(
+        ShapeKind(kind.name),
+        tuple(length for size in sizes for length in size),
+        file.rpartition("/")[2].partition(".")[0] if kind.name == "mesh" else "",
+        _triple(f"link {name}", origin, "xyz", (0.0, 0.0, 0.0)),
+        _triple(f"link {name}", origin, "rpy", (0.0, 0.0, 0.0)),
+    )
+
+
+def _lengths(name: str, shape: Element, key: str, count: int) -> tuple[float, ...]:
+    words = shape.attributes.get(key, "").split()
+    lengths = tuple(_parsed(f"link {name}", key, word) for word in words)
+    if len(lengths) != count or min(lengths) <= 0.0:
+        raise DescriptionError(
+            f"its link {name} has a <{shape.name}> with {key} "
+            f"{quoted(shape.attributes.get(key, ''), LONGEST_NAME)}; lengths above zero, in m, are "
+            f"needed: {count}"
+        )
+    return lengths
 
 
 def _kind(name: str, written: str) -> JointKind:
@@ -136,10 +205,10 @@ def _range(joint: str, limit: Element | None) -> JointRange:
     if limit is None:
         raise DescriptionError(f"its joint {joint} has no <limit>")
     found = JointRange(
-        _number(joint, limit, "lower", "0"),
-        _number(joint, limit, "upper", "0"),
-        _number(joint, limit, "velocity"),
-        _number(joint, limit, "effort", "0"),
+        _number(f"joint {joint}", limit, "lower", "0"),
+        _number(f"joint {joint}", limit, "upper", "0"),
+        _number(f"joint {joint}", limit, "velocity"),
+        _number(f"joint {joint}", limit, "effort", "0"),
     )
     if found.lower >= found.upper:
         raise DescriptionError(
@@ -154,36 +223,35 @@ def _range(joint: str, limit: Element | None) -> JointRange:
     return found
 
 
-def _triple(joint: str, element: Element | None, key: str, otherwise: Triple) -> Triple:
+def _triple(what: str, element: Element | None, key: str, otherwise: Triple) -> Triple:
     if element is None or key not in element.attributes:
         return otherwise
     words = element.attributes[key].split()
     if len(words) != 3:
         raise DescriptionError(
-            f"its joint {joint} has {key} {quoted(element.attributes[key], LONGEST_NAME)}; three "
+            f"its {what} has {key} {quoted(element.attributes[key], LONGEST_NAME)}; three "
             "numbers are needed"
         )
-    x, y, z = (_parsed(joint, key, word) for word in words)
+    x, y, z = (_parsed(what, key, word) for word in words)
     return x, y, z
 
 
-def _number(joint: str, element: Element, key: str, otherwise: str | None = None) -> float:
+def _number(what: str, element: Element, key: str, otherwise: str | None = None) -> float:
     written = element.attributes.get(key, otherwise)
     if written is None:
-        raise DescriptionError(f"its joint {joint} has a <{element.name}> without {key}")
-    return _parsed(joint, key, written.strip())
+        raise DescriptionError(f"its {what} has a <{element.name}> without {key}")
+    return _parsed(what, key, written.strip())
 
 
-def _parsed(joint: str, key: str, word: str) -> float:
+def _parsed(what: str, key: str, word: str) -> float:
     if any(sign in word for sign in _XACRO_SIGNS):
         raise DescriptionError(
-            f"its joint {joint} has {key} {quoted(word, LONGEST_NAME)}, so it is xacro: "
-            f"{_RUN_XACRO}"
+            f"its {what} has {key} {quoted(word, LONGEST_NAME)}, so it is xacro: {_RUN_XACRO}"
         )
     value = float(word) if _NUMBER.fullmatch(word) else math.nan
     if not abs(value) <= LARGEST_NUMBER:
         raise DescriptionError(
-            f"its joint {joint} has {key} {quoted(word, LONGEST_NAME)}; it must be a finite number "
+            f"its {what} has {key} {quoted(word, LONGEST_NAME)}; it must be a finite number "
             f"up to {LARGEST_NUMBER:g}"
         )
     return value + 0.0  # so that zero has no sign

@@ -9,12 +9,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
 from baxter_kin import BaxterError, JointLimits
-from baxter_kin.description import RobotDescription
+from baxter_kin.command_line import add_hands, hands_of
+from baxter_kin.description import HandMount, RobotDescription
 from planner.plan import Plan
 from planner.plan_file import load_plan
 from planner.verification.inspection import verify
@@ -33,6 +34,7 @@ class Options:
     Attributes:
         file: the saved plan.
         urdf: the robot's own description; None for the stock robot.
+        hands: what is on its flanges, by side; a side that is absent is as the URDF says.
         is_quiet: say nothing but what failed.
         is_json: print the certificate as JSON instead of a table.
         straight: labels of the moves that shall be straight although the plan does not say so.
@@ -42,6 +44,7 @@ class Options:
 
     file: str
     urdf: str | None
+    hands: Mapping[str, HandMount]
     is_quiet: bool
     is_json: bool
     straight: tuple[str, ...]
@@ -79,6 +82,7 @@ def _options(argv: Sequence[str] | None) -> Options:
     parser.add_argument(
         "--urdf", metavar="FILE", help="the robot's own description (default: the stock robot)"
     )
+    add_hands(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but what failed")
     parser.add_argument("--json", action="store_true", help="the certificate as JSON")
     parser.add_argument(
@@ -98,13 +102,20 @@ def _options(argv: Sequence[str] | None) -> Options:
         )
     raw = parser.parse_args(argv)
     return Options(
-        raw.file, raw.urdf, raw.quiet, raw.json, tuple(raw.straight), raw.acceleration, raw.jerk
+        file=raw.file,
+        urdf=raw.urdf,
+        hands=hands_of(raw),
+        is_quiet=raw.quiet,
+        is_json=raw.json,
+        straight=tuple(raw.straight),
+        acceleration=raw.acceleration,
+        jerk=raw.jerk,
     )
 
 
 def _checked(options: Options) -> int:
     plan = load_plan(options.file)
-    robot = RobotDescription.of(options.urdf)
+    robot = RobotDescription.of(options.urdf, options.hands)
     certificate = verify(
         plan,
         straight=options.straight,

@@ -6,6 +6,7 @@ arm's joints and the fingers are read from the description's text through Pinocc
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from functools import cache, lru_cache
 
@@ -36,6 +37,21 @@ def _installed() -> RobotDescription:
     return RobotDescription.installed()
 
 
+@lru_cache(maxsize=8)
+def _reshaped(own_text: str, drawn_text: str) -> frozenset[str]:
+    """The links that show something else than the drawing on either side."""
+    own, drawn = (
+        {
+            str(link.get("name")): "".join(ET.tostring(part, "unicode").strip() for part in link)
+            for link in ET.fromstring(text).iter("link")
+        }
+        for text in (own_text, drawn_text)
+    )
+    sides = {"l_gripper_": "r_gripper_", "r_gripper_": "l_gripper_"}
+    other = {name: sides.get(name[:10], name[:10]) + name[10:] for name in own}
+    return frozenset(n for n in own if own[n] not in {drawn.get(n, ""), drawn.get(other[n], "")})
+
+
 class UrdfRobot:
     """One arm as part of the whole robot.
 
@@ -46,6 +62,7 @@ class UrdfRobot:
         arm_joints: the arm's joints from shoulder to wrist, as numbers in the model.
         fingers: its finger joints, as numbers in the model.
         other_hand: the last joint of the other arm and its fingers', likewise.
+        reshaped: the links that look otherwise than on either side of the drawn robot.
         stroke_m: how far a finger goes from closed to open.
     """
 
@@ -56,6 +73,7 @@ class UrdfRobot:
             DescriptionError: when it cannot be read, or has no such arm, or that has no fingers.
         """
         self.model, self.stock = read_model(description), read_model(_installed())
+        self.reshaped = _reshaped(description.text, RobotDescription.drawn().text)
         tip = f"{limb}_gripper"
         if not self.model.existFrame(tip):
             raise DescriptionError(f"the URDF is not Baxter's: it lacks the link {tip}")

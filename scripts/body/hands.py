@@ -37,12 +37,16 @@ def _across(axis: int, *cuts: float) -> list[Box]:
     return slabs
 
 
-def _bar(low: float, high: float) -> list[Box]:
-    """Flange, web, flange of a finger's bar between two heights."""
+NARROW, WIDE = -17.0, -55.0
+"""Where the web of a finger's bar is along y."""
+
+
+def _bar(low: float, high: float, middle: float = NARROW, end: float = END) -> list[Box]:
+    """Flange, web, flange of a finger's bar between two heights, and up to `end` along y."""
     return [
-        ((-END, -14.5, low), (END, END, high)),
-        ((-END, -19.5, low), (END, -14.5, high)),
-        ((-END, -END, low), (END, -19.5, high)),
+        ((-END, middle + 2.5, low), (END, end, high)),
+        ((-END, middle - 2.5, low), (END, middle + 2.5, high)),
+        ((-END, -END, low), (END, middle - 2.5, high)),
     ]
 
 
@@ -56,6 +60,19 @@ BOXES: dict[str, list[Box]] = {
         ((-END, -5.0, 12.25), (END, 10.0, 14.4)),
         ((-END, 10.0, 12.25), (END, END, 14.4)),
         ((-END, -END, -END), (END, END, 12.25)),
+    ],
+    "extended_wide": [
+        *_bar(28.5, 108.7, WIDE),
+        ((-END, -END, 108.7), (END, END, END)),
+        *_bar(19.0, 28.5, WIDE),
+        *_bar(14.4, 19.0, WIDE, -45.0),
+        ((-END, -5.0, 14.4), (END, END, 19.0)),
+        *(
+            ((-END, low, 12.25), (END, high, 14.4))
+            for low, high in ((-END, -40.0), (-5.0, 10.0), (10.0, END))
+        ),
+        ((-END, -END, -END), (END, -24.0, 12.25)),
+        ((-END, -24.0, -END), (END, END, 12.25)),
     ],
     "paddle_tip": _across(0, -14.0, -7.75, 0.0, 7.75, 14.0),
     "half_round_tip": [

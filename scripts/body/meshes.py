@@ -37,6 +37,10 @@ class Placed(NamedTuple):
     p_link_shape: F
 
 
+IN_PLACE_OF = {"extended_wide": "extended_narrow"}
+"""Meshes of what may be mounted on a gripper, and of what on the stock robot instead."""
+
+
 @cache
 def _files() -> dict[str, Path]:
     root = StockFiles.installed().urdf.parent.parent / "meshes"
@@ -60,7 +64,19 @@ def triangles(mesh: str) -> F:
 
 
 def placed_shapes() -> Iterator[Placed]:
-    """Every shape that is part of the robot: visuals, and collision shapes of links without."""
+    """Every shape that is part of the robot: visuals, and collision shapes of links without.
+
+    Then what may be mounted instead, on both fingers of a hand; see `RobotBody.links` for its name.
+    """
+    shapes = list(_shapes_of_the_urdf())
+    yield from shapes
+    for mesh, stock in IN_PLACE_OF.items():
+        for shape in shapes:
+            if shape.mesh == stock and shape.link.startswith("l_gripper"):
+                yield shape._replace(link=f"{shape.link}:{mesh}", mesh=mesh)
+
+
+def _shapes_of_the_urdf() -> Iterator[Placed]:
     root = ET.parse(StockFiles.installed().urdf).getroot()
     for link in root.findall("link"):
         name = link.get("name", "")

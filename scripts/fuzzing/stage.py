@@ -16,7 +16,19 @@ import pinocchio as pin
 
 import planner as p
 import sim as s
-from baxter_kin import Arm, Baxter, Frame, IKFailure, IKService, SeedMode, SeedType, StampedPose, ik
+from baxter_kin import (
+    Arm,
+    Baxter,
+    ElectricGripper,
+    Frame,
+    IKFailure,
+    IKService,
+    SeedMode,
+    SeedType,
+    StampedPose,
+    Tool,
+    ik,
+)
 from baxter_kin.description import RobotDescription
 from baxter_kin.ik.task import Task
 from planner.collision import Held
@@ -85,6 +97,15 @@ class _Lasting:
     @cached_property
     def RobotDescription(self) -> RobotDescription:
         return self.Baxter.description
+
+    @cached_property
+    def ElectricGripper(self) -> ElectricGripper:
+        return ElectricGripper(slot=3)
+
+    @cached_property
+    def Tool(self) -> Tool:
+        T_hand_tip = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1]))
+        return p.tool_of(p.make_block("probe", pin.SE3.Identity()), T_hand_tip)
 
     @cached_property
     def IKService(self) -> IKService:

@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from fuzzing.stage import BODY, Stage
 from fuzzing.targets import Target
+from planner import make_block
 
 Make = Callable[[Stage], Any]
 
@@ -65,6 +66,16 @@ BY_PARAMETER: MappingProxyType[str, Make] = MappingProxyType(
         "Scene.of.bodies": lambda stage: list(stage["Scene"]),
         "Part.rgba": _constant((1.0, 0.0, 0.0, 1.0)),
         "Baxter.load.urdf": lambda stage: stage["RobotDescription"].text,
+        "hands": lambda stage: {"right": stage["ElectricGripper"]},
+        "ElectricGripper.fingers": _constant("wide"),
+        "ElectricGripper.tips": _constant("half_round"),
+        "ElectricGripper.slot": _constant(3),
+        "ElectricGripper.of.text": _constant("narrow-3"),
+        "Tool.shapes": lambda stage: stage["Tool"].shapes,
+        "Tool.T_hand_tip": lambda stage: stage["Tool"].T_hand_tip,
+        "tool_of.body": lambda _: make_block("probe", pin.SE3.Identity()),
+        "tool_of.T_hand_tip": lambda stage: stage["Tool"].T_hand_tip,
+        "FreeSpace.around.q_others": lambda stage: stage["Baxter"].configuration(),
         "RobotShapes.index": _constant(0),
         "make_block.colour": _constant("red"),
         "make_block.edge_m": _constant(0.05),

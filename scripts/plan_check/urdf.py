@@ -2,9 +2,10 @@
 
 Read with `xml.etree`, forward kinematics in NumPy over many samples at once. A link is what its
 visuals show: the original meshes with every triangle, and its visual boxes and cylinders (the
-hand's camera, the sonar ring). A link without a visual is its collision shape if that is its only
-description: `<side>_hand_link`. The 1 mm spheres that stand for nothing, the red spheres around the
-head and the cylinders that repeat the upper arm and forearm under another name are left out.
+hand's camera, the sonar ring). The tips on the right are paddles, as on the left. A link without a
+visual is its collision shape if that is its only description: `<side>_hand_link`. The 1 mm spheres
+that stand for nothing, the red spheres around the head and the cylinders that repeat the upper arm
+and forearm under another name are left out.
 """
 
 from __future__ import annotations
@@ -126,7 +127,10 @@ def load_robot() -> Robot:
     root = ET.parse(path).getroot()
     joints = _ordered([_joint(element) for element in root.findall("joint")])
     share = next(parent for parent in path.parents if parent.name == "example-robot-data").parent
-    solids = {str(link.get("name")): tuple(_solids(link, share)) for link in root.findall("link")}
+    links = {str(link.get("name")): link for link in root.findall("link")}
+    for finger in "lr":  # the toolkit mounts the left hand's tips on the right one, too
+        links[f"r_gripper_{finger}_finger_tip"] = links[f"l_gripper_{finger}_finger_tip"]
+    solids = {name: tuple(_solids(link, share)) for name, link in links.items()}
     return Robot(joints[0].parent, joints, solids, _groups(joints))
 
 

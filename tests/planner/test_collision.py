@@ -73,13 +73,17 @@ class Independent:
         body, data = RobotBody.load(), robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, q)
         self._skipped = body.skipped_pairs
+        self._links = {name: link for name, link in body.links.items() if ":" not in name}
+        for finger in "lr":  # the stock robot has paddles on both sides
+            paddle = self._links[f"l_gripper_{finger}_finger_tip"]
+            self._links[f"r_gripper_{finger}_finger_tip"] = paddle
         self._shapes = {
-            link.name: [surface(*link.surface)]
+            name: [surface(*link.surface)]
             if len(link.surface.triangles)
             else [convex(*piece) for piece in link.pieces]
-            for link in body.links.values()
+            for name, link in self._links.items()
         }
-        self._margins = {link.name: link.margin_m for link in body.links.values()}
+        self._margins = {name: link.margin_m for name, link in self._links.items()}
         self._poses = {link: data.oMf[robot.model.getFrameId(link)] for link in self._shapes}
         self._joints = {
             link: robot.model.frames[robot.model.getFrameId(link)].parentJoint
@@ -94,12 +98,11 @@ class Independent:
 
     def lowest_m(self, part: str) -> float:
         """The lowest point of the arm's links with that in their names, in base."""
-        body = RobotBody.load()
         return min(
             float(self._poses[link].act(vertex)[2]) - self._margins[link]
             for link in self._arm
             if part in link
-            for vertex in body.links[link].surface.vertices
+            for vertex in self._links[link].surface.vertices
         )
 
     def to_itself(self) -> Iterator[float]:

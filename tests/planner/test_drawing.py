@@ -6,16 +6,24 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Baxter
-from planner import RobotBody, RobotShapes
-from planner.drawing import Drawing
+from baxter_kin import Baxter, ElectricGripper
+from baxter_kin.description import HandMount
+from planner import Hand, RobotBody, RobotShapes, make_block, tool_of
+from planner.drawing import Drawing, other_side
 from planner.verification.body.links import OwnPairs
 from planner.verification.body.robot_body import robot_body
-from planner.verification.urdf_robot import read_model
+from planner.verification.urdf_robot import UrdfRobot
 from tests.served_urdf import served_urdf
 
 NEAREST = ("left_upper_elbow", "left_upper_forearm")
 """Two joints apart: e1 and w0."""
+
+
+T_HAND_CUBE = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.025]))
+
+
+def fingered(robot: Baxter) -> list[str]:
+    return [side for side in robot.arms if Hand.is_on(robot, side)]
 
 
 def calibrated(*joints: str, seed: int = 1, limit_change: float = 0.0) -> Baxter:
@@ -23,35 +31,63 @@ def calibrated(*joints: str, seed: int = 1, limit_change: float = 0.0) -> Baxter
     return Baxter.load(served_urdf(rng, joints=joints, limit_change=limit_change))
 
 
-def drawing(robot: Baxter, stock: Baxter) -> Drawing:
-    return Drawing(robot.model, stock.model)
+def links_of(body: RobotBody) -> list[str]:
+    """Those of the drawn robot, not what may be mounted instead."""
+    return [name for name in body.links if ":" not in name]
 
 
-def test_all_of_the_stock_robot_is_as_drawn(robot: Baxter) -> None:
-    of_stock = drawing(robot, robot)
-    assert all(of_stock.is_as_drawn(*pair) for pair in combinations(RobotBody.load().links, 2))
+def test_all_of_the_drawn_robot_is_as_drawn(drawn: Baxter) -> None:
+    beside_itself, links = Drawing(drawn, drawn), links_of(RobotBody.load())
+    assert all(beside_itself.is_as_drawn(*pair) for pair in combinations(links, 2))
+
+
+RIGHT_TIPS = ("r_gripper_l_finger_tip", "r_gripper_r_finger_tip")
+
+
+def test_what_another_tip_is_near_is_known_from_the_side_that_is_drawn_with_it(
+    robot: Baxter, drawn: Baxter
+) -> None:
+    """Paddles on the right, as on the left of the drawing."""
+    assert not Drawing(robot, drawn).is_as_drawn(*RIGHT_TIPS)
+    assert Drawing(robot, drawn, is_swapped=True).is_as_drawn(*RIGHT_TIPS)
+    assert not Drawing(drawn, drawn, is_swapped=True).is_as_drawn(*RIGHT_TIPS)
+
+
+@pytest.mark.parametrize("slot", [3, 4])
+def test_nothing_is_known_of_fingers_in_another_slot(drawn: Baxter, slot: int) -> None:
+    own = Baxter.load(hands={"right": ElectricGripper(slot=slot)})
+    for is_swapped in (False, True):
+        assert not Drawing(own, drawn, is_swapped=is_swapped).is_as_drawn(*RIGHT_TIPS)
+
+
+@pytest.mark.parametrize(
+    "name", ["left_s0", "r_gripper_l_finger_joint", "left_hand_link", "head_pan", "torso"]
+)
+def test_the_other_side_of_the_other_side_is_the_same(name: str) -> None:
+    assert other_side(other_side(name)) == name
+    assert (other_side(name) == name) == (name in ("head_pan", "torso"))
 
 
 @pytest.mark.parametrize("joint", ["left_e1", "left_w0"])
-def test_a_joint_between_that_is_elsewhere_undoes_the_proof(robot: Baxter, joint: str) -> None:
-    assert not drawing(calibrated(joint), robot).is_as_drawn(*NEAREST)
+def test_a_joint_between_that_is_elsewhere_undoes_the_proof(drawn: Baxter, joint: str) -> None:
+    assert not Drawing(calibrated(joint), drawn).is_as_drawn(*NEAREST)
 
 
-def test_joints_that_are_not_between_do_not_count(robot: Baxter) -> None:
-    others = drawing(calibrated("head_pan", "left_s0", "left_e0", "left_w1", "right_e1"), robot)
+def test_joints_that_are_not_between_do_not_count(drawn: Baxter) -> None:
+    others = Drawing(calibrated("head_pan", "left_s0", "left_e0", "left_w1", "right_e1"), drawn)
     assert others.is_as_drawn(*NEAREST)
     assert not others.is_as_drawn("torso", "left_lower_shoulder")
 
 
-def test_one_joint_apart_is_taken_to_be_mounted_as_drawn(robot: Baxter) -> None:
-    assert drawing(calibrated("left_e1"), robot).is_as_drawn("left_upper_elbow", "left_lower_elbow")
+def test_one_joint_apart_is_taken_to_be_mounted_as_drawn(drawn: Baxter) -> None:
+    assert Drawing(calibrated("left_e1"), drawn).is_as_drawn("left_upper_elbow", "left_lower_elbow")
 
 
-def test_a_wider_range_undoes_the_proof_and_a_narrower_does_not(robot: Baxter) -> None:
+def test_a_wider_range_undoes_the_proof_and_a_narrower_does_not(drawn: Baxter) -> None:
     text = served_urdf()
     wider, narrower = (text.replace('upper="2.618"', f'upper="{x}"') for x in (2.7, 2.5))
-    assert not drawing(Baxter.load(wider), robot).is_as_drawn(*NEAREST)
-    assert drawing(Baxter.load(narrower), robot).is_as_drawn(*NEAREST)
+    assert not Drawing(Baxter.load(wider), drawn).is_as_drawn(*NEAREST)
+    assert Drawing(Baxter.load(narrower), drawn).is_as_drawn(*NEAREST)
 
 
 def test_pairs_that_are_left_out_are_proven_or_mounted_on_each_other() -> None:
@@ -61,19 +97,27 @@ def test_pairs_that_are_left_out_are_proven_or_mounted_on_each_other() -> None:
     checked = {frozenset((shapes.links[a], shapes.links[b])) for a, b in shapes.pairs}
     chains = {
         name: set(list(model.supports[model.frames[model.getFrameId(name)].parentJoint])[1:])
-        for name in shapes.body.links
+        for name in links_of(shapes.body)
     }
     fingers = {model.getJointId(name) for name in own.joint_names if "gripper" in name}
-    for one, other in combinations(shapes.body.links, 2):
+    for one, other in combinations(links_of(shapes.body), 2):
         between = chains[one] ^ chains[other]
         is_out = len(between) <= 1 or between <= fingers
         assert (frozenset((one, other)) in checked) != is_out, (one, other)
 
 
 def test_the_verifier_checks_the_same_pairs_by_its_own_code(robot: Baxter) -> None:
-    for own in (robot, calibrated("left_e1", "head_pan"), Baxter.load(served_urdf())):
+    hands: list[dict[str, HandMount]] = [
+        {"left": ElectricGripper(slot=3)},
+        {"left": ElectricGripper("wide", 1, "half_round"), "right": ElectricGripper("wide")},
+        {"left": ElectricGripper(tips="half_round"), "right": None},
+        {"left": tool_of(make_block("cube", T_HAND_CUBE), T_HAND_CUBE)},
+    ]
+    others = [Baxter.load(hands=each) for each in hands]
+    for own in (robot, calibrated("left_e1", "head_pan"), Baxter.load(served_urdf()), *others):
         shapes, verified = RobotShapes(own), robot_body(own.description)
-        pairs = OwnPairs(read_model(own.description), read_model(robot.description))
+        judge = UrdfRobot(own.description, "left" if "left" in fingered(own) else "right")
+        pairs = OwnPairs(judge.model, judge.stock, judge.reshaped)
         planned = {frozenset((shapes.links[a], shapes.links[b])) for a, b in shapes.pairs}
         judged = {
             frozenset((a.name, b.name))

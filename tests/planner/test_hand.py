@@ -35,8 +35,9 @@ PICK = overhead(0.70, 0.15, -0.129)
 
 
 @pytest.fixture(scope="module")
-def real_hands(robot: Baxter) -> dict[str, Hand]:
-    return hands_of(robot)
+def real_hands(drawn: Baxter) -> dict[str, Hand]:
+    """With paddles on the left and half-round tips on the right."""
+    return hands_of(drawn)
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +47,8 @@ def real_hand(real_hands: dict[str, Hand]) -> Hand:
 
 
 @pytest.fixture(scope="module")
-def hands(robot: Baxter, plain: RobotBody) -> dict[str, Hand]:
-    return hands_of(robot, plain)
+def hands(drawn: Baxter, plain: RobotBody) -> dict[str, Hand]:
+    return hands_of(drawn, plain)
 
 
 @pytest.fixture(scope="module")
@@ -75,12 +76,12 @@ def grasped(hand: Hand, body: Body, finger_m: float | None = None) -> Grasp:
     ("side", "closed_mm", "open_mm"), [("left", 15.298, 56.964), ("right", 11.028, 52.694)]
 )
 def test_the_gap_between_the_pads_is_that_of_the_meshes(
-    robot: Baxter, real_hands: dict[str, Hand], side: str, closed_mm: float, open_mm: float
+    drawn: Baxter, real_hands: dict[str, Hand], side: str, closed_mm: float, open_mm: float
 ) -> None:
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.configuration())
-    T_tip_base = data.oMf[robot.model.getFrameId(robot.arm(side).tip_frame)].inverse()
-    pads = {s.name: s for s in robot_body(robot.description).solids if s.name[0] == side[0]}
+    data = drawn.model.createData()
+    pin.framesForwardKinematics(drawn.model, data, drawn.configuration())
+    T_tip_base = data.oMf[drawn.model.getFrameId(drawn.arm(side).tip_frame)].inverse()
+    pads = {s.name: s for s in robot_body(drawn.description).solids if s.name[0] == side[0]}
     left, right = (
         [
             (T_tip_base * data.oMi[pad.joint] * pad.T_joint_shape).act(vertex)[1]
@@ -97,16 +98,16 @@ def test_the_gap_between_the_pads_is_that_of_the_meshes(
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("finger_m", [0.0, 0.01, 0.020833])
 def test_the_gap_is_what_pinocchio_says_for_the_finger_joints(
-    robot: Baxter, plain: RobotBody, hands: dict[str, Hand], side: str, finger_m: float
+    drawn: Baxter, plain: RobotBody, hands: dict[str, Hand], side: str, finger_m: float
 ) -> None:
-    hand, of_robot = hands[side], RobotShapes(robot, plain)
-    first, second = sorted(of_robot.of_pads(robot.arm(side)))
+    hand, of_robot = hands[side], RobotShapes(drawn, plain)
+    first, second = sorted(of_robot.of_pads(drawn.arm(side)))
     shapes = of_robot.model
     shapes.removeAllCollisionPairs()
     shapes.addCollisionPair(pin.CollisionPair(first, second))
-    data, geometry = robot.model.createData(), shapes.createData()
-    q = robot.configuration(hand.finger_joints(finger_m))
-    pin.computeDistances(robot.model, data, shapes, geometry, q)
+    data, geometry = drawn.model.createData(), shapes.createData()
+    q = drawn.configuration(hand.finger_joints(finger_m))
+    pin.computeDistances(drawn.model, data, shapes, geometry, q)
     gap = geometry.distanceResults[0].min_distance
     assert gap == pytest.approx(hand.closed_gap_m + 2 * finger_m, abs=1e-6)  # GJK's tolerance
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin.arrays import Vector
-from baxter_kin.description import RobotDescription
+from baxter_kin.description import ElectricGripper, RobotDescription
 from planner.verification.body import links
 from planner.verification.body.enclosed import is_enclosed
 from planner.verification.body.robot_body import RobotBody, robot_body
@@ -45,8 +45,11 @@ def distance(first: Solid, second: Solid, data: pin.Data) -> float:
     return float(coal.distance(first.shape, placed[0], second.shape, placed[1], request, result))
 
 
-def test_links_two_joints_apart_that_are_left_out_never_touch(body: RobotBody) -> None:
-    model = read_model(FILES)
+@pytest.mark.parametrize("tips", ["paddle", "half_round"])
+def test_links_two_joints_apart_that_are_left_out_never_touch(tips: str) -> None:
+    """On the left side, with what either side is drawn with."""
+    description = RobotDescription.of(hands={"left": ElectricGripper(tips=tips)})
+    model, body = read_model(description), robot_body(description)
     data = model.createData()
     among = [
         (first, second)

@@ -64,7 +64,7 @@ def test_it_reports_its_position_in_per_cent(shared: World, share: float) -> Non
 
 
 @pytest.mark.parametrize(
-    ("side", "closed", "opened"), [("left", 15.298, 56.964), ("right", 11.028, 52.694)]
+    ("side", "closed", "opened"), [("left", 15.298, 56.964), ("right", 15.298, 56.964)]
 )
 def test_the_gap_is_that_of_the_pads(world: World, side: str, closed: float, opened: float) -> None:
     gripper = Gripper(world, side)

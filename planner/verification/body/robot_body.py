@@ -2,7 +2,8 @@
 
 The planner's shapes are others. Of the description's shapes
 
-- the visual shape counts for every link that has one, mesh or not;
+- the visual shape counts for every link that has one, mesh or not; of fingers, their tips and tools
+  that of the robot's own text;
 - the collision shape counts for a link that has no visual one, which is `<side>_hand_link`;
 - no part of the robot are the spheres named `collision_head_*`, which MoveIt's configuration added
   to keep the arms away from the head, the spheres of 1 mm that stand for head, screen and sonar
@@ -17,14 +18,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from operator import itemgetter
 
 import pinocchio as pin
 
-from baxter_kin.description import RobotDescription, StockFiles
+from baxter_kin.description import RobotDescription
 from baxter_kin.errors import DescriptionError
 from planner.contact import convex, surface
+from planner.hand_body import fitted
 from planner.robot_body import RobotBody as StoredBody
 from planner.verification.body.solid import Solid
 from planner.verification.body.urdf_shapes import LinkShape, link_shapes
@@ -61,7 +63,7 @@ def robot_body(description: RobotDescription) -> RobotBody:
         BodyFileError: when neither the meshes nor the stored body can be read.
     """
     model = read_model(description)
-    shapes, source = _shapes(description.stock)
+    shapes, source = _shapes(description)
     there = [shape for shape in shapes if _is_there(model, shape.link)]
     placed = sorted(((_frame(model, shape.link), shape) for shape in there), key=itemgetter(0))
     measured: dict[int, Solid] = {}
@@ -69,18 +71,19 @@ def robot_body(description: RobotDescription) -> RobotBody:
     return RobotBody(solids, source)
 
 
-@cache
-def _shapes(files: StockFiles) -> tuple[tuple[LinkShape, ...], str]:
+def _shapes(description: RobotDescription) -> tuple[tuple[LinkShape, ...], str]:
     """The shapes of all links, and what they are."""
     try:
-        return tuple(link_shapes(files, NO_PARTS)), "Rethink's meshes"
+        shapes = link_shapes(description.stock, NO_PARTS, description.text)
+        return tuple(shapes), "Rethink's meshes"
     except DescriptionError as cause:
-        return tuple(_stored_shapes()), f"the planner's own body, since {cause}"
+        stored = tuple(_stored_shapes(description))
+        return stored, f"the planner's own body, since {cause}"
 
 
-def _stored_shapes() -> Iterator[LinkShape]:
+def _stored_shapes(description: RobotDescription) -> Iterator[LinkShape]:
     """The triangles and pieces that the planner takes the links to be."""
-    for link in StoredBody.load().links.values():
+    for link in fitted(StoredBody.load(), description).links.values():
         if not link.is_in_pieces:
             yield LinkShape(link.name, pin.SE3.Identity(), surface(*link.surface))
         for piece in link.pieces if link.is_in_pieces else ():

@@ -60,7 +60,7 @@ class Stretches:
         """Sort the robot's shapes by what moves them."""
         self._robot, self._q_standing, self._straight = robot, q_standing, straight
         self._elsewhere = tuple(_placed(elsewhere))
-        self._pairs = links.OwnPairs(robot.model, robot.stock)
+        self._pairs = links.OwnPairs(robot.model, robot.stock, robot.reshaped)
         everything = list(solids)
         self._arm = [s for s in everything if arm_level(robot, s.joint)]
         self.rest = [s for s in everything if not arm_level(robot, s.joint)]

@@ -1,7 +1,7 @@
 """What the URDF shows of every link, as coal's shapes placed on their links.
 
 A link is what its `<visual>` elements show; one that has none is what its `<collision>` elements
-are.
+are. The robot's own text shows what is on its hands; all other links are those of the stock URDF.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -40,23 +41,37 @@ class LinkShape:
     shape: Any
 
 
-def link_shapes(files: StockFiles, left_out: tuple[str, ...]) -> list[LinkShape]:
+def link_shapes(
+    files: StockFiles, left_out: tuple[str, ...], own_text: str = "<robot/>"
+) -> list[LinkShape]:
     """The shapes of every link whose name has none of some words in it.
 
+    Args:
+        files: the URDF that shows most links, and where meshes are.
+        left_out: the words.
+        own_text: another URDF; what it shows of a link counts in place of that.
+
     Raises:
-        DescriptionError: when the URDF or a mesh cannot be read, or a shape is of no known kind.
+        DescriptionError: when a URDF or a mesh cannot be read, or a shape is of no known kind.
     """
-    shapes = _Shapes(files)
+    shapes = _shapes_of(files)
     try:
-        links = ET.parse(files.urdf).getroot().findall("link")
+        own = {link.get("name", ""): link for link in ET.fromstring(own_text).iter("link")}
+        shown = {name: link for name, link in own.items() if len(link)}
+        stock = {link.get("name", ""): link for link in ET.parse(files.urdf).iter("link")}
         return [
             shape
-            for link in links
-            if not any(word in link.get("name", "") for word in left_out)
+            for name, link in {**stock, **shown}.items()
+            if not any(word in name for word in left_out)
             for shape in _of_link(link, shapes)
         ]
     except (OSError, ET.ParseError, ValueError) as cause:
         raise DescriptionError(f"cannot read {files.urdf}: {cause}") from cause
+
+
+@cache
+def _shapes_of(files: StockFiles) -> _Shapes:
+    return _Shapes(files)
 
 
 class _Shapes:

@@ -254,8 +254,9 @@ def test_exact_eyes_are_as_good_as_none(tmp_path: Path) -> None:
         ("--add-pose 0.7 0 -0.4", "with table, at best"),
         ("--add-pose 0.72 0.075 -0.14", "block with table, at best 11.0 mm deep"),
         ("--hover 5", "out of reach"),
-        ("--limb right", "the right hand opens only 52.7 mm"),
-        ("--limb right", "block measures 50.0 mm"),
+        ("--limb right --right-hand half_round", "the right hand opens only 52.7 mm"),
+        ("--limb right --right-hand half_round", "block measures 50.0 mm, 53.2 mm across"),
+        ("--left-hand 4", "closed pads are 53.3 mm apart"),
         ("--add-pose 0.72 0.075 0.1", "block would fall: nothing is within 10 mm below it"),
     ],
 )

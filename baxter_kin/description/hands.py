@@ -1,0 +1,225 @@
+"""What may be on the flange of an arm: nothing, Rethink's electric gripper, a tool of one's own.
+
+The electric gripper is assembled by its owner: a finger of one of two kinds is screwed to each of
+its two carriages, in one of four slots, and carries a tip. The numbers are those of Rethink's
+`rethink_ee_description` (package `baxter_common`): `urdf/electric_gripper/` has
+`rethink_electric_gripper.xacro` (slots) and `fingers/*.xacro` (fingers and tips).
+
+Of Rethink's parts these are left out: the standard fingers, 38 mm shorter, and the soft and hard
+basic tips, of which this toolkit has no body; tips that face outwards; and two fingers that differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import pinocchio as pin
+
+from baxter_kin.copying import FrozenMapping
+from baxter_kin.description.urdf import ShapeKind, UrdfShape
+from baxter_kin.display import OneLine, count, position
+from baxter_kin.errors import ConfigurationError, DescriptionError, millimetres_hint, quoted
+from baxter_kin.fields import check_fields
+from baxter_kin.frames import checked_pose
+
+FIRST_SLOT_M, SLOT_M = -0.011, 0.0095
+"""Where the first slot of the carriage that opens along +y is along y, and the next from it:
+`l_finger_offset = (l_finger_slot - 1) * 0.0095 - 0.011` in `rethink_electric_gripper.xacro`."""
+
+SLOTS = (1, 2, 3, 4)
+
+FINGER_WIDTH_M: Mapping[str, float] = FrozenMapping({"narrow": 0.01725, "wide": 0.05503})
+"""How far along y a finger puts its tip from its slot: `finger_width` in
+`fingers/extended_narrow.xacro` and `fingers/extended_wide.xacro`."""
+
+FINGER_MESHES: Mapping[str, str] = FrozenMapping(
+    {"narrow": "extended_narrow", "wide": "extended_wide"}
+)
+TIP_MESHES: Mapping[str, str] = FrozenMapping(
+    {"paddle": "paddle_tip", "half_round": "half_round_tip"}
+)
+
+FARTHEST_TOOL_M = 2.0
+"""How far from the hand a tool and its tip may be."""
+
+MOST_PARTS = 100
+"""Of a tool."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ElectricGripper(OneLine):
+    """How an electric gripper is assembled; both of its fingers alike.
+
+    Attributes:
+        fingers: "narrow" or "wide", Rethink's extended ones: the hand opens 75.6 mm wider with the
+            second.
+        slot: where they are on their carriages: 1 to 4 from the middle outwards; in each the hand
+            opens and closes 19 mm wider than in the one before. In slot 1 the pads of narrow
+            fingers would meet before the gripper is closed, which is not modelled.
+        tips: "paddle" or "half_round".
+
+    Raises:
+        ConfigurationError: when it cannot be assembled so, or is not modelled.
+    """
+
+    fingers: str = "narrow"
+    slot: int = 2
+    tips: str = "paddle"
+
+    def __post_init__(self) -> None:
+        """Check."""
+        check_fields(self, ConfigurationError)
+        _check_known("fingers", self.fingers, FINGER_MESHES)
+        _check_known("tips", self.tips, TIP_MESHES)
+        if self.slot not in SLOTS:
+            raise ConfigurationError(f"slot {self.slot} is not one of {', '.join(map(str, SLOTS))}")
+        if self.slot == 1 and self.fingers == "narrow":
+            raise ConfigurationError(
+                "narrow fingers in slot 1 would meet before the gripper is closed, which is not "
+                "modelled; use slot 2, 3 or 4"
+            )
+
+    @classmethod
+    def of(cls, text: str) -> ElectricGripper:
+        """The one of some words joined by "-", as command lines have it: "narrow-3-half_round".
+
+        What no word says is as it is by default.
+
+        Raises:
+            ConfigurationError: when a word is not known or one part is named twice.
+        """
+        words: dict[str, str | int] = {}
+        for word in str(text).split("-"):
+            name = _part_named(word, text)
+            if name in words:
+                raise ConfigurationError(f"{quoted(text)} names two {name}; one is possible")
+            words[name] = int(word) if name == "slot" else word
+        return cls(**words)  # type: ignore[arg-type]
+
+    @property
+    def slot_m(self) -> float:
+        """Where the finger that opens along +y is along y of the gripper's base when closed, m."""
+        return round(FIRST_SLOT_M + (self.slot - 1) * SLOT_M, 9)
+
+    @property
+    def tip_m(self) -> float:
+        """Where its tip is along y of the finger, m."""
+        return FINGER_WIDTH_M[self.fingers]
+
+    def __str__(self) -> str:
+        """As `of` reads it."""
+        return f"{self.fingers}-{self.slot}-{self.tips}"
+
+    def _facts(self) -> tuple[str, ...]:
+        return f"{self.fingers} fingers", f"slot {self.slot}", f"{self.tips} tips"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Tool(OneLine):
+    """A rigid tool on the flange; it has a tip, and no fingers.
+
+    `planner.tool_of` makes one of a body.
+
+    Attributes:
+        shapes: boxes, cylinders and spheres, each placed as seen from `<side>_hand`.
+        T_hand_tip: where the tip is seen from `<side>_hand`, whose z points out of the flange; the
+            arm's kinematics and IK then speak of that tip.
+
+    Raises:
+        ConfigurationError: when it has no shape or too many, one of another kind, or reaches
+            farther than `FARTHEST_TOOL_M`.
+        PoseError: when the pose of the tip is not a valid one.
+    """
+
+    shapes: tuple[UrdfShape, ...]
+    T_hand_tip: pin.SE3
+
+    def __post_init__(self) -> None:
+        """Check and copy."""
+        object.__setattr__(self, "T_hand_tip", checked_pose(self.T_hand_tip))
+        check_fields(self, ConfigurationError)
+        if not 0 < len(self.shapes) <= MOST_PARTS:
+            raise ConfigurationError(
+                f"a tool has 1 to {MOST_PARTS} shapes, got {len(self.shapes)}; bare is None"
+            )
+        for shape in self.shapes:
+            if shape.kind is ShapeKind.MESH:
+                raise ConfigurationError(
+                    "a tool is of boxes, cylinders and spheres, not of a mesh; put some around it"
+                )
+        places = [shape.xyz for shape in self.shapes]
+        sizes = [shape.size_m for shape in self.shapes]
+        farthest = max(
+            abs(x) for row in (*places, *sizes, self.T_hand_tip.translation) for x in row
+        )
+        if not farthest <= FARTHEST_TOOL_M:
+            raise ConfigurationError(
+                f"a tool may reach {FARTHEST_TOOL_M:g} m from the hand, got {farthest:g} m"
+                f"{millimetres_hint(farthest)}"
+            )
+
+    def _facts(self) -> tuple[str, ...]:
+        return count(len(self.shapes), "shape"), f"tip at {position(self.T_hand_tip)}"
+
+
+HandMount: TypeAlias = "ElectricGripper | Tool | None"
+"""What is on a flange; None is a bare one."""
+
+NONE = "none"
+"""How command lines call a bare flange."""
+
+
+def hand_of(text: str) -> ElectricGripper | None:
+    """What a command line says is on a flange: "none", or the words of `ElectricGripper.of`.
+
+    Raises:
+        ConfigurationError: when it is neither.
+    """
+    return None if text == NONE else ElectricGripper.of(text)
+
+
+def checked_hands(hands: object) -> Mapping[str, HandMount]:
+    """Hands by the side that they are on.
+
+    Raises:
+        DescriptionError: when they are not such a mapping; says what came.
+    """
+    if not isinstance(hands, Mapping):
+        raise DescriptionError(
+            f"hands are given by side, such as {{'right': ElectricGripper(slot=3)}}, got "
+            f"{quoted(hands)}"
+        )
+    for side, hand in hands.items():
+        if side not in ("left", "right"):
+            raise DescriptionError(f"no side {quoted(side)} for a hand; it has: left, right")
+        if hand is not None and not isinstance(hand, (ElectricGripper, Tool)):
+            raise DescriptionError(
+                f"the {side} hand must be an ElectricGripper, a Tool or None, got {quoted(hand)}"
+            )
+    return FrozenMapping(hands)
+
+
+def _check_known(what: str, word: str, known: Mapping[str, str]) -> None:
+    if word not in known:
+        raise ConfigurationError(f"{what} {quoted(word)} are not known; use {' or '.join(known)}")
+
+
+def _part_named(word: str, text: object) -> str:
+    """The part of a gripper that a word says something of."""
+    if word in FINGER_MESHES:
+        return "fingers"
+    if word in TIP_MESHES:
+        return "tips"
+    if word.isascii() and word.isdecimal() and len(word) == 1:
+        return "slot"
+    known = ", ".join((*FINGER_MESHES, *TIP_MESHES, *map(str, SLOTS)))
+    raise ConfigurationError(
+        f"{quoted(text)} is not a hand; give {NONE!r}, or words joined by '-' of: {known}"
+    )
+
+
+DEFAULT_RIGHT = ElectricGripper()
+"""On the right hand of the stock robot, as on its left. The URDF of example-robot-data has
+half-round tips there, 52.7 mm apart at most, between which the block of 5 cm does not fit."""
