@@ -189,7 +189,7 @@ def test_fault_blind_dwells_of_1_s(world: World, manipulator: Manipulator) -> No
 def test_fault_right_hand_is_asked_to_hold_what_it_cannot(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert main(["--headless", "-q", "--limb", "right"]) == 1
+    assert main(["--headless", "-q", "--limb", "right", "--right-hand", "half_round"]) == 1
     said = capsys.readouterr().err
     assert "50.0 mm" in said
     assert "52.7 mm" in said

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import Baxter, quaternion_xyzw
+from baxter_kin import Baxter, ElectricGripper, quaternion_xyzw
 from planner import (
     Body,
     Box,
@@ -32,7 +32,7 @@ from planner import (
 )
 from planner.grasp import extent
 from planner.overhead import FINGER_CLEARANCE_M, LOWEST_SHARE, MESH_STEP_RAD
-from planner.robot_body import RobotBody
+from tests.bodies import with_plain_fingers
 from tests.conftest import at
 from tests.planner.conftest import hands_of, hull
 
@@ -59,8 +59,10 @@ HOLLOW_M = 0.9e-3
 
 
 @pytest.fixture(scope="module")
-def hands(robot: Baxter, plain: RobotBody) -> dict[str, Hand]:
-    return hands_of(robot, plain)
+def hands() -> dict[str, Hand]:
+    """A left one with paddles and a right one with half-round tips, both plain."""
+    robot = Baxter.load(hands={"right": ElectricGripper(tips="half_round")})
+    return hands_of(robot, with_plain_fingers(robot))
 
 
 @pytest.fixture(scope="module")

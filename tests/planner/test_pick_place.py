@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from baxter_kin import (
     Baxter,
     ConfigurationError,
+    ElectricGripper,
     LimitsError,
     PoseError,
     SeedType,
@@ -523,9 +524,8 @@ class TestImpossible:
         assert "the left hand opens only 57.0 mm" in plan.failure.reason
         assert labels(plan) == []
 
-    def test_the_right_hand_refuses_the_block_with_both_widths(
-        self, robot: Baxter, scene: Scene
-    ) -> None:
+    def test_a_narrower_hand_refuses_the_block_with_both_widths(self, scene: Scene) -> None:
+        robot = Baxter.load(hands={"right": ElectricGripper(tips="half_round")})
         right = Manipulator.of(robot, "right")
         task = PickAndPlace("block", overhead(0.7, -0.15, -0.129), overhead(0.75, 0.0, -0.129))
         plan = planned(task, right, scene)
