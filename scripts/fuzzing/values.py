@@ -73,6 +73,7 @@ BY_PARAMETER: MappingProxyType[str, Make] = MappingProxyType(
         "ElectricGripper.of.text": _constant("narrow-3"),
         "Tool.shapes": lambda stage: stage["Tool"].shapes,
         "Tool.T_hand_tip": lambda stage: stage["Tool"].T_hand_tip,
+        "Plan.robot": lambda stage: stage["Plan"].robot,
         "tool_of.body": lambda _: make_block("probe", pin.SE3.Identity()),
         "tool_of.T_hand_tip": lambda stage: stage["Tool"].T_hand_tip,
         "FreeSpace.around.q_others": lambda stage: stage["Baxter"].configuration(),

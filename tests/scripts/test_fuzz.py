@@ -36,7 +36,7 @@ def test_every_public_class_and_function_is_called() -> None:
 
 def test_every_parameter_has_a_valid_value(tmp_path: Path) -> None:
     stage = module("stage").Stage(tmp_path)
-    for target in module("targets").all_targets("baxter_kin"):
+    for target in module("targets").all_targets():
         for parameter in target.parameters:
             module("values").valid_value(target, parameter, stage)
 
