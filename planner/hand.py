@@ -113,8 +113,14 @@ class Hand(OneLine):
 
     @staticmethod
     def is_on(robot: Baxter, side: str) -> bool:
-        """Whether a robot has fingers on that side."""
-        return set(finger_joints(side)) <= set(robot.joint_names)
+        """Whether a robot has fingers on that side.
+
+        Raises:
+            SceneError: when `robot` is none.
+            UnknownNameError: when `side` is neither "left" nor "right".
+        """
+        arm = expect(robot, Baxter, "robot", SceneError).arm(side)
+        return set(finger_joints(arm.side)) <= set(robot.joint_names)
 
     @property
     def open_gap_m(self) -> float:

@@ -32,7 +32,7 @@ class JointState(NamedTuple):
 
     def __repr__(self) -> str:
         """The positions of one state, or how many there are, and the greatest speed."""
-        if not isinstance(self.v, np.ndarray) or self.v.dtype.kind != "f":
+        if type(self.v) is not np.ndarray or self.v.dtype.kind != "f":
             return line("JointState", map(shown, self))  # a named tuple takes anything
         speed = f"up to {np.abs(self.v).max(initial=0.0):.3g} rad/s"
         return line("JointState", (f"q={shown(self.q)} rad", speed))

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from baxter_kin import Baxter, ConfigurationError, PoseError
+from baxter_kin import Baxter, ConfigurationError, PoseError, UnknownNameError
 from planner import Body, Box, Cylinder, Grasp, Hand, Manipulator, Part, RobotShapes, SceneError
 from planner.robot_body import RobotBody
 from planner.scene import Shape, Sphere
@@ -360,3 +360,16 @@ def test_a_body_placed_in_millimetres_is_asked_about(hand: Hand) -> None:
     assert "was its place given in millimetres? Lengths are in metres" in str(missed)
     missed = hand.close_on(ORIGIN, thing(cube(0.04), x=0.7), hand.stroke_m)
     assert str(missed).endswith("not between the pads")
+
+
+@pytest.mark.parametrize("side", ["middle", None, [], 3])
+def test_fingers_are_looked_for_on_a_side(robot: Baxter, side: Any) -> None:
+    assert Hand.is_on(robot, "left")
+    with pytest.raises(UnknownNameError, match="no limb"):
+        Hand.is_on(robot, side)
+
+
+def test_fingers_are_looked_for_on_a_robot() -> None:
+    nothing: Any = None
+    with pytest.raises(SceneError, match="robot must be of class Baxter"):
+        Hand.is_on(nothing, "left")
