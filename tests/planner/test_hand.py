@@ -365,7 +365,7 @@ def test_a_body_placed_in_millimetres_is_asked_about(hand: Hand) -> None:
 @pytest.mark.parametrize("side", ["middle", None, [], 3])
 def test_fingers_are_looked_for_on_a_side(robot: Baxter, side: Any) -> None:
     assert Hand.is_on(robot, "left")
-    with pytest.raises(UnknownNameError, match="no limb"):
+    with pytest.raises(UnknownNameError, match="unknown limb"):
         Hand.is_on(robot, side)
 
 
