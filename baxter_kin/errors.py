@@ -24,10 +24,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from enum import Enum
 from reprlib import Repr
 from typing import Any, TypeVar
 
 T = TypeVar("T")
+E = TypeVar("E", bound=Enum)
 
 LONGEST_NAME = 60
 """How much of an unknown name a message repeats."""
@@ -77,6 +79,23 @@ class UnknownNameError(BaxterError, ValueError):
         self.allowed = tuple(allowed)
         shown = quoted(name, LONGEST_NAME)
         super().__init__(f"unknown {kind} {shown}; use one of: {', '.join(self.allowed)}")
+
+
+def member_of(choices: type[E], kind: str, name: object) -> E:
+    """The member of an enumeration of names that has that name.
+
+    Args:
+        choices: the enumeration.
+        kind: what it lists, such as "frame".
+        name: its value, or the member itself.
+
+    Raises:
+        UnknownNameError: when there is none.
+    """
+    try:
+        return choices(name)
+    except ValueError:
+        raise UnknownNameError(kind, name, [each.value for each in choices]) from None
 
 
 class ConfigurationError(BaxterError, ValueError):

@@ -34,8 +34,8 @@ from baxter_kin.display import OneLine, numbers, position
 from baxter_kin.errors import (
     PoseError,
     QuaternionOrderWarning,
-    UnknownNameError,
     expect,
+    member_of,
     quoted,
 )
 
@@ -60,10 +60,7 @@ class Frame(str, Enum):
         Raises:
             UnknownNameError: when there is none.
         """
-        try:
-            return cls(name)
-        except ValueError:
-            raise UnknownNameError("frame", name, [frame.value for frame in cls]) from None
+        return member_of(cls, "frame", name)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

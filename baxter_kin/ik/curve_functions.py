@@ -23,7 +23,7 @@ from functools import cache
 
 import casadi as ca
 
-from baxter_kin.ik.kernel import SEEN_FROM, symbols
+from baxter_kin.ik.kernel import SEEN_FROM, rotation_error, symbols
 from baxter_kin.symbolic import Shape, SymbolicChain
 
 BLOCK = 32
@@ -60,8 +60,6 @@ RESIDUAL_TOLERANCE = 1e-12
 _GROWTH = 1.5
 """Of the step where the curve is straight enough for the longer one."""
 
-_LEAST_COSINE = 1e-6
-
 
 @cache
 def curve_functions() -> tuple[ca.Function, ...]:
@@ -79,11 +77,10 @@ def curve_functions() -> tuple[ca.Function, ...]:
 def _newton_function() -> ca.Function:
     """`(q, T_first_last, dimensions) -> (dq, null vector, determinant, residual, rank)`."""
     chain, T = SymbolicChain.of_shape(Shape.GENERAL, SEEN_FROM), ca.SX.sym("T", 4, 4)
-    lever = chain.R_link_last @ chain.p_last_tip
     R_target = chain.R_link_first @ T[:3, :3]
     p_target = chain.R_link_first @ T[:3, 3] + chain.p_link_first + R_target @ chain.p_last_tip
-    p_tip = chain.p_link_last + lever
-    e = ca.vertcat(p_target - p_tip, _rotation_error(R_target, chain.R_link_last))
+    p_tip = chain.p_link_last + chain.R_link_last @ chain.p_last_tip
+    e = ca.vertcat(p_target - p_tip, rotation_error(R_target, chain.R_link_last)[0])
     columns = [
         ca.vertcat(ca.cross(axis, p_tip - origin), axis)
         for axis, origin in zip(chain.axes, chain.origins, strict=True)
@@ -99,14 +96,6 @@ def _newton_function() -> ca.Function:
         factors.rank,
     ]
     return ca.Function("newton", [chain.q, T, chain.dimensions], outputs, {"cse": True})
-
-
-def _rotation_error(R_target: ca.SX, R: ca.SX) -> ca.SX:
-    """`2 sin(angle / 2) axis` of the rotation still missing; for less than half a turn."""
-    E = R_target @ R.T
-    trace = E[0, 0] + E[1, 1] + E[2, 2]
-    skew = ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1])
-    return skew / ca.sqrt(ca.fmax(1 + trace, _LEAST_COSINE))
 
 
 class _Householder:

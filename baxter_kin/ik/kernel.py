@@ -205,7 +205,7 @@ def step_function(shape: Shape) -> ca.Function:
     R_target = chain.R_link_first @ T[:3, :3]
     wrist_error = chain.R_link_first @ T[:3, 3] + chain.p_link_first - chain.p_link_last
     p_error = wrist_error + (R_target - chain.R_link_last) @ chain.p_last_tip
-    r_error, angle = _rotation_error(R_target, chain.R_link_last)
+    r_error, angle = rotation_error(R_target, chain.R_link_last)
     e = ca.vertcat(wrist_error, ROTATION_WEIGHT_M * r_error)
     q_next = damped_step(q, _wrist_jacobian(chain), e, bounds)
     inputs, outputs = [q, T, bounds, chain.dimensions], [q_next, ca.norm_2(p_error), angle]
@@ -233,7 +233,7 @@ def _wrist_jacobian(chain: SymbolicChain) -> ca.SX:
     return ca.sparsify(ca.vertcat(*columns))
 
 
-def _rotation_error(R_target: ca.SX, R: ca.SX) -> tuple[ca.SX, ca.SX]:
+def rotation_error(R_target: ca.SX, R: ca.SX) -> tuple[ca.SX, ca.SX]:
     """`2 sin(angle / 2) axis` of the rotation still missing, axes of base, and its length.
 
     The skew part of a rotation matrix is `sin(angle) axis`; over `2 cos(angle / 2)`, a root of the

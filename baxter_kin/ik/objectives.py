@@ -17,7 +17,7 @@ import numpy as np
 from baxter_kin.arrays import Vector, finite_array, finite_rows
 from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, numbers
-from baxter_kin.errors import ConfigurationError, RequestError, UnknownNameError, expect, quoted
+from baxter_kin.errors import ConfigurationError, RequestError, expect, member_of, quoted
 from baxter_kin.ik.scalar import least
 from baxter_kin.ik.self_motion import SelfMotion
 from baxter_kin.model import Arm
@@ -43,10 +43,7 @@ class Scope(str, Enum):
         Raises:
             UnknownNameError: when there is none.
         """
-        try:
-            return cls(scope)
-        except ValueError:
-            raise UnknownNameError("scope", scope, [scope.value for scope in cls]) from None
+        return member_of(cls, "scope", scope)
 
 
 class Objective(Protocol):

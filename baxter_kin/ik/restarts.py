@@ -14,8 +14,8 @@ from baxter_kin.symbolic import Shape
 
 PATIENCE = {8: 0.1, 10: 0.03, 12: 0.01}
 """The error, m and 0.6 rad together, that a search may have left at iterations of these numbers.
-Of searches from the nearest setpoint 2 % have more and would have converged, as 8 of 9 % that would
-not: the next setpoint is the better bet."""
+Of searches from the nearest setpoint up to 2 % have more and would have converged, and more than
+7 of the 9 % that would not: the next setpoint is the better bet."""
 
 
 def map_search_function(shape: Shape, iterations: ca.Function, side: str) -> ca.Function:

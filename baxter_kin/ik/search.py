@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
-from baxter_kin.errors import UnknownNameError
+from baxter_kin.errors import member_of
 from baxter_kin.ik.buffered import BufferedFunction
 from baxter_kin.ik.kernel import ArmNumbers, iterations_of, search_function, step_function
 from baxter_kin.ik.machine_code import compiled
@@ -54,10 +54,7 @@ class Backend(str, Enum):
         Raises:
             UnknownNameError: when there is none.
         """
-        try:
-            return cls(name)
-        except ValueError:
-            raise UnknownNameError("backend", name, [backend.value for backend in cls]) from None
+        return member_of(cls, "backend", name)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
