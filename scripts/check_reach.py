@@ -1,18 +1,23 @@
 """Ask for poses a little out of reach: each shall be proven, or told how near the arm comes.
 
-    python scripts/check_reach.py [--count 1000] [--seed 0] [--limb left|right]
+    python scripts/check_reach.py [--count 1000] [--seed 0] [--limb left|right] [--grid 0.025]
 
 From a random reachable pose the tip is moved in a random direction, its orientation kept, until no
 search from 256 random seeds succeeds any more; the pose asked for lies 1e-6 to 0.06 m beyond,
 evenly spread over the logarithm. The exit status is 1 when more than one in a hundred is neither
 solved nor proven out of reach nor told a reachable position within 1 mm, or when a proof
 contradicts what was found.
+
+With `--grid`, nothing of that: poses with the gripper pointing down, so many metres apart in a box
+that holds the arm's reach, are asked for in one batch, and then those without a solution once more;
+it prints how long one of them takes.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+import time
 from collections import Counter
 
 import numpy as np
@@ -38,10 +43,14 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=1000, help="poses per arm")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--limb", choices=("left", "right"), action="append")
+    parser.add_argument("--grid", type=float, metavar="M", help="time a grid of poses instead")
     given = parser.parse_args()
     robot, is_right = Baxter.load(), True
     for side in given.limb or ("left", "right"):
         arm = robot.arm(side)
+        if given.grid is not None:
+            print(f"{side}: {cost_of_grid(IKService(arm), given.grid)}")
+            continue
         kinds = Counter(kinds_of(arm, given.count, np.random.default_rng(given.seed)))
         is_right &= kinds["missed"] <= MOST_MISSED * given.count and not kinds["false proof"]
         print(f"{side}: " + ", ".join(f"{count} {kind}" for kind, count in kinds.most_common()))
@@ -60,6 +69,20 @@ def kinds_of(arm: Arm, count: int, rng: np.random.Generator) -> list[str]:
         away_m = np.exp(rng.uniform(np.log(NEAREST_M), np.log(FARTHEST_M)))
         found.append(kind(ik, nearest, moved(T, away_m * outward)))
     return found
+
+
+def cost_of_grid(ik: IKService, spacing_m: float) -> str:
+    """What a pose takes that is out of reach, and how many there are."""
+    x, z = (np.arange(low, 1.4, spacing_m) for low in (-0.6, -0.9))
+    y = np.arange(-0.8, 1.5, spacing_m) * (1.0 if ik.arm.side == "left" else -1.0)
+    points = np.stack(np.meshgrid(x, y, z), axis=-1).reshape(-1, 3)
+    Ts = np.tile(np.diag([-1.0, 1.0, -1.0, 1.0]), (len(points), 1, 1))
+    Ts[:, :3, 3] = points
+    is_out = np.array([not result.is_valid for result in ik.solve_batch(Ts)])
+    started_s = time.perf_counter()
+    ik.solve_batch(Ts[is_out])
+    mean_us = 1e6 * (time.perf_counter() - started_s) / is_out.sum()
+    return f"{mean_us:.1f} us for each of {is_out.sum()} of {len(Ts)} poses out of reach"
 
 
 def boundary(ik: IKService, rng: np.random.Generator) -> tuple[pin.SE3, Vector] | None:

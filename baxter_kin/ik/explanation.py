@@ -54,7 +54,7 @@ class Reach(Protocol):
     """What proves that poses are out of reach."""
 
     def proof(self, T_base_tip: pin.SE3, *, is_thorough: bool = ...) -> ReachProof | None:
-        """Why a pose is, or None; a thorough one may take a second."""
+        """Why a pose is, or None; a thorough one may take half a second."""
 
     def are_outside_shells(self, Ts: Vector) -> NDArray[np.bool_]:
         """Which poses, shape (m, 4, 4), are so far away that it is proven in no time."""
@@ -94,7 +94,7 @@ class Explainer:
         return self._reach.are_proven(Ts)
 
     def are_beyond_limits(self, Ts: Vector) -> NDArray[np.bool_]:
-        """Which of the others are proven to be out of reach, in some ten milliseconds each."""
+        """Which of the others are proven to be out of reach, in some milliseconds each."""
         return self._reach.are_beyond_limits(Ts)
 
     def errors_in_neutral(self, Ts: Vector) -> tuple[Vector, Vector]:

@@ -40,8 +40,9 @@ from baxter_kin.symbolic import SymbolicArm, quaternion_product
 
 MAX_ITERATIONS = 100
 
-NEAREST_STARTS = 6
-"""For 25 poses up to 6 cm out of reach, each of them but for 3 led to the same nearest position."""
+NEAREST_STARTS = 2
+"""Beside the best attempt. Of 145 poses up to 1 cm out of reach, that attempt led to the nearest
+position that any of seven starts found for 116, and the first of the others for the rest."""
 
 _COLUMNS = tuple(field.name for field in fields(Found))
 

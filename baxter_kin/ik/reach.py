@@ -105,7 +105,7 @@ class ReachBound:
         Args:
             T_base_tip: the tip seen from base, as `checked_pose` returns it.
             is_roll_free: whether the proof shall cover every rotation about the last joint's axis.
-            is_thorough: whether it may take a second.
+            is_thorough: whether it may take half a second.
 
         Raises:
             PoseError: when the pose is not finite.
@@ -135,7 +135,7 @@ class ReachBound:
         return proven
 
     def are_beyond_limits(self, Ts: Vector) -> Flags:
-        """Which poses are out of reach by the bound "limits": a millisecond for each.
+        """Which poses are out of reach by the bound "limits": some milliseconds for each.
 
         Args:
             Ts: finite poses as matrices, shape (m, 4, 4).

@@ -25,6 +25,10 @@ class UncertainAngle(NamedTuple):
     middle: Vector
     slack: Vector
 
+    def part(self, which: Flags) -> UncertainAngle:
+        """Some of several."""
+        return UncertainAngle(self.middle[which], self.slack[which])
+
     def less(self, other: UncertainAngle) -> UncertainAngle:
         """The difference of two."""
         return UncertainAngle(self.middle - other.middle, self.slack + other.slack)
