@@ -134,9 +134,10 @@ def _measure_block(
     """Time the calls back to back, then look at the answers."""
     prepare, call = row.contestant.prepare, row.contestant.call
     requests = [prepare(target, seed) for target, seed in zip(targets, seeds, strict=True)]
-    for request in [prepare(*pair) for pair in zip(targets, seeds, strict=True)][:WARM_UP]:
-        _timed(call, request)
-    with _no_garbage_collection():
+    warming = [prepare(*pair) for pair in zip(targets, seeds, strict=True)][:WARM_UP]
+    with _no_garbage_collection():  # before which it looks at all objects, and so empties caches
+        for request in warming:
+            _timed(call, request)
         timed = [_timed(call, request) for request in requests]
     for target, (time_ns, answer) in zip(targets, timed, strict=True):
         row.times_ns.append(time_ns)
