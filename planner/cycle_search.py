@@ -1,11 +1,13 @@
 """Search for the shortest cycle of a pick and place that is free of collision.
 
 Pairs of IK solutions at pick and place are tried in the order of the times that they promise; those
-that collide where they stand are left out. The first few are planned exactly, the shortest of them
-comes first. What collides teaches which pairs not to try: a line up or down speaks against its
-solution and the neighbours of that, a sideways motion against the neighbours of the pair. When no
-direct way is clear, pairs that failed only sideways are led around what is there
-(`planner.detour`).
+that collide where they stand are left out. From the first two the six motions are planned as one
+program (`planner.motion.cycle_program`), which hardly depends on the pair. Where these collide,
+cycles are put together motion by motion, the shortest of the first few first. What collides teaches
+which pairs not to try: a line up or down speaks against its solution and the neighbours of that, a
+sideways motion against the neighbours of the pair. When no direct way is clear, pairs that failed
+only sideways are led around what is there (`planner.detour`). What was found so is the guess for
+the same program, whose motion takes its place where that is clear and faster.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from planner.detour import TIMEOUT_S, Detour
 from planner.hand_lines import refuse_blocked_hand
 from planner.lines import Lines
 from planner.manipulator import Manipulator
+from planner.motion.cycle_program import CycleProgram
 from planner.pairs import Pairs, Solutions
 from planner.phases import PhaseMaker, Phases
 from planner.plan import Plan, PlanFailure
@@ -37,6 +40,9 @@ from planner.swept_result import SweptContact
 COMPARED, MOST_TRIED = 3, 16
 """Pairs of IK solutions that are planned exactly to find the shortest cycle, and in all, where
 these collide."""
+
+MOST_OPTIMISED = 2
+"""Pairs whose cycles are planned as one program, before others are put together."""
 
 MOST_SIDEWAYS = 6
 """Pairs whose sideways motions collide before it is tried to lead them around."""
@@ -91,6 +97,7 @@ class CycleSearch:
         self._held = tuple(held)
         self._begun_s = time.thread_time()
         self._cycles = Cycles(manipulator, q_start, lines)
+        self._program = CycleProgram(manipulator, q_start, lines)
         self._missed: list[_Miss] = []
         self._sideways: list[Cycle] = []  # failed only there
 
@@ -103,8 +110,13 @@ class CycleSearch:
             pairs = self._look(choices)
         except NoSolutionError as stop:
             return self._builder().plan(stop.failure)
+        for plan in self._fastest(pairs):
+            if plan.failure is None:
+                return plan
         for plan in self._attempts(pairs):
-            if plan.failure is None or plan.failure.is_certain:
+            if plan.failure is None:
+                return self._improved(plan)
+            if plan.failure.is_certain:
                 return plan
         return self._nearest_miss(pairs)
 
@@ -162,6 +174,21 @@ class CycleSearch:
         self._phases.refuse_impossible()
         refuse_blocked_hand(lines, around)
         return Pairs.of(choices, picks, places)
+
+    def _fastest(self, pairs: Pairs) -> Iterator[Plan]:
+        """Direct cycles whose six motions are one program, from the first few pairs."""
+        for pair in islice(pairs.open_ones(), MOST_OPTIMISED):
+            cycle = self._program.of(pairs.choices.at(*pair))
+            if cycle is not None:
+                yield self._learnt(pairs, pair, cycle)
+
+    def _improved(self, plan: Plan) -> Plan:
+        """The fastest cycle near a plan's, where that is shorter and proven; else the plan."""
+        cycle = self._program.near(Cycle(*(move.trajectory for move in plan.moves)))
+        if cycle is None or cycle.duration_s >= plan.motion_time_s:
+            return plan
+        improved = self._along(cycle)
+        return improved if improved.is_valid else plan
 
     def _attempts(self, pairs: Pairs) -> Iterator[Plan]:
         """Direct cycles, of the first few the shortest first; then those around obstacles."""

@@ -9,9 +9,9 @@ The tip comes down to a pose and rises from it along a straight line, and moves 
 `clear_m` above it and higher; there it does not stop, it passes. It stops to grasp, to release, and
 `hover_m` above the place, where the cycle ends. While it is moved sideways, what is carried may
 touch nothing, its supports included. Each move is proven free of collision at every instant
-(`planner.swept`). Of all pairs of IK solutions at pick and place, the one is chosen that makes the
-cycle shortest (`planner.choice`); when it collides, others are tried, and then ways around what is
-there (`planner.cycle_search`).
+(`planner.swept`). The motions of a cycle are one nonlinear program, and as fast together as the
+limits and lines allow (`planner.motion`); where they collide, other pairs of IK solutions at pick
+and place are tried, and then ways around what is there (`planner.cycle_search`).
 """
 
 from __future__ import annotations

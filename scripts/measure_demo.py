@@ -87,7 +87,8 @@ def _print_simulation() -> None:
     """Simulated over real time, with a recording and a CSV being made."""
     robot = Baxter.load()
     manipulator, world = Manipulator.of(robot, "left"), World(robot)
-    csv = CsvRecorder(os.devnull, robot)
+    folder = tempfile.TemporaryDirectory()
+    csv = CsvRecorder(Path(folder.name) / "motion.csv", robot)
     simulation = Simulation(world, [Recorder(robot), csv])
     there = plan_start_move(
         manipulator, world.scene, manipulator.arm.neutral, manipulator.arm.start
@@ -101,6 +102,7 @@ def _print_simulation() -> None:
     print(f"simulation                  {ratio:.0f} x real time, recording")
     print(f"simulation of whole cycles  {_cycles_ratio(manipulator, simulation):.0f} x real time")
     csv.close()
+    folder.cleanup()
 
 
 def _cycles_ratio(manipulator: Manipulator, simulation: Simulation) -> float:

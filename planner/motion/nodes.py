@@ -1,0 +1,110 @@
+"""What is asked of the tip at a node of a motion, with first and second derivatives.
+
+CasADi functions of the joint angles, for any arm: its geometry is numbers among the inputs. All is
+seen from the arm's first axis, as Denavit-Hartenberg parameters describe it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import numpy as np
+
+from baxter_kin import Arm
+from baxter_kin.arrays import Vector
+from baxter_kin.dh_parameters import DHParameters
+from baxter_kin.symbolic import Shape, SymbolicChain, dimensions_of
+from planner.straight_line import StraightLine
+
+LINE_NUMBERS = 19
+"""First position and rotation, way, axis and angle of the turn."""
+
+GEOMETRY_NUMBERS = 31 + 9 + 4
+"""Dimensions of the chain, rotation of the tip, what is up."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NodeFunctions:
+    """A function and its derivatives; the node's own numbers come first, the arm's last.
+
+    Attributes:
+        value: `(z, numbers, geometry) -> e`.
+        first: `(z, numbers, geometry) -> de/dz`, dense.
+        second: `(z, numbers, geometry, multipliers) -> d2(multipliers . e)/dz2`, dense.
+    """
+
+    value: ca.Function
+    first: ca.Function
+    second: ca.Function
+
+    @property
+    def all(self) -> tuple[ca.Function, ca.Function, ca.Function]:
+        """In this order."""
+        return self.value, self.first, self.second
+
+    @classmethod
+    def of(cls, name: str, e: ca.SX, z: ca.SX, numbers: ca.SX, geometry: ca.SX) -> NodeFunctions:
+        """Differentiate."""
+        given, multipliers = [z, numbers, geometry], ca.SX.sym("multipliers", e.numel())
+        hessian, _ = ca.hessian(ca.dot(multipliers, e), z)
+        options = {"cse": True}
+        return cls(
+            ca.Function(name, given, [e], options),
+            ca.Function(f"{name}_first", given, [ca.densify(ca.jacobian(e, z))], options),
+            ca.Function(f"{name}_second", [*given, multipliers], [ca.densify(hessian)], options),
+        )
+
+
+@cache
+def on_line() -> NodeFunctions:
+    """How far the tip is from a line: z is (q, s), e is (position, m; rotation, rad), 6 x 1.
+
+    Against the pose at the fraction s of the way. The rotation is the sine of its angle, about the
+    axes of that pose; numbers are `line_numbers`.
+    """
+    q, p_tip, R_tip, geometry = _tip()
+    s, numbers = ca.SX.sym("s"), ca.SX.sym("line", LINE_NUMBERS)
+    p_start, R_start, way, axis, angle = ca.vertsplit(numbers, [0, 3, 12, 15, 18, 19])
+    cross = ca.skew(axis)
+    turn = ca.SX.eye(3) + ca.sin(angle * s) * cross + (1 - ca.cos(angle * s)) * cross @ cross
+    E = (turn @ ca.reshape(R_start, 3, 3)).T @ R_tip
+    skew = ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]) / 2
+    e = ca.vertcat(p_tip - p_start - s * way, skew)
+    return NodeFunctions.of("on_line", e, ca.vertcat(q, s), numbers, geometry)
+
+
+@cache
+def above() -> NodeFunctions:
+    """How far the tip is above a height of base, m: z is q, the number is the height."""
+    q, p_tip, _, geometry = _tip()
+    height = ca.SX.sym("height")
+    up = geometry[-4:]
+    e = ca.dot(up[:3], p_tip) + up[3] - height
+    return NodeFunctions.of("above", e, q, height, geometry)
+
+
+def line_numbers(line: StraightLine, arm: Arm) -> Vector:
+    """A line of the tip as `on_line` takes it, shape (19,)."""
+    first = DHParameters.of(arm).T_base_first.inverse()
+    start, way, turn = first * line.T_base_start, *np.split(line.twist, 2)
+    angle = np.linalg.norm(turn)
+    axis = turn / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
+    parts = start.translation, start.rotation.ravel("F"), first.rotation @ way
+    return np.concatenate([*parts, first.rotation @ axis, [angle]])
+
+
+def geometry_numbers(arm: Arm) -> Vector:
+    """An arm as all of them take it, shape (44,)."""
+    dh = DHParameters.of(arm)
+    up = np.append(dh.T_base_first.rotation[2], dh.T_base_first.translation[2])
+    return np.concatenate([dimensions_of(dh), dh.T_last_tip.rotation.ravel("F"), up])
+
+
+def _tip() -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Joint angles, the tip's position and rotation seen from the first axis, the geometry."""
+    chain, others = SymbolicChain.of_shape(Shape.GENERAL), ca.SX.sym("others", 9 + 4)
+    p_tip = chain.p_link_last + chain.R_link_last @ chain.p_last_tip
+    R_tip = chain.R_link_last @ ca.reshape(others[:9], 3, 3)
+    return chain.q, p_tip, R_tip, ca.vertcat(chain.dimensions, others)

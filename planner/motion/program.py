@@ -1,0 +1,174 @@
+"""MotionProgram: the fastest motion through several phases, as one nonlinear program.
+
+Each phase is a uniform cubic B-spline in joint space over a duration of its own, so that jerk is
+constant in each interval, and the limits of velocity, acceleration and jerk hold everywhere where
+the controls keep them (`planner.motion.splines`). The sum of the durations is least. From phase to
+phase position, velocity and acceleration go on without a jump, or the arm rests. On a line the tip
+is within a tolerance of it at every knot, and exactly on it where a phase begins and ends;
+elsewhere it stays above a height at the knots. Of all configurations of a pose any will do.
+
+The program has exact first and second derivatives, sparse matrices whose entries are sums of few
+computed numbers, and is solved by the interior-point method of Waechter and Biegler ("On the
+implementation of an interior-point filter line-search algorithm for large-scale nonlinear
+programming", Mathematical Programming 106, 2006) from a guess. It is built once for all robots:
+what belongs to an arm, its limits or a task is given with each solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from baxter_kin import Arm, JointLimits
+from baxter_kin.arrays import Vector
+from planner.motion.phases import MotionTask, Phase
+from planner.motion.sparse import Rows
+from planner.motion.spline_rows import spline_rows
+from planner.motion.splines import Sketch, trajectory_of
+from planner.motion.tip_rows import height_rows, line_rows
+from planner.motion.unknowns import Numbers, Unknowns, numbers_of
+from planner.straight_line import StraightLine
+from planner.trajectory import Trajectory
+
+SHORTEST_S, LONGEST_S = 1e-3, 1e3
+"""Of a phase."""
+
+LEAST_LENGTH_M = 1e-6
+"""Of a line along which it can be told how far a tip is."""
+
+_OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "error_on_fail": False,
+    "calc_lam_p": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.max_iter": 100,
+    "ipopt.tol": 1e-3,  # later iterations gain less than a thousandth
+    "ipopt.constr_viol_tol": 1e-9,
+    "ipopt.acceptable_tol": 1e-5,  # never sooner than by `tol`
+    "ipopt.mu_init": 1e-3,
+    "ipopt.bound_push": 1e-6,
+    "ipopt.bound_frac": 1e-6,
+    "ipopt.bound_relax_factor": 0.0,
+    "ipopt.mumps_pivot_order": 0,  # approximate minimum degree
+}
+
+
+class MotionProgram:
+    """The program of some phases in a row; the arm rests at first and at last.
+
+    Attributes:
+        phases: in order.
+    """
+
+    def __init__(self, phases: Sequence[Phase]) -> None:
+        """State it and its derivatives, which takes a tenth of a second.
+
+        Args:
+            phases: in order; at the end of the last one the arm rests.
+        """
+        self.phases = tuple(phases)
+        self._unknowns = Unknowns.of(self.phases)
+        x, numbers = ca.MX.sym("x", self._unknowns.count), Numbers(self.phases)
+        made = (
+            make(self.phases, self._unknowns, x, numbers)
+            for make in (spline_rows, line_rows, height_rows)
+        )
+        rows = [each for each in made if each is not None]
+        f = ca.sum1(x[self._unknowns.durations.tolist()])
+        g = ca.vertcat(*(each.g for each in rows))
+        nlp = {"x": x, "p": numbers.all, "f": f, "g": g}
+        self._low, self._high = (np.concatenate([each[i] for each in rows]) for i in (1, 2))
+        self._solver = ca.nlpsol("motion", "ipopt", nlp, _OPTIONS | _derivatives(nlp, rows))
+
+    def solve(
+        self, guess: Sequence[Sketch], task: MotionTask, arm: Arm, limits: JointLimits
+    ) -> tuple[Trajectory, ...] | None:
+        """The fastest motions near a guess; None where no feasible ones are found.
+
+        Args:
+            guess: one for each phase, over as many intervals.
+            task: what is asked for.
+            arm: whose tip.
+            limits: of its joints.
+        """
+        low, high = self._bounds(limits)
+        answer = self._solver(
+            x0=self._start(guess, task, arm).clip(low, high),
+            p=numbers_of(task, arm, limits),
+            lbx=low,
+            ubx=high,
+            lbg=self._low,
+            ubg=self._high,
+        )
+        if not self._solver.stats()["success"]:
+            return None
+        return self._motions(np.array(answer["x"]).ravel(), task.q_start, limits)
+
+    def _bounds(self, limits: JointLimits) -> tuple[Vector, Vector]:
+        """Of the unknowns: controls within the limits, as then the motion is."""
+        unknowns = self._unknowns
+        low, high = np.zeros(unknowns.count), np.ones(unknowns.count)  # of fractions
+        low[unknowns.durations], high[unknowns.durations] = SHORTEST_S, LONGEST_S
+        for controls in unknowns.controls:
+            is_unknown = controls < unknowns.count
+            for values, bounds in ((low, limits.q_min), (high, limits.q_max)):
+                values[controls[is_unknown]] = np.broadcast_to(bounds, controls.shape)[is_unknown]
+        for phase, fractions in zip(self.phases, unknowns.fractions, strict=True):
+            if fractions is not None:
+                low[fractions[[0, -1]]] = high[fractions[[0, -1]]] = phase.ends
+        return low, high
+
+    def _start(self, guess: Sequence[Sketch], task: MotionTask, arm: Arm) -> Vector:
+        """The unknowns of a guess."""
+        unknowns = self._unknowns
+        x = np.zeros(unknowns.count)
+        x[unknowns.durations] = [sketch.duration_s for sketch in guess]
+        for k, (phase, sketch) in enumerate(zip(self.phases, guess, strict=True)):
+            controls = unknowns.controls[k]
+            is_unknown = controls < unknowns.count
+            x[controls[is_unknown]] = sketch.controls[is_unknown]
+            fractions = unknowns.fractions[k]
+            if fractions is not None and phase.line is not None:
+                x[fractions] = [fraction(task.lines[phase.line], arm, q) for q in sketch.q]
+        return x
+
+    def _motions(self, x: Vector, q_start: Vector, limits: JointLimits) -> tuple[Trajectory, ...]:
+        """What the unknowns say, slowed down by what rounding leaves outside the limits."""
+        known = np.concatenate([x, q_start])
+        controls = [known[where] for where in self._unknowns.controls]
+        durations = x[self._unknowns.durations]
+        splines = list(zip(controls, durations.tolist(), strict=True))
+        peaks = np.max([trajectory_of(c, t, limits).peak_ratios() for c, t in splines], axis=0)
+        slower = max(1.0, *(peaks ** np.array([1.0, 1 / 2, 1 / 3])).tolist())
+        return tuple(trajectory_of(c, t * slower, limits) for c, t in splines)
+
+
+def fraction(line: StraightLine, arm: Arm, q: Vector) -> float:
+    """How far along a line the tip is, 0..1; 0 where the line is a point."""
+    T, way = arm.T_base_tip(q), line.twist[:3]
+    along = way @ (T.translation - line.T_base_start.translation)
+    return float(np.clip(along / max(way @ way, LEAST_LENGTH_M**2), 0.0, 1.0))
+
+
+def _derivatives(nlp: dict[str, ca.MX], rows: Sequence[Rows]) -> dict[str, ca.Function]:
+    """Those that IPOPT asks for."""
+    x, f, g = nlp["x"], nlp["f"], nlp["g"]
+    given = [x, nlp["p"]]
+    multipliers, weight = ca.MX.sym("multipliers", g.shape[0]), ca.MX.sym("weight")
+    sizes = np.cumsum([0, *(each.g.shape[0] for each in rows)]).tolist()
+    parts = ca.vertsplit(multipliers, sizes)
+    hessian = sum(
+        (each.hessian(part) for each, part in zip(rows, parts, strict=True)),
+        start=ca.MX(*x.shape[:1] * 2),
+    )
+    jacobian = ca.vertcat(*(each.jacobian for each in rows))
+    gradient = ca.densify(ca.jacobian(f, x).T)
+    return {
+        "grad_f": ca.Function("grad_f", given, [f, gradient]),
+        "jac_g": ca.Function("jac_g", given, [g, jacobian]),
+        "hess_lag": ca.Function("hess_lag", [*given, weight, multipliers], [hessian]),
+    }

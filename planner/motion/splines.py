@@ -1,0 +1,80 @@
+"""Uniform cubic B-splines: motions with constant jerk in each of n equal intervals.
+
+Such a motion has n + 3 controls for every joint, of which four matter in an interval. At the knot i
+position, velocity and acceleration follow from the controls i, i + 1, i + 2, and so do bounds in
+between: a spline, and each of its derivatives, stays within the hull of the controls that matter
+(de Boor, "A Practical Guide to Splines", 1978, ch. IX to XI). Derivatives of n-th order are by the
+fraction of the duration; over its n-th power they are by time.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from baxter_kin import JointLimits
+from baxter_kin.arrays import Vector
+from planner.trajectory import Trajectory
+
+AT_KNOT = (
+    np.array([1.0, 4.0, 1.0]) / 6.0,
+    np.array([-1.0, 0.0, 1.0]) / 2.0,
+    np.array([1.0, -2.0, 1.0]),
+)
+"""Weights of three controls for position, velocity and acceleration at a knot, by intervals."""
+
+DIFFERENCES = (
+    np.array([-1.0, 1.0]),
+    np.array([1.0, -2.0, 1.0]),
+    np.array([-1.0, 3.0, -3.0, 1.0]),
+)
+"""Weights of neighbouring controls for those of the first to the third derivative, likewise."""
+
+
+class Sketch(NamedTuple):
+    """A motion by some of its states, whether it keeps any limits or not.
+
+    Attributes:
+        q: at n + 1 equal times, shape (n + 1, joints), rad.
+        v_ends: at its start and its end, shape (2, joints), rad/s.
+        duration_s: above zero.
+    """
+
+    q: Vector
+    v_ends: Vector
+    duration_s: float
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, intervals: int) -> Sketch:
+        """Of a motion over n intervals."""
+        q, v, _ = trajectory.sample(np.linspace(0.0, trajectory.duration, intervals + 1))
+        return cls(q, v[[0, -1]], trajectory.duration)
+
+    @property
+    def controls(self) -> Vector:
+        """Of the spline that passes all of it, shape (n + 3, joints), rad."""
+        count = len(self.q) + 2
+        weights = np.zeros((count, count))
+        for k in range(count - 2):
+            weights[k, k : k + 3] = AT_KNOT[0]
+        weights[-2, :3] = weights[-1, -3:] = AT_KNOT[1] * (count - 3)
+        given = np.concatenate([self.q, self.v_ends * self.duration_s])
+        controls: Vector = np.linalg.solve(weights, given)
+        return controls
+
+
+def trajectory_of(controls: Vector, duration_s: float, limits: JointLimits) -> Trajectory:
+    """The motion that a spline is.
+
+    Args:
+        controls: shape (n + 3, joints), rad.
+        duration_s: above zero.
+        limits: of the joints.
+    """
+    intervals = len(controls) - 3
+    step_s = duration_s / intervals
+    windows = np.lib.stride_tricks.sliding_window_view(controls, 3, axis=0)
+    q, v, a = (windows @ weights / step_s**order for order, weights in enumerate(AT_KNOT))
+    knots_s = np.linspace(0.0, duration_s, intervals + 1)
+    return Trajectory(limits, knots_s, q, v, a, np.diff(a, axis=0) / step_s)

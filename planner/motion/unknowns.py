@@ -1,0 +1,100 @@
+"""What a motion program solves for, and what it is given: where each number stands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from baxter_kin import Arm, JointLimits
+from baxter_kin.arrays import Indices, Vector
+from planner.motion.nodes import GEOMETRY_NUMBERS, LINE_NUMBERS, geometry_numbers, line_numbers
+from planner.motion.phases import MotionTask, Phase
+
+JOINTS = 7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unknowns:
+    """Which unknown stands where; behind them, as if they were some, the start's seven angles.
+
+    Attributes:
+        count: how many unknowns there are.
+        controls: of each phase, shape (n + 3, 7). Where the arm rests, three in a row are one.
+        durations: of each phase, shape (phases,).
+        fractions: of the line at each knot, shape (n + 1,); None for phases without a line.
+    """
+
+    count: int
+    controls: tuple[Indices, ...]
+    durations: Indices
+    fractions: tuple[Indices | None, ...]
+
+    @classmethod
+    def of(cls, phases: Sequence[Phase]) -> Unknowns:
+        """Number them, phase by phase."""
+        count = 0
+
+        def new(*shape: int) -> Indices:
+            nonlocal count
+            first, count = count, count + int(np.prod(shape))
+            return np.arange(first, count).reshape(shape)
+
+        controls, durations, fractions = [], [], []
+        resting: Indices | None = np.arange(-JOINTS, 0)  # the start, counted from the end
+        for phase in phases:
+            begin = _thrice(resting)
+            resting = new(JOINTS) if phase.rests else None
+            end = _thrice(resting)
+            inner = new(phase.intervals + 3 - len(begin) - len(end), JOINTS)
+            controls.append(np.concatenate([begin, inner, end]))
+            durations.append(int(new(1)[0]))
+            fractions.append(None if phase.line is None else new(phase.intervals + 1))
+        known = count + JOINTS
+        placed = tuple(np.where(where < 0, where + known, where) for where in controls)
+        return cls(count, placed, np.array(durations), tuple(fractions))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Of second derivatives."""
+        return self.count, self.count
+
+
+def _thrice(controls: Indices | None) -> Indices:
+    """Three controls that are one, shape (3, 7), or none at all, shape (0, 7)."""
+    if controls is None:
+        return np.zeros((0, JOINTS), dtype=np.intp)
+    return np.tile(controls, (3, 1))
+
+
+class Numbers:
+    """The parameters of a program, as symbols.
+
+    Attributes:
+        all: in a column.
+        q_start: 7 x 1.
+        limits: of velocity, acceleration and jerk, 21 x 1.
+        geometry: `geometry_numbers`.
+        tolerance: of lines, m and rad, 2 x 1.
+        heights: m, one for each phase in which the tip is free.
+        lines: `line_numbers` of each.
+    """
+
+    def __init__(self, phases: Sequence[Phase]) -> None:
+        """For some phases."""
+        lines = 1 + max((phase.line for phase in phases if phase.line is not None), default=-1)
+        heights = sum(phase.line is None for phase in phases)
+        sizes = JOINTS, 3 * JOINTS, GEOMETRY_NUMBERS, 2, heights, *[LINE_NUMBERS] * lines
+        self.all = ca.MX.sym("numbers", sum(sizes))
+        parts = ca.vertsplit(self.all, np.cumsum([0, *sizes]).tolist())
+        self.q_start, self.limits, self.geometry, self.tolerance, self.heights, *self.lines = parts
+
+
+def numbers_of(task: MotionTask, arm: Arm, limits: JointLimits) -> Vector:
+    """The parameters themselves."""
+    lines = [line_numbers(line, arm) for line in task.lines]
+    bounds = limits.v_max, limits.a_max, limits.j_max
+    task_numbers = np.array([*task.tolerance, *task.heights_m])
+    return np.concatenate([task.q_start, *bounds, geometry_numbers(arm), task_numbers, *lines])
