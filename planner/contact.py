@@ -174,6 +174,16 @@ def convex(vertices: Vector, triangles: Indices) -> coal.Convex:
     return coal.Convex(points, faces)
 
 
+def hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
+    """The convex hull of triangles; other shapes, which are convex, as they are."""
+    if not isinstance(geometry, coal.BVHModelBase):
+        return geometry
+    points = coal.StdVec_Vec3s()
+    for i in range(geometry.num_vertices):
+        points.append(geometry.vertex(i))
+    return coal.Convex.convexHull(points, True, "Qt")
+
+
 def surface(vertices: Vector, triangles: Indices) -> coal.BVHModelOBBRSS:
     """Coal's triangles, shapes (n, 3), m, and (m, 3); nothing is known of inside and outside."""
     return _filled(coal.BVHModelOBBRSS(), vertices, triangles)

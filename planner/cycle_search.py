@@ -1,13 +1,14 @@
 """Search for the shortest cycle of a pick and place that is free of collision.
 
 Pairs of IK solutions at pick and place are tried in the order of the times that they promise; those
-that collide where they stand are left out. From the first two the six motions are planned as one
-program (`planner.motion.cycle_program`), which hardly depends on the pair. Where these collide,
-cycles are put together motion by motion, the shortest of the first few first. What collides teaches
-which pairs not to try: a line up or down speaks against its solution and the neighbours of that, a
-sideways motion against the neighbours of the pair. When no direct way is clear, pairs that failed
-only sideways are led around what is there (`planner.detour`). What was found so is the guess for
-the same program, whose motion takes its place where that is clear and faster.
+that collide where they stand are left out. From the first few the six motions are planned as one
+program (`planner.motion.cycle_program`), which hardly depends on the pair, and led around what they
+meet sideways. Where that fails, cycles are put together motion by motion, the shortest of the first
+few first. What collides teaches which pairs not to try: a line up or down speaks against its
+solution and the neighbours of that, a sideways motion against the neighbours of the pair. When no
+direct way is clear, pairs that failed only sideways are led around what is there
+(`planner.detour`). What was found so is the guess for the same program, whose motion takes its
+place where that is clear and faster.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ COMPARED, MOST_TRIED = 3, 16
 """Pairs of IK solutions that are planned exactly to find the shortest cycle, and in all, where
 these collide."""
 
-MOST_OPTIMISED = 2
+MOST_OPTIMISED = 4
 """Pairs whose cycles are planned as one program, before others are put together."""
 
 MOST_SIDEWAYS = 6
@@ -95,7 +96,7 @@ class CycleSearch:
         self._body, self._lines, self._margin_m = body, lines, margin_m
         self._manipulator, self._scene, self._q_start = manipulator, scene, q_start
         self._held = tuple(held)
-        self._begun_s = time.thread_time()
+        self._begun_s = 0.0
         self._cycles = Cycles(manipulator, q_start, lines)
         self._program = CycleProgram(manipulator, q_start, lines)
         self._missed: list[_Miss] = []
@@ -176,22 +177,33 @@ class CycleSearch:
         return Pairs.of(choices, picks, places)
 
     def _fastest(self, pairs: Pairs) -> Iterator[Plan]:
-        """Direct cycles whose six motions are one program, from the first few pairs."""
+        """Cycles whose six motions are one program, from the first few pairs.
+
+        The first one that collides sideways is led around what is there.
+        """
         for pair in islice(pairs.open_ones(), MOST_OPTIMISED):
             cycle = self._program.of(pairs.choices.at(*pair))
             if cycle is not None:
                 yield self._learnt(pairs, pair, cycle)
+            if cycle is not None and self._sideways:
+                yield from map(self._along, self._program.around(cycle, self._phases.around))
+                return
 
     def _improved(self, plan: Plan) -> Plan:
         """The fastest cycle near a plan's, where that is shorter and proven; else the plan."""
-        cycle = self._program.near(Cycle(*(move.trajectory for move in plan.moves)))
-        if cycle is None or cycle.duration_s >= plan.motion_time_s:
-            return plan
-        improved = self._along(cycle)
-        return improved if improved.is_valid else plan
+        cycle = Cycle(*(move.trajectory for move in plan.moves))
+        near = self._program.near(cycle)
+        led = self._program.around(cycle, self._phases.around)
+        for faster in chain([] if near is None else [near], led):
+            if faster.duration_s < plan.motion_time_s:
+                improved = self._along(faster)
+                if improved.is_valid:
+                    return improved
+        return plan
 
     def _attempts(self, pairs: Pairs) -> Iterator[Plan]:
         """Direct cycles, of the first few the shortest first; then those around obstacles."""
+        self._begun_s = time.thread_time()
         tried = pairs.open_ones()
         first = [(pair, self._cycle(pairs, pair)) for pair in islice(tried, COMPARED)]
         first.sort(key=lambda each: _duration_s(each[1]))
@@ -207,7 +219,7 @@ class CycleSearch:
                 yield self._along(Detour(self._manipulator, self._lines, cycle, timeout_s))
 
     def _spent_s(self) -> float:
-        """Time of computation since the search began."""
+        """Time of computation since motions were first put together one by one."""
         return time.thread_time() - self._begun_s
 
     def _cycle(self, pairs: Pairs, pair: tuple[int, int]) -> Cycle | StageError:

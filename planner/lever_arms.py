@@ -55,6 +55,7 @@ class LeverArms:
         self._chain = [robot.getJointId(name) for name in arm.joint_names]
         self.q_index = np.array([robot.joints[joint].idx_q for joint in self._chain])
         axes = [_axis(self._data, joint) for joint in self._chain]
+        self._axes = np.array(axes)
         self._across = np.array([_across(axis) for axis in axes])
         shapes = list(geometry.geometryObjects)
         self._joint = np.array([shape.parentJoint for shape in shapes])
@@ -77,6 +78,11 @@ class LeverArms:
             if number == 0:
                 joints[1:] = joints[0]
         return Placed(joints[:, self._chain], joints[:, self._joint] @ self._T_joint_shape)
+
+    def axes(self, placed: Placed) -> Vector:
+        """The joints' axes at m configurations, in base, shape (m, 7, 3)."""
+        turned: Vector = (placed.joints[..., :3, :3] @ self._axes[:, :, None])[..., 0]
+        return turned
 
     def motions_m(self, placed: Placed, turns: Vector) -> Vector:
         """How far any point of a shape moves while each joint turns by at most so much.

@@ -14,7 +14,7 @@ from baxter_kin import Arm, Baxter
 from baxter_kin.arrays import whole_scalar
 from baxter_kin.display import OneLine
 from baxter_kin.errors import expect
-from planner.contact import convex, has_depth, shape_of, surface, surface_for_contacts
+from planner.contact import convex, has_depth, hull, shape_of, surface, surface_for_contacts
 from planner.distances import Enclosure
 from planner.drawing import KnownPairs
 from planner.errors import SceneError
@@ -52,6 +52,7 @@ class RobotShapes(OneLine):
         self.robot = expect(robot, Baxter, "robot", SceneError)
         given = RobotBody.load() if body is None else body
         self.body = expect(given, RobotBody, "body", SceneError)
+        self._hulls: dict[int, coal.CollisionGeometry] = {}
 
     def __reduce__(self) -> tuple[type[RobotShapes], tuple[Baxter, RobotBody]]:
         """What makes them again: coal's shapes stay where they are."""
@@ -141,6 +142,12 @@ class RobotShapes(OneLine):
     def covers(self) -> Covers:
         """Simple shapes around each."""
         return Covers.of([made.geometry for made in self._made])
+
+    def hull(self, index: int) -> coal.CollisionGeometry:
+        """The convex hull of a shape; found when it is first asked for."""
+        if index not in self._hulls:
+            self._hulls[index] = hull(self._shape(index).geometry)
+        return self._hulls[index]
 
     def of_arm(self, arm: Arm) -> frozenset[int]:
         """The shapes that an arm moves, those of its hand among them."""

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from functools import cached_property
 
+import coal
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import expect
 from planner.collision import Clearance, ClearanceChecker, Held
+from planner.contact import hull
 from planner.errors import TaskError
 from planner.free_move import Space
 from planner.free_space import FreeSpace
@@ -84,9 +86,22 @@ class Surroundings:
             return self.space.is_free
         return self.space.with_margin(self.margin_m).is_free
 
+    def hulls(self, shape: int) -> coal.CollisionGeometry:
+        """A convex shape around one of the checker's, by its number; found once for each link."""
+        shapes = self._manipulator.shapes
+        if shape < len(shapes.links):
+            return shapes.hull(shape)
+        return hull(self.checker.geometry.geometryObjects[shape].geometry)
+
     def clearance(self, q: Vector) -> Clearance:
         """The least distance at a configuration, shape (7,), rad, and between what."""
         return self.space.clearance(q)
+
+    @cached_property
+    def full_configuration(self) -> Vector:
+        """Where all other joints stand, shape (19,); of the arm's own it says nothing."""
+        neutral = self._manipulator.arm.neutral[None]
+        return next(self._manipulator.configurations(neutral, self._finger_m))
 
     def prove(self, trajectory: Trajectory) -> SweptResult:
         """A proof that a motion keeps the margin, or what speaks against it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -15,11 +15,13 @@ from planner.choice import Choice
 from planner.cycle import Cycle
 from planner.lines import Lines
 from planner.manipulator import Manipulator
+from planner.motion.guess import Way, backwards, between, risen
+from planner.motion.obstacles import Obstacles
 from planner.motion.phases import LineTolerance, MotionTask, Phase
-from planner.motion.program import MotionProgram
+from planner.motion.program import Clearances, MotionProgram
 from planner.motion.splines import Sketch
-from planner.rest_time import rest_to_rest_s
 from planner.straight_line import StraightLine
+from planner.surroundings import Surroundings
 from planner.trajectory import Trajectory
 
 ENTRY, ACROSS = 20, 28
@@ -41,19 +43,43 @@ for what is between two looks."""
 BELOW_M = 1e-6
 """By so much the tip may sink, by rounding, where it shall not sink."""
 
-STRIDE_RAD = 0.5
-"""A joint that is farther from knot to knot of a line has jumped."""
+RESTING = {
+    "pick: approach": [0],
+    "pick: descend": [-1],
+    "pick: retract": [0],
+    "place: approach": [],
+    "place: descend": [-1],
+    "place: retract": [0, -1],
+}
+"""Where the arm rests in each stage: at its first or its last knot."""
 
-SPEEDING, SPARE, REACTION = 0.75, 1.1, 0.3
-"""How long guesses take: on lines that are left at speed, and between lines, times the fastest
-motion from rest to rest; and between lines, times the durations of both, to turn round."""
+LED_CLEAR_M, SHORT_OF_M = 0.005, 0.002
+"""What is kept of obstacles beside what is asked for, and by how much a motion that is tried may
+fall short of it: distances are bounded at some times, and those of hulls."""
+
+ROUNDS, TRUST_RAD, LESS_TRUST = 10, 0.4, 0.7
+"""How often bounds are taken anew, how far a control may be led from where they were, and how much
+less each time from half of the rounds on."""
+
+BY_ROUND, SETTLED = 5, 3e-3
+"""A motion that is not clear after so many rounds is given up; one that is and whose duration
+changes by less than this share is as good as it gets."""
 
 
 class CycleProgram:
     """The program of one task, for any pair of solutions."""
 
-    def __init__(self, manipulator: Manipulator, q_start: Vector, lines: Lines) -> None:
-        """For an arm that stands somewhere."""
+    def __init__(
+        self, manipulator: Manipulator, q_start: Vector, lines: Lines, *, fineness: int = 1
+    ) -> None:
+        """For an arm that stands somewhere.
+
+        Args:
+            manipulator: the arm and its hand.
+            q_start: where it stands, shape (7,), rad.
+            lines: where the cycle leads the tip.
+            fineness: how many times as many intervals there are as usual.
+        """
         self._manipulator = manipulator
         pick, place, end = lines.T_base_pick, lines.T_base_place, lines.T_base_end
         above_pick, above_place = lines.T_base_above_pick, lines.T_base_above_place
@@ -67,24 +93,63 @@ class CycleProgram:
             (min(start_m, pick_m) - BELOW_M, min(pick_m, place_m)),
         )
         clear, hover = (_intervals(line.length_m) for line in self._task.lines[1:])
-        self._intervals = ENTRY, clear, clear, ACROSS, clear, hover
+        usual = ENTRY, clear, clear, ACROSS, clear, hover
+        self._is_long = max(usual) > MOST_ON_LINE
+        self._intervals = tuple(fineness * count for count in usual)
 
     def near(self, cycle: Cycle) -> Cycle | None:
         """The fastest cycle near one; None where none is found."""
-        motions = cycle.by_stage.values()
-        pairs = zip(motions, self._intervals, strict=True)
-        return self._solved([Sketch.of(motion, count) for motion, count in pairs])
+        return None if self._is_long else self._solved(self._sketches_of(cycle))
 
     def of(self, choice: Choice) -> Cycle | None:
         """The fastest cycle near a pair of solutions; None where none is found."""
-        sketches = self._sketched(choice)
+        sketches = None if self._is_long else self._sketched(choice)
         return None if sketches is None else self._solved(sketches)
 
-    def _solved(self, sketches: Sequence[Sketch]) -> Cycle | None:
-        if max(self._intervals) > MOST_ON_LINE:
-            return None
+    def around(self, cycle: Cycle, situations: Mapping[str, Surroundings]) -> Iterator[Cycle]:
+        """Cycles near one, clear or not, that are led around what is there; the fastest first.
+
+        None, where no round of the program leads to one that looks clear. What is found need not
+        be; a proof is the caller's.
+
+        Args:
+            cycle: where to begin.
+            situations: of each stage, by its label.
+        """
+        if self._is_long:
+            return
+        sketches, places = self._sketches_of(cycle), [situations[stage] for stage in RESTING]
+        found: list[Cycle] = []
+        obstacles = [
+            Obstacles(around, sketch.q[resting], around.margin_m + LED_CLEAR_M)
+            for around, sketch, resting in zip(places, sketches, RESTING.values(), strict=True)
+        ]
+        trust_rad = TRUST_RAD
+        for number in range(ROUNDS):
+            bounds = [near.bounds(s.controls) for near, s in zip(obstacles, sketches, strict=True)]
+            is_clear = min(each.excess_m for each in bounds) > -SHORT_OF_M
+            if is_clear and number > 0:
+                found.append(cycle)
+            if _is_settled(found) or (number >= BY_ROUND and not found):
+                break
+            led = self._solved(sketches, Clearances.of(bounds, trust_rad))
+            if led is None or number >= ROUNDS // 2:
+                trust_rad *= LESS_TRUST
+            if led is not None:
+                cycle, sketches = led, self._sketches_of(led)
+        yield from reversed(found)
+
+    def _sketches_of(self, cycle: Cycle) -> list[Sketch]:
+        motions = cycle.by_stage.values()
+        pairs = zip(motions, self._intervals, strict=True)
+        return [Sketch.of(motion, count) for motion, count in pairs]
+
+    def _solved(
+        self, sketches: Sequence[Sketch], clearances: Clearances | None = None
+    ) -> Cycle | None:
         arm, limits = self._manipulator.arm, self._manipulator.limits
-        found = _program(self._intervals).solve(sketches, self._task, arm, limits)
+        program = _program(self._intervals, keeps_clear=clearances is not None)
+        found = program.solve(sketches, self._task, arm, limits, clearances)
         if found is None:
             return None
         pick, place, end = self._task.lines
@@ -100,48 +165,18 @@ class CycleProgram:
         None where the arm cannot be led along a line from its solution.
         """
         pick, place, end = self._task.lines
-        up_pick = self._risen(choice.q_pick, pick, ends_at_rest=False)
-        up_place = self._risen(choice.q_place, place, ends_at_rest=False)
-        up_end = self._risen(choice.q_place, end, ends_at_rest=True)
+        entry, at_pick, _, across, at_place, at_end = self._intervals
+        ik, limits = self._manipulator.ik, self._manipulator.limits
+        up_pick = risen(ik, limits, choice.q_pick, Way(pick, at_pick))
+        up_place = risen(ik, limits, choice.q_place, Way(place, at_place))
+        up_end = risen(ik, limits, choice.q_place, Way(end, at_end, ends_at_rest=True))
         if up_pick is None or up_place is None or up_end is None:
             return None
-        down_pick, down_place = _back(up_pick), _back(up_place)
+        down_pick, down_place = backwards(up_pick), backwards(up_place)
         standing = Sketch(self._task.q_start[None], np.zeros((2, 7)), 0.0)
-        to_pick = self._between(standing, down_pick, ENTRY)
-        to_place = self._between(up_pick, down_place, ACROSS)
+        to_pick = between(standing, down_pick, limits, entry)
+        to_place = between(up_pick, down_place, limits, across)
         return [to_pick, down_pick, up_pick, to_place, down_place, up_end]
-
-    def _risen(self, q: Vector, line: StraightLine, *, ends_at_rest: bool) -> Sketch | None:
-        """Along a line, from rest at a configuration; None where the arm cannot follow."""
-        t = np.linspace(0.0, 1.0, 1 + _intervals(line.length_m))
-        passed = t**3 * (10.0 - 15.0 * t + 6.0 * t**2) if ends_at_rest else t**2
-        search, qs = self._manipulator.ik.search, [q]
-        for s in passed[1:].tolist():
-            found = search.search(qs[-1][None], line.at(s).homogeneous[None])
-            if not found.is_valid[0] or np.abs(found.q[0] - qs[-1]).max() > STRIDE_RAD:
-                return None
-            qs.append(found.q[0])
-        way, v_ends = np.array(qs), np.zeros((2, 7))
-        duration_s = float(rest_to_rest_s(way[-1] - q, self._manipulator.limits))
-        if not ends_at_rest:
-            duration_s *= SPEEDING
-            v_ends[1] = 2.0 * (way[-1] - way[-2]) / (passed[-1] - passed[-2]) / duration_s
-        return Sketch(way, v_ends, duration_s)
-
-    def _between(self, before: Sketch, after: Sketch, intervals: int) -> Sketch:
-        """From the end of one motion to the start of another, by cubics."""
-        q0, q1 = before.q[-1], after.q[0]
-        v_ends = np.array([before.v_ends[1], after.v_ends[0]])
-        duration_s = SPARE * float(rest_to_rest_s(q1 - q0, self._manipulator.limits))
-        duration_s += REACTION * (before.duration_s + after.duration_s)
-        t = np.linspace(0.0, 1.0, intervals + 1)[:, None]
-        v0, v1 = v_ends * duration_s
-        q = q0 + t * v0 + t**2 * (3.0 * (q1 - q0) - 2.0 * v0 - v1)
-        return Sketch(q + t**3 * (v0 + v1 - 2.0 * (q1 - q0)), v_ends, duration_s)
-
-
-def _back(sketch: Sketch) -> Sketch:
-    return Sketch(sketch.q[::-1], -sketch.v_ends[::-1], sketch.duration_s)
 
 
 def _intervals(length_m: float) -> int:
@@ -151,7 +186,7 @@ def _intervals(length_m: float) -> int:
 
 
 @lru_cache(maxsize=8)
-def _program(intervals: tuple[int, ...]) -> MotionProgram:
+def _program(intervals: tuple[int, ...], *, keeps_clear: bool = False) -> MotionProgram:
     entry, down_pick, up_pick, across, down_place, up_end = intervals
     down, up = (1.0, 0.0), (0.0, 1.0)
     return MotionProgram(
@@ -162,8 +197,17 @@ def _program(intervals: tuple[int, ...]) -> MotionProgram:
             Phase(across),
             Phase(down_place, 1, down, rests=True),
             Phase(up_end, 2, up, rests=True),
-        )
+        ),
+        keeps_clear=keeps_clear,
     )
+
+
+def _is_settled(found: Sequence[Cycle]) -> bool:
+    """Whether the last of several cycles is hardly faster than the one before."""
+    if len(found) < 2:
+        return False
+    before_s, last_s = (cycle.duration_s for cycle in found[-2:])
+    return abs(before_s - last_s) < SETTLED * last_s
 
 
 def _is_straight(arm: Arm, line: StraightLine, motion: Trajectory) -> bool:

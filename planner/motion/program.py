@@ -17,13 +17,15 @@ what belongs to an arm, its limits or a task is given with each solution.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from baxter_kin import Arm, JointLimits
 from baxter_kin.arrays import Vector
+from planner.motion.clearance_rows import clearance_rows
+from planner.motion.obstacles import LinearBounds
 from planner.motion.phases import MotionTask, Phase
 from planner.motion.sparse import Rows
 from planner.motion.spline_rows import spline_rows
@@ -35,6 +37,9 @@ from planner.trajectory import Trajectory
 
 SHORTEST_S, LONGEST_S = 1e-3, 1e3
 """Of a phase."""
+
+SHORTFALL_S_PER_M, MOST_SHORTFALL_M = 20.0, 0.3
+"""What a metre of clearance that is missing at a knot costs, and how much may be."""
 
 LEAST_LENGTH_M = 1e-6
 """Of a line along which it can be told how far a tip is."""
@@ -50,11 +55,31 @@ _OPTIONS: dict[str, Any] = {
     "ipopt.constr_viol_tol": 1e-9,
     "ipopt.acceptable_tol": 1e-5,  # never sooner than by `tol`
     "ipopt.mu_init": 1e-3,
-    "ipopt.bound_push": 1e-6,
-    "ipopt.bound_frac": 1e-6,
+    "ipopt.bound_push": 1e-3,
+    "ipopt.bound_frac": 1e-3,
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.mumps_pivot_order": 0,  # approximate minimum degree
 }
+
+
+class Clearances(NamedTuple):
+    """Linear bounds on distances, as `Obstacles.bounds` has them, and how far they are trusted.
+
+    Attributes:
+        weights: of the four controls where each interval is bounded, shape (intervals, 4).
+        numbers: slopes and offsets there, shape (intervals, PAIRS, 8).
+        trust_rad: how far a control may be from where the bounds were taken.
+    """
+
+    weights: Vector
+    numbers: Vector
+    trust_rad: float
+
+    @classmethod
+    def of(cls, bounds: Sequence[LinearBounds], trust_rad: float) -> Clearances:
+        """Those of the phases, in order."""
+        weights, numbers = (np.concatenate([each[i] for each in bounds]) for i in (0, 1))
+        return cls(weights, numbers, trust_rad)
 
 
 class MotionProgram:
@@ -64,28 +89,37 @@ class MotionProgram:
         phases: in order.
     """
 
-    def __init__(self, phases: Sequence[Phase]) -> None:
+    def __init__(self, phases: Sequence[Phase], *, keeps_clear: bool = False) -> None:
         """State it and its derivatives, which takes a tenth of a second.
 
         Args:
             phases: in order; at the end of the last one the arm rests.
+            keeps_clear: whether clearances are given with each solution.
         """
         self.phases = tuple(phases)
-        self._unknowns = Unknowns.of(self.phases)
-        x, numbers = ca.MX.sym("x", self._unknowns.count), Numbers(self.phases)
+        self._unknowns = Unknowns.of(self.phases, keeps_clear=keeps_clear)
+        x = ca.MX.sym("x", self._unknowns.count)
+        numbers = Numbers(self.phases, len(self._unknowns.shortfalls))
         made = (
             make(self.phases, self._unknowns, x, numbers)
-            for make in (spline_rows, line_rows, height_rows)
+            for make in (spline_rows, line_rows, height_rows, clearance_rows)
         )
         rows = [each for each in made if each is not None]
         f = ca.sum1(x[self._unknowns.durations.tolist()])
+        if keeps_clear:
+            f += SHORTFALL_S_PER_M * ca.sum1(x[self._unknowns.shortfalls.tolist()])
         g = ca.vertcat(*(each.g for each in rows))
         nlp = {"x": x, "p": numbers.all, "f": f, "g": g}
         self._low, self._high = (np.concatenate([each[i] for each in rows]) for i in (1, 2))
         self._solver = ca.nlpsol("motion", "ipopt", nlp, _OPTIONS | _derivatives(nlp, rows))
 
     def solve(
-        self, guess: Sequence[Sketch], task: MotionTask, arm: Arm, limits: JointLimits
+        self,
+        guess: Sequence[Sketch],
+        task: MotionTask,
+        arm: Arm,
+        limits: JointLimits,
+        clearances: Clearances | None = None,
     ) -> tuple[Trajectory, ...] | None:
         """The fastest motions near a guess; None where no feasible ones are found.
 
@@ -94,11 +128,20 @@ class MotionProgram:
             task: what is asked for.
             arm: whose tip.
             limits: of its joints.
+            clearances: what to keep, for a program that keeps clear.
         """
         low, high = self._bounds(limits)
+        numbers, x0 = numbers_of(task, arm, limits), self._start(guess, task, arm)
+        if clearances is not None:
+            given = clearances.weights.ravel(), clearances.numbers.ravel()
+            numbers = np.concatenate([numbers, *given])
+            for controls in self._unknowns.controls:
+                near = controls[controls < self._unknowns.count]
+                low[near] = np.maximum(low[near], x0[near] - clearances.trust_rad)
+                high[near] = np.minimum(high[near], x0[near] + clearances.trust_rad)
         answer = self._solver(
-            x0=self._start(guess, task, arm).clip(low, high),
-            p=numbers_of(task, arm, limits),
+            x0=x0.clip(low, high),
+            p=numbers,
             lbx=low,
             ubx=high,
             lbg=self._low,
@@ -113,6 +156,7 @@ class MotionProgram:
         unknowns = self._unknowns
         low, high = np.zeros(unknowns.count), np.ones(unknowns.count)  # of fractions
         low[unknowns.durations], high[unknowns.durations] = SHORTEST_S, LONGEST_S
+        high[unknowns.shortfalls] = MOST_SHORTFALL_M
         for controls in unknowns.controls:
             is_unknown = controls < unknowns.count
             for values, bounds in ((low, limits.q_min), (high, limits.q_max)):

@@ -32,6 +32,28 @@ DIFFERENCES = (
 """Weights of neighbouring controls for those of the first to the third derivative, likewise."""
 
 
+def weights_at(fractions: Vector) -> Vector:
+    """Weights of the four controls of an interval, for its positions at fractions, (m,): (m, 4)."""
+    u = np.asarray(fractions)[:, None]
+    powers = u ** np.arange(4)
+    weights: Vector = powers @ _IN_INTERVAL
+    return weights
+
+
+_IN_INTERVAL = (
+    np.array(
+        [
+            [1.0, 4.0, 1.0, 0.0],
+            [-3.0, 0.0, 3.0, 0.0],
+            [3.0, -6.0, 3.0, 0.0],
+            [-1.0, 3.0, -3.0, 1.0],
+        ]
+    )
+    / 6.0
+)
+"""Of the four controls, by powers of the fraction."""
+
+
 class Sketch(NamedTuple):
     """A motion by some of its states, whether it keeps any limits or not.
 

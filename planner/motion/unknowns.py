@@ -15,6 +15,9 @@ from planner.motion.phases import MotionTask, Phase
 
 JOINTS = 7
 
+PAIRS = 6
+"""Of shapes, whose distances are bounded at one time: the nearest ones."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unknowns:
@@ -25,15 +28,18 @@ class Unknowns:
         controls: of each phase, shape (n + 3, 7). Where the arm rests, three in a row are one.
         durations: of each phase, shape (phases,).
         fractions: of the line at each knot, shape (n + 1,); None for phases without a line.
+        shortfalls: of clearance in each interval of all phases, m, shape (intervals,); none where
+            clearance is not asked for.
     """
 
     count: int
     controls: tuple[Indices, ...]
     durations: Indices
     fractions: tuple[Indices | None, ...]
+    shortfalls: Indices
 
     @classmethod
-    def of(cls, phases: Sequence[Phase]) -> Unknowns:
+    def of(cls, phases: Sequence[Phase], *, keeps_clear: bool = False) -> Unknowns:
         """Number them, phase by phase."""
         count = 0
 
@@ -52,9 +58,10 @@ class Unknowns:
             controls.append(np.concatenate([begin, inner, end]))
             durations.append(int(new(1)[0]))
             fractions.append(None if phase.line is None else new(phase.intervals + 1))
+        shortfalls = new(sum(phase.intervals for phase in phases) if keeps_clear else 0)
         known = count + JOINTS
         placed = tuple(np.where(where < 0, where + known, where) for where in controls)
-        return cls(count, placed, np.array(durations), tuple(fractions))
+        return cls(count, placed, np.array(durations), tuple(fractions), shortfalls)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -80,16 +87,21 @@ class Numbers:
         tolerance: of lines, m and rad, 2 x 1.
         heights: m, one for each phase in which the tip is free.
         lines: `line_numbers` of each.
+        weights: of the controls where clearance is asked for, 4 x intervals.
+        clearances: slopes by the joints and offsets, 8 x (`PAIRS` for each interval).
     """
 
-    def __init__(self, phases: Sequence[Phase]) -> None:
-        """For some phases."""
+    def __init__(self, phases: Sequence[Phase], clear: int = 0) -> None:
+        """For some phases, and so many intervals in which clearance is asked for."""
         lines = 1 + max((phase.line for phase in phases if phase.line is not None), default=-1)
         heights = sum(phase.line is None for phase in phases)
-        sizes = JOINTS, 3 * JOINTS, GEOMETRY_NUMBERS, 2, heights, *[LINE_NUMBERS] * lines
+        fixed = JOINTS, 3 * JOINTS, GEOMETRY_NUMBERS, 2, heights, *[LINE_NUMBERS] * lines
+        sizes = *fixed, 4 * clear, (JOINTS + 1) * PAIRS * clear
         self.all = ca.MX.sym("numbers", sum(sizes))
-        parts = ca.vertsplit(self.all, np.cumsum([0, *sizes]).tolist())
+        *parts, weights, clearances = ca.vertsplit(self.all, np.cumsum([0, *sizes]).tolist())
         self.q_start, self.limits, self.geometry, self.tolerance, self.heights, *self.lines = parts
+        self.weights = ca.reshape(weights, 4, clear)
+        self.clearances = ca.reshape(clearances, JOINTS + 1, PAIRS * clear)
 
 
 def numbers_of(task: MotionTask, arm: Arm, limits: JointLimits) -> Vector:

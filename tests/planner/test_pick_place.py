@@ -611,7 +611,8 @@ class TestObstacles:
     def test_where_no_way_is_found_the_search_says_so(
         self, manipulator: Manipulator, walled: Scene, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """No way over it is tried, and the search around it has no time."""
+        """The program is not led, no way over is tried, and the search around has no time."""
+        monkeypatch.setattr("planner.motion.cycle_program.ROUNDS", 0)
         monkeypatch.setattr("planner.detour.RISES_M", ())
         monkeypatch.setattr("planner.cycle_search.TIMEOUT_S", 1e-9)
         monkeypatch.setattr("planner.cycle_search.LEAST_SEARCH_S", 1e-9)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from baxter_kin import Arm
-from planner import Manipulator, PickAndPlace
+from planner import Body, Box, Manipulator, Part, PickAndPlace, Scene
 from planner.choice import Choice, Choices
 from planner.cycle import Cycle, Cycles
-from planner.motion import cycle_program
 from planner.motion.cycle_program import CycleProgram
-from tests.conftest import overhead
+from planner.phases import PhaseMaker
+from planner.surroundings import Surroundings
+from tests.conftest import at, overhead
 
 PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.00, -0.129)
 TASK = PickAndPlace("block", PICK, PLACE)
@@ -74,14 +76,12 @@ def test_the_guess_hardly_matters(cycle: Cycle, manipulator: Manipulator) -> Non
 
 
 def test_a_grid_twice_as_fine_gains_less_than_a_hundredth(
-    cycle: Cycle, manipulator: Manipulator, monkeypatch: pytest.MonkeyPatch
+    cycle: Cycle, manipulator: Manipulator
 ) -> None:
-    for name in ("ENTRY", "ACROSS", "LEAST_ON_LINE"):
-        monkeypatch.setattr(cycle_program, name, 2 * getattr(cycle_program, name))
-    monkeypatch.setattr(cycle_program, "INTERVAL_M", 0.5 * cycle_program.INTERVAL_M)
-    finer = program_of(manipulator).of(choice_of(manipulator))
-    assert finer is not None
-    assert cycle.duration_s <= 1.01 * finer.duration_s
+    finer = CycleProgram(manipulator, manipulator.arm.start, TASK.lines, fineness=2)
+    found = finer.of(choice_of(manipulator))
+    assert found is not None
+    assert cycle.duration_s <= 1.01 * found.duration_s
 
 
 def test_between_the_lines_the_tip_stays_above_their_upper_ends(cycle: Cycle, left: Arm) -> None:
@@ -103,3 +103,46 @@ def test_other_heights_will_do(manipulator: Manipulator, clear_m: float, hover_m
 def test_a_line_that_cannot_be_followed_is_told_by_none(manipulator: Manipulator) -> None:
     task = PickAndPlace("block", PICK, PLACE, hover_m=2.0)
     assert program_of(manipulator, task).of(choice_of(manipulator)) is None
+
+
+@pytest.fixture(scope="module")
+def walled(manipulator: Manipulator, scene: Scene) -> Mapping[str, Surroundings]:
+    """A wall between pick and place, which the fastest cycle runs through."""
+    wall = Body("wall", (Part(Box((0.3, 0.02, 0.2)), at(0, 0, 0)),), at(0.72, 0.075, -0.055))
+    return PhaseMaker(manipulator, scene.with_body(wall), "block", TASK.lines, 0.0).made().around
+
+
+@pytest.fixture(scope="module")
+def led(manipulator: Manipulator, cycle: Cycle, walled: Mapping[str, Surroundings]) -> list[Cycle]:
+    """The cycles around that wall."""
+    return list(program_of(manipulator).around(cycle, walled))
+
+
+def test_what_is_led_around_a_wall_is_proven_clear_of_it(
+    cycle: Cycle, led: list[Cycle], walled: Mapping[str, Surroundings]
+) -> None:
+    def is_clear(each: Cycle) -> bool:
+        return all(walled[s].prove(motion).is_clear for s, motion in each.by_stage.items())
+
+    assert not is_clear(cycle)
+    assert is_clear(led[0])
+
+
+def test_of_the_ways_around_the_fastest_comes_first(cycle: Cycle, led: list[Cycle]) -> None:
+    durations = [each.duration_s for each in led]
+    assert durations[0] <= 1.01 * min(durations)
+    assert cycle.duration_s < durations[0] < 1.05 * cycle.duration_s
+
+
+def test_ways_around_keep_every_limit(led: list[Cycle]) -> None:
+    for motion in led[0].by_stage.values():
+        assert max(motion.peak_ratios()) <= 1.0 + 1e-12
+
+
+def test_nothing_comes_of_a_place_that_is_covered(
+    manipulator: Manipulator, cycle: Cycle, scene: Scene
+) -> None:
+    x, y, z = PLACE.translation.tolist()
+    lid = Body("lid", (Part(Box((0.4, 0.4, 0.02)), at(0, 0, 0)),), at(x, y, z + 0.2))
+    maker = PhaseMaker(manipulator, scene.with_body(lid), "block", TASK.lines, 0.0)
+    assert not list(program_of(manipulator).around(cycle, maker.made().around))

@@ -1,0 +1,152 @@
+"""Obstacles: what stands around an arm, as linear bounds on distances near a motion.
+
+Shapes are taken as their convex hulls, which contain them: their distance is exact, has a direction
+also inside each other, and costs microseconds. Near a configuration it changes by what brings the
+nearest points together (Schulman et al., "Motion planning with sequential convex optimization and
+convex collision checking", Int. J. Robotics Research 33(9), 2014, section 4). In each interval of a
+motion it is bounded where it is least. A proof is another matter (`planner.swept`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import coal
+import numpy as np
+
+from baxter_kin.arrays import Indices, Vector
+from planner.lever_arms import Placed
+from planner.motion.splines import weights_at
+from planner.motion.unknowns import JOINTS, PAIRS
+from planner.surroundings import Surroundings
+
+REACH_M = 0.15
+"""Farther pairs are not bounded: none comes so near from one solution to the next."""
+
+KEPT_SHARE = 0.5
+"""How much is kept of a distance that is less than the margin where the arm rests."""
+
+LOOKS = 4
+"""How often an interval is looked at."""
+
+
+class LinearBounds(NamedTuple):
+    """Bounds on what distances exceed what is needed by, in n intervals.
+
+    Attributes:
+        weights: of the four controls where they are asked for, shape (n, 4).
+        numbers: slopes by the joints, m/rad, and offsets, m, shape (n, PAIRS, 8).
+        excess_m: the least excess, over all intervals; infinite where nothing is near.
+    """
+
+    weights: Vector
+    numbers: Vector
+    excess_m: float
+
+
+class Obstacles:
+    """Those of one situation.
+
+    Attributes:
+        needed_m: what each pair shall keep, shape (pairs,); minus infinity where nothing is asked.
+    """
+
+    def __init__(self, around: Surroundings, resting: Vector, margin_m: float) -> None:
+        """Take the shapes, and look how near they are where the arm rests.
+
+        Args:
+            around: the situation.
+            resting: configurations at which the arm rests in it, shape (k, 7), rad.
+            margin_m: distance to keep, as far as it is kept there.
+        """
+        checker = around.checker
+        self._levers, self._checked = checker.levers, checker.checked
+        self._full = around.full_configuration
+        self._numbers: Indices = np.flatnonzero(~checker.may_touch)
+        self._pairs = checker.pairs[self._numbers]
+        self._padding_m = self._checked.padding_m[self._numbers]
+        self._hulls = around.hulls
+        self._functors: dict[int, coal.ComputeDistance] = {}
+        self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
+        self.needed_m = np.full(len(self._pairs), margin_m)
+        if len(resting):
+            self.needed_m = self._kept(self._levers.place(self._full, resting), margin_m)
+
+    def bounds(self, controls: Vector) -> LinearBounds:
+        """Near a motion by its controls, shape (n + 3, 7)."""
+        fractions = np.arange(LOOKS) / LOOKS
+        windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)  # n, 7, 4
+        intervals = len(windows)
+        qs = (windows @ weights_at(fractions).T).swapaxes(1, 2).reshape(-1, JOINTS)
+        placed = self._levers.place(self._full, qs)
+        gaps = self._gaps_m(placed) - self.needed_m
+        least = np.array([self._least(placed, k, gaps[k]) for k in range(len(qs))])
+        deepest = least.reshape(intervals, LOOKS).argmin(axis=1)
+        numbers = np.zeros((intervals, PAIRS, JOINTS + 1))
+        numbers[:, :, JOINTS] = REACH_M
+        axes = self._levers.axes(placed)
+        for interval, k in enumerate((LOOKS * np.arange(intervals) + deepest).tolist()):
+            if least[k] < REACH_M:
+                for row, (excess, slope) in enumerate(self._nearest(placed, k, gaps[k], axes[k])):
+                    numbers[interval, row] = [*slope, excess - slope @ qs[k]]
+        weights = weights_at(fractions[deepest])
+        return LinearBounds(weights, numbers, float(least.min(initial=np.inf)))
+
+    def _kept(self, placed: Placed, margin_m: float) -> Vector:
+        gaps, least = self._gaps_m(placed), np.full(len(self._pairs), np.inf)
+        for k, near in enumerate(gaps < margin_m / KEPT_SHARE):
+            for i in np.flatnonzero(near).tolist():
+                least[i] = min(least[i], self._distance(placed, k, i))
+        return np.where(least <= 0.0, -np.inf, np.minimum(margin_m, KEPT_SHARE * least))
+
+    def _gaps_m(self, placed: Placed) -> Vector:
+        """Lower bounds on all distances, shape (configurations, pairs)."""
+        count, pairs = len(placed.shapes), len(self._numbers)
+        at, number = np.repeat(np.arange(count), pairs), np.tile(self._numbers, count)
+        return self._checked.gaps_m(placed.shapes, at, number).reshape(count, pairs)
+
+    def _least(self, placed: Placed, k: int, gaps: Vector) -> float:
+        """The least excess at a configuration, as far as it is less than `REACH_M`."""
+        least = REACH_M
+        for i in np.argsort(gaps).tolist():
+            if gaps[i] >= least:
+                break
+            least = min(least, self._distance(placed, k, i) - float(self.needed_m[i]))
+        return least
+
+    def _nearest(
+        self, placed: Placed, k: int, gaps: Vector, axes: Vector
+    ) -> Iterator[tuple[float, Vector]]:
+        """The least excesses, with their slopes by the joints."""
+        found: list[tuple[float, int]] = []
+        for i in np.argsort(gaps).tolist():
+            if gaps[i] >= (found[PAIRS - 1][0] if len(found) >= PAIRS else REACH_M):
+                break
+            found.append((self._distance(placed, k, i) - float(self.needed_m[i]), i))
+            found.sort()
+        for excess, i in found[:PAIRS]:
+            self._distance(placed, k, i)
+            yield excess, self._slope(i, axes, placed.joints[k])
+
+    def _distance(self, placed: Placed, k: int, i: int) -> float:
+        first, second = self._pairs[i].tolist()
+        if i not in self._functors:
+            self._functors[i] = coal.ComputeDistance(self._hulls(first), self._hulls(second))
+        self._result.clear()
+        poses = placed.shapes[k]
+        at = (coal.Transform3s(T[:3, :3], T[:3, 3]) for T in (poses[first], poses[second]))
+        found = float(self._functors[i](*at, self._request, self._result))
+        return found - float(self._padding_m[i])
+
+    def _slope(self, i: int, axes: Vector, joints: Vector) -> Vector:
+        """Of the distance that was measured last, by the joints, shape (7,)."""
+        x, y, z = np.array(self._result.normal)
+        across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # r @ across = r x normal
+        points = self._result.getNearestPoint1(), self._result.getNearestPoint2()
+        slope = np.zeros(JOINTS)
+        for shape, point, sign in zip(self._pairs[i], points, (-1.0, 1.0), strict=True):
+            depth = self._levers.depth[shape]
+            arms = (point - joints[:depth, :3, 3]) @ across
+            slope[:depth] += sign * np.einsum("ij,ij->i", axes[:depth], arms)
+        return slope

@@ -1,0 +1,94 @@
+"""Linear bounds on distances near a motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from baxter_kin.arrays import Vector
+from planner import Body, Box, Manipulator, Part, Scene
+from planner.motion.obstacles import LOOKS, REACH_M, Obstacles
+from planner.motion.splines import weights_at
+from planner.motion.unknowns import JOINTS
+from planner.surroundings import Surroundings
+from tests.conftest import at
+
+MARGIN_M, STEP_RAD, INTERVALS = 0.005, 1e-5, 6
+NONE = np.zeros((0, 7))
+
+
+@pytest.fixture(scope="module")
+def around(manipulator: Manipulator) -> Surroundings:
+    """A box beside the hand in its start configuration."""
+    T = manipulator.arm.T_base_tip(manipulator.arm.start)
+    x, y, z = T.translation.tolist()
+    box = Body("box", (Part(Box((0.1, 0.1, 0.1)), at(0.0, 0.0, 0.0)),), at(x + 0.13, y, z))
+    return Surroundings(manipulator, Scene.of([box]), finger_m=manipulator.finger_m)
+
+
+@pytest.fixture(scope="module")
+def controls(manipulator: Manipulator) -> Vector:
+    """A motion near there."""
+    steps = np.random.default_rng(3).normal(size=(INTERVALS + 3, 7))
+    return manipulator.arm.start + 0.02 * steps
+
+
+def positions(controls: Vector, weights: Vector) -> Vector:
+    """Where the arm is in each interval, shape (n, 7)."""
+    windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)
+    return np.asarray(np.einsum("nji,ni->nj", windows, weights))
+
+
+def test_bounds_are_the_distances_there_and_change_as_they_do(
+    around: Surroundings, controls: Vector
+) -> None:
+    """Against distances of moved configurations, which are measured on their own."""
+    obstacles = Obstacles(around, NONE, MARGIN_M)
+    bounds = obstacles.bounds(controls)
+    near = 0
+    for q, rows in zip(positions(controls, bounds.weights), bounds.numbers, strict=True):
+        excess = np.sort(rows @ [*q, 1.0])
+        assert excess[0] == pytest.approx(least_excess(obstacles, q), abs=1e-9)
+        for joint in range(JOINTS):
+            step = STEP_RAD * np.eye(JOINTS)[joint]
+            there, here = (least_excess(obstacles, q + sign * step) for sign in (1.0, -1.0))
+            lowest = rows[np.argmin(rows @ [*q, 1.0])]
+            slope = (there - here) / (2.0 * STEP_RAD)
+            assert lowest[joint] == pytest.approx(slope, abs=2e-3)
+        near += excess[0] < REACH_M
+    assert near == INTERVALS
+
+
+def least_excess(obstacles: Obstacles, q: Vector) -> float:
+    """Of a motion that stays there."""
+    return obstacles.bounds(np.tile(q, (4, 1))).excess_m
+
+
+def test_each_interval_is_bounded_where_it_is_nearest(
+    around: Surroundings, controls: Vector
+) -> None:
+    obstacles = Obstacles(around, NONE, MARGIN_M)
+    bounds = obstacles.bounds(controls)
+    for fraction in np.arange(LOOKS) / LOOKS:
+        weights = np.tile(weights_at(np.array([fraction])), (INTERVALS, 1))
+        others = [least_excess(obstacles, q) for q in positions(controls, weights)]
+        chosen = [least_excess(obstacles, q) for q in positions(controls, bounds.weights)]
+        assert (np.array(chosen) <= np.array(others) + 1e-9).all()
+
+
+def test_hulls_are_never_farther_than_the_shapes(around: Surroundings, controls: Vector) -> None:
+    obstacles = Obstacles(around, NONE, 0.0)
+    for q in controls:
+        assert least_excess(obstacles, q) <= around.clearance(q).distance_m + 1e-6
+
+
+def test_less_than_the_margin_is_asked_for_where_less_is_there(
+    around: Surroundings, manipulator: Manipulator
+) -> None:
+    wide_m = 0.2
+    obstacles = Obstacles(around, manipulator.arm.start[None], wide_m)
+    distance_m = around.clearance(manipulator.arm.start).distance_m
+    assert 0.0 < distance_m < wide_m
+    asked = obstacles.needed_m[np.isfinite(obstacles.needed_m)]
+    assert asked.min() <= 0.5 * distance_m
+    assert asked.max() == wide_m
