@@ -107,14 +107,15 @@ class CycleProgram:
         return None if sketches is None else self._solved(sketches)
 
     def around(self, cycle: Cycle, situations: Mapping[str, Surroundings]) -> Iterator[Cycle]:
-        """Cycles near one, clear or not, that are led around what is there; the fastest first.
-
-        None, where no round of the program leads to one that looks clear. What is found need not
-        be; a proof is the caller's.
+        """Cycles near one, clear or not, that are led around what is there; the last found first.
 
         Args:
             cycle: where to begin.
             situations: of each stage, by its label.
+
+        Yields:
+            Those that look clear where distances were bounded, each found from the one after it and
+            mostly faster. Whether they are is for the caller to prove.
         """
         if self._is_long:
             return

@@ -16,6 +16,7 @@ what belongs to an arm, its limits or a task is given with each solution.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -111,6 +112,7 @@ class MotionProgram:
         g = ca.vertcat(*(each.g for each in rows))
         nlp = {"x": x, "p": numbers.all, "f": f, "g": g}
         self._low, self._high = (np.concatenate([each[i] for each in rows]) for i in (1, 2))
+        self._one_at_a_time = threading.Lock()  # the solver says of its last call how it went
         self._solver = ca.nlpsol("motion", "ipopt", nlp, _OPTIONS | _derivatives(nlp, rows))
 
     def solve(
@@ -131,24 +133,20 @@ class MotionProgram:
             clearances: what to keep, for a program that keeps clear.
         """
         low, high = self._bounds(limits)
-        numbers, x0 = numbers_of(task, arm, limits), self._start(guess, task, arm)
+        numbers = numbers_of(task, arm, limits)
+        x0 = self._start(guess, task, arm).clip(low, high)
         if clearances is not None:
-            given = clearances.weights.ravel(), clearances.numbers.ravel()
-            numbers = np.concatenate([numbers, *given])
+            bounds = clearances.weights.ravel(), clearances.numbers.ravel()
+            numbers = np.concatenate([numbers, *bounds])
             for controls in self._unknowns.controls:
                 near = controls[controls < self._unknowns.count]
                 low[near] = np.maximum(low[near], x0[near] - clearances.trust_rad)
                 high[near] = np.minimum(high[near], x0[near] + clearances.trust_rad)
-        answer = self._solver(
-            x0=x0.clip(low, high),
-            p=numbers,
-            lbx=low,
-            ubx=high,
-            lbg=self._low,
-            ubg=self._high,
-        )
-        if not self._solver.stats()["success"]:
-            return None
+        given = {"x0": x0, "p": numbers, "lbx": low, "ubx": high}
+        with self._one_at_a_time:
+            answer = self._solver(**given, lbg=self._low, ubg=self._high)
+            if not self._solver.stats()["success"]:
+                return None
         return self._motions(np.array(answer["x"]).ravel(), task.q_start, limits)
 
     def _bounds(self, limits: JointLimits) -> tuple[Vector, Vector]:
