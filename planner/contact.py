@@ -41,6 +41,9 @@ _MAX_ADVANCES = 1000
 
 _Placed: TypeAlias = tuple[coal.CollisionGeometry, coal.Transform3s]
 
+FLAT_M = 1e-5
+"""Triangles whose extent along some axis is less than this get so thick that they have a hull."""
+
 
 def travel_to_contact(
     moving: Part, direction: ArrayLike, still: Part, room_m: float
@@ -178,9 +181,14 @@ def hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
     """The convex hull of triangles; other shapes, which are convex, as they are."""
     if not isinstance(geometry, coal.BVHModelBase):
         return geometry
+    vertices = np.array([geometry.vertex(i) for i in range(geometry.num_vertices)])
+    _, _, axes = np.linalg.svd(vertices - vertices.mean(axis=0))
+    for axis, extent_m in zip(axes, np.ptp(vertices @ axes.T, axis=0), strict=True):
+        if extent_m < FLAT_M:  # which Qhull does not survive
+            vertices = np.concatenate([vertices - FLAT_M * axis, vertices + FLAT_M * axis])
     points = coal.StdVec_Vec3s()
-    for i in range(geometry.num_vertices):
-        points.append(geometry.vertex(i))
+    for vertex in vertices:
+        points.append(vertex)
     return coal.Convex.convexHull(points, True, "Qt")
 
 

@@ -17,12 +17,13 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import chain, islice
 
 import numpy as np
 
 from baxter_kin.arrays import Vector
-from planner.choice import Choices
+from planner.choice import Choice, Choices
 from planner.cycle import Cycle, Cycles, Route, StageError
 from planner.detour import TIMEOUT_S, Detour
 from planner.hand_lines import refuse_blocked_hand
@@ -44,6 +45,15 @@ these collide."""
 
 MOST_OPTIMISED = 4
 """Pairs whose cycles are planned as one program, before others are put together."""
+
+DIFFERENT_RAD = 0.4
+"""By how much some joint differs between two of these."""
+
+SAME_S, SAME_RAD = 2e-3, 0.02
+"""Cycles that differ by less are the same optimum."""
+
+SIDEWAYS = ("pick: approach", "place: approach")
+"""Stages in which the tip is free."""
 
 MOST_SIDEWAYS = 6
 """Pairs whose sideways motions collide before it is tried to lead them around."""
@@ -98,9 +108,13 @@ class CycleSearch:
         self._held = tuple(held)
         self._begun_s = 0.0
         self._cycles = Cycles(manipulator, q_start, lines)
-        self._program = CycleProgram(manipulator, q_start, lines)
         self._missed: list[_Miss] = []
         self._sideways: list[Cycle] = []  # failed only there
+
+    @cached_property
+    def _program(self) -> CycleProgram:
+        """Made once the waypoints are known to be within reach."""
+        return CycleProgram(self._manipulator, self._q_start, self._lines)
 
     def shortest(self) -> Plan:
         """The plan of the shortest cycle that was found, or why there is none."""
@@ -177,15 +191,20 @@ class CycleSearch:
         return Pairs.of(choices, picks, places)
 
     def _fastest(self, pairs: Pairs) -> Iterator[Plan]:
-        """Cycles whose six motions are one program, from the first few pairs.
+        """Cycles whose six motions are one program, from the first few pairs that differ.
 
-        The first one that collides sideways is led around what is there.
+        The first one that collides sideways is led around what is there. Their failures speak
+        against no pairs: the program leaves the solutions that it begins from.
         """
-        for pair in islice(pairs.open_ones(), MOST_OPTIMISED):
-            cycle = self._program.of(pairs.choices.at(*pair))
-            if cycle is not None:
-                yield self._learnt(pairs, pair, cycle)
-            if cycle is not None and self._sideways:
+        tried: list[Cycle] = []
+        for choice in islice(_different(pairs), MOST_OPTIMISED):
+            cycle = self._program.of(choice)
+            if cycle is None or any(_are_alike(cycle, other) for other in tried):
+                continue
+            tried.append(cycle)
+            plan = self._along(cycle, self._obvious(cycle))
+            yield plan
+            if plan.failure is not None and plan.failure.stage in SIDEWAYS:
                 yield from map(self._along, self._program.around(cycle, self._phases.around))
                 return
 
@@ -310,6 +329,24 @@ def _told(failures: tuple[PlanFailure, ...]) -> str:
         return f"the nearest miss of {len(failures)} ways that were tried, all of which end there"
     counts = ", ".join(f"{count} at {stage!r}" for stage, count in stages.most_common())
     return f"the nearest miss of {len(failures)} ways that were tried: {counts}"
+
+
+def _different(pairs: Pairs) -> Iterator[Choice]:
+    """Open pairs in order, but for those too near to one before."""
+    chosen: list[Vector] = []
+    for pair in pairs.open_ones():
+        choice = pairs.choices.at(*pair)
+        both = np.concatenate([choice.q_pick, choice.q_place])
+        if all(np.abs(both - other).max() > DIFFERENT_RAD for other in chosen):
+            chosen.append(both)
+            yield choice
+
+
+def _are_alike(one: Cycle, other: Cycle) -> bool:
+    """Whether two cycles came to the same optimum."""
+    return abs(one.duration_s - other.duration_s) < SAME_S and bool(
+        np.abs(one.q_pick - other.q_pick).max() < SAME_RAD
+    )
 
 
 def _duration_s(cycle: Cycle | StageError) -> float:

@@ -28,7 +28,8 @@ from planner.contact import DISTANCE_TOLERANCE_M
 UNKNOWN_DEPTH_M = -0.01
 """Stands for the distance where coal finds shapes inside each other but not how deep."""
 
-_NO_DISTANCE_M = -1e6
+NO_DISTANCE_M = -1e6
+"""What coal says is less than this where it finds no distance."""
 
 FIRST_M, EASY, BOLDER = 0.02, 0.8, 1.1
 """What is asked for first where more would be of no use; of a distance that a pair had, the share
@@ -169,7 +170,7 @@ class Distances:
             result.min_distance = within_m
         T_first, T_second = self._pose(first), self._pose(second)
         found: float = self._functors[pair](T_first, T_second, self._request, result)
-        return found if found > _NO_DISTANCE_M else UNKNOWN_DEPTH_M
+        return found if found > NO_DISTANCE_M else UNKNOWN_DEPTH_M
 
     def _depth(self, first: int, second: int) -> float:
         """How deep pieces are in a convex shape, or some triangle in a shape; at least that."""
@@ -181,7 +182,7 @@ class Distances:
         shapes, poses = self._shapes, (self._pose(first), self._pose(second))
         count = coal.collide(shapes[first], poses[0], shapes[second], poses[1], request, result)
         depths = [-result.getContact(i).penetration_depth for i in range(min(count, MOST_CONTACTS))]
-        return max((depth for depth in depths if depth < -_NO_DISTANCE_M), default=0.0)
+        return max((depth for depth in depths if depth < -NO_DISTANCE_M), default=0.0)
 
     def _pose(self, shape: int) -> coal.Transform3s:
         placed = self._placed[shape]

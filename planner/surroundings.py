@@ -10,6 +10,7 @@ from functools import cached_property
 import coal
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import expect
@@ -64,6 +65,7 @@ class Surroundings:
         """
         self._manipulator = expect(manipulator, Manipulator, "manipulator", TaskError)
         self._finger_m = finger_m
+        self._hulls: dict[int, coal.CollisionGeometry] = {}
         self.margin_m = checked_margin_m(margin_m)
         self.checker = ClearanceChecker(
             manipulator.shapes,
@@ -91,7 +93,9 @@ class Surroundings:
         shapes = self._manipulator.shapes
         if shape < len(shapes.links):
             return shapes.hull(shape)
-        return hull(self.checker.geometry.geometryObjects[shape].geometry)
+        if shape not in self._hulls:  # kept: coal's functors hold bare pointers
+            self._hulls[shape] = hull(self.checker.geometry.geometryObjects[shape].geometry)
+        return self._hulls[shape]
 
     def clearance(self, q: Vector) -> Clearance:
         """The least distance at a configuration, shape (7,), rad, and between what."""
@@ -164,6 +168,10 @@ class Surroundings:
         T_tip_base = arm.T_base_tip(arm.neutral).inverse().homogeneous
         poses[self._of_hand] = T_tip_base @ poses[self._of_hand]
         return poses
+
+    def are_of_robot(self, pairs: Indices) -> NDArray[np.bool_]:
+        """Whether both shapes of pairs, (n, 2), are the robot's, shape (n,)."""
+        return np.asarray((pairs < len(self._manipulator.shapes.links)).all(axis=1))
 
     def is_of_robot(self, near: Clearance) -> bool:
         """Whether both that are near each other are links of the robot."""

@@ -69,7 +69,7 @@ def main() -> int:
         times.append(time.process_time() - started_s)
         is_right &= plan.is_valid and verify(plan).is_valid
         best_s = finer_s(problem)
-        ratios.append(plan.motion_time_s / best_s if plan.is_valid else np.inf)
+        ratios.append(plan.motion_time_s / best_s if plan.is_valid and best_s < np.inf else np.inf)
         print(f"{number:3d} {told(plan, best_s)}, planned in {times[-1]:.2f} s of CPU", flush=True)
     print(f"{np.isfinite(ratios).sum()} of {len(ratios)} tasks have plans")
     low, middle, high = np.percentile([r for r in ratios if np.isfinite(r)], [0, 50, 100])

@@ -16,7 +16,7 @@ from planner.cycle import Cycle
 from planner.lines import Lines
 from planner.manipulator import Manipulator
 from planner.motion.guess import Way, backwards, between, risen
-from planner.motion.obstacles import Obstacles
+from planner.motion.obstacles import LinearBounds, Obstacles
 from planner.motion.phases import LineTolerance, MotionTask, Phase
 from planner.motion.program import Clearances, MotionProgram
 from planner.motion.splines import Sketch
@@ -30,8 +30,8 @@ ENTRY, ACROSS = 20, 28
 LEAST_ON_LINE, INTERVAL_M = 10, 0.011
 """Intervals on a line, and how long one may be, lest the tip leaves the line in between."""
 
-MOST_ON_LINE = 80
-"""Longer lines are left to others."""
+MOST_ON_LINE, SHORTEST_LINE_M = 80, 1e-4
+"""Longer and shorter lines are left to others."""
 
 AT_KNOTS = LineTolerance(2e-5, 5e-5)
 """How far the tip may be off its line at the knots: a fifth of what it may in between."""
@@ -61,9 +61,9 @@ ROUNDS, TRUST_RAD, LESS_TRUST = 10, 0.4, 0.7
 """How often bounds are taken anew, how far a control may be led from where they were, and how much
 less each time from half of the rounds on."""
 
-BY_ROUND, SETTLED = 5, 3e-3
-"""A motion that is not clear after so many rounds is given up; one that is and whose duration
-changes by less than this share is as good as it gets."""
+BY_ROUND, MOST_FAILURES, SETTLED = 5, 1, 3e-3
+"""A motion that is not clear after so many rounds, or had no solution more often than that, is
+given up; one that is clear and whose duration changes by less than this share is good enough."""
 
 
 class CycleProgram:
@@ -94,16 +94,17 @@ class CycleProgram:
         )
         clear, hover = (_intervals(line.length_m) for line in self._task.lines[1:])
         usual = ENTRY, clear, clear, ACROSS, clear, hover
-        self._is_long = max(usual) > MOST_ON_LINE
+        shortest_m = min(line.length_m for line in self._task.lines)
+        self._is_usual = max(usual) <= MOST_ON_LINE and shortest_m >= SHORTEST_LINE_M
         self._intervals = tuple(fineness * count for count in usual)
 
     def near(self, cycle: Cycle) -> Cycle | None:
         """The fastest cycle near one; None where none is found."""
-        return None if self._is_long else self._solved(self._sketches_of(cycle))
+        return self._solved(self._sketches_of(cycle)) if self._is_usual else None
 
     def of(self, choice: Choice) -> Cycle | None:
         """The fastest cycle near a pair of solutions; None where none is found."""
-        sketches = None if self._is_long else self._sketched(choice)
+        sketches = self._sketched(choice) if self._is_usual else None
         return None if sketches is None else self._solved(sketches)
 
     def around(self, cycle: Cycle, situations: Mapping[str, Surroundings]) -> Iterator[Cycle]:
@@ -117,27 +118,29 @@ class CycleProgram:
             Those that look clear where distances were bounded, each found from the one after it and
             mostly faster. Whether they are is for the caller to prove.
         """
-        if self._is_long:
+        if not self._is_usual:
             return
         sketches, places = self._sketches_of(cycle), [situations[stage] for stage in RESTING]
-        found: list[Cycle] = []
         obstacles = [
             Obstacles(around, sketch.q[resting], around.margin_m + LED_CLEAR_M)
             for around, sketch, resting in zip(places, sketches, RESTING.values(), strict=True)
         ]
-        trust_rad = TRUST_RAD
-        for number in range(ROUNDS):
-            bounds = [near.bounds(s.controls) for near, s in zip(obstacles, sketches, strict=True)]
-            is_clear = min(each.excess_m for each in bounds) > -SHORT_OF_M
-            if is_clear and number > 0:
-                found.append(cycle)
-            if _is_settled(found) or (number >= BY_ROUND and not found):
-                break
+        found: list[Cycle] = []
+        failures, trust_rad, bounds = 0, TRUST_RAD, _bounds(obstacles, sketches)
+        for number in range(1, ROUNDS + 1):
             led = self._solved(sketches, Clearances.of(bounds, trust_rad))
-            if led is None or number >= ROUNDS // 2:
+            if led is None or number > ROUNDS // 2:
                 trust_rad *= LESS_TRUST
-            if led is not None:
-                cycle, sketches = led, self._sketches_of(led)
+            if led is None:
+                failures += 1
+            else:
+                sketches = self._sketches_of(led)
+                bounds = _bounds(obstacles, sketches)
+                if min(each.excess_m for each in bounds) > -SHORT_OF_M:
+                    found.append(led)
+            is_hopeless = failures > MOST_FAILURES or (number >= BY_ROUND and not found)
+            if is_hopeless or (led is not None and _is_settled(found)):
+                break
         yield from reversed(found)
 
     def _sketches_of(self, cycle: Cycle) -> list[Sketch]:
@@ -201,6 +204,10 @@ def _program(intervals: tuple[int, ...], *, keeps_clear: bool = False) -> Motion
         ),
         keeps_clear=keeps_clear,
     )
+
+
+def _bounds(obstacles: Sequence[Obstacles], sketches: Sequence[Sketch]) -> list[LinearBounds]:
+    return [near.bounds(s.controls) for near, s in zip(obstacles, sketches, strict=True)]
 
 
 def _is_settled(found: Sequence[Cycle]) -> bool:

@@ -16,6 +16,8 @@ import coal
 import numpy as np
 
 from baxter_kin.arrays import Indices, Vector
+from planner.contact import DISTANCE_TOLERANCE_M
+from planner.distances import NO_DISTANCE_M, UNKNOWN_DEPTH_M
 from planner.lever_arms import Placed
 from planner.motion.splines import weights_at
 from planner.motion.unknowns import JOINTS, PAIRS
@@ -26,6 +28,10 @@ REACH_M = 0.15
 
 KEPT_SHARE = 0.5
 """How much is kept of a distance that is less than the margin where the arm rests."""
+
+DEEPER_M = 1e-3
+"""How much deeper a hull may get inside one of the scene than it is where the arm rests. Hulls of
+the robot's own links, which are often inside each other, count for nothing then."""
 
 LOOKS = 4
 """How often an interval is looked at."""
@@ -67,8 +73,10 @@ class Obstacles:
         self._pairs = checker.pairs[self._numbers]
         self._padding_m = self._checked.padding_m[self._numbers]
         self._hulls = around.hulls
+        self._is_own = around.are_of_robot(self._pairs)
         self._functors: dict[int, coal.ComputeDistance] = {}
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
+        self._request.gjk_tolerance = DISTANCE_TOLERANCE_M
         self.needed_m = np.full(len(self._pairs), margin_m)
         if len(resting):
             self.needed_m = self._kept(self._levers.place(self._full, resting), margin_m)
@@ -98,7 +106,8 @@ class Obstacles:
         for k, near in enumerate(gaps < margin_m / KEPT_SHARE):
             for i in np.flatnonzero(near).tolist():
                 least[i] = min(least[i], self._distance(placed, k, i))
-        return np.where(least <= 0.0, -np.inf, np.minimum(margin_m, KEPT_SHARE * least))
+        inside = np.where(self._is_own, -np.inf, least - DEEPER_M)
+        return np.where(least <= 0.0, inside, np.minimum(margin_m, KEPT_SHARE * least))
 
     def _gaps_m(self, placed: Placed) -> Vector:
         """Lower bounds on all distances, shape (configurations, pairs)."""
@@ -137,6 +146,7 @@ class Obstacles:
         poses = placed.shapes[k]
         at = (coal.Transform3s(T[:3, :3], T[:3, 3]) for T in (poses[first], poses[second]))
         found = float(self._functors[i](*at, self._request, self._result))
+        found = found if found > NO_DISTANCE_M else UNKNOWN_DEPTH_M
         return found - float(self._padding_m[i])
 
     def _slope(self, i: int, axes: Vector, joints: Vector) -> Vector:

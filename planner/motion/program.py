@@ -54,7 +54,8 @@ _OPTIONS: dict[str, Any] = {
     "ipopt.max_iter": 100,
     "ipopt.tol": 1e-3,  # later iterations gain less than a thousandth
     "ipopt.constr_viol_tol": 1e-9,
-    "ipopt.acceptable_tol": 1e-5,  # never sooner than by `tol`
+    "ipopt.acceptable_iter": 0,  # nothing less is acceptable
+    "show_eval_warnings": False,
     "ipopt.mu_init": 1e-3,
     "ipopt.bound_push": 1e-3,
     "ipopt.bound_frac": 1e-3,

@@ -29,6 +29,7 @@ from planner import (
     Grip,
     GripperAction,
     Manipulator,
+    Mesh,
     MotionError,
     Move,
     Part,
@@ -827,3 +828,31 @@ def test_a_height_beyond_what_is_measured_is_refused(
         PickAndPlace("block", T, T, hover_m=height_m)
     with pytest.raises(TaskError, match="clear height must be"):
         PickAndPlace("block", T, T, clear_m=height_m)
+
+
+@pytest.mark.parametrize(("clear_m", "hover_m"), [(1e-17, 0.15), (1e-12, 0.15), (0.05, 1e-17)])
+def test_lines_of_no_length_to_speak_of_raise_nothing(
+    manipulator: Manipulator, scene: Scene, clear_m: float, hover_m: float
+) -> None:
+    task = PickAndPlace("block", PICK, PLACE, clear_m=clear_m, hover_m=hover_m)
+    plan = planned(task, manipulator, scene)
+    assert plan.is_valid or plan.failure is not None
+
+
+def test_a_pick_in_millimetres_is_told_to_be_out_of_reach(
+    manipulator: Manipulator, scene: Scene
+) -> None:
+    far = PickAndPlace("block", overhead(2000.0, 0.0, -0.129), PLACE)
+    failure = planned(far, manipulator, scene).failure
+    assert failure is not None
+    assert "millimetres" in failure.reason
+
+
+def test_a_sheet_in_the_way_is_gone_around(manipulator: Manipulator, scene: Scene) -> None:
+    corners = np.array([(-0.15, 0.0, -0.1), (0.15, 0.0, -0.1), (0.15, 0.0, 0.1), (-0.15, 0.0, 0.1)])
+    sheet = Part(Mesh(corners, np.array([(0, 1, 2), (0, 2, 3)])), at(0.0, 0.0, 0.0))
+    plan = planned(
+        TASK, manipulator, scene.with_body(Body("sheet", (sheet,), at(0.72, 0.075, -0.055)))
+    )
+    assert plan.is_valid, str(plan.failure)
+    assert verify(plan).is_valid

@@ -101,7 +101,7 @@ def test_other_heights_will_do(manipulator: Manipulator, clear_m: float, hover_m
 
 
 def test_a_line_that_cannot_be_followed_is_told_by_none(manipulator: Manipulator) -> None:
-    task = PickAndPlace("block", PICK, PLACE, hover_m=2.0)
+    task = PickAndPlace("block", PICK, PLACE, hover_m=0.8)
     assert program_of(manipulator, task).of(choice_of(manipulator)) is None
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baxter_kin.arrays import Vector
-from planner import Body, Box, Manipulator, Part, Scene
+from planner import Body, Box, Manipulator, Mesh, Part, Scene
 from planner.motion.obstacles import LOOKS, REACH_M, Obstacles
 from planner.motion.splines import weights_at
 from planner.motion.unknowns import JOINTS
@@ -92,3 +92,23 @@ def test_less_than_the_margin_is_asked_for_where_less_is_there(
     asked = obstacles.needed_m[np.isfinite(obstacles.needed_m)]
     assert asked.min() <= 0.5 * distance_m
     assert asked.max() == wide_m
+
+
+@pytest.mark.parametrize("shape", ["sheet", "corner"])
+def test_meshes_that_are_flat_or_hollow_have_bounds_too(
+    manipulator: Manipulator, controls: Vector, shape: str
+) -> None:
+    """A sheet, whose hull has no volume, and a sheet that is bent, whose hull it is not."""
+    corners = [(0.0, -0.1, -0.1), (0.0, 0.1, -0.1), (0.0, 0.1, 0.1), (0.0, -0.1, 0.1)]
+    triangles = [(0, 1, 2), (0, 2, 3)]
+    if shape == "corner":
+        corners += [(0.1, 0.1, -0.1), (0.1, 0.1, 0.1)]
+        triangles += [(1, 4, 5), (1, 5, 2)]
+    T = manipulator.arm.T_base_tip(manipulator.arm.start)
+    x, y, z = T.translation.tolist()
+    mesh = Mesh(np.array(corners), np.array(triangles))
+    body = Body("sheet", (Part(mesh, at(0.0, 0.0, 0.0)),), at(x + 0.1, y, z))
+    around = Surroundings(manipulator, Scene.of([body]), finger_m=manipulator.finger_m)
+    first, second = (Obstacles(around, NONE, MARGIN_M).bounds(controls) for _ in range(2))
+    assert 0.0 < first.excess_m < 0.1
+    np.testing.assert_array_equal(first.numbers, second.numbers)
