@@ -181,8 +181,8 @@ def hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
     """The convex hull of triangles; other shapes, which are convex, as they are."""
     if not isinstance(geometry, coal.BVHModelBase):
         return geometry
-    vertices = np.array([geometry.vertex(i) for i in range(geometry.num_vertices)])
-    _, _, axes = np.linalg.svd(vertices - vertices.mean(axis=0))
+    vertices = np.array(geometry.vertices())
+    _, _, axes = np.linalg.svd(vertices - vertices.mean(axis=0), full_matrices=False)
     for axis, extent_m in zip(axes, np.ptp(vertices @ axes.T, axis=0), strict=True):
         if extent_m < FLAT_M:  # which Qhull does not survive
             vertices = np.concatenate([vertices - FLAT_M * axis, vertices + FLAT_M * axis])
