@@ -6,7 +6,8 @@ place   approach - descend - open - retract
 ```
 
 The tip comes down to a pose and rises from it along a straight line, and moves sideways only
-`clear_m` above it and higher; there it does not stop, it passes. It stops to grasp, to release, and
+`clear_m` above it and higher; there it does not stop, it passes. On the way between both it is, at
+the knots of the motion, above the lower of these two heights. It stops to grasp, to release, and
 `hover_m` above the place, where the cycle ends. While it is moved sideways, what is carried may
 touch nothing, its supports included. Each move is proven free of collision at every instant
 (`planner.swept`). The motions of a cycle are one nonlinear program, and as fast together as the

@@ -109,8 +109,8 @@ class Surroundings:
 
     def prove(self, trajectory: Trajectory) -> SweptResult:
         """A proof that a motion keeps the margin, or what speaks against it."""
-        others = next(self._manipulator.configurations(trajectory.q[:1], self._finger_m))
-        return prove_clear(self.checker, trajectory, others, margin_m=self.margin_m)
+        others, margin_m = self.full_configuration, self.margin_m
+        return prove_clear(self.checker, trajectory, others, margin_m=margin_m)
 
     def is_clear(self, trajectory: Trajectory) -> bool:
         """Whether a motion is proven to keep the margin; looked at in samples first."""
@@ -163,8 +163,8 @@ class Surroundings:
     def _hand_poses(self) -> Vector:
         """Poses of all shapes, those of the hand seen from the tip, shape (n, 4, 4)."""
         arm = self._manipulator.arm
-        full = next(self._manipulator.configurations(arm.neutral[None], self._finger_m))
-        poses: Vector = self.checker.levers.place(full, arm.neutral[None]).shapes[0]
+        placed = self.checker.levers.place(self.full_configuration, arm.neutral[None])
+        poses: Vector = placed.shapes[0]
         T_tip_base = arm.T_base_tip(arm.neutral).inverse().homogeneous
         poses[self._of_hand] = T_tip_base @ poses[self._of_hand]
         return poses

@@ -87,22 +87,23 @@ def _print_simulation() -> None:
     """Simulated over real time, with a recording and a CSV being made."""
     robot = Baxter.load()
     manipulator, world = Manipulator.of(robot, "left"), World(robot)
-    folder = tempfile.TemporaryDirectory()
-    csv = CsvRecorder(Path(folder.name) / "motion.csv", robot)
-    simulation = Simulation(world, [Recorder(robot), csv])
     there = plan_start_move(
         manipulator, world.scene, manipulator.arm.neutral, manipulator.arm.start
     )
     back = plan_start_move(manipulator, world.scene, manipulator.arm.start, manipulator.arm.neutral)
-    started = time.perf_counter()
-    while simulation.time_s < SIMULATED_S:
-        simulation.execute(there)
-        simulation.execute(back)
-    ratio = simulation.time_s / (time.perf_counter() - started)
-    print(f"simulation                  {ratio:.0f} x real time, recording")
-    print(f"simulation of whole cycles  {_cycles_ratio(manipulator, simulation):.0f} x real time")
-    csv.close()
-    folder.cleanup()
+    with tempfile.TemporaryDirectory() as folder:
+        csv = CsvRecorder(Path(folder) / "motion.csv", robot)
+        simulation = Simulation(world, [Recorder(robot), csv])
+        started = time.perf_counter()
+        while simulation.time_s < SIMULATED_S:
+            simulation.execute(there)
+            simulation.execute(back)
+        ratio = simulation.time_s / (time.perf_counter() - started)
+        print(f"simulation                  {ratio:.0f} x real time, recording")
+        print(
+            f"simulation of whole cycles  {_cycles_ratio(manipulator, simulation):.0f} x real time"
+        )
+        csv.close()
 
 
 def _cycles_ratio(manipulator: Manipulator, simulation: Simulation) -> float:

@@ -18,7 +18,7 @@ from planner.manipulator import Manipulator
 from planner.motion.guess import Way, backwards, between, risen
 from planner.motion.obstacles import LinearBounds, Obstacles
 from planner.motion.phases import LineTolerance, MotionTask, Phase
-from planner.motion.program import Clearances, MotionProgram
+from planner.motion.program import Clearances, MotionProgram, fraction
 from planner.motion.splines import Sketch
 from planner.straight_line import StraightLine
 from planner.surroundings import Surroundings
@@ -28,13 +28,14 @@ ENTRY, ACROSS = 20, 28
 """Intervals on the way to the first line, and between both lines."""
 
 LEAST_ON_LINE, INTERVAL_M = 10, 0.011
-"""Intervals on a line, and how long one may be, lest the tip leaves the line in between."""
+"""Intervals on a line, and their greatest mean length, lest the tip leaves the line in between."""
 
 MOST_ON_LINE, SHORTEST_LINE_M = 80, 1e-4
 """Longer and shorter lines are left to others."""
 
 AT_KNOTS = LineTolerance(2e-5, 5e-5)
-"""How far the tip may be off its line at the knots: a fifth of what it may in between."""
+"""How far the tip may be off its line at the knots, along and about each axis: a fifth and a
+seventh of what it may be off anywhere."""
 
 PROMISED, LOOKS = LineTolerance(1e-4, math.radians(0.02)), 4
 """How far it may be off anywhere, and how often that is looked at in an interval; 0.9 of it counts,
@@ -227,8 +228,7 @@ def _is_straight(arm: Arm, line: StraightLine, motion: Trajectory) -> bool:
 
 def _off(arm: Arm, line: StraightLine, q: Vector) -> tuple[float, float]:
     """How far the tip is from a line, m, and turned, rad."""
-    T, way = arm.T_base_tip(q), line.twist[:3]
-    s = float(way @ (T.translation - line.T_base_start.translation) / (way @ way))
-    there = line.at(s)
+    T = arm.T_base_tip(q)
+    there = line.at(fraction(line, T))
     distance_m = float(np.linalg.norm(T.translation - there.translation))
     return distance_m, angle_between(T.rotation, there.rotation)

@@ -9,7 +9,6 @@ motion it is bounded where it is least. A proof is another matter (`planner.swep
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import coal
@@ -43,7 +42,7 @@ class LinearBounds(NamedTuple):
     Attributes:
         weights: of the four controls where they are asked for, shape (n, 4).
         numbers: slopes by the joints, m/rad, and offsets, m, shape (n, PAIRS, 8).
-        excess_m: the least excess, over all intervals; infinite where nothing is near.
+        excess_m: the least excess, over all intervals; `REACH_M` where nothing is as near.
     """
 
     weights: Vector
@@ -89,17 +88,21 @@ class Obstacles:
         qs = (windows @ weights_at(fractions).T).swapaxes(1, 2).reshape(-1, JOINTS)
         placed = self._levers.place(self._full, qs)
         gaps = self._gaps_m(placed) - self.needed_m
-        least = np.array([self._least(placed, k, gaps[k]) for k in range(len(qs))])
+        least = np.full(len(qs), REACH_M)
+        for k in range(len(qs)):
+            for excess, _ in self._nearest(placed, k, gaps[k], 1):
+                least[k] = min(least[k], excess)
         deepest = least.reshape(intervals, LOOKS).argmin(axis=1)
         numbers = np.zeros((intervals, PAIRS, JOINTS + 1))
         numbers[:, :, JOINTS] = REACH_M
         axes = self._levers.axes(placed)
         for interval, k in enumerate((LOOKS * np.arange(intervals) + deepest).tolist()):
             if least[k] < REACH_M:
-                for row, (excess, slope) in enumerate(self._nearest(placed, k, gaps[k], axes[k])):
+                for row, (excess, i) in enumerate(self._nearest(placed, k, gaps[k], PAIRS)):
+                    slope = self._slope(placed, k, i, axes[k])
                     numbers[interval, row] = [*slope, excess - slope @ qs[k]]
         weights = weights_at(fractions[deepest])
-        return LinearBounds(weights, numbers, float(least.min(initial=np.inf)))
+        return LinearBounds(weights, numbers, float(least.min()))
 
     def _kept(self, placed: Placed, margin_m: float) -> Vector:
         gaps, least = self._gaps_m(placed), np.full(len(self._pairs), np.inf)
@@ -115,28 +118,18 @@ class Obstacles:
         at, number = np.repeat(np.arange(count), pairs), np.tile(self._numbers, count)
         return self._checked.gaps_m(placed.shapes, at, number).reshape(count, pairs)
 
-    def _least(self, placed: Placed, k: int, gaps: Vector) -> float:
-        """The least excess at a configuration, as far as it is less than `REACH_M`."""
-        least = REACH_M
-        for i in np.argsort(gaps).tolist():
-            if gaps[i] >= least:
-                break
-            least = min(least, self._distance(placed, k, i) - float(self.needed_m[i]))
-        return least
+    def _nearest(self, placed: Placed, k: int, gaps: Vector, most: int) -> list[tuple[float, int]]:
+        """The least excesses at a configuration, up to so many, and of which pairs.
 
-    def _nearest(
-        self, placed: Placed, k: int, gaps: Vector, axes: Vector
-    ) -> Iterator[tuple[float, Vector]]:
-        """The least excesses, with their slopes by the joints."""
+        Pairs whose lower bounds, `gaps`, are beyond `REACH_M` are not measured for it.
+        """
         found: list[tuple[float, int]] = []
         for i in np.argsort(gaps).tolist():
-            if gaps[i] >= (found[PAIRS - 1][0] if len(found) >= PAIRS else REACH_M):
+            if gaps[i] >= (found[-1][0] if len(found) == most else REACH_M):
                 break
             found.append((self._distance(placed, k, i) - float(self.needed_m[i]), i))
-            found.sort()
-        for excess, i in found[:PAIRS]:
-            self._distance(placed, k, i)
-            yield excess, self._slope(i, axes, placed.joints[k])
+            found = sorted(found)[:most]
+        return found
 
     def _distance(self, placed: Placed, k: int, i: int) -> float:
         first, second = self._pairs[i].tolist()
@@ -149,8 +142,10 @@ class Obstacles:
         found = found if found > NO_DISTANCE_M else UNKNOWN_DEPTH_M
         return found - float(self._padding_m[i])
 
-    def _slope(self, i: int, axes: Vector, joints: Vector) -> Vector:
-        """Of the distance that was measured last, by the joints, shape (7,)."""
+    def _slope(self, placed: Placed, k: int, i: int, axes: Vector) -> Vector:
+        """Of a distance at a configuration, by the joints, shape (7,)."""
+        self._distance(placed, k, i)
+        joints = placed.joints[k]
         x, y, z = np.array(self._result.normal)
         across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # r @ across = r x normal
         points = self._result.getNearestPoint1(), self._result.getNearestPoint2()

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 
 from baxter_kin import Arm, JointLimits
 from baxter_kin.arrays import Vector
@@ -40,7 +41,7 @@ SHORTEST_S, LONGEST_S = 1e-3, 1e3
 """Of a phase."""
 
 SHORTFALL_S_PER_M, MOST_SHORTFALL_M = 20.0, 0.3
-"""What a metre of clearance that is missing at a knot costs, and how much may be."""
+"""What a metre of clearance that is missing in an interval costs, and how much may be."""
 
 LEAST_LENGTH_M = 1e-6
 """Of a line along which it can be told how far a tip is."""
@@ -176,7 +177,8 @@ class MotionProgram:
             x[controls[is_unknown]] = sketch.controls[is_unknown]
             fractions = unknowns.fractions[k]
             if fractions is not None and phase.line is not None:
-                x[fractions] = [fraction(task.lines[phase.line], arm, q) for q in sketch.q]
+                line = task.lines[phase.line]
+                x[fractions] = [fraction(line, arm.T_base_tip(q)) for q in sketch.q]
         return x
 
     def _motions(self, x: Vector, q_start: Vector, limits: JointLimits) -> tuple[Trajectory, ...]:
@@ -190,11 +192,11 @@ class MotionProgram:
         return tuple(trajectory_of(c, t * slower, limits) for c, t in splines)
 
 
-def fraction(line: StraightLine, arm: Arm, q: Vector) -> float:
-    """How far along a line the tip is, 0..1; 0 where the line is a point."""
-    T, way = arm.T_base_tip(q), line.twist[:3]
-    along = way @ (T.translation - line.T_base_start.translation)
-    return float(np.clip(along / max(way @ way, LEAST_LENGTH_M**2), 0.0, 1.0))
+def fraction(line: StraightLine, T_base_tip: pin.SE3) -> float:
+    """How far along a line the tip is, 0..1 between its ends; 0 where the line is a point."""
+    way = line.twist[:3]
+    along = way @ (T_base_tip.translation - line.T_base_start.translation)
+    return float(along / max(way @ way, LEAST_LENGTH_M**2))
 
 
 def _derivatives(nlp: dict[str, ca.MX], rows: Sequence[Rows]) -> dict[str, ca.Function]:

@@ -60,7 +60,7 @@ class Sketch(NamedTuple):
     Attributes:
         q: at n + 1 equal times, shape (n + 1, joints), rad.
         v_ends: at its start and its end, shape (2, joints), rad/s.
-        duration_s: above zero.
+        duration_s: zero for a single configuration.
     """
 
     q: Vector
