@@ -12,15 +12,15 @@ from planner.errors import (
     TaskError,
     TrajectoryError,
 )
-from planner.free_move import FreeMove, FreeMoveFailure, plan_free_move
 from planner.free_space import FreeSpace
 from planner.grasp import Grasp, Miss, MissKind
 from planner.hand import Hand
 from planner.manipulator import Manipulator
 from planner.mesh import Mesh
+from planner.motion.free_move import FreeMove, FreeMoveFailure, plan_free_move
+from planner.motion.straight_move import plan_straight_move
 from planner.objects import load_object, make_block
 from planner.overhead import overhead_grasp
-from planner.path_timing import plan_path_move
 from planner.pick_place import (
     PickAndPlace,
     plan_pick_and_place,
@@ -32,9 +32,7 @@ from planner.plan_file import load_plan, save_plan
 from planner.robot_body import RobotBody
 from planner.scene import Body, Box, Cylinder, Part, Scene, Sphere
 from planner.situation import Holding, Situation
-from planner.straight import plan_straight_move
-from planner.straight_line import StraightLine
-from planner.straight_path import PathState, StraightPath, plan_straight_path
+from planner.straight_line import LineTolerance, StraightLine
 from planner.swept import prove_clear
 from planner.swept_result import SweptContact, SweptProof
 from planner.timing import plan_joint_move
@@ -59,6 +57,7 @@ __all__ = [
     "Hand",
     "Holding",
     "JointState",
+    "LineTolerance",
     "Manipulator",
     "Mesh",
     "Miss",
@@ -66,7 +65,6 @@ __all__ = [
     "MotionError",
     "Move",
     "Part",
-    "PathState",
     "PeakRatios",
     "PickAndPlace",
     "Plan",
@@ -81,7 +79,6 @@ __all__ = [
     "Sphere",
     "StraightLine",
     "StraightMoveError",
-    "StraightPath",
     "SweptContact",
     "SweptProof",
     "TaskError",
@@ -94,12 +91,10 @@ __all__ = [
     "overhead_grasp",
     "plan_free_move",
     "plan_joint_move",
-    "plan_path_move",
     "plan_pick_and_place",
     "plan_retract",
     "plan_start_move",
     "plan_straight_move",
-    "plan_straight_path",
     "prove_clear",
     "save_plan",
     "tool_of",

@@ -28,6 +28,7 @@ from planner.contact import (
     coal_shape,
     convex_pieces,
     has_depth,
+    hull,
 )
 from planner.distances import UNKNOWN_DEPTH_M, Distances, Enclosure
 from planner.errors import SceneError
@@ -287,8 +288,8 @@ class ClearanceChecker(OneLine):
             held=held,
         )
         self.robot: pin.Model = shapes.robot.model
-        self._shapes = shapes
-        self._pairs = ShapePairs(shapes)
+        self._shapes, self._pairs = shapes, ShapePairs(shapes)
+        self._hulls: dict[int, coal.CollisionGeometry] = {}
         self._add_pairs_of_arm()
         supports = self._add_scene(scene, touchable, may_press=may_press, held=held)
         if held is not None:
@@ -350,6 +351,18 @@ class ClearanceChecker(OneLine):
     def pairs(self) -> Indices:
         """The shapes of every pair, shape (n, 2)."""
         return self.checked.numbers
+
+    def hull(self, shape: int) -> coal.CollisionGeometry:
+        """A convex shape around one of `geometry`, by its number; found once for each."""
+        if shape < len(self._shapes.links):
+            return self._shapes.hull(shape)
+        if shape not in self._hulls:  # kept: coal's functors hold bare pointers
+            self._hulls[shape] = hull(self.geometry.geometryObjects[shape].geometry)
+        return self._hulls[shape]
+
+    def are_own(self, pairs: Indices) -> NDArray[np.bool_]:
+        """Whether both shapes of pairs, (n, 2), are the robot's, shape (n,)."""
+        return np.asarray((pairs < len(self._shapes.links)).all(axis=1))
 
     @property
     def may_touch(self) -> NDArray[np.bool_]:

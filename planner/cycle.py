@@ -1,23 +1,24 @@
-"""The motions of a pick and place, for one choice of IK solutions; not checked for collision."""
+"""The motions of a pick and place, and those of one that stops wherever it turns."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from planner.approach import Approach, plan_entry, plan_transfer
-from planner.choice import Choice
-from planner.errors import MotionError, TrajectoryError
+from planner.errors import MotionError
 from planner.lines import Lines
 from planner.manipulator import Manipulator
-from planner.straight import plan_straight_move
+from planner.motion.free_move import MARGIN_M, plan_free_move
+from planner.motion.straight_move import plan_straight_move
 from planner.surroundings import Surroundings
+from planner.swept_result import SweptContact
 from planner.trajectory import Trajectory
+
+TIMEOUT_S = 2.0
+"""When to give up the search for one way around; a wall on the table takes a tenth of a second."""
 
 
 class StageError(MotionError):
@@ -25,39 +26,19 @@ class StageError(MotionError):
 
     Attributes:
         stage: label of the move.
+        contact: what it collides with, if that is why.
     """
 
-    def __init__(self, stage: str, reason: str) -> None:
+    def __init__(self, stage: str, reason: str, contact: SweptContact | None = None) -> None:
         """At a stage."""
         self.stage = stage
+        self.contact = contact
         super().__init__(reason)
-
-
-class Route(Protocol):
-    """Where the motions of a pick and place come from, stage by stage."""
-
-    @property
-    def up_from_place(self) -> Trajectory:
-        """From the place to where the cycle ends."""
-
-    def entry(self, around: Surroundings) -> tuple[Trajectory, Trajectory]:
-        """To the line above the pick, and down it; `around` is the situation before the grasp.
-
-        Raises:
-            StageError: when there is none.
-        """
-
-    def transfer(self, around: Surroundings) -> tuple[Trajectory, Trajectory, Trajectory]:
-        """Up, across, and down to the place; `around` is the situation with the body in the hand.
-
-        Raises:
-            StageError: when there is none.
-        """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cycle:
-    """The direct route: the motions in order, from rest to rest where the gripper acts.
+    """The motions in order, from rest to rest where the gripper acts.
 
     Attributes:
         to_pick: to the line above the pick.
@@ -74,17 +55,6 @@ class Cycle:
     to_place: Trajectory
     down_to_place: Trajectory
     up_from_place: Trajectory
-
-    def entry(self, around: Surroundings) -> tuple[Trajectory, Trajectory]:  # noqa: ARG002
-        """To the line above the pick, and down it, whatever stands around."""
-        return self.to_pick, self.down_to_pick
-
-    def transfer(
-        self,
-        around: Surroundings,  # noqa: ARG002
-    ) -> tuple[Trajectory, Trajectory, Trajectory]:
-        """Up, across, and down to the place, whatever stands around."""
-        return self.up_from_pick, self.to_place, self.down_to_place
 
     @property
     def by_stage(self) -> dict[str, Trajectory]:
@@ -114,55 +84,83 @@ class Cycle:
         return sum(motion.duration for motion in self.by_stage.values())
 
 
-class Cycles:
-    """Plans the cycles of a task; what several of them share is planned once."""
+def refuse_colliding(stage: str, motion: Trajectory, around: Surroundings) -> None:
+    """Stop when a motion collides at samples; quick, and no proof that it does not.
 
-    def __init__(self, manipulator: Manipulator, q_start: Vector, lines: Lines) -> None:
-        """For an arm that stands somewhere."""
-        self._manipulator = manipulator
-        self._q_start = q_start
-        self._lines = lines
-        self._approaches: dict[tuple[str, bytes], Approach] = {}
-        self._ends: dict[bytes, Trajectory] = {}
+    Raises:
+        StageError: then; says with what.
+    """
+    if not around.looks_clear(motion):
+        result = around.prove(motion)
+        if isinstance(result, SweptContact):
+            raise StageError(stage, str(result), result)
 
-    def of(self, choice: Choice) -> Cycle:
-        """The motions for a choice of solutions.
+
+class StoppingCycles:
+    """Cycles that stop above pick and place; their lines are planned once for each solution."""
+
+    def __init__(
+        self,
+        manipulator: Manipulator,
+        q_start: Vector,
+        lines: Lines,
+        around: Mapping[str, Surroundings],
+    ) -> None:
+        """For an arm that stands somewhere, in the situations of the stages."""
+        self._manipulator, self._q_start = manipulator, q_start
+        self._lines, self._around = lines, around
+        self._planned: dict[tuple[str, bytes], Trajectory | StageError] = {}
+
+    def of(self, q_pick: Vector, q_place: Vector) -> Cycle:
+        """The motions for a pair of solutions, those between the lines around what is there.
 
         Raises:
-            StageError: when the arm cannot follow a line from one of them, or no motion joins the
-                lines under the limits.
+            StageError: when the arm cannot follow a line from one of them, a line collides, or
+                there is no way between.
         """
-        lines, limits = self._lines, self._manipulator.limits
-        pick = self._approach("pick: descend", choice.q_pick, lines.T_base_above_pick)
-        place = self._approach("place: descend", choice.q_place, lines.T_base_above_place)
-        with at_stage("pick: approach"):
-            entry = plan_entry(self._q_start, pick, limits)
-        with at_stage("place: approach"):
-            transfer = plan_transfer(pick, place, limits)
-        return Cycle(*entry, *transfer, self._end(place.q_target))
+        lines = self._lines
+        up_pick = self._line("pick: retract", q_pick, lines.T_base_above_pick)
+        up_place = self._line("place: descend", q_place, lines.T_base_above_place)
+        up_end = self._line("place: retract", q_place, lines.T_base_end)
+        down_pick, down_place = up_pick.reversed(), up_place.reversed()
+        for stage, motion in (
+            ("pick: descend", down_pick),
+            ("place: descend", down_place),
+            ("place: retract", up_end),
+        ):
+            refuse_colliding(stage, motion, self._around[stage])
+        to_pick = self._free("pick: approach", self._q_start, down_pick.q_start)
+        to_place = self._free("place: approach", up_pick.q_goal, down_place.q_start)
+        return Cycle(to_pick, down_pick, up_pick, to_place, down_place, up_end)
 
-    def _approach(self, stage: str, q: Vector, T_base_above: pin.SE3) -> Approach:
+    def _line(self, stage: str, q: Vector, T_base_top: pin.SE3) -> Trajectory:
         key = stage, q.tobytes()
-        if key not in self._approaches:
-            with at_stage(stage):
-                self._approaches[key] = Approach.of(self._manipulator, q, T_base_above)
-        return self._approaches[key]
+        if key not in self._planned:
+            arm, limits = self._manipulator.arm, self._manipulator.limits
+            try:
+                self._planned[key] = plan_straight_move(arm, q, T_base_top, limits)
+            except MotionError as cause:
+                self._planned[key] = StageError(stage, str(cause))
+        found = self._planned[key]
+        if isinstance(found, StageError):
+            raise found
+        return found
 
-    def _end(self, q_place: Vector) -> Trajectory:
-        arm, limits, key = self._manipulator.arm, self._manipulator.limits, q_place.tobytes()
-        if key not in self._ends:
-            with at_stage("place: retract"):
-                T_base_end = self._lines.T_base_end
-                self._ends[key] = plan_straight_move(arm, q_place, T_base_end, limits)
-        return self._ends[key]
-
-
-@contextmanager
-def at_stage(stage: str) -> Iterator[None]:
-    """Says which stage an impossible motion belongs to."""
-    try:
-        yield
-    except StageError:
-        raise
-    except (MotionError, TrajectoryError) as cause:
-        raise StageError(stage, str(cause)) from cause
+    def _free(self, stage: str, q_start: Vector, q_goal: Vector) -> Trajectory:
+        around = self._around[stage]
+        limits, margin_m = self._manipulator.limits, around.margin_m + MARGIN_M
+        try:
+            found = plan_free_move(
+                q_start,
+                q_goal,
+                limits,
+                around.space,
+                around.is_clear,
+                timeout_s=TIMEOUT_S,
+                margin_m=margin_m,
+            )
+        except MotionError as cause:
+            raise StageError(stage, str(cause)) from cause
+        if found.trajectory is None:
+            raise StageError(stage, str(found.failure))
+        return found.trajectory

@@ -3,17 +3,14 @@
 Pairs of IK solutions at pick and place are tried in the order of the times that they promise; those
 that collide where they stand are left out. From the first few the six motions are planned as one
 program (`planner.motion.cycle_program`), which hardly depends on the pair, and led around what they
-meet sideways. Where that fails, cycles are put together motion by motion, the shortest of the first
-few first. What collides teaches which pairs not to try: a line up or down speaks against its
-solution and the neighbours of that, a sideways motion against the neighbours of the pair. When no
-direct way is clear, pairs that failed only sideways are led around what is there
-(`planner.detour`). What was found so is the guess for the same program, whose motion takes its
-place where that is clear and faster.
+meet sideways. Where that fails, a cycle is sought that stops above pick and place, with free moves
+in between. What fails teaches which pairs not to try: a line up or down speaks against its solution
+and the neighbours of that, a sideways motion against the neighbours of the pair. What was found so
+is the guess for the same program, whose motion takes its place where that is clear and faster.
 """
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -24,8 +21,7 @@ import numpy as np
 
 from baxter_kin.arrays import Vector
 from planner.choice import Choice, Choices
-from planner.cycle import Cycle, Cycles, Route, StageError
-from planner.detour import TIMEOUT_S, Detour
+from planner.cycle import Cycle, StageError, StoppingCycles, refuse_colliding
 from planner.hand_lines import refuse_blocked_hand
 from planner.lines import Lines
 from planner.manipulator import Manipulator
@@ -37,14 +33,9 @@ from planner.plan_builder import NoSolutionError, PlanBuilder, refuse_blocked
 from planner.scene import Scene
 from planner.situation import Holding
 from planner.stages import STAGES, build_cycle
-from planner.swept_result import SweptContact
-
-COMPARED, MOST_TRIED = 3, 16
-"""Pairs of IK solutions that are planned exactly to find the shortest cycle, and in all, where
-these collide."""
 
 MOST_OPTIMISED = 4
-"""Pairs whose cycles are planned as one program, before others are put together."""
+"""Pairs whose cycles are planned as one program, before others are tried."""
 
 DIFFERENT_RAD = 0.4
 """By how much some joint differs between two of these."""
@@ -55,18 +46,8 @@ SAME_S, SAME_RAD = 2e-3, 0.02
 SIDEWAYS = ("pick: approach", "place: approach")
 """Stages in which the tip is free."""
 
-MOST_SIDEWAYS = 6
-"""Pairs whose sideways motions collide before it is tried to lead them around."""
-
-MOST_DETOURS = 4
-"""Pairs that are led around obstacles."""
-
-DIRECT_S, AROUND_S = 1.2, 2.2
-"""Time of computation after which no further direct way is tried, and no further way around. Most
-tasks take a tenth of that; a way that was begun is finished, so refusals may take longer."""
-
-LEAST_SEARCH_S = 0.2
-"""What a search for a way around is given at least."""
+MOST_TRIED, MOST_SIDEWAYS = 16, 3
+"""Pairs that are tried one motion at a time, and those of them whose sideways motions fail."""
 
 SCREENED = (
     "pick: descend",
@@ -106,10 +87,7 @@ class CycleSearch:
         self._body, self._lines, self._margin_m = body, lines, margin_m
         self._manipulator, self._scene, self._q_start = manipulator, scene, q_start
         self._held = tuple(held)
-        self._begun_s = 0.0
-        self._cycles = Cycles(manipulator, q_start, lines)
         self._missed: list[_Miss] = []
-        self._sideways: list[Cycle] = []  # failed only there
 
     @cached_property
     def _program(self) -> CycleProgram:
@@ -128,7 +106,7 @@ class CycleSearch:
         for plan in self._fastest(pairs):
             if plan.failure is None:
                 return plan
-        for plan in self._attempts(pairs):
+        for plan in self._stopping(pairs):
             if plan.failure is None:
                 return self._improved(plan)
             if plan.failure.is_certain:
@@ -202,7 +180,7 @@ class CycleSearch:
             if cycle is None or any(_are_alike(cycle, other) for other in tried):
                 continue
             tried.append(cycle)
-            plan = self._along(cycle, self._obvious(cycle))
+            plan = self._along(cycle)
             yield plan
             if plan.failure is not None and plan.failure.stage in SIDEWAYS:
                 yield from map(self._along, self._program.around(cycle, self._phases.around))
@@ -220,73 +198,40 @@ class CycleSearch:
                     return improved
         return plan
 
-    def _attempts(self, pairs: Pairs) -> Iterator[Plan]:
-        """Direct cycles, of the first few the shortest first; then those around obstacles."""
-        self._begun_s = time.thread_time()
-        tried = pairs.open_ones()
-        first = [(pair, self._cycle(pairs, pair)) for pair in islice(tried, COMPARED)]
-        first.sort(key=lambda each: _duration_s(each[1]))
-        others = ((pair, self._cycle(pairs, pair)) for pair in islice(tried, MOST_TRIED - COMPARED))
-        for pair, cycle in chain(first, others):
-            yield self._learnt(pairs, pair, cycle)
-            if len(self._sideways) == MOST_SIDEWAYS or self._spent_s() > DIRECT_S:
+    def _stopping(self, pairs: Pairs) -> Iterator[Plan]:
+        """Cycles that stop above pick and place; a pair that fails closes others like it."""
+        cycles = StoppingCycles(self._manipulator, self._q_start, self._lines, self._phases.around)
+        sideways = 0
+        for pair in islice(pairs.open_ones(), MOST_TRIED):
+            choice = pairs.choices.at(*pair)
+            try:
+                plan = self._along(cycles.of(choice.q_pick, choice.q_place))
+            except StageError as cause:
+                plan = self._missing(self._builder(), _failure(cause))
+            yield plan
+            if plan.failure is not None:
+                sideways += pairs.close(pair, plan.failure.stage)
+            if sideways == MOST_SIDEWAYS:
                 break
-        for cycle in self._sideways[:MOST_DETOURS]:
-            left_s = AROUND_S - self._spent_s()
-            if left_s > 0.0:
-                timeout_s = max(min(left_s, TIMEOUT_S), LEAST_SEARCH_S)
-                yield self._along(Detour(self._manipulator, self._lines, cycle, timeout_s))
 
-    def _spent_s(self) -> float:
-        """Time of computation since motions were first put together one by one."""
-        return time.thread_time() - self._begun_s
-
-    def _cycle(self, pairs: Pairs, pair: tuple[int, int]) -> Cycle | StageError:
+    def _along(self, cycle: Cycle) -> Plan:
+        """The plan of a cycle up to the stage that fails; no steps where a quick look shows it."""
+        builder, around = self._builder(), self._phases.around
         try:
-            return self._cycles.of(pairs.choices.at(*pair))
-        except StageError as cause:
-            return cause
-
-    def _learnt(self, pairs: Pairs, pair: tuple[int, int], cycle: Cycle | StageError) -> Plan:
-        """The plan of a pair; when it fails, others like it will not be tried."""
-        plan = self._along(cycle, self._obvious(cycle))
-        if plan.failure is not None:
-            is_sideways = pairs.close(pair, plan.failure.stage)
-            if is_sideways and isinstance(cycle, Cycle):
-                self._sideways.append(cycle)
-        return plan
-
-    def _obvious(self, cycle: Cycle | StageError) -> PlanFailure | None:
-        """What fails at a quick look: no motion, or one that collides at samples."""
-        if isinstance(cycle, StageError):
-            return PlanFailure(cycle.stage, str(cycle))
-        for stage in SCREENED:
-            motion, around = cycle.by_stage[stage], self._phases.around[stage]
-            if not around.looks_clear(motion):
-                result = around.prove(motion)
-                if isinstance(result, SweptContact):
-                    return PlanFailure(stage, str(result), contact=result)
-        return None
-
-    def _along(self, route: Route | StageError, failure: PlanFailure | None = None) -> Plan:
-        """The plan along a route up to the stage that fails; no steps where that is known."""
-        builder = self._builder()
-        if failure is None and not isinstance(route, StageError):
-            failure = self._built(builder, route)
-        plan = builder.plan(failure)
-        if failure is not None:
-            self._missed.append(_Miss(plan, failure))
-        return plan
-
-    def _built(self, builder: PlanBuilder, route: Route) -> PlanFailure | None:
-        """Build the whole cycle; returns why it cannot be done, or None."""
-        try:
-            build_cycle(builder, self._lines, self._phases, route)
+            for stage in SCREENED:
+                refuse_colliding(stage, cycle.by_stage[stage], around[stage])
+            build_cycle(builder, self._lines, self._phases, cycle)
         except NoSolutionError as stop:
-            return stop.failure
+            return self._missing(builder, stop.failure)
         except StageError as cause:
-            return PlanFailure(cause.stage, str(cause))
-        return None
+            return self._missing(builder, _failure(cause))
+        return builder.plan()
+
+    def _missing(self, builder: PlanBuilder, failure: PlanFailure) -> Plan:
+        """The plan of what there is, which is remembered as a miss."""
+        plan = builder.plan(failure)
+        self._missed.append(_Miss(plan, failure))
+        return plan
 
     def _builder(self) -> PlanBuilder:
         return PlanBuilder(
@@ -331,6 +276,10 @@ def _told(failures: tuple[PlanFailure, ...]) -> str:
     return f"the nearest miss of {len(failures)} ways that were tried: {counts}"
 
 
+def _failure(cause: StageError) -> PlanFailure:
+    return PlanFailure(cause.stage, str(cause), contact=cause.contact)
+
+
 def _different(pairs: Pairs) -> Iterator[Choice]:
     """Open pairs in order, but for those too near to one before."""
     chosen: list[Vector] = []
@@ -347,7 +296,3 @@ def _are_alike(one: Cycle, other: Cycle) -> bool:
     return abs(one.duration_s - other.duration_s) < SAME_S and bool(
         np.abs(one.q_pick - other.q_pick).max() < SAME_RAD
     )
-
-
-def _duration_s(cycle: Cycle | StageError) -> float:
-    return cycle.duration_s if isinstance(cycle, Cycle) else np.inf

@@ -20,6 +20,7 @@ from planner.collision import Clearance, ClearanceChecker
 from planner.contact import has_depth
 from planner.errors import SceneError
 from planner.manipulator import Manipulator
+from planner.motion.obstacles import Obstacles
 
 KEPT_SHARE = 0.5
 """Pairs nearer at start or goal than the margin keep this share of their distance there."""
@@ -119,6 +120,15 @@ class FreeSpace(OneLine):
         if any(touches(end) for end in full_ends):
             touches = Touches(self._checker, margin_m, self._nearest(full_ends, margin_m))
         return GuardedSpace(self, touches)
+
+    def obstacles(self, resting: ArrayLike, margin_m: float) -> Obstacles:
+        """What stands around, for motion programs.
+
+        Args:
+            resting: configurations at which the arm rests, shape (k, 7), rad.
+            margin_m: distance to keep, as far as it is kept there.
+        """
+        return Obstacles(self._checker, self._q_full.copy(), np.asarray(resting), margin_m)
 
     def _facts(self) -> tuple[str, ...]:
         return (repr(self._checker),)

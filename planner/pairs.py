@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
 from planner.choice import Choices
-from planner.free_move import MARGIN_M
+from planner.motion.free_move import MARGIN_M
 from planner.plan import PlanFailure
 from planner.plan_builder import NoSolutionError
 from planner.stages import PICK_LINES, PLACE_LINES

@@ -32,8 +32,9 @@ EDGE_STEP_RAD = 0.02
 """Distance in joint space between two collision checks of an edge, a sixth of OMPL's default; with
 some mm of margin, none of 100 walls was crossed."""
 
-LONGEST_EDGE_RAD = 2.5
-"""Longest edge of a tree: a fifth of the arm's extent, as OMPL would choose."""
+LONGEST_EDGE_RAD = 0.75
+"""Longest edge of a tree. OMPL would choose a fifth of the arm's extent, 2.5; between the boards of
+a shelf such edges are blocked."""
 
 FINEST_FRACTION, COARSEST_FRACTION = 1e-9, 0.01
 """Bounds of a step as a fraction of the extent: what OMPL can count, and what makes sense."""

@@ -11,13 +11,13 @@ from baxter_kin.arrays import Vector
 from baxter_kin.ik import Tolerance
 from planner.errors import MotionError
 from planner.finger_travel import FingerTravel, prove_travel
-from planner.free_move import MARGIN_M, plan_free_move
 from planner.lines import raised
 from planner.manipulator import Manipulator
+from planner.motion.free_move import MARGIN_M, plan_free_move
+from planner.motion.straight_move import plan_straight_move
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
 from planner.scene import Scene
 from planner.situation import Holding, Situation
-from planner.straight import plan_straight_move
 from planner.surroundings import Surroundings
 from planner.swept_result import SweptContact, SweptProof
 from planner.trajectory import Trajectory

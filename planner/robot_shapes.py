@@ -145,8 +145,9 @@ class RobotShapes(OneLine):
 
     def hull(self, index: int) -> coal.CollisionGeometry:
         """The convex hull of a shape; found when it is first asked for."""
+        shape = self._shape(index)
         if index not in self._hulls:
-            self._hulls[index] = hull(self._shape(index).geometry)
+            self._hulls[index] = hull(shape.geometry)
         return self._hulls[index]
 
     def of_arm(self, arm: Arm) -> frozenset[int]:

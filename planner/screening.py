@@ -18,6 +18,10 @@ IsFree: TypeAlias = Callable[[Vector], bool]
 """Whether an arm touches nothing at a configuration, shape (n,), rad."""
 
 
+SCREENING_STEP_RAD = 0.03
+"""Farthest that a joint moves between two looks at a motion that is proven, or not, afterwards."""
+
+
 def looks_clear(trajectory: Trajectory, is_free: IsFree, step_rad: float) -> bool:
     """Whether a motion is free at samples, both ends included, the middle first.
 

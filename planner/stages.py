@@ -1,4 +1,4 @@
-"""The stages of a pick and place, built for one choice of IK solutions.
+"""The stages of a pick and place, built from its motions.
 
 ```
 pick    open - approach - descend - close - retract
@@ -11,7 +11,7 @@ from __future__ import annotations
 import pinocchio as pin
 
 from baxter_kin import SeedType
-from planner.cycle import Route
+from planner.cycle import Cycle
 from planner.lines import Lines
 from planner.phases import Phases
 from planner.plan import GripperAction
@@ -33,12 +33,11 @@ PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
 PLACE_LINES = ("place: descend", "place: open", "place: retract")
 
 
-def build_cycle(builder: PlanBuilder, lines: Lines, phases: Phases, route: Route) -> None:
+def build_cycle(builder: PlanBuilder, lines: Lines, phases: Phases, cycle: Cycle) -> None:
     """Every step, each proven clear.
 
     Raises:
-        NoSolutionError: when a stage has no solution.
-        StageError: when the route has no motion for one.
+        NoSolutionError: when one is not.
     """
     around, body = phases.around, phases.body.name
 
@@ -53,13 +52,11 @@ def build_cycle(builder: PlanBuilder, lines: Lines, phases: Phases, route: Route
         builder.add_move(label, trajectory, around[label], T_base_tip, is_straight=True)
 
     builder.add_open("pick: open", phases.opening_m)
-    to_pick, down_to_pick = route.entry(around["pick: approach"])
-    across("pick: approach", to_pick, lines.T_base_above_pick)
-    down("pick: descend", down_to_pick, lines.T_base_pick)
+    across("pick: approach", cycle.to_pick, lines.T_base_above_pick)
+    down("pick: descend", cycle.down_to_pick, lines.T_base_pick)
     builder.add_grip("pick: close", GripperAction.CLOSE, phases.closing, body)
-    up_from_pick, to_place, down_to_place = route.transfer(around["place: approach"])
-    up("pick: retract", up_from_pick, lines.T_base_above_pick)
-    across("place: approach", to_place, lines.T_base_above_place)
-    down("place: descend", down_to_place, lines.T_base_place)
+    up("pick: retract", cycle.up_from_pick, lines.T_base_above_pick)
+    across("place: approach", cycle.to_place, lines.T_base_above_place)
+    down("place: descend", cycle.down_to_place, lines.T_base_place)
     builder.add_grip("place: open", GripperAction.OPEN, phases.releasing, body)
-    up("place: retract", route.up_from_place, lines.T_base_end)
+    up("place: retract", cycle.up_from_place, lines.T_base_end)

@@ -1,4 +1,7 @@
-"""StraightLine: poses from one to another, along a line and the shortest rotation."""
+"""StraightLine: poses from one to another, along a line and the shortest rotation.
+
+And LineTolerance: how far a tip that follows one may be off it.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.arrays import Vector, finite_scalar, positive_scalar
 from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, millimetres, position
 from baxter_kin.errors import expect, millimetres_hint
@@ -19,12 +22,47 @@ from planner.scene import FARTHEST_M
 LEAST_LENGTH = 1e-9
 """A line shorter than this, in m and rad together, is a point: positions are known no better."""
 
+LEAST_TRAVEL_M = 1e-6
+"""A turn whose tip travels less is one on the spot."""
+
 HALF_TURN_MARGIN_RAD = 1e-6
 """Rotations closer to half a turn than this have no shortest way: either sense is as good."""
 
 
 FARTHEST = 1e6
 """How many times its length a line may be followed, either way; beyond, turns lose digits."""
+
+
+STRICT_M, STRICT_RAD = 1e-4, math.radians(0.02)
+"""How far a tip may be off its line unless said otherwise."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class LineTolerance(OneLine):
+    """How far a tip may be off its line: 0.1 mm and 0.02 deg unless said otherwise.
+
+    Attributes:
+        position_m: from the line, above zero.
+        rotation_rad: from the orientation that belongs to the nearest point of it, above zero and
+            below half a turn.
+
+    Raises:
+        MotionError: when one is no such number.
+    """
+
+    position_m: float = STRICT_M
+    rotation_rad: float = STRICT_RAD
+
+    def __post_init__(self) -> None:
+        """Check."""
+        for name, most in (("position_m", FARTHEST_M), ("rotation_rad", math.pi)):
+            value = positive_scalar(getattr(self, name), f"line tolerance {name}", MotionError)
+            if value >= most:
+                raise MotionError(f"line tolerance {name} must be below {most:g}, got {value:g}")
+            object.__setattr__(self, name, value)
+
+    def _facts(self) -> tuple[str, ...]:
+        return f"{1e3 * self.position_m:g} mm", f"{math.degrees(self.rotation_rad):g} deg"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -93,6 +131,20 @@ class StraightLine(Frozen, OneLine):
             raise MotionError(f"s is a fraction of the way, to {FARTHEST:g} times it; got {s:g}")
         R = pin.exp3(s * self.twist[3:]) @ self.T_base_start.rotation
         return pin.SE3(R, self.T_base_start.translation + s * self.twist[:3])
+
+    def nearest(self, T_base_tip: pin.SE3) -> float:
+        """The fraction of the way whose position is nearest; of a turn on the spot, whose turn is.
+
+        Not bounded by 0..1; 0 where the line is a point.
+
+        Raises:
+            MotionError: when the pose is no SE3.
+        """
+        T, start = expect(T_base_tip, pin.SE3, "T_base_tip", MotionError), self.T_base_start
+        way, turn = np.split(self.twist, 2)
+        if self.length_m < LEAST_TRAVEL_M and self.angle_rad > LEAST_LENGTH:
+            return float(turn @ pin.log3(T.rotation @ start.rotation.T) / (turn @ turn))
+        return float(way @ (T.translation - start.translation) / max(way @ way, LEAST_LENGTH**2))
 
     def error(self, s: float, T_base_tip: pin.SE3) -> Vector:
         """The twist from a pose to the one at s, shape (6,), m and rad, along the axes of base.

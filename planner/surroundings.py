@@ -7,22 +7,17 @@ from __future__ import annotations
 
 from functools import cached_property
 
-import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import expect
 from planner.collision import Clearance, ClearanceChecker, Held
-from planner.contact import hull
 from planner.errors import TaskError
-from planner.free_move import Space
 from planner.free_space import FreeSpace
 from planner.manipulator import Manipulator
 from planner.scene import Scene
-from planner.screening import IsFree, looks_clear
-from planner.smoothing import SCREENING_STEP_RAD
+from planner.screening import SCREENING_STEP_RAD, IsFree, looks_clear
 from planner.swept import ACCURACY_M, checked_margin_m, prove_clear
 from planner.swept_result import SweptResult
 from planner.trajectory import Trajectory
@@ -65,7 +60,7 @@ class Surroundings:
         """
         self._manipulator = expect(manipulator, Manipulator, "manipulator", TaskError)
         self._finger_m = finger_m
-        self._hulls: dict[int, coal.CollisionGeometry] = {}
+        self._proven: tuple[Trajectory, SweptResult] | None = None  # often asked for twice
         self.margin_m = checked_margin_m(margin_m)
         self.checker = ClearanceChecker(
             manipulator.shapes,
@@ -77,7 +72,7 @@ class Surroundings:
         )
 
     @cached_property
-    def space(self) -> Space:
+    def space(self) -> FreeSpace:
         """Where the arm touches nothing; the margin is not asked for here."""
         return FreeSpace(self._manipulator, self.checker, finger_m=self._finger_m)
 
@@ -87,15 +82,6 @@ class Surroundings:
         if self.margin_m == 0.0:
             return self.space.is_free
         return self.space.with_margin(self.margin_m).is_free
-
-    def hulls(self, shape: int) -> coal.CollisionGeometry:
-        """A convex shape around one of the checker's, by its number; found once for each link."""
-        shapes = self._manipulator.shapes
-        if shape < len(shapes.links):
-            return shapes.hull(shape)
-        if shape not in self._hulls:  # kept: coal's functors hold bare pointers
-            self._hulls[shape] = hull(self.checker.geometry.geometryObjects[shape].geometry)
-        return self._hulls[shape]
 
     def clearance(self, q: Vector) -> Clearance:
         """The least distance at a configuration, shape (7,), rad, and between what."""
@@ -109,8 +95,11 @@ class Surroundings:
 
     def prove(self, trajectory: Trajectory) -> SweptResult:
         """A proof that a motion keeps the margin, or what speaks against it."""
-        others, margin_m = self.full_configuration, self.margin_m
-        return prove_clear(self.checker, trajectory, others, margin_m=margin_m)
+        if self._proven is None or self._proven[0] is not trajectory:
+            others, margin_m = self.full_configuration, self.margin_m
+            result = prove_clear(self.checker, trajectory, others, margin_m=margin_m)
+            self._proven = trajectory, result
+        return self._proven[1]
 
     def is_clear(self, trajectory: Trajectory) -> bool:
         """Whether a motion is proven to keep the margin; looked at in samples first."""
@@ -168,10 +157,6 @@ class Surroundings:
         T_tip_base = arm.T_base_tip(arm.neutral).inverse().homogeneous
         poses[self._of_hand] = T_tip_base @ poses[self._of_hand]
         return poses
-
-    def are_of_robot(self, pairs: Indices) -> NDArray[np.bool_]:
-        """Whether both shapes of pairs, (n, 2), are the robot's, shape (n,)."""
-        return np.asarray((pairs < len(self._manipulator.shapes.links)).all(axis=1))
 
     def is_of_robot(self, near: Clearance) -> bool:
         """Whether both that are near each other are links of the robot."""

@@ -6,6 +6,7 @@ polynomials and their extrema are known in closed form; nothing here is sampled 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from baxter_kin.arrays import Indices, Vector, finite_array, float_array
 from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, count, line, seconds, shown, side_of
 from baxter_kin.errors import expect, quoted
-from planner.errors import TrajectoryError
+from planner.errors import TrajectoryError, expect_all
 
 CONTINUITY_TOLERANCE = 1e-8
 """Largest jump of q, v or a at a knot, in rad, rad/s, rad/s^2: rounding, not motion."""
@@ -240,3 +241,28 @@ class Trajectory(Frozen, OneLine):
                     f"{name} jumps by {jump:.3g} at a knot; at most {CONTINUITY_TOLERANCE:g} is "
                     "rounding"
                 )
+
+
+def joined(trajectories: Iterable[Trajectory]) -> Trajectory:
+    """One motion of several, each starting in the state where the one before ends.
+
+    Args:
+        trajectories: at least one; those of no duration leave no trace.
+
+    Raises:
+        TrajectoryError: when there is none, or q, v or a jump from one to the next.
+    """
+    given = expect_all(trajectories, Trajectory, "the motions to join", TrajectoryError)
+    if not given:
+        raise TrajectoryError("nothing to join; give at least one motion")
+    parts = [part for part in given if part.duration > 0.0] or list(given[:1])
+    starts = np.cumsum([0.0, *(part.duration for part in parts)])
+    knots = [part.knots_s[:-1] + start for part, start in zip(parts, starts[:-1], strict=True)]
+    q, v, a = (
+        np.concatenate(
+            [*(getattr(part, name)[:-1] for part in parts), getattr(parts[-1], name)[-1:]]
+        )
+        for name in "qva"
+    )
+    j = np.concatenate([part.j for part in parts])
+    return Trajectory(parts[0].limits, np.concatenate([*knots, starts[-1:]]), q, v, a, j)

@@ -46,7 +46,7 @@ from planner import (
     plan_pick_and_place,
     verify,
 )
-from planner.free_move import Obstruction
+from planner.motion.free_move import Obstruction
 from sim import CsvRecorder, LoggedPoses, LogRecorder, McapRecorder, Recorder, Simulation, World
 from sim.viewer import Viewer
 from tests.conftest import at, overhead
@@ -106,9 +106,7 @@ def everything(
         "certificate": verify(plan),
         "body": (RobotBody.load(), RobotBody.load().padded(0.01)),
         "space": (space, space.with_margin(0.001)),
-        "line": planner.plan_straight_path(
-            arm, arm.neutral, arm.T_base_tip(arm.neutral) * at(0.0, 0.0, 0.02), arm.limits
-        ),
+        "line": (planner.StraightLine(FAR, FAR * at(0.0, 0.0, 0.02)), planner.LineTolerance()),
         "simulation": simulation,
         "outcome": outcome,
         "recording": (recorder.recording(), recorder.recording().motion("left")),
@@ -131,9 +129,8 @@ def moves(arm: Arm) -> tuple[object, ...]:
     nearest = planner.Clearance(-0.01, "left_hand", "table", 0.5)
     contact = planner.SweptContact(nearest, 0.0, 1.0, 3, 7)
     failure = planner.FreeMoveFailure(Obstruction.START_IN_COLLISION, "it is inside", nearest)
-    free = planner.FreeMove(None, np.zeros((0, 7)), failure)
-    states = trajectory.sample(0.1), planner.PathState(0.5)
-    return trajectory, trajectory.peak_ratios(), contact, free, states
+    free = planner.FreeMove(None, failure=failure)
+    return trajectory, trajectory.peak_ratios(), contact, free, trajectory.sample(0.1)
 
 
 def looks(simulation: Simulation, manipulator: Manipulator) -> tuple[object, ...]:

@@ -32,7 +32,7 @@ def clearance_rows(
         for controls in unknowns.controls
     )
     columns = np.concatenate(list(windows)).swapaxes(1, 2)  # intervals, controls, joints
-    y, every = ca.vertcat(x, numbers.q_start), columns.size
+    y, every = ca.vertcat(x, numbers.q_ends), columns.size
     chosen = constant(np.arange(every), columns.ravel(), np.ones(every), (every, y.shape[0])) @ y
     interval = np.repeat(np.arange(intervals), PAIRS)
     slopes, offsets = numbers.clearances[:JOINTS, :], numbers.clearances[JOINTS, :].T

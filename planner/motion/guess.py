@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from baxter_kin import IKService, JointLimits
+from baxter_kin import Arm, JointLimits
 from baxter_kin.arrays import Vector
-from planner.motion.splines import Sketch
+from planner.motion.splines import Sketch, trajectory_of
 from planner.rest_time import rest_to_rest_s
 from planner.straight_line import StraightLine
 
-STRIDE_RAD = 0.5
-"""A joint that is farther from knot to knot of a line has jumped."""
+STRIDE_RAD, LEAST_STRIDE = 0.1, 1e-6
+"""Farthest that a joint goes in one step along a line, and the least fraction of the line that a
+step is made of to get there; a joint that goes farther then has jumped."""
+
+STEPS, ACCURACY, LEAST_RATIO = 12, 1e-9, 1e-4
+"""Of Newton's method: how many, the error that is left, in m and rad together, and the least of the
+Jacobian's singular values, over the greatest, along which it goes."""
 
 SPEEDING, SPARE, REACTION = 0.75, 1.1, 0.3
 """How long guesses take: on lines that are left at speed, and between lines, times the fastest
@@ -34,29 +40,84 @@ class Way(NamedTuple):
     ends_at_rest: bool = False
 
 
-def risen(ik: IKService, limits: JointLimits, q: Vector, way: Way) -> Sketch | None:
+def along(arm: Arm, limits: JointLimits, q: Vector, way: Way) -> Sketch | None:
     """Along a line, from rest at a configuration; None where the arm cannot follow.
 
     Args:
-        ik: of the arm.
+        arm: whose tip moves.
         limits: of its joints.
         q: where the tip is at the beginning of the line, shape (7,), rad.
         way: what to follow.
     """
     t = np.linspace(0.0, 1.0, 1 + way.intervals)
     passed = t**3 * (10.0 - 15.0 * t + 6.0 * t**2) if way.ends_at_rest else t**2
-    qs = [q]
-    for s in passed[1:].tolist():
-        found = ik.search.search(qs[-1][None], way.line.at(s).homogeneous[None])
-        if not found.is_valid[0] or np.abs(found.q[0] - qs[-1]).max() > STRIDE_RAD:
-            return None
-        qs.append(found.q[0])
-    along, v_ends = np.array(qs), np.zeros((2, 7))
-    duration_s = float(rest_to_rest_s(along[-1] - q, limits))
-    if not way.ends_at_rest:
+    qs = np.array([q, *followed(arm, limits, q, way.line, passed[1:].tolist()).qs])
+    if len(qs) < len(t):
+        return None
+    v_ends, duration_s = np.zeros((2, 7)), float(rest_to_rest_s(qs[-1] - q, limits))
+    if way.ends_at_rest:
+        peaks = np.array(trajectory_of(Sketch(qs, v_ends, 1.0).controls, 1.0, limits).peak_ratios())
+        duration_s = float(np.max(peaks[:2] ** np.array([1.0, 1 / 2])))
+    else:
         duration_s *= SPEEDING
-        v_ends[1] = 2.0 * (along[-1] - along[-2]) / (passed[-1] - passed[-2]) / duration_s
-    return Sketch(along, v_ends, duration_s)
+        v_ends[1] = 2.0 * (qs[-1] - qs[-2]) / (passed[-1] - passed[-2]) / duration_s
+    return Sketch(qs, v_ends, duration_s)
+
+
+class Followed(NamedTuple):
+    """How far an arm can follow a line.
+
+    Attributes:
+        qs: the configurations that were asked for, as far as it can, shape (7,) each, rad.
+        fraction: of the line, that it can follow.
+        q: where it is there, shape (7,), rad.
+    """
+
+    qs: list[Vector]
+    fraction: float
+    q: Vector
+
+
+def followed(
+    arm: Arm, limits: JointLimits, q: Vector, line: StraightLine, fractions: Sequence[float]
+) -> Followed:
+    """Configurations at fractions of a line, one after the other, as far as the arm can follow.
+
+    Newton's method with steps of least norm (Whitney, "Resolved motion rate control of manipulators
+    and human prostheses", 1969); joints that meet a limit are held there.
+    """
+    found: list[Vector] = []
+    at = 0.0
+    for s in fractions:
+        to = s
+        while at < s:
+            ahead = _corrected(arm, limits, q, line, to)
+            if ahead is not None and np.abs(ahead - q).max() <= STRIDE_RAD:
+                q, at, to = ahead, to, s
+            elif to - at > LEAST_STRIDE:
+                to = (at + to) / 2.0
+            else:
+                return Followed(found, at, q)
+        found.append(q)
+    return Followed(found, at, q)
+
+
+def _corrected(
+    arm: Arm, limits: JointLimits, q: Vector, line: StraightLine, s: float
+) -> Vector | None:
+    for _ in range(STEPS):
+        error = line.error(s, arm.T_base_tip(q))
+        if np.linalg.norm(error) <= ACCURACY:
+            return q
+        jacobian, is_free = arm.jacobian(q), np.ones(len(q), dtype=np.bool_)
+        for _ in range(len(q)):
+            step = np.linalg.lstsq(jacobian * is_free, error, rcond=LEAST_RATIO)[0]
+            stays = (limits.q_min <= q + step) & (q + step <= limits.q_max)
+            if stays[is_free].all():
+                break
+            is_free &= stays
+        q = (q + step).clip(limits.q_min, limits.q_max)
+    return None
 
 
 def between(before: Sketch, after: Sketch, limits: JointLimits, intervals: int) -> Sketch:

@@ -76,6 +76,28 @@ def on_line() -> NodeFunctions:
 
 
 @cache
+def moving() -> NodeFunctions:
+    """What a tip's motion lacks to one along a line: z is (q, q', q'', T), e is 12 x 1.
+
+    Derivatives of q are by the fraction of the duration T; e is the tip's velocity, linear and
+    angular, and acceleration by that fraction, less those of the line, m and rad. Numbers are
+    `line_numbers`, then first and second derivative of the line's fraction by time.
+    """
+    q, p_tip, R_tip, geometry = _tip()
+    dq, ddq, T = ca.SX.sym("dq", 7), ca.SX.sym("ddq", 7), ca.SX.sym("T")
+    numbers = ca.SX.sym("numbers", LINE_NUMBERS + 2)
+    _, way, axis, angle, speed, acceleration = ca.vertsplit(numbers, [0, 12, 15, 18, 19, 20, 21])
+    W = ca.reshape(ca.jtimes(ca.vec(R_tip), q, dq), 3, 3) @ R_tip.T
+    twist = ca.vertcat(ca.jtimes(p_tip, q, dq), W[2, 1], W[0, 2], W[1, 0])
+    state, rates = ca.vertcat(q, dq), ca.vertcat(dq, ddq)
+    line = ca.vertcat(way, angle * axis)
+    e = ca.vertcat(
+        twist - T * speed * line, ca.jtimes(twist, state, rates) - T**2 * acceleration * line
+    )
+    return NodeFunctions.of("moving", e, ca.vertcat(q, dq, ddq, T), numbers, geometry)
+
+
+@cache
 def above() -> NodeFunctions:
     """How far the tip is above a height of base, m: z is q, the number is the height."""
     q, p_tip, _, geometry = _tip()

@@ -15,12 +15,12 @@ import coal
 import numpy as np
 
 from baxter_kin.arrays import Indices, Vector
+from planner.collision import ClearanceChecker
 from planner.contact import DISTANCE_TOLERANCE_M
 from planner.distances import NO_DISTANCE_M, UNKNOWN_DEPTH_M
 from planner.lever_arms import Placed
 from planner.motion.splines import weights_at
 from planner.motion.unknowns import JOINTS, PAIRS
-from planner.surroundings import Surroundings
 
 REACH_M = 0.15
 """Farther pairs are not bounded: none comes so near from one solution to the next."""
@@ -57,22 +57,24 @@ class Obstacles:
         needed_m: what each pair shall keep, shape (pairs,); minus infinity where nothing is asked.
     """
 
-    def __init__(self, around: Surroundings, resting: Vector, margin_m: float) -> None:
+    def __init__(
+        self, checker: ClearanceChecker, q_others: Vector, resting: Vector, margin_m: float
+    ) -> None:
         """Take the shapes, and look how near they are where the arm rests.
 
         Args:
-            around: the situation.
+            checker: of the situation.
+            q_others: a full configuration, which says where all joints but the arm's stand.
             resting: configurations at which the arm rests in it, shape (k, 7), rad.
             margin_m: distance to keep, as far as it is kept there.
         """
-        checker = around.checker
         self._levers, self._checked = checker.levers, checker.checked
-        self._full = around.full_configuration
+        self._full = q_others
         self._numbers: Indices = np.flatnonzero(~checker.may_touch)
         self._pairs = checker.pairs[self._numbers]
         self._padding_m = self._checked.padding_m[self._numbers]
-        self._hulls = around.hulls
-        self._is_own = around.are_of_robot(self._pairs)
+        self._hull = checker.hull
+        self._is_own = checker.are_own(self._pairs)
         self._functors: dict[int, coal.ComputeDistance] = {}
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
         self._request.gjk_tolerance = DISTANCE_TOLERANCE_M
@@ -134,7 +136,7 @@ class Obstacles:
     def _distance(self, placed: Placed, k: int, i: int) -> float:
         first, second = self._pairs[i].tolist()
         if i not in self._functors:
-            self._functors[i] = coal.ComputeDistance(self._hulls(first), self._hulls(second))
+            self._functors[i] = coal.ComputeDistance(self._hull(first), self._hull(second))
         self._result.clear()
         poses = placed.shapes[k]
         at = (coal.Transform3s(T[:3, :3], T[:3, 3]) for T in (poses[first], poses[second]))

@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-import pinocchio as pin
 
 from baxter_kin import Arm, JointLimits
 from baxter_kin.arrays import Vector
@@ -32,19 +31,17 @@ from planner.motion.phases import MotionTask, Phase
 from planner.motion.sparse import Rows
 from planner.motion.spline_rows import spline_rows
 from planner.motion.splines import Sketch, trajectory_of
-from planner.motion.tip_rows import height_rows, line_rows
-from planner.motion.unknowns import Numbers, Unknowns, numbers_of
-from planner.straight_line import StraightLine
+from planner.motion.tip_rows import height_rows, line_rows, speed_rows
+from planner.motion.unknowns import Numbers, Unknowns, ends_of, numbers_of
 from planner.trajectory import Trajectory
 
-SHORTEST_S, LONGEST_S = 1e-3, 1e3
-"""Of a phase."""
+SHORTEST, LONGEST = 1e-3, 1e3
+"""Of a phase, in units of the longest one of the guess: so numbers are of the same size whatever
+the limits are."""
 
-SHORTFALL_S_PER_M, MOST_SHORTFALL_M = 20.0, 0.3
-"""What a metre of clearance that is missing in an interval costs, and how much may be."""
-
-LEAST_LENGTH_M = 1e-6
-"""Of a line along which it can be told how far a tip is."""
+SHORTFALL_PER_M, MOST_SHORTFALL_M = 20.0, 0.3
+"""What a metre of clearance that is missing in an interval costs, in the same units, and how much
+may be."""
 
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -86,7 +83,7 @@ class Clearances(NamedTuple):
 
 
 class MotionProgram:
-    """The program of some phases in a row; the arm rests at first and at last.
+    """The program of some phases in a row; the arm rests at first and at last, or is on a line.
 
     Attributes:
         phases: in order.
@@ -96,7 +93,7 @@ class MotionProgram:
         """State it and its derivatives, which takes a tenth of a second.
 
         Args:
-            phases: in order; at the end of the last one the arm rests.
+            phases: in order; at the end of the last one the arm rests, or leaves its line at speed.
             keeps_clear: whether clearances are given with each solution.
         """
         self.phases = tuple(phases)
@@ -105,12 +102,12 @@ class MotionProgram:
         numbers = Numbers(self.phases, len(self._unknowns.shortfalls))
         made = (
             make(self.phases, self._unknowns, x, numbers)
-            for make in (spline_rows, line_rows, height_rows, clearance_rows)
+            for make in (spline_rows, line_rows, speed_rows, height_rows, clearance_rows)
         )
         rows = [each for each in made if each is not None]
         f = ca.sum1(x[self._unknowns.durations.tolist()])
         if keeps_clear:
-            f += SHORTFALL_S_PER_M * ca.sum1(x[self._unknowns.shortfalls.tolist()])
+            f += SHORTFALL_PER_M * ca.sum1(x[self._unknowns.shortfalls.tolist()])
         g = ca.vertcat(*(each.g for each in rows))
         nlp = {"x": x, "p": numbers.all, "f": f, "g": g}
         self._low, self._high = (np.concatenate([each[i] for each in rows]) for i in (1, 2))
@@ -121,7 +118,7 @@ class MotionProgram:
         self,
         guess: Sequence[Sketch],
         task: MotionTask,
-        arm: Arm,
+        arm: Arm | None,
         limits: JointLimits,
         clearances: Clearances | None = None,
     ) -> tuple[Trajectory, ...] | None:
@@ -130,13 +127,14 @@ class MotionProgram:
         Args:
             guess: one for each phase, over as many intervals.
             task: what is asked for.
-            arm: whose tip.
+            arm: whose tip; may be None where nothing is asked of it.
             limits: of its joints.
             clearances: what to keep, for a program that keeps clear.
         """
+        unit_s = max(sketch.duration_s for sketch in guess)
         low, high = self._bounds(limits)
-        numbers = numbers_of(task, arm, limits)
-        x0 = self._start(guess, task, arm).clip(low, high)
+        numbers = numbers_of(task, arm, limits, unit_s)
+        x0 = self._start(guess, task, arm, unit_s).clip(low, high)
         if clearances is not None:
             bounds = clearances.weights.ravel(), clearances.numbers.ravel()
             numbers = np.concatenate([numbers, *bounds])
@@ -149,13 +147,15 @@ class MotionProgram:
             answer = self._solver(**given, lbg=self._low, ubg=self._high)
             if not self._solver.stats()["success"]:
                 return None
-        return self._motions(np.array(answer["x"]).ravel(), task.q_start, limits)
+        x = np.array(answer["x"]).ravel()
+        x[self._unknowns.durations] *= unit_s
+        return self._motions(x, task, limits)
 
     def _bounds(self, limits: JointLimits) -> tuple[Vector, Vector]:
         """Of the unknowns: controls within the limits, as then the motion is."""
         unknowns = self._unknowns
         low, high = np.zeros(unknowns.count), np.ones(unknowns.count)  # of fractions
-        low[unknowns.durations], high[unknowns.durations] = SHORTEST_S, LONGEST_S
+        low[unknowns.durations], high[unknowns.durations] = SHORTEST, LONGEST
         high[unknowns.shortfalls] = MOST_SHORTFALL_M
         for controls in unknowns.controls:
             is_unknown = controls < unknowns.count
@@ -166,37 +166,32 @@ class MotionProgram:
                 low[fractions[[0, -1]]] = high[fractions[[0, -1]]] = phase.ends
         return low, high
 
-    def _start(self, guess: Sequence[Sketch], task: MotionTask, arm: Arm) -> Vector:
+    def _start(
+        self, guess: Sequence[Sketch], task: MotionTask, arm: Arm | None, unit_s: float
+    ) -> Vector:
         """The unknowns of a guess."""
         unknowns = self._unknowns
         x = np.zeros(unknowns.count)
-        x[unknowns.durations] = [sketch.duration_s for sketch in guess]
+        x[unknowns.durations] = [sketch.duration_s / unit_s for sketch in guess]
         for k, (phase, sketch) in enumerate(zip(self.phases, guess, strict=True)):
             controls = unknowns.controls[k]
             is_unknown = controls < unknowns.count
             x[controls[is_unknown]] = sketch.controls[is_unknown]
             fractions = unknowns.fractions[k]
-            if fractions is not None and phase.line is not None:
+            if fractions is not None and phase.line is not None and arm is not None:
                 line = task.lines[phase.line]
-                x[fractions] = [fraction(line, arm.T_base_tip(q)) for q in sketch.q]
+                x[fractions] = [line.nearest(arm.T_base_tip(q)) for q in sketch.q]
         return x
 
-    def _motions(self, x: Vector, q_start: Vector, limits: JointLimits) -> tuple[Trajectory, ...]:
+    def _motions(self, x: Vector, task: MotionTask, limits: JointLimits) -> tuple[Trajectory, ...]:
         """What the unknowns say, slowed down by what rounding leaves outside the limits."""
-        known = np.concatenate([x, q_start])
+        known = np.concatenate([x, *ends_of(task)])
         controls = [known[where] for where in self._unknowns.controls]
         durations = x[self._unknowns.durations]
         splines = list(zip(controls, durations.tolist(), strict=True))
         peaks = np.max([trajectory_of(c, t, limits).peak_ratios() for c, t in splines], axis=0)
         slower = max(1.0, *(peaks ** np.array([1.0, 1 / 2, 1 / 3])).tolist())
         return tuple(trajectory_of(c, t * slower, limits) for c, t in splines)
-
-
-def fraction(line: StraightLine, T_base_tip: pin.SE3) -> float:
-    """How far along a line the tip is, 0..1 between its ends; 0 where the line is a point."""
-    way = line.twist[:3]
-    along = way @ (T_base_tip.translation - line.T_base_start.translation)
-    return float(along / max(way @ way, LEAST_LENGTH_M**2))
 
 
 def _derivatives(nlp: dict[str, ca.MX], rows: Sequence[Rows]) -> dict[str, ca.Function]:

@@ -56,7 +56,10 @@ class _Terms(NamedTuple):
 
 
 def spline_rows(phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: Numbers) -> Rows:
-    """Shares of the limits of v, a and j, in -1..1; jumps of q, v and a from phase to phase, 0."""
+    """Shares of the limits of v, a and j, in -1..1; jumps of q, v and a from phase to phase, 0.
+
+    Where the first phase begins at speed, how far that is from the start, 0.
+    """
     groups: list[_Terms] = []
     count = 0
     for k, phase in enumerate(phases):
@@ -70,6 +73,9 @@ def spline_rows(phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: 
             intervals = phases[k].intervals, phases[k + 1].intervals
             groups += _joined(count, k, intervals, unknowns.controls)
             count += len(AT_KNOT) * JOINTS
+    if phases[0].enters:
+        groups += _starting(count, unknowns)
+        count += JOINTS
     high = np.where(np.arange(count) < limited, 1.0, 0.0)
     return _differentiated(groups, high, unknowns, x, numbers)
 
@@ -97,6 +103,16 @@ def _joined(
     return found
 
 
+def _starting(first: int, unknowns: Unknowns) -> list[_Terms]:
+    """Seven rows: the first position less the one that is given."""
+    rows, one = first + np.arange(JOINTS), np.full(JOINTS, _ONE)
+    given = unknowns.count + np.arange(JOINTS)[:, None]
+    return [
+        _Terms.of(rows, (0, 0), one, unknowns.controls[0][:3].T, AT_KNOT[0]),
+        _Terms.of(rows, (0, 0), one, given, np.full(1, -1.0)),
+    ]
+
+
 def _differentiated(
     groups: Sequence[_Terms], high: Vector, unknowns: Unknowns, x: ca.MX, numbers: Numbers
 ) -> Rows:
@@ -107,7 +123,7 @@ def _differentiated(
     count, durations = len(rows), unknowns.durations[phases]
     columns, weights = (np.concatenate([np.ravel(group[i]) for group in groups]) for i in (4, 5))
     terms = np.repeat(np.arange(count), np.repeat([k for _, k in sizes], [m for m, _ in sizes]))
-    y, order = ca.vertcat(x, numbers.q_start), ca.DM(powers)
+    y, order = ca.vertcat(x, numbers.q_ends), ca.DM(powers)
     T, b = x[durations.tolist()], ca.vertcat(numbers.limits, 1)[bounds.tolist()]
     along = constant(terms, columns, weights, (count, y.shape[0])) @ y
     scale = 1 / (b * T**order)

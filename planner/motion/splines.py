@@ -97,6 +97,7 @@ def trajectory_of(controls: Vector, duration_s: float, limits: JointLimits) -> T
     intervals = len(controls) - 3
     step_s = duration_s / intervals
     windows = np.lib.stride_tricks.sliding_window_view(controls, 3, axis=0)
-    q, v, a = (windows @ weights / step_s**order for order, weights in enumerate(AT_KNOT))
+    v, a = (windows @ AT_KNOT[order] / step_s**order for order in (1, 2))
+    q = windows[..., 1] + windows @ AT_KNOT[2] / 6.0  # exact where the arm rests
     knots_s = np.linspace(0.0, duration_s, intervals + 1)
     return Trajectory(limits, knots_s, q, v, a, np.diff(a, axis=0) / step_s)

@@ -1,7 +1,7 @@
 """What is asked of the tip at the knots of a motion, with derivatives.
 
 On a line it is the tip's error against the pose at some fraction of the line, which is an unknown
-of its own; elsewhere its height.
+of its own, and where it is entered or left at speed, that speed; elsewhere the tip's height.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from baxter_kin.arrays import Indices, Vector
-from planner.motion.nodes import NodeFunctions, above, on_line
+from planner.motion.nodes import NodeFunctions, above, moving, on_line
 from planner.motion.phases import Phase
 from planner.motion.sparse import Rows, SparseSum, constant
 from planner.motion.splines import AT_KNOT
@@ -83,7 +83,7 @@ def height_rows(
     phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: Numbers
 ) -> Rows | None:
     """How far the tip is above the least height where it is free, m; None where it never is."""
-    free = [k for k, phase in enumerate(phases) if phase.line is None]
+    free = [k for k, phase in enumerate(phases) if phase.keeps_height]
     knots = [
         _Knot(k, i, number) for number, k in enumerate(free) for i in range(1, phases[k].intervals)
     ]
@@ -95,12 +95,31 @@ def height_rows(
     return _rows(asked, unknowns, x, numbers)
 
 
+def speed_rows(
+    phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: Numbers
+) -> Rows | None:
+    """What the tip's motion lacks where the line is entered or left at speed; None where none is.
+
+    There is one line then.
+    """
+    last = len(phases) - 1
+    ends = [(0, 0, numbers.rates[:2])] if phases[0].enters else []
+    ends += [(last, phases[last].intervals, numbers.rates[2:])] if phases[last].leaves else []
+    if not ends:
+        return None
+    knots = [_Knot(k, i, 0, is_exact=True) for k, i, _ in ends]
+    given = ca.horzcat(*(ca.vertcat(numbers.lines[0], rates) for _, _, rates in ends))
+    high = np.zeros(12 * len(ends))
+    asked = _Asked(knots, moving(), given, ca.MX.ones(12, len(ends)), high, high)
+    return _rows(asked, unknowns, x, numbers)
+
+
 def _rows(asked: _Asked, unknowns: Unknowns, x: ca.MX, numbers: Numbers) -> Rows:
     """The products, with derivatives by the controls and fractions."""
     functions, scale, count = asked.functions, asked.scale, len(asked.knots)
     size, inputs = functions.value.size1_out(0), functions.value.size1_in(0)
     columns, weights = _inputs(asked.knots, unknowns, inputs)
-    y = ca.vertcat(x, numbers.q_start)
+    y = ca.vertcat(x, numbers.q_ends)
     rows = np.repeat(np.arange(count * inputs), columns.shape[2])
     sums = constant(rows, columns.ravel(), weights.ravel(), (count * inputs, y.shape[0]))
     arguments = ca.reshape(sums @ y, inputs, count), asked.given, numbers.geometry
@@ -146,14 +165,22 @@ def _sums(columns: Indices, weights: Vector, size: int) -> tuple[SparseSum, Spar
 
 
 def _inputs(knots: Sequence[_Knot], unknowns: Unknowns, inputs: int) -> tuple[Indices, Vector]:
-    """Which unknowns make the joint angles and the fraction, with weights: (knots, inputs, 3)."""
-    shape = len(knots), inputs, 3
+    """Which unknowns make the inputs of each knot, with weights: two of shape (knots, inputs, 3).
+
+    The inputs are the joint angles; or these and the fraction; or these, two derivatives by the
+    fraction of the duration, and the duration.
+    """
+    shape, orders = (len(knots), inputs, 3), max(1, inputs // JOINTS)
     columns, weights = np.zeros(shape, dtype=np.intp), np.zeros(shape)
-    weights[:, :JOINTS] = AT_KNOT[0]
     for row, knot in enumerate(knots):
-        columns[row, :JOINTS] = unknowns.controls[knot.phase][knot.place : knot.place + 3].T
-        fractions = unknowns.fractions[knot.phase]
-        if fractions is not None:
-            columns[row, JOINTS] = fractions[knot.place]
-            weights[row, JOINTS, 0] = 1.0
+        controls = unknowns.controls[knot.phase]
+        fractions, intervals = unknowns.fractions[knot.phase], len(controls) - 3
+        for order in range(orders):
+            angles = slice(JOINTS * order, JOINTS * (order + 1))
+            columns[row, angles] = controls[knot.place : knot.place + 3].T
+            weights[row, angles] = AT_KNOT[order] * intervals**order
+        if inputs % JOINTS and fractions is not None:
+            of_phase = unknowns.durations[knot.phase]
+            columns[row, -1] = of_phase if orders > 1 else fractions[knot.place]
+            weights[row, -1, 0] = 1.0
     return columns, weights

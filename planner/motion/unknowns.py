@@ -15,13 +15,16 @@ from planner.motion.phases import MotionTask, Phase
 
 JOINTS = 7
 
+GIVEN = 2 * JOINTS
+"""Angles of start and goal."""
+
 PAIRS = 6
 """Of shapes, whose distances are bounded at one time: the nearest ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unknowns:
-    """Which unknown stands where; behind them, as if they were some, the start's seven angles.
+    """Which unknown stands where; behind them, as if they were some, the angles of start and goal.
 
     Attributes:
         count: how many unknowns there are.
@@ -49,17 +52,18 @@ class Unknowns:
             return np.arange(first, count).reshape(shape)
 
         controls, durations, fractions = [], [], []
-        resting: Indices | None = np.arange(-JOINTS, 0)  # the start, counted from the end
+        start, goal = np.split(np.arange(-GIVEN, 0), 2)  # counted from the end
+        resting: Indices | None = None if phases[0].enters else start
         for phase in phases:
             begin = _thrice(resting)
-            resting = new(JOINTS) if phase.rests else None
+            resting = goal if phase.at_goal else new(JOINTS) if phase.rests else None
             end = _thrice(resting)
             inner = new(phase.intervals + 3 - len(begin) - len(end), JOINTS)
             controls.append(np.concatenate([begin, inner, end]))
             durations.append(int(new(1)[0]))
             fractions.append(None if phase.line is None else new(phase.intervals + 1))
         shortfalls = new(sum(phase.intervals for phase in phases) if keeps_clear else 0)
-        known = count + JOINTS
+        known = count + GIVEN
         placed = tuple(np.where(where < 0, where + known, where) for where in controls)
         return cls(count, placed, np.array(durations), tuple(fractions), shortfalls)
 
@@ -81,11 +85,12 @@ class Numbers:
 
     Attributes:
         all: in a column.
-        q_start: 7 x 1.
+        q_ends: angles of start and goal, 14 x 1.
         limits: of velocity, acceleration and jerk, 21 x 1.
         geometry: `geometry_numbers`.
         tolerance: of lines, m and rad, 2 x 1.
-        heights: m, one for each phase in which the tip is free.
+        rates: where a line is entered and left at speed, 4 x 1.
+        heights: m, one for each phase that keeps one.
         lines: `line_numbers` of each.
         weights: of the controls where clearance is asked for, 4 x intervals.
         clearances: slopes by the joints and offsets, 8 x (`PAIRS` for each interval).
@@ -94,19 +99,32 @@ class Numbers:
     def __init__(self, phases: Sequence[Phase], clear: int = 0) -> None:
         """For some phases, and so many intervals in which clearance is asked for."""
         lines = 1 + max((phase.line for phase in phases if phase.line is not None), default=-1)
-        heights = sum(phase.line is None for phase in phases)
-        fixed = JOINTS, 3 * JOINTS, GEOMETRY_NUMBERS, 2, heights, *[LINE_NUMBERS] * lines
+        heights = sum(phase.keeps_height for phase in phases)
+        fixed = GIVEN, 3 * JOINTS, GEOMETRY_NUMBERS, 2, 4, heights, *[LINE_NUMBERS] * lines
         sizes = *fixed, 4 * clear, (JOINTS + 1) * PAIRS * clear
         self.all = ca.MX.sym("numbers", sum(sizes))
         *parts, weights, clearances = ca.vertsplit(self.all, np.cumsum([0, *sizes]).tolist())
-        self.q_start, self.limits, self.geometry, self.tolerance, self.heights, *self.lines = parts
+        self.q_ends, self.limits, self.geometry, self.tolerance, self.rates, *parts = parts
+        self.heights, *self.lines = parts
         self.weights = ca.reshape(weights, 4, clear)
         self.clearances = ca.reshape(clearances, JOINTS + 1, PAIRS * clear)
 
 
-def numbers_of(task: MotionTask, arm: Arm, limits: JointLimits) -> Vector:
-    """The parameters themselves."""
-    lines = [line_numbers(line, arm) for line in task.lines]
-    bounds = limits.v_max, limits.a_max, limits.j_max
-    task_numbers = np.array([*task.tolerance, *task.heights_m])
-    return np.concatenate([task.q_start, *bounds, geometry_numbers(arm), task_numbers, *lines])
+def numbers_of(
+    task: MotionTask, arm: Arm | None, limits: JointLimits, unit_s: float = 1.0
+) -> Vector:
+    """The parameters themselves; without an arm for a task that asks nothing of its tip.
+
+    Times are in a unit.
+    """
+    lines = [line_numbers(line, arm) for line in task.lines if arm is not None]
+    geometry = np.zeros(GEOMETRY_NUMBERS) if arm is None else geometry_numbers(arm)
+    bounds = limits.v_max * unit_s, limits.a_max * unit_s**2, limits.j_max * unit_s**3
+    rates = np.array(task.rates) * np.tile([unit_s, unit_s**2], 2)
+    few = np.array([*task.tolerance, *rates, *task.heights_m])
+    return np.concatenate([*ends_of(task), *bounds, geometry, few, *lines])
+
+
+def ends_of(task: MotionTask) -> tuple[Vector, Vector]:
+    """Start and goal as they stand behind the unknowns."""
+    return task.q_start, task.q_start if task.q_goal is None else task.q_goal

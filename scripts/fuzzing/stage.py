@@ -32,7 +32,7 @@ from baxter_kin import (
 from baxter_kin.description import RobotDescription
 from baxter_kin.ik.task import Task
 from planner.collision import Held
-from planner.free_move import Obstruction
+from planner.motion.free_move import Obstruction
 from planner.verification import Relation
 from sim.retelling import retell
 
@@ -276,17 +276,13 @@ class _Lasting:
         return self.Trajectory.peak_ratios()
 
     @cached_property
-    def StraightPath(self) -> p.StraightPath:
-        goal = pin.SE3(self.SE3.rotation, self.SE3.translation + 0.05 * np.eye(3)[2])
-        return p.plan_straight_path(self.Arm, self.q, goal, self.JointLimits)
-
-    @cached_property
     def StraightLine(self) -> p.StraightLine:
-        return self.StraightPath.line
+        goal = pin.SE3(self.SE3.rotation, self.SE3.translation + 0.05 * np.eye(3)[2])
+        return p.StraightLine(self.SE3, goal)
 
     @cached_property
-    def PathState(self) -> p.PathState:
-        return p.PathState(0.5)
+    def LineTolerance(self) -> p.LineTolerance:
+        return p.LineTolerance()
 
     @cached_property
     def Clearance(self) -> p.Clearance:
@@ -302,7 +298,7 @@ class _Lasting:
 
     @cached_property
     def FreeMove(self) -> p.FreeMove:
-        return p.FreeMove(self.Trajectory, np.array([self.q, self.q + 0.1]))
+        return p.FreeMove(self.Trajectory)
 
     @cached_property
     def FreeMoveFailure(self) -> p.FreeMoveFailure:

@@ -11,7 +11,7 @@ from hypothesis import assume
 
 from baxter_kin import Arm, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.arrays import Vector
-from planner import StraightMoveError, StraightPath, Trajectory, plan_straight_path
+from planner import StraightLine, StraightMoveError, Trajectory, plan_straight_move
 
 OVERHEAD_XYZW = (0.0, 1.0, 0.0, 0.0)
 DESCENT_M = 0.15
@@ -32,16 +32,20 @@ def q_above(arm: Arm, height_m: float = DESCENT_M) -> Vector:
     return IKService(arm).solve(above(height_m, arm.side), current=arm.start).q
 
 
-def random_path(
+def random_move(
     arm: Arm, seed: int, limits: JointLimits | None = None, longest_m: float = 0.15
-) -> StraightPath:
-    """A path from anywhere, in any direction, with a turn or without; refused ones are left out."""
+) -> tuple[Trajectory, StraightLine]:
+    """A straight move from anywhere, in any direction, with a turn or without, and its line.
+
+    Refused ones are left out.
+    """
     rng = np.random.default_rng(seed)
     allowed = arm.limits if limits is None else limits
     span = allowed.q_max - allowed.q_min
     q = rng.uniform(allowed.q_min + 0.2 * span, allowed.q_max - 0.2 * span)
+    goal = random_goal(arm, q, rng, longest_m)
     try:
-        return plan_straight_path(arm, q, random_goal(arm, q, rng, longest_m), allowed)
+        return plan_straight_move(arm, q, goal, allowed), StraightLine(arm.T_base_tip(q), goal)
     except StraightMoveError:
         assume(False)
         raise

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from baxter_kin import Arm, BaxterError, JointLimits
 from planner import MotionError, Trajectory, TrajectoryError, plan_joint_move
+from planner.trajectory import joined
 
 ROUNDING = 1e-12
 """Sums of a few products of numbers of order 1."""
@@ -323,3 +324,32 @@ def test_backwards_it_is_where_it_was_at_the_same_time_before_the_end(left: Arm)
     np.testing.assert_allclose(behind.v, -ahead.v, atol=1e-12)
     np.testing.assert_allclose(behind.a, ahead.a, atol=1e-12)
     assert back.peak_ratios() == pytest.approx(move.peak_ratios(), rel=1e-9)
+
+
+def test_joining_keeps_the_extrema(left: Arm) -> None:
+    there = plan_joint_move(left.start, left.start + 0.3, left.limits)
+    back = plan_joint_move(there.q_goal, there.q_start, left.limits)
+    both = joined([there, back])
+    assert both.duration == there.duration + back.duration
+    assert max(both.peak_ratios()) == max(*there.peak_ratios(), *back.peak_ratios())
+    lows = [move.position_extrema()[0] for move in (there, back)]
+    np.testing.assert_allclose(both.position_extrema()[0], np.min(lows, axis=0), atol=1e-12)
+
+
+def test_motions_of_no_duration_leave_no_trace(left: Arm) -> None:
+    stay = Trajectory.stay(left.start, left.limits)
+    move = plan_joint_move(left.start, left.start + 0.3, left.limits)
+    assert np.array_equal(joined([stay, move]).q, move.q)
+    assert joined([stay, stay]).duration == 0.0
+
+
+def test_refuses_to_join_what_does_not_meet(left: Arm) -> None:
+    move = plan_joint_move(left.start, left.start + 0.3, left.limits)
+    with pytest.raises(TrajectoryError, match="q jumps"):
+        joined([move, move])
+
+
+@pytest.mark.parametrize("motions", [[], [None], None, "ab"])
+def test_refuses_to_join_what_is_no_motion(motions: Any) -> None:
+    with pytest.raises(TrajectoryError):
+        joined(motions)

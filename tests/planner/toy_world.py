@@ -1,4 +1,4 @@
-"""A world of two joints whose obstacles are known in closed form."""
+"""A world whose obstacles are known in closed form, in the plane of the first two joints."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from baxter_kin import JointLimits
 from planner import Clearance
+from planner.motion.obstacles import REACH_M, LinearBounds
+from planner.motion.splines import weights_at
+from planner.motion.unknowns import JOINTS, PAIRS
 
 Vector = NDArray[np.float64]
 
@@ -57,7 +60,7 @@ class Ring:
 class ToySpace:
     """The free configurations of a world of discs and rings."""
 
-    obstacles: tuple[Disc | Ring, ...]
+    things: tuple[Disc | Ring, ...]
     margin_m: float = 0.0
 
     def is_free(self, q: Vector) -> bool:
@@ -66,12 +69,41 @@ class ToySpace:
 
     def clearance(self, q: Vector) -> Clearance:
         """The distance to the nearest."""
-        return Clearance(min(o.distance(q) for o in self.obstacles), "finger", "disc")
+        return Clearance(min(o.distance(q) for o in self.things), "finger", "disc")
 
     def with_margin(self, margin_m: float, *ends: Vector) -> ToySpace:
         """The space around larger obstacles."""
         least = min(self.clearance(q).distance_m for q in ends)
-        return ToySpace(self.obstacles, min(margin_m, least / 2))
+        return ToySpace(self.things, min(margin_m, least / 2))
+
+    def obstacles(self, resting: Vector, margin_m: float) -> ToyObstacles:
+        """The same for motions, which rest at configurations, shape (k, n)."""
+        return ToyObstacles(self.with_margin(margin_m, *resting))
+
+
+@dataclass(frozen=True, slots=True)
+class ToyObstacles:
+    """Distances to all of them near a motion, by finite differences."""
+
+    space: ToySpace
+
+    def bounds(self, controls: Vector) -> LinearBounds:
+        """In the middle of each interval, shape (n + 3, 7)."""
+        weights = weights_at(np.array([0.5]))
+        windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)
+        qs = windows @ weights[0]
+        numbers = np.zeros((len(qs), PAIRS, JOINTS + 1))
+        numbers[:, :, JOINTS] = REACH_M
+        step = 1e-6 * np.eye(JOINTS)[:2]
+        least = np.inf
+        for q, rows in zip(qs, numbers, strict=True):
+            for row, thing in zip(rows, self.space.things, strict=False):
+                excess = thing.distance(q) - self.space.margin_m
+                ahead = [thing.distance(q + one) - thing.distance(q - one) for one in step]
+                row[:2] = np.array(ahead) / 2e-6
+                row[JOINTS] = excess - row[:2] @ q[:2]
+                least = min(least, excess)
+        return LinearBounds(np.tile(weights, (len(qs), 1)), numbers, least)
 
 
 DISC = Disc(0.0, 0.0, 0.8)

@@ -33,6 +33,10 @@ def controls(manipulator: Manipulator) -> Vector:
     return manipulator.arm.start + 0.02 * steps
 
 
+def obstacles_of(around: Surroundings, resting: Vector, margin_m: float) -> Obstacles:
+    return around.space.obstacles(resting, margin_m)
+
+
 def positions(controls: Vector, weights: Vector) -> Vector:
     """Where the arm is in each interval, shape (n, 7)."""
     windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)
@@ -43,7 +47,7 @@ def test_bounds_are_the_distances_there_and_change_as_they_do(
     around: Surroundings, controls: Vector
 ) -> None:
     """Against distances of moved configurations, which are measured on their own."""
-    obstacles = Obstacles(around, NONE, MARGIN_M)
+    obstacles = obstacles_of(around, NONE, MARGIN_M)
     bounds = obstacles.bounds(controls)
     near = 0
     for q, rows in zip(positions(controls, bounds.weights), bounds.numbers, strict=True):
@@ -67,7 +71,7 @@ def least_excess(obstacles: Obstacles, q: Vector) -> float:
 def test_each_interval_is_bounded_where_it_is_nearest(
     around: Surroundings, controls: Vector
 ) -> None:
-    obstacles = Obstacles(around, NONE, MARGIN_M)
+    obstacles = obstacles_of(around, NONE, MARGIN_M)
     bounds = obstacles.bounds(controls)
     for fraction in np.arange(LOOKS) / LOOKS:
         weights = np.tile(weights_at(np.array([fraction])), (INTERVALS, 1))
@@ -77,7 +81,7 @@ def test_each_interval_is_bounded_where_it_is_nearest(
 
 
 def test_hulls_are_never_farther_than_the_shapes(around: Surroundings, controls: Vector) -> None:
-    obstacles = Obstacles(around, NONE, 0.0)
+    obstacles = obstacles_of(around, NONE, 0.0)
     for q in controls:
         assert least_excess(obstacles, q) <= around.clearance(q).distance_m + 1e-6
 
@@ -86,7 +90,7 @@ def test_less_than_the_margin_is_asked_for_where_less_is_there(
     around: Surroundings, manipulator: Manipulator
 ) -> None:
     wide_m = 0.2
-    obstacles = Obstacles(around, manipulator.arm.start[None], wide_m)
+    obstacles = obstacles_of(around, manipulator.arm.start[None], wide_m)
     distance_m = around.clearance(manipulator.arm.start).distance_m
     assert 0.0 < distance_m < wide_m
     asked = obstacles.needed_m[np.isfinite(obstacles.needed_m)]
@@ -109,6 +113,6 @@ def test_meshes_that_are_flat_or_hollow_have_bounds_too(
     mesh = Mesh(np.array(corners), np.array(triangles))
     body = Body("sheet", (Part(mesh, at(0.0, 0.0, 0.0)),), at(x + 0.1, y, z))
     around = Surroundings(manipulator, Scene.of([body]), finger_m=manipulator.finger_m)
-    first, second = (Obstacles(around, NONE, MARGIN_M).bounds(controls) for _ in range(2))
+    first, second = (obstacles_of(around, NONE, MARGIN_M).bounds(controls) for _ in range(2))
     assert 0.0 < first.excess_m < 0.1
     np.testing.assert_array_equal(first.numbers, second.numbers)

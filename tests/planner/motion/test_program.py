@@ -11,22 +11,26 @@ import pytest
 
 from baxter_kin import Arm, Baxter, IKService
 from baxter_kin.arrays import Vector
-from planner import StraightLine, Trajectory, plan_straight_move
+from planner import StraightLine, Trajectory
 from planner.lines import raised
 from planner.motion.clearance_rows import clearance_rows
-from planner.motion.phases import LineTolerance, MotionTask, Phase
+from planner.motion.guess import Way, along
+from planner.motion.phases import MotionTask, Phase
 from planner.motion.program import MotionProgram
 from planner.motion.sparse import Rows
 from planner.motion.spline_rows import spline_rows
 from planner.motion.splines import Sketch
-from planner.motion.tip_rows import height_rows, line_rows
-from planner.motion.unknowns import Numbers, Unknowns, numbers_of
+from planner.motion.tip_rows import height_rows, line_rows, speed_rows
+from planner.motion.unknowns import Numbers, Unknowns
 from tests.conftest import overhead
 
 PHASES = (Phase(4), Phase(5, 0, (1.0, 0.0), rests=True), Phase(4, 0), Phase(6, 1, rests=True))
-"""Every kind of phase and of hand-over, on few intervals."""
+"""Phases and hand-overs of a pick and place, on few intervals."""
 
-TOLERANCE = LineTolerance(2e-5, 5e-5)
+AT_SPEED = (Phase(5, 0, enters=True), Phase(4, 1, leaves=True))
+TO_GOAL = (Phase(4), Phase(5, rests=True, at_goal=True))
+
+POSITION_M, ROTATION_RAD = TOLERANCE = (2e-5, 5e-5)
 LINE_M, TILT_RAD = 0.1, 0.3
 
 
@@ -37,23 +41,29 @@ def task_of(arm: Arm, q: Vector) -> MotionTask:
     return MotionTask(q, lines, TOLERANCE, (0.1,))
 
 
-@pytest.mark.parametrize("make", [spline_rows, line_rows, height_rows, clearance_rows])
+@pytest.mark.parametrize(
+    ("make", "phases"),
+    [
+        *((make, PHASES) for make in (spline_rows, line_rows, height_rows, clearance_rows)),
+        *((make, AT_SPEED) for make in (spline_rows, line_rows, speed_rows)),
+        *((make, TO_GOAL) for make in (spline_rows, height_rows, clearance_rows)),
+    ],
+)
 def test_derivatives_are_those_that_casadi_finds_by_itself(
-    arm: Arm, make: Callable[..., Rows]
+    arm: Arm, make: Callable[..., Rows], phases: tuple[Phase, ...]
 ) -> None:
     rng = np.random.default_rng(1)
-    unknowns = Unknowns.of(PHASES, keeps_clear=True)
-    numbers = Numbers(PHASES, len(unknowns.shortfalls))
+    unknowns = Unknowns.of(phases, keeps_clear=True)
+    numbers = Numbers(phases, len(unknowns.shortfalls))
     x = ca.MX.sym("x", unknowns.count)
-    rows = make(PHASES, unknowns, x, numbers)
+    rows = make(phases, unknowns, x, numbers)
     multipliers = ca.MX.sym("multipliers", rows.g.shape[0])
     weighted, _ = ca.hessian(ca.dot(multipliers, rows.g), x)
     inputs = [x, numbers.all, multipliers]
     ours = ca.Function("ours", inputs, [rows.jacobian, rows.hessian(multipliers)])
     theirs = ca.Function("theirs", inputs, [ca.jacobian(rows.g, x), ca.triu(weighted)])
     at = rng.uniform(0.3, 0.9, unknowns.count)
-    given = numbers_of(task_of(arm, arm.neutral), arm, arm.limits)
-    values = np.concatenate([given, rng.normal(size=numbers.all.shape[0] - len(given))])
+    values = rng.uniform(0.3, 0.9, numbers.all.shape[0])
     weights = rng.normal(size=multipliers.shape[0])
     assert rows.jacobian.nnz() > rows.g.shape[0]
     for mine, expected in zip(
@@ -70,38 +80,48 @@ def q_grasp(robot: Baxter) -> Vector:
     return found.q
 
 
-def straight(arm: Arm, q: Vector, height_m: float, intervals: int) -> tuple[Trajectory, Trajectory]:
-    """A rise as one program, and as the path timed by other means that it begins from."""
-    T = arm.T_base_tip(q)
+def straight(
+    arm: Arm, q: Vector, height_m: float, intervals: int, speed: float = 1.0
+) -> Trajectory:
+    """A rise, with limits as for that share of all speeds."""
+    T, limits = arm.T_base_tip(q), arm.limits.scaled(speed)
     line = StraightLine(T, raised(T, height_m))
-    planned = plan_straight_move(arm, q, line.T_base_goal, arm.limits)
+    guess = along(arm, limits, q, Way(line, intervals, ends_at_rest=True))
+    assert guess is not None
     program = MotionProgram([Phase(intervals, 0, rests=True)])
-    task = MotionTask(q, (line,), TOLERANCE, ())
-    found = program.solve([Sketch.of(planned, intervals)], task, arm, arm.limits)
+    found = program.solve([guess], MotionTask(q, (line,), TOLERANCE), arm, limits)
     assert found is not None
-    return found[0], planned
+    return found[0]
 
 
-def test_a_line_takes_no_longer_than_its_fastest_path(left: Arm, q_grasp: Vector) -> None:
-    """It is as fast but for the intervals, and faster where self-motion helps."""
-    found, planned = straight(left, q_grasp, 0.15, 40)
-    assert found.duration <= 1.005 * planned.duration
+@pytest.mark.parametrize("speed", [1e-6, 0.1])
+def test_a_slower_arm_makes_the_same_motion_more_slowly(
+    left: Arm, q_grasp: Vector, speed: float
+) -> None:
+    """As velocity scales with the speed, acceleration with its square, and jerk with its cube."""
+    usual, slow = (straight(left, q_grasp, 0.15, 20, share) for share in (1.0, speed))
+    same = left.limits.scaled(speed)
+    ratio = np.array([same.v_max, same.a_max**0.5, same.j_max ** (1 / 3)]) / np.array(
+        [left.limits.v_max, left.limits.a_max**0.5, left.limits.j_max ** (1 / 3)]
+    )
+    assert usual.duration / ratio.max() <= 1.01 * slow.duration
+    assert slow.duration <= 1.01 * usual.duration / ratio.min()
 
 
 def test_the_tip_is_on_the_line_at_all_knots(left: Arm, q_grasp: Vector) -> None:
-    found, _ = straight(left, q_grasp, 0.15, 20)
+    found = straight(left, q_grasp, 0.15, 20)
     T_start, T_goal = left.T_base_tip(q_grasp), left.T_base_tip(found.q_goal)
     np.testing.assert_allclose(T_goal.translation - T_start.translation, [0, 0, 0.15], atol=1e-8)
     for q in found.q:
         T = left.T_base_tip(q)
         off = np.abs((T.translation - T_start.translation)[:2]).max()
-        assert off <= TOLERANCE.position_m * (1.0 + 1e-6)
+        assert off <= POSITION_M * (1.0 + 1e-6)
         turned = np.abs(pin.log3(T_start.rotation.T @ T.rotation)).max()
-        assert turned <= TOLERANCE.rotation_rad * (1.0 + 1e-6)
+        assert turned <= ROTATION_RAD * (1.0 + 1e-6)
 
 
 def test_limits_are_kept_and_reached(left: Arm, q_grasp: Vector) -> None:
-    found, _ = straight(left, q_grasp, 0.15, 20)
+    found = straight(left, q_grasp, 0.15, 20)
     assert 0.99 < max(found.peak_ratios()) <= 1.0 + 1e-12
     low, high = found.position_extrema()
     assert (low >= left.limits.q_min).all()
@@ -109,7 +129,7 @@ def test_limits_are_kept_and_reached(left: Arm, q_grasp: Vector) -> None:
 
 
 def test_the_same_task_has_the_same_motion(left: Arm, q_grasp: Vector) -> None:
-    first, second = (straight(left, q_grasp, 0.05, 10)[0] for _ in range(2))
+    first, second = (straight(left, q_grasp, 0.05, 10) for _ in range(2))
     np.testing.assert_array_equal(first.q, second.q)
     np.testing.assert_array_equal(first.knots_s, second.knots_s)
 

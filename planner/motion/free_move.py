@@ -1,8 +1,9 @@
 """A free move: from rest to rest around whatever stands in the way, proven clear.
 
-The straight joint line if it is clear. Else corners from a search that looks at samples and keeps a
-margin, and a smooth motion along them. What decides is the caller's `is_clear`, asked about every
-motion before it is returned; a motion that it refuses costs another, closer search.
+The straight joint line if it is clear. Else the motion program, led around what the line meets, and
+where that fails or is much slower, around what a way that OMPL finds meets; that way itself, at
+rest in each corner, if nothing else is clear. What decides is the caller's `is_clear`, asked about
+every motion before it is returned.
 """
 
 from __future__ import annotations
@@ -11,25 +12,32 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache
+from itertools import pairwise
 from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
-from baxter_kin.arrays import Vector, float_array, positive_scalar
+from baxter_kin.arrays import Vector, positive_scalar
 from baxter_kin.copying import Frozen
-from baxter_kin.display import OneLine, count, seconds, sentence
+from baxter_kin.display import OneLine, seconds, sentence
 from baxter_kin.errors import expect, quoted
 from baxter_kin.fields import check_fields
 from planner.collision import Clearance
 from planner.errors import MotionError
+from planner.motion.avoidance import Bounded, led_around
+from planner.motion.phases import MotionTask, Phase
+from planner.motion.program import MotionProgram
+from planner.motion.splines import Sketch
+from planner.motion.unknowns import JOINTS
 from planner.path import EDGE_STEP_RAD, search_corners
-from planner.screening import IsFree, looks_clear
-from planner.smoothing import SCREENING_STEP_RAD, smoothed
+from planner.rest_time import rest_to_rest_s
+from planner.screening import SCREENING_STEP_RAD, IsFree, looks_clear
 from planner.swept import checked_margin_m
 from planner.timing import plan_joint_move
-from planner.trajectory import Trajectory
+from planner.trajectory import Trajectory, joined
 
 MARGIN_M = 0.005
 """Distance kept between samples and obstacles, so that the motion between samples is clear too."""
@@ -37,8 +45,18 @@ MARGIN_M = 0.005
 TIMEOUT_S = 5.0
 """When to give up; a wall on the table takes a tenth of a second."""
 
+INTERVALS = 32
+"""Of the program's spline."""
+
+ENOUGH = 1.02
+"""Motions that take no longer, times the straight line that nothing beats, are fast enough."""
+
 ROUNDS = 4
-"""Searches until a motion is proven clear; each looks twice as closely as the one before."""
+"""Ways that are searched; each is looked at twice as closely as the one before, until one is proven
+clear."""
+
+WAYS = 2
+"""Ways that are searched for a faster motion, once one is proven clear."""
 
 IsClear: TypeAlias = Callable[[Trajectory], bool]
 """Whether a whole motion is clear, also between samples."""
@@ -48,20 +66,23 @@ class GuardedSpace(Protocol):
     """Free configurations that keep a distance to everything."""
 
     def is_free(self, q: Vector) -> bool:
-        """Whether `q`, shape (n,), rad, is one."""
+        """Whether `q`, shape (7,), rad, is one."""
 
 
 class Space(Protocol):
     """The free configurations of an arm; `planner.free_space.FreeSpace` is one."""
 
     def is_free(self, q: Vector) -> bool:
-        """Whether the arm touches nothing at `q`, shape (n,), rad."""
+        """Whether the arm touches nothing at `q`, shape (7,), rad."""
 
     def clearance(self, q: Vector) -> Clearance:
-        """The least distance at `q`, shape (n,), rad, and between what."""
+        """The least distance at `q`, shape (7,), rad, and between what."""
 
     def with_margin(self, margin_m: float, *ends: Vector) -> GuardedSpace:
         """The part of it that keeps a margin, the ends still in it."""
+
+    def obstacles(self, resting: Vector, margin_m: float) -> Bounded:
+        """What is in the way, to be kept at a distance, or what is left at ends, shape (k, 7)."""
 
 
 class Obstruction(str, Enum):
@@ -108,36 +129,26 @@ class FreeMove(Frozen, OneLine):
 
     Attributes:
         trajectory: the motion, proven clear; None when there is none.
-        corners: the straight lines it was made of, shape (m, n), rad; two for a straight move, none
-            when there is no motion.
+        is_straight: whether it is the straight joint line, which was clear.
         failure: None, or why there is no motion.
 
     Raises:
-        MotionError: when a value is of another class, or the corners are not finite.
+        MotionError: when a value is of another class.
     """
 
     trajectory: Trajectory | None
-    corners: Vector
+    is_straight: bool = False
     failure: FreeMoveFailure | None = None
 
     def __post_init__(self) -> None:
-        """Check, copy and freeze."""
+        """Check."""
         check_fields(self, MotionError)
-        corners = float_array(self.corners, "corners", MotionError)
-        if corners.ndim != 2 or not np.isfinite(corners).all():
-            raise MotionError(f"corners must be finite, of shape (m, n), got {quoted(corners)}")
-        corners.setflags(write=False)
-        object.__setattr__(self, "corners", corners)
-
-    @property
-    def is_straight(self) -> bool:
-        """Whether the straight joint line was clear."""
-        return len(self.corners) == 2
 
     def _facts(self) -> tuple[str, ...]:
         if self.trajectory is None:
             return (f"invalid: {sentence(self.failure)}",)
-        return count(len(self.corners), "corner"), seconds(self.trajectory.duration), "valid"
+        way = "straight" if self.is_straight else "around"
+        return way, seconds(self.trajectory.duration), "valid"
 
 
 def plan_free_move(
@@ -154,9 +165,9 @@ def plan_free_move(
     """A fast motion from rest to rest that touches nothing, around obstacles if need be.
 
     Args:
-        q_start: shape (n,), rad, inside the limits.
-        q_goal: shape (n,), rad, inside the limits.
-        limits: of those n joints.
+        q_start: shape (7,), rad, inside the limits.
+        q_goal: shape (7,), rad, inside the limits.
+        limits: of the arm's joints.
         space: where the arm is free.
         is_clear: the judge of a whole motion; no other is returned than it says yes to.
         rng: where random numbers come from; the same ones make the same motion, as long as time is
@@ -180,14 +191,15 @@ def plan_free_move(
     _check_collaborators(space, is_clear)
     margin_m = checked_margin_m(margin_m)
     ends = np.array([limits.check(q_start, "q_start"), limits.check(q_goal, "q_goal")])
+    if ends.shape[1] != JOINTS:
+        raise MotionError(f"the limits are of {ends.shape[1]} joints; an arm has {JOINTS}")
     failure = _blocked_end(ends, space)
     if failure is not None:
-        return FreeMove(None, ends[:0], failure)
+        return FreeMove(None, failure=failure)
     straight = plan_joint_move(ends[0], ends[1], limits)
     if looks_clear(straight, space.is_free, SCREENING_STEP_RAD) and is_clear(straight):
-        return FreeMove(straight, ends)
-    guarded = space.with_margin(margin_m, *ends)
-    return _Search(ends, limits, guarded.is_free, seeds, clock).first_clear(is_clear)
+        return FreeMove(straight, is_straight=True)
+    return _Search(straight, limits, space, is_clear, margin_m, seeds, clock).fastest()
 
 
 def _check_collaborators(space: object, is_clear: object) -> None:
@@ -201,7 +213,7 @@ def _check_collaborators(space: object, is_clear: object) -> None:
         raise MotionError(f"is_clear must be callable, got {type(is_clear).__name__}")
 
 
-_OF_A_SPACE = ("is_free", "clearance", "with_margin")
+_OF_A_SPACE = ("is_free", "clearance", "with_margin", "obstacles")
 
 
 class _Clock:
@@ -227,41 +239,85 @@ def _blocked_end(ends: Vector, space: Space) -> FreeMoveFailure | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Search:
-    """What every round of a search for a way around starts from."""
+    """A search for a way around what a straight line meets."""
 
-    ends: Vector
+    straight: Trajectory
     limits: JointLimits
-    is_free: IsFree
+    space: Space
+    is_clear: IsClear
+    margin_m: float
     rng: np.random.Generator
     clock: _Clock
 
-    def first_clear(self, is_clear: IsClear) -> FreeMove:
-        refused = 0
-        for closeness in 2.0 ** np.arange(ROUNDS):
-            corners = self._corners(EDGE_STEP_RAD / closeness)
+    def fastest(self) -> FreeMove:
+        """The fastest motion that was found, or why there is none."""
+        ends = self.straight.q[[0, -1]]
+        obstacles = self.space.obstacles(ends, self.margin_m)
+        is_free = self.space.with_margin(self.margin_m, *ends).is_free
+        found = self._led(obstacles, Sketch.of(self.straight, INTERVALS))
+        refused, ways, closeness = 0, 0, 1.0
+        while not self._is_enough(found) and ways < (ROUNDS if found is None else WAYS):
+            corners = self._corners(is_free, EDGE_STEP_RAD / closeness)
             if corners is None:
                 break
-            step_rad = SCREENING_STEP_RAD / closeness
-            motion = smoothed(corners, self.limits, self.is_free, self.rng, step_rad=step_rad)
-            if is_clear(motion):
-                return FreeMove(motion, corners)
-            refused += 1
-        return FreeMove(None, self.ends[:0], _no_way(refused, self.clock))
+            ways += 1
+            candidates = [found, self._led(obstacles, _through(corners, self.limits))]
+            if candidates == [None, None]:
+                stopping = stopping_at(corners, self.limits)
+                candidates.append(stopping if self.is_clear(stopping) else None)
+            there = [motion for motion in candidates if motion is not None]
+            found = min(there, key=lambda motion: motion.duration, default=None)
+            refused, closeness = refused + (found is None), 2.0 * closeness
+        if found is None:
+            return FreeMove(None, failure=_no_way(refused, self.clock))
+        return FreeMove(found)
 
-    def _corners(self, step_rad: float) -> Vector | None:
+    def _is_enough(self, found: Trajectory | None) -> bool:
+        return found is not None and found.duration <= ENOUGH * self.straight.duration
+
+    def _led(self, obstacles: Bounded, sketch: Sketch) -> Trajectory | None:
+        """The first clear motion near a sketch, led around obstacles."""
+        task = MotionTask(self.straight.q_start, q_goal=self.straight.q_goal)
+        motions = led_around(
+            lambda sketches, near: _program().solve(sketches, task, None, self.limits, near),
+            [obstacles],
+            [sketch],
+            enough_s=ENOUGH * self.straight.duration,
+        )
+        return next((motion for (motion,) in motions if self.is_clear(motion)), None)
+
+    def _corners(self, is_free: IsFree, step_rad: float) -> Vector | None:
         left_s = self.clock.left_s
         if left_s <= 0.0:
             return None
-        start, goal = self.ends
         return search_corners(
-            start,
-            goal,
+            self.straight.q_start,
+            self.straight.q_goal,
             self.limits,
-            self.is_free,
+            is_free,
             rng=self.rng,
             timeout_s=left_s,
             step_rad=step_rad,
         )
+
+
+@cache
+def _program() -> MotionProgram:
+    return MotionProgram([Phase(INTERVALS, rests=True, at_goal=True)], keeps_clear=True)
+
+
+def stopping_at(corners: Vector, limits: JointLimits) -> Trajectory:
+    """The fastest motion along straight lines from corner to corner, (m, n), at rest in each."""
+    return joined([plan_joint_move(q, q_next, limits) for q, q_next in pairwise(corners)])
+
+
+def _through(corners: Vector, limits: JointLimits) -> Sketch:
+    """Along straight lines, without a stop; a guess."""
+    times = np.cumsum([0.0, *rest_to_rest_s(np.diff(corners, axis=0), limits)])
+    t = np.linspace(0.0, 1.0, INTERVALS + 1)
+    at = times[-1] * t**2 * (3.0 - 2.0 * t)
+    q = np.stack([np.interp(at, times, joint) for joint in corners.T], axis=1)
+    return Sketch(q, np.zeros((2, JOINTS)), float(times[-1]))
 
 
 def _no_way(refused: int, clock: _Clock) -> FreeMoveFailure:

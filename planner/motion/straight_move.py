@@ -1,0 +1,250 @@
+"""Straight-line tip motion, timed to the joints' own limits, as a motion program of one phase."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from baxter_kin import Arm, JointLimits
+from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.errors import expect, millimetres_hint
+from baxter_kin.frames import PoseLike, angle_between
+from baxter_kin.ik.reach import ReachBound
+from planner.errors import MotionError, StraightMoveError
+from planner.motion.guess import Way, along, followed
+from planner.motion.phases import MotionTask, Phase
+from planner.motion.program import MotionProgram
+from planner.straight_line import LineTolerance, StraightLine
+from planner.timing import plan_joint_move
+from planner.trajectory import Trajectory
+
+FEWEST, INTERVAL_M, INTERVAL_RAD = 20, 0.011, 0.05
+"""Intervals of a line, and how far the tip goes and turns in one of them on average, at most, lest
+it leaves the line in between."""
+
+HALVINGS = 3
+"""How often intervals are halved where it does."""
+
+SHORT = 1e-4
+"""Lines up to this, in m and rad together, are straight in joint space, within their square."""
+
+LOOKS, LEFT = 4, 0.9
+"""How often the tip is looked at in an interval, and the share of a tolerance that it may be off
+there, for what is between two looks."""
+
+BETWEEN = np.array([0.55 * 1e-4, 0.65 * math.radians(0.02)])
+"""What is left of a tolerance for what is between two knots, m and rad, but not more than these
+shares of it."""
+
+TINY = 1e-7
+"""Tolerances at knots, m, are no less, and turns, rad, count as no less."""
+
+NEAR_LIMIT_RAD = 1e-6
+"""A joint so near to a limit is at it."""
+
+
+def plan_straight_move(
+    arm: Arm,
+    q_start: ArrayLike,
+    T_base_goal: PoseLike,
+    limits: JointLimits,
+    *,
+    speed_start_m_s: float = 0.0,
+    acceleration_start_m_s2: float = 0.0,
+    speed_end_m_s: float = 0.0,
+    acceleration_end_m_s2: float = 0.0,
+    line_tolerance: LineTolerance | None = None,
+) -> Trajectory:
+    """The fastest motion that takes the tip along a straight line; from rest to rest by default.
+
+    The tip's position stays on the line between its pose at `q_start` and `T_base_goal`, its
+    orientation on the shortest rotation between both, at the same fraction of the way, within the
+    tolerance, and at both ends within 1e-8. The arm's self-motion is free; no IK branch is jumped.
+    Where the line is shorter than `straight_line.LEAST_LENGTH` (m and rad together), the motion has
+    no duration.
+
+    Args:
+        arm: whose tip moves.
+        q_start: where the arm stands, shape (7,), rad, inside the limits.
+        T_base_goal: where the tip ends, seen from base; less than half a turn away.
+        limits: of the arm's joints.
+        speed_start_m_s: of the tip along the line, where the motion starts; not negative.
+        acceleration_start_m_s2: of the tip along the line, there.
+        speed_end_m_s: the same where it ends.
+        acceleration_end_m_s2: the same.
+        line_tolerance: how far the tip may be off; strict when not given.
+
+    Raises:
+        ConfigurationError: when `q_start` has another shape, is not finite or outside the limits.
+        PoseError: when `T_base_goal` is no pose.
+        StraightMoveError: when the line leaves the arm's reach, crosses a singularity, leads a
+            joint to a limit, or turns by half a turn; with the fraction of it that is possible.
+        MotionError: when the limits are of other joints, or the ends are too fast.
+    """
+    names = expect(limits, JointLimits, "limits", MotionError).names
+    if names != expect(arm, Arm, "arm", MotionError).joint_names:
+        raise MotionError(
+            f"the limits are for {', '.join(names)}; the {arm.side} arm has "
+            f"{', '.join(arm.joint_names)}"
+        )
+    tolerance = LineTolerance() if line_tolerance is None else line_tolerance
+    expect(tolerance, LineTolerance, "line_tolerance", MotionError)
+    q = limits.check(q_start, "q_start")
+    line = StraightLine(arm.T_base_tip(q), T_base_goal)
+    rates = (
+        *_rates(line, "start", speed_start_m_s, acceleration_start_m_s2),
+        *_rates(line, "end", speed_end_m_s, acceleration_end_m_s2),
+    )
+    if line.is_point:
+        return Trajectory.stay(q, limits)
+    task = MotionTask(q, (line,), at_knots(tolerance, (line,)), rates=rates)
+    return _planned(arm, limits, task, tolerance)
+
+
+def is_on_line(arm: Arm, line: StraightLine, motion: Trajectory, tolerance: LineTolerance) -> bool:
+    """Whether the tip keeps to a line, looked at between the knots too."""
+    looks = np.linspace(0.0, motion.duration, LOOKS * (len(motion.knots_s) - 1) + 1)
+    most_m, most_rad = LEFT * tolerance.position_m, LEFT * tolerance.rotation_rad
+    for q in motion.sample(looks).q:
+        T = arm.T_base_tip(q)
+        there = line.at(line.nearest(T))
+        if np.linalg.norm(T.translation - there.translation) > most_m:
+            return False
+        if angle_between(T.rotation, there.rotation) > most_rad:
+            return False
+    return True
+
+
+def at_knots(tolerance: LineTolerance, lines: Sequence[StraightLine] = ()) -> tuple[float, float]:
+    """How far the tip may be off lines at knots, along and about each axis, m and rad.
+
+    Less where a tip that is ahead of its turn on the line would be turned by more.
+    """
+    most = LEFT * np.array([tolerance.position_m, tolerance.rotation_rad])
+    between = np.minimum(BETWEEN, 0.65 * most / LEFT)
+    position_m, rotation_rad = ((most - between) / math.sqrt(3.0)).tolist()
+    for line in lines:
+        position_m = min(position_m, rotation_rad * line.length_m / max(line.angle_rad, TINY))
+    return max(position_m, TINY), rotation_rad
+
+
+def intervals_on(line: StraightLine) -> int:
+    """How many a line has; in steps, so that there are few programs."""
+    needed = max(line.length_m / INTERVAL_M, line.angle_rad / INTERVAL_RAD)
+    step = 2 if needed <= 20 else 10
+    return step * math.ceil(needed / step)
+
+
+def _planned(
+    arm: Arm, limits: JointLimits, task: MotionTask, tolerance: LineTolerance
+) -> Trajectory:
+    """The motion of a checked task.
+
+    Raises:
+        MotionError: when there is none.
+    """
+    (line,), rates = task.lines, task.rates
+    intervals, is_at_rest = max(FEWEST, intervals_on(line)), not any(rates)
+    enters, leaves = any(rates[:2]), any(rates[2:])
+    for _ in range(1 + HALVINGS):
+        way = Way(line, intervals, ends_at_rest=True)
+        guess = along(arm, limits, task.q_start, way)
+        if guess is None:
+            raise _why_not(arm, limits, task.q_start, line)
+        if is_at_rest and np.linalg.norm(line.twist) <= SHORT:
+            return plan_joint_move(task.q_start, guess.q[-1], limits)
+        _refuse_too_fast(arm, limits, task, guess.q[-1])
+        phase = Phase(intervals, 0, rests=not leaves, enters=enters, leaves=leaves)
+        found = _program(phase).solve([guess], task, arm, limits)
+        if found is None:
+            break
+        if is_on_line(arm, line, found[0], tolerance):
+            return found[0]
+        intervals *= 2
+    if not is_at_rest:
+        raise MotionError(
+            f"no motion inside the limits was found; a line of {1e3 * line.length_m:.3g} mm may be "
+            "too short for that change of speed"
+        )
+    raise _too_sharp(arm, limits, task.q_start, line)
+
+
+@lru_cache(maxsize=16)
+def _program(phase: Phase) -> MotionProgram:
+    return MotionProgram((phase,))
+
+
+def _rates(line: StraightLine, which: str, speed: float, acceleration: float) -> Vector:
+    """First and second derivative of the line's fraction by time, shape (2,)."""
+    speed = finite_scalar(speed, f"speed_{which}_m_s", MotionError)
+    acceleration = finite_scalar(acceleration, f"acceleration_{which}_m_s2", MotionError)
+    if speed < 0.0:
+        raise MotionError(f"speed_{which}_m_s must not be negative, got {speed:g}")
+    if speed == 0.0 and acceleration == 0.0:
+        return np.zeros(2)
+    if line.length_m <= 0.0 or line.is_point:
+        raise MotionError(
+            f"the tip turns on the spot, so it has no speed along the line; speed_{which}_m_s and "
+            f"acceleration_{which}_m_s2 must be zero"
+        )
+    return np.array([speed, acceleration]) / line.length_m
+
+
+def _refuse_too_fast(arm: Arm, limits: JointLimits, task: MotionTask, q_end: Vector) -> None:
+    """Stop where even the joint velocities of least norm at an end have more than all limits allow.
+
+    Raises:
+        MotionError: then; names the joint.
+    """
+    for which, q, speed in (("start", task.q_start, task.rates[0]), ("end", q_end, task.rates[2])):
+        v = np.linalg.lstsq(arm.jacobian(q), speed * task.lines[0].twist, rcond=None)[0]
+        if np.linalg.norm(v) > np.linalg.norm(limits.v_max):
+            i = int(np.argmax(np.abs(v) / limits.v_max))
+            raise MotionError(
+                f"the {which} of the line asks {abs(v[i]):.3g} rad/s of {limits.names[i]}, whose "
+                f"limit is {limits.v_max[i]:g}; slow it down"
+            )
+
+
+def _why_not(arm: Arm, limits: JointLimits, q: Vector, line: StraightLine) -> StraightMoveError:
+    """Where following a line ends, and why."""
+    end = followed(arm, limits, q, line, (1.0,))
+    reason = _stopped(arm, limits, end.q)
+    proof = ReachBound(arm).proof(line.T_base_goal)
+    if proof is not None:
+        reason = f"the goal is out of reach, {proof}; {reason}"
+    return StraightMoveError(
+        end.fraction, f"{reason}{millimetres_hint(*line.T_base_goal.translation)}"
+    )
+
+
+def _too_sharp(arm: Arm, limits: JointLimits, q: Vector, line: StraightLine) -> StraightMoveError:
+    """Where a line that can be followed leads nearest to a singularity."""
+    qs = [q, *followed(arm, limits, q, line, np.linspace(0.0, 1.0, 65)[1:].tolist()).qs]
+    least = [float(np.linalg.svd(arm.jacobian(q), compute_uv=False)[-1]) for q in qs]
+    i = int(np.argmin(least))
+    return StraightMoveError(
+        line.nearest(arm.T_base_tip(qs[i])),
+        "the arm passes a singularity there, so closely that no motion inside the limits was found:"
+        f" the smallest singular value of its Jacobian falls to {least[i]:.2g} (m, rad)",
+    )
+
+
+def _stopped(arm: Arm, limits: JointLimits, q: Vector) -> str:
+    for which, bound in (("lower", limits.q_min), ("upper", limits.q_max)):
+        at_limit = np.flatnonzero(np.abs(q - bound) <= NEAR_LIMIT_RAD)
+        if at_limit.size:
+            i = int(at_limit[0])
+            return (
+                f"{limits.names[i]} runs into its {which} limit of {bound[i]:.6g} rad; start from "
+                "another configuration of the arm"
+            )
+    least = float(np.linalg.svd(arm.jacobian(q), compute_uv=False)[-1])
+    return (
+        "the arm is at a singularity, or so near that its joints would turn too sharply: the "
+        f"smallest singular value of its Jacobian is {least:.2g} (m, rad)"
+    )
