@@ -13,6 +13,7 @@ from planner.lines import Lines
 from planner.manipulator import Manipulator
 from planner.motion.free_move import MARGIN_M, plan_free_move
 from planner.motion.straight_move import plan_straight_move
+from planner.straight_line import LineTolerance
 from planner.surroundings import Surroundings
 from planner.swept_result import SweptContact
 from planner.trajectory import Trajectory
@@ -105,8 +106,10 @@ class StoppingCycles:
         q_start: Vector,
         lines: Lines,
         around: Mapping[str, Surroundings],
+        line_tolerance: LineTolerance | None = None,
     ) -> None:
         """For an arm that stands somewhere, in the situations of the stages."""
+        self._line_tolerance = line_tolerance
         self._manipulator, self._q_start = manipulator, q_start
         self._lines, self._around = lines, around
         self._planned: dict[tuple[str, bytes], Trajectory | StageError] = {}
@@ -138,7 +141,9 @@ class StoppingCycles:
         if key not in self._planned:
             arm, limits = self._manipulator.arm, self._manipulator.limits
             try:
-                self._planned[key] = plan_straight_move(arm, q, T_base_top, limits)
+                self._planned[key] = plan_straight_move(
+                    arm, q, T_base_top, limits, line_tolerance=self._line_tolerance
+                )
             except MotionError as cause:
                 self._planned[key] = StageError(stage, str(cause))
         found = self._planned[key]

@@ -33,6 +33,7 @@ from planner.plan_builder import NoSolutionError, PlanBuilder, refuse_blocked
 from planner.scene import Scene
 from planner.situation import Holding
 from planner.stages import STAGES, build_cycle
+from planner.straight_line import LineTolerance
 
 MOST_OPTIMISED = 4
 """Pairs whose cycles are planned as one program, before others are tried."""
@@ -72,6 +73,7 @@ class CycleSearch:
         *,
         margin_m: float,
         held: Sequence[Holding] = (),
+        line_tolerance: LineTolerance | None = None,
     ) -> None:
         """For one task.
 
@@ -83,7 +85,9 @@ class CycleSearch:
             q_start: where the arm stands, shape (7,), rad, inside the limits.
             margin_m: distance that every move keeps, contacts on purpose left out.
             held: what other hands hold.
+            line_tolerance: how far the tip may be off its lines; strict when not given.
         """
+        self._line_tolerance = line_tolerance
         self._body, self._lines, self._margin_m = body, lines, margin_m
         self._manipulator, self._scene, self._q_start = manipulator, scene, q_start
         self._held = tuple(held)
@@ -92,7 +96,7 @@ class CycleSearch:
     @cached_property
     def _program(self) -> CycleProgram:
         """Made once the waypoints are known to be within reach."""
-        return CycleProgram(self._manipulator, self._q_start, self._lines)
+        return CycleProgram(self._manipulator, self._q_start, self._lines, self._line_tolerance)
 
     def shortest(self) -> Plan:
         """The plan of the shortest cycle that was found, or why there is none."""
@@ -200,7 +204,13 @@ class CycleSearch:
 
     def _stopping(self, pairs: Pairs) -> Iterator[Plan]:
         """Cycles that stop above pick and place; a pair that fails closes others like it."""
-        cycles = StoppingCycles(self._manipulator, self._q_start, self._lines, self._phases.around)
+        cycles = StoppingCycles(
+            self._manipulator,
+            self._q_start,
+            self._lines,
+            self._phases.around,
+            self._line_tolerance,
+        )
         sideways = 0
         for pair in islice(pairs.open_ones(), MOST_TRIED):
             choice = pairs.choices.at(*pair)
@@ -240,6 +250,7 @@ class CycleSearch:
             self._q_start,
             margin_m=self._margin_m,
             held=self._held,
+            line_tolerance=self._line_tolerance,
         )
 
     def _nearest_miss(self, pairs: Pairs) -> Plan:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import TypeAlias
 
@@ -21,6 +21,7 @@ from baxter_kin.model import LIMBS
 from planner.collision import Clearance, least
 from planner.errors import TaskError, expect_all
 from planner.situation import Situation
+from planner.straight_line import LineTolerance
 from planner.swept_result import SweptContact, SweptProof
 from planner.tally import Tally
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
@@ -163,6 +164,7 @@ class Plan(Frozen, OneLine):
         failure: None, or why there is no plan.
         situation: the world it was made for; None when the maker did not say.
         robot: which robot it was made for, likewise.
+        line_tolerance: how far the tip may be off the lines of its straight moves.
 
     Raises:
         UnknownNameError: when there is no such limb.
@@ -177,9 +179,11 @@ class Plan(Frozen, OneLine):
     failure: PlanFailure | None = None
     situation: Situation | None = None
     robot: RobotIdentity | None = None
+    line_tolerance: LineTolerance = field(default_factory=LineTolerance)
 
     def __post_init__(self) -> None:
         """Check and copy."""
+        expect(self.line_tolerance, LineTolerance, "line_tolerance of a plan", TaskError)
         if not isinstance(self.limb, str) or self.limb not in LIMBS:
             raise UnknownNameError("limb", self.limb, LIMBS)
         kinds = {"failure": PlanFailure, "situation": Situation, "robot": RobotIdentity}

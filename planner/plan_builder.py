@@ -18,6 +18,7 @@ from planner.motion.straight_move import plan_straight_move
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
 from planner.scene import Scene
 from planner.situation import Holding, Situation
+from planner.straight_line import LineTolerance, checked_tolerance
 from planner.surroundings import Surroundings
 from planner.swept_result import SweptContact, SweptProof
 from planner.trajectory import Trajectory
@@ -52,6 +53,7 @@ class PlanBuilder:
         *,
         margin_m: float = 0.0,
         held: Sequence[Holding] = (),
+        line_tolerance: LineTolerance | None = None,
     ) -> None:
         """No steps yet.
 
@@ -61,7 +63,9 @@ class PlanBuilder:
             q_start: where the arm stands, shape (7,), rad.
             margin_m: distance that the fingers keep from all but what they grasp.
             held: what other hands hold.
+            line_tolerance: how far straight moves may be off; strict when not given.
         """
+        self._line_tolerance = checked_tolerance(line_tolerance)
         self.steps: list[Step] = []
         self._manipulator, self._q_start, self._margin_m = manipulator, q_start, margin_m
         self._start = Situation.of(manipulator, scene, held)
@@ -75,7 +79,8 @@ class PlanBuilder:
     def plan(self, failure: PlanFailure | None = None) -> Plan:
         """The plan of the steps so far, or why it ends there."""
         arm, steps = self._manipulator, tuple(self.steps)
-        return Plan(arm.arm.side, self._q_start, steps, failure, self._start, arm.identity)
+        situation, tolerance = self._start, self._line_tolerance
+        return Plan(arm.arm.side, self._q_start, steps, failure, situation, arm.identity, tolerance)
 
     def add_move(
         self,
@@ -136,7 +141,9 @@ class PlanBuilder:
         arm, limits = self._manipulator.arm, self._manipulator.limits
         T_base_goal = raised(arm.T_base_tip(self.q), height_m)
         try:
-            trajectory = plan_straight_move(arm, self.q, T_base_goal, limits)
+            trajectory = plan_straight_move(
+                arm, self.q, T_base_goal, limits, line_tolerance=self._line_tolerance
+            )
         except MotionError as cause:
             raise NoSolutionError.at(label, str(cause)) from cause
         self.add_move(label, trajectory, around, T_base_goal, is_straight=True)

@@ -65,6 +65,20 @@ class LineTolerance(OneLine):
         return f"{1e3 * self.position_m:g} mm", f"{math.degrees(self.rotation_rad):g} deg"
 
 
+def checked_tolerance(tolerance: LineTolerance | None) -> LineTolerance:
+    """The tolerance, strict when not given.
+
+    Raises:
+        MotionError: when it is of another class.
+    """
+    return expect(
+        LineTolerance() if tolerance is None else tolerance,
+        LineTolerance,
+        "line_tolerance",
+        MotionError,
+    )
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class StraightLine(Frozen, OneLine):
     """The poses between two, by the fraction s of the way, 0..1.

@@ -29,6 +29,7 @@ DEFAULT_HOVER_M = 0.15
 FARTHEST_M = 10.0
 SLOWEST = 0.001
 MOST_NOISE_MM, MOST_NOISE_DEG = 1000.0, 180.0
+STRICT, LEAST_TOLERANCE, MOST_TOLERANCE = (0.1, 0.02), 1e-3, 100.0
 DEFAULT_RETRIES = 3
 RECORD_SUFFIXES = (".jsonl", ".mcap", ".npz")
 DEFAULT_POSES_M = ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
@@ -48,6 +49,7 @@ class Options:
             above this where it is less.
         obstacles_m: boxes in the way: centre in base and size, x, y, z each.
         margin_m: distance that is kept from everything, contacts on purpose left out.
+        line_tolerance: how far the tip may be off its straight lines, m and rad.
         noise_m: standard deviation of where the block is seen, along each axis of base.
         noise_rad: standard deviation of the yaw that it is seen with.
         retries: how many attempts follow a missed one; None goes by the scene as it is, in one.
@@ -72,6 +74,7 @@ class Options:
     hover_m: float
     obstacles_m: tuple[tuple[float, ...], ...]
     margin_m: float
+    line_tolerance: tuple[float, float]
     noise_m: float
     noise_rad: float
     retries: int | None
@@ -102,6 +105,7 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
     poses = [(x, sign * y, z) for x, y, z in DEFAULT_POSES_M]
     poses += [(x, y, z) for x, y, z in raw.add_pose]
     cycles = None if raw.forever else raw.cycles or len(poses)
+    off_mm, off_deg = raw.line_tolerance
     return Options(
         urdf=raw.urdf,
         hands=hands_of(raw),
@@ -110,6 +114,7 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
         hover_m=raw.hover,
         obstacles_m=tuple(tuple(obstacle) for obstacle in raw.obstacle),
         margin_m=raw.margin,
+        line_tolerance=(off_mm / 1e3, math.radians(off_deg)),
         noise_m=raw.noise_mm / 1e3,
         noise_rad=math.radians(raw.noise_deg),
         retries=_retries(raw),
@@ -213,6 +218,14 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
         metavar="M",
         help="distance to keep from everything but what is grasped and what it stands on "
         "(default %(default)s m)",
+    )
+    parser.add_argument(
+        "--line-tolerance",
+        nargs=2,
+        type=number_within(LEAST_TOLERANCE, MOST_TOLERANCE, "mm or deg"),
+        default=STRICT,
+        metavar=("MM", "DEG"),
+        help="how far the tip may be off its straight lines, and turned (default 0.1 0.02)",
     )
     parser.add_argument(
         "--noise-mm",

@@ -130,6 +130,9 @@ class Report(Observer):
             "hover_distance_m": self.options.hover_m,
             "speed_ratio": self.options.speed_ratio,
             "margin_m": self.options.margin_m,
+            "line_tolerance": dict(
+                zip(("position_m", "rotation_rad"), self.options.line_tolerance, strict=True)
+            ),
             "noise": _noise(self.options),
             "obstacles_m": [list(obstacle) for obstacle in self.options.obstacles_m],
             "block_poses": [list(pose) for pose in self.options.poses_m],

@@ -23,6 +23,7 @@ from baxter_kin.demo.scene import BLOCK, centred_below, demo_bodies, obstacles, 
 from baxter_kin.errors import BaxterError
 from baxter_kin.model import Baxter
 from planner import (
+    LineTolerance,
     Manipulator,
     PickAndPlace,
     Plan,
@@ -185,7 +186,12 @@ class _Demo:
         options = self._options
         plan = self._planned(
             lambda: plan_pick_and_place(
-                task, self._manipulator, scene, q_start, margin_m=options.margin_m
+                task,
+                self._manipulator,
+                scene,
+                q_start,
+                margin_m=options.margin_m,
+                line_tolerance=LineTolerance(*options.line_tolerance),
             )
         )
         if options.plan is not None and not self._is_plan_saved:

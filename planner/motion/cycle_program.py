@@ -18,7 +18,7 @@ from planner.motion.phases import MotionTask, Phase
 from planner.motion.program import Clearances, MotionProgram
 from planner.motion.splines import Sketch
 from planner.motion.straight_move import at_knots, intervals_on, is_on_line
-from planner.straight_line import LineTolerance, StraightLine
+from planner.straight_line import LineTolerance, StraightLine, checked_tolerance
 from planner.surroundings import Surroundings
 
 ENTRY, ACROSS = 20, 28
@@ -45,7 +45,13 @@ class CycleProgram:
     """The program of one task, for any pair of solutions."""
 
     def __init__(
-        self, manipulator: Manipulator, q_start: Vector, lines: Lines, *, fineness: int = 1
+        self,
+        manipulator: Manipulator,
+        q_start: Vector,
+        lines: Lines,
+        line_tolerance: LineTolerance | None = None,
+        *,
+        fineness: int = 1,
     ) -> None:
         """For an arm that stands somewhere.
 
@@ -53,9 +59,10 @@ class CycleProgram:
             manipulator: the arm and its hand.
             q_start: where it stands, shape (7,), rad.
             lines: where the cycle leads the tip.
+            line_tolerance: how far the tip may be off them; strict when not given.
             fineness: how many times as many intervals there are as usual.
         """
-        self._manipulator = manipulator
+        self._manipulator, self._tolerance = manipulator, checked_tolerance(line_tolerance)
         pick, place, end = lines.T_base_pick, lines.T_base_place, lines.T_base_end
         above_pick, above_place = lines.T_base_above_pick, lines.T_base_above_place
         pick_m, place_m = above_pick.translation[2], above_place.translation[2]
@@ -64,7 +71,7 @@ class CycleProgram:
         self._task = MotionTask(
             q_start,
             tuple(StraightLine(*way) for way in ways),
-            at_knots(LineTolerance()),
+            at_knots(self._tolerance),
             (min(start_m, pick_m) - BELOW_M, min(pick_m, place_m)),
         )
         clear, hover = (max(LEAST_ON_LINE, intervals_on(line)) for line in self._task.lines[1:])
@@ -121,7 +128,7 @@ class CycleProgram:
         pick, place, end = self._task.lines
         _, down_pick, up_pick, _, down_place, up_end = found
         straight = (pick, down_pick), (pick, up_pick), (place, down_place), (end, up_end)
-        is_straight = all(is_on_line(arm, *each, LineTolerance()) for each in straight)
+        is_straight = all(is_on_line(arm, *each, self._tolerance) for each in straight)
         return found if is_straight else None
 
     def _sketched(self, choice: Choice) -> list[Sketch] | None:

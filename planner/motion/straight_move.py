@@ -18,7 +18,7 @@ from planner.errors import MotionError, StraightMoveError
 from planner.motion.guess import Way, along, followed
 from planner.motion.phases import MotionTask, Phase
 from planner.motion.program import MotionProgram
-from planner.straight_line import LineTolerance, StraightLine
+from planner.straight_line import LineTolerance, StraightLine, checked_tolerance
 from planner.timing import plan_joint_move
 from planner.trajectory import Trajectory
 
@@ -91,8 +91,7 @@ def plan_straight_move(
             f"the limits are for {', '.join(names)}; the {arm.side} arm has "
             f"{', '.join(arm.joint_names)}"
         )
-    tolerance = LineTolerance() if line_tolerance is None else line_tolerance
-    expect(tolerance, LineTolerance, "line_tolerance", MotionError)
+    tolerance = checked_tolerance(line_tolerance)
     q = limits.check(q_start, "q_start")
     line = StraightLine(arm.T_base_tip(q), T_base_goal)
     rates = (

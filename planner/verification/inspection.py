@@ -56,7 +56,8 @@ def verify(
         plan: what to check.
         situation: the world before its first step; the plan's own when not given.
         straight: labels of more moves that shall be straight; those that say so are tested anyhow.
-        tolerances: what is allowed; the toolkit's promises when not given.
+        tolerances: what is allowed; the toolkit's promises when not given, and off its lines what
+            the plan states.
         description: which robot it is judged for, such as `robot.description`; the stock robot
             when not given.
         limits: what the arm may do; when not given, the URDF's positions and velocities and the
@@ -90,7 +91,7 @@ def verify(
             raise TaskError(
                 f"no move {quoted(label)} to be straight; the plan has: {shortened(present)}"
             )
-    allowed = Tolerances() if tolerances is None else tolerances
+    allowed = Tolerances.of(plan) if tolerances is None else tolerances
     expect(allowed, Tolerances, "tolerances", TaskError)
     return _Inspection(plan, known, files, allowed, limits).certificate(labels)
 
@@ -153,7 +154,7 @@ class _Inspection:
             steps=len(plan.steps),
             limits=described(self._judge),
             geometry=self._body.source,
-            subject=Subject(plan, self._situation, allowed == Tolerances()),
+            subject=Subject(plan, self._situation, allowed == Tolerances.of(plan)),
         )
 
     def _completeness(self) -> Check:

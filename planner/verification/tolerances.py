@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.display import OneLine
 from planner.errors import TaskError
+from planner.plan import Plan
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -21,7 +22,7 @@ class Tolerances(OneLine):
         ratio: how far a limit may be exceeded by rounding, relative to it.
         tip_m: between a tip and where it was asked to be; what inverse kinematics promises.
         tip_rad: the same for its orientation.
-        line_m: between the tip of a straight move and its line.
+        line_m: between the tip of a straight move and its line, 0.1 mm unless a plan states more.
         line_rad: the same for its orientation, 0.02 degrees.
         clearance_m: what all distances but those of allowed contacts must exceed.
         press_m: how deep an allowed contact may press.
@@ -48,6 +49,12 @@ class Tolerances(OneLine):
     finger_start_m: float = 1e-8
     finger_m: float = 1e-5
     drop_m: float = 0.01
+
+    @classmethod
+    def of(cls, plan: Plan) -> Tolerances:
+        """The toolkit's promises, off its lines those of a plan."""
+        stated = plan.line_tolerance
+        return cls(line_m=stated.position_m, line_rad=stated.rotation_rad)
 
     def __post_init__(self) -> None:
         """Check the numbers."""

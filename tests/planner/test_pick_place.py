@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +30,7 @@ from planner import (
     ClearanceChecker,
     Grip,
     GripperAction,
+    LineTolerance,
     Manipulator,
     Mesh,
     MotionError,
@@ -41,10 +44,12 @@ from planner import (
     Situation,
     TaskError,
     load_object,
+    load_plan,
     plan_joint_move,
     plan_pick_and_place,
     plan_retract,
     plan_start_move,
+    save_plan,
     verify,
 )
 from planner.choice import transfer_bound_s
@@ -670,6 +675,52 @@ class TestMargin:
             plan_pick_and_place(TASK, manipulator, scene, start, margin_m=bad)
         with pytest.raises(MotionError, match="margin"):
             plan_start_move(manipulator, scene, start, start, margin_m=bad)
+
+
+class TestLineTolerance:
+    """How far the tip may be off its lines is the user's to say."""
+
+    def test_a_wider_one_makes_a_faster_cycle_that_is_judged_by_it(
+        self, plan: Plan, manipulator: Manipulator, scene: Scene, tmp_path: Path
+    ) -> None:
+        wide = LineTolerance(0.001, math.radians(0.5))
+        start = manipulator.arm.start
+        loose = plan_pick_and_place(TASK, manipulator, scene, start, line_tolerance=wide)
+        assert loose.motion_time_s < 0.98 * plan.motion_time_s
+        save_plan(loose, tmp_path / "plan.json")
+        found = verify(load_plan(tmp_path / "plan.json"))
+        assert found.is_valid
+        assert 1e-4 < found["distance from line"].value <= wide.position_m
+        assert found["distance from line"].bound == wide.position_m
+        assert found["turn from line"].bound == wide.rotation_rad
+
+    def test_a_plan_that_states_less_than_it_keeps_is_rejected(
+        self, manipulator: Manipulator, scene: Scene
+    ) -> None:
+        wide, start = LineTolerance(0.001, math.radians(0.5)), manipulator.arm.start
+        loose = plan_pick_and_place(TASK, manipulator, scene, start, line_tolerance=wide)
+        found = verify(replace(loose, line_tolerance=LineTolerance()))
+        assert not found["distance from line"].is_passed
+
+    def test_a_retreat_states_it_too(self, manipulator: Manipulator, scene: Scene) -> None:
+        wide, q = LineTolerance(0.002, 0.01), manipulator.ik.solve(overhead(0.6, 0.3, 0.0)).q
+        plan = plan_retract(manipulator, scene, q, 0.1, line_tolerance=wide)
+        assert plan.line_tolerance == wide
+        assert verify(plan).is_valid
+
+    @pytest.mark.parametrize("bad", [1e-3, (1e-3, 1e-3), "strict"])
+    def test_one_that_is_none_raises(
+        self, manipulator: Manipulator, scene: Scene, bad: Any
+    ) -> None:
+        with pytest.raises(MotionError, match="line_tolerance"):
+            plan_pick_and_place(TASK, manipulator, scene, manipulator.arm.start, line_tolerance=bad)
+
+    @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, 1e3, "1 mm", None, True])
+    def test_numbers_that_are_none_raise(self, bad: Any) -> None:
+        with pytest.raises(MotionError, match="line tolerance position_m"):
+            LineTolerance(bad)
+        with pytest.raises(MotionError, match="line tolerance rotation_rad"):
+            LineTolerance(1e-3, bad)
 
 
 class TestContradictions:

@@ -68,6 +68,8 @@ def test_forever_has_no_number_of_cycles() -> None:
         ("--obstacle 0 0 0 1 1", "--obstacle: expected 6 arguments"),
         ("--obstacle 0 0 0 1 1 0", "the size of an obstacle must be above zero"),
         ("--obstacle 0 0 0 1 1 nan", "'nan' is not a finite number"),
+        ("--line-tolerance 0 1", "--line-tolerance: 0 is not from 0.001 to 100 mm or deg"),
+        ("--line-tolerance 1", "--line-tolerance: expected 2 arguments"),
         ("--margin -0.01", "--margin: -0.01 is not from 0 to 10 m"),
         ("--noise-mm -1", "--noise-mm: -1 is not from 0 to 1000 mm"),
         ("--noise-deg 181", "--noise-deg: 181 is not from 0 to 180 deg"),
