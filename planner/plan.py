@@ -26,6 +26,9 @@ from planner.swept_result import SweptContact, SweptProof
 from planner.tally import Tally
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
+SHOWN_RAD = 0.005
+"""A move that ends nearer to the answer of inverse kinematics than this ends there."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Move(OneLine):
@@ -35,7 +38,8 @@ class Move(OneLine):
         label: stage and waypoint, such as "pick: approach".
         trajectory: how it gets there.
         T_base_tip: where the tip shall be; None for a move given in joint angles.
-        ik: the answer that the move ends at; None for a move given in joint angles.
+        ik: what inverse kinematics answered for that pose; None for a move given in joint angles.
+            The move may end at another solution, `moved_rad` away.
         clearance: the least distance that was met on the way, where it was checked.
         proof: that the whole way is clear, where it was proven.
         is_straight: whether the tip moves along a straight line.
@@ -55,6 +59,24 @@ class Move(OneLine):
     def __post_init__(self) -> None:
         """Check."""
         check_fields(self, TaskError)
+
+    @property
+    def moved_rad(self) -> float:
+        """How far the motion program led the joint that it moved most from the answer of `ik`.
+
+        Of all solutions of a pose it takes the one that makes the whole motion fastest.
+        """
+        if self.ik is None or not self.ik.is_valid:
+            return 0.0
+        return float(np.abs(self.trajectory.q_goal - self.ik.q).max())
+
+    @property
+    def seed_label(self) -> str:
+        """Which seed led to the answer, and how far the move ends from it."""
+        if self.ik is None:
+            return "(joint angles)"
+        moved = f", moved by {self.moved_rad:.2f} rad" if self.moved_rad > SHOWN_RAD else ""
+        return f"{self.ik.label}{moved}"
 
     def _facts(self) -> tuple[str, ...]:
         straight = "straight" if self.is_straight else ""

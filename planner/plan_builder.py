@@ -6,9 +6,7 @@ from collections.abc import Sequence
 
 import pinocchio as pin
 
-from baxter_kin import IKResult, SeedType
 from baxter_kin.arrays import Vector
-from baxter_kin.ik import Tolerance
 from planner.errors import MotionError
 from planner.finger_travel import FingerTravel, prove_travel
 from planner.lines import raised
@@ -88,7 +86,6 @@ class PlanBuilder:
         trajectory: Trajectory,
         around: Surroundings,
         T_base_tip: pin.SE3 | None = None,
-        seed_type: SeedType = SeedType.CURRENT,
         *,
         is_straight: bool = False,
     ) -> None:
@@ -99,7 +96,6 @@ class PlanBuilder:
             trajectory: from where the arm stands.
             around: the situation meanwhile.
             T_base_tip: the pose that it ends at; None for a move in joint angles.
-            seed_type: what kind of seed the solution at its end came from.
             is_straight: whether the tip moves along a straight line.
 
         Raises:
@@ -108,7 +104,9 @@ class PlanBuilder:
         result = around.prove(trajectory)
         if isinstance(result, SweptContact):
             raise NoSolutionError(PlanFailure(label, str(result), contact=result))
-        ik = None if T_base_tip is None else self._answer(trajectory, T_base_tip, seed_type)
+        ik = None
+        if T_base_tip is not None:
+            ik = self._manipulator.ik.solve(T_base_tip, current=trajectory.q_start)
         move = Move(label, trajectory, T_base_tip, ik, result.nearest, result, is_straight)
         self.steps.append(move)
 
@@ -187,12 +185,6 @@ class PlanBuilder:
         if isinstance(result, SweptContact):
             raise NoSolutionError(blocked_fingers(label, action, result))
         return result
-
-    def _answer(self, trajectory: Trajectory, T_base_tip: pin.SE3, seed_type: SeedType) -> IKResult:
-        """Where a trajectory ends, as the answer for a pose: a sample, or what follows from one."""
-        arm, q = self._manipulator.arm, trajectory.q_goal
-        errors = Tolerance().excess(T_base_tip, arm.T_base_tip(q))
-        return IKResult(arm.joint_names, q, seed_type, *errors)
 
 
 def refuse_blocked(label: str, q: Vector, around: Surroundings, where: str) -> None:

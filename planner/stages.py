@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import pinocchio as pin
 
-from baxter_kin import SeedType
 from planner.cycle import Cycle
 from planner.lines import Lines
 from planner.phases import Phases
@@ -41,22 +40,16 @@ def build_cycle(builder: PlanBuilder, lines: Lines, phases: Phases, cycle: Cycle
     """
     around, body = phases.around, phases.body.name
 
-    def across(label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
-        builder.add_move(label, trajectory, around[label], T_base_tip)
-
-    def down(label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
-        seed_type = SeedType.NS_MAP
-        builder.add_move(label, trajectory, around[label], T_base_tip, seed_type, is_straight=True)
-
-    def up(label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
-        builder.add_move(label, trajectory, around[label], T_base_tip, is_straight=True)
+    def move(label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
+        is_straight = not label.endswith("approach")
+        builder.add_move(label, trajectory, around[label], T_base_tip, is_straight=is_straight)
 
     builder.add_open("pick: open", phases.opening_m)
-    across("pick: approach", cycle.to_pick, lines.T_base_above_pick)
-    down("pick: descend", cycle.down_to_pick, lines.T_base_pick)
+    move("pick: approach", cycle.to_pick, lines.T_base_above_pick)
+    move("pick: descend", cycle.down_to_pick, lines.T_base_pick)
     builder.add_grip("pick: close", GripperAction.CLOSE, phases.closing, body)
-    up("pick: retract", cycle.up_from_pick, lines.T_base_above_pick)
-    across("place: approach", cycle.to_place, lines.T_base_above_place)
-    down("place: descend", cycle.down_to_place, lines.T_base_place)
+    move("pick: retract", cycle.up_from_pick, lines.T_base_above_pick)
+    move("place: approach", cycle.to_place, lines.T_base_above_place)
+    move("place: descend", cycle.down_to_place, lines.T_base_place)
     builder.add_grip("place: open", GripperAction.OPEN, phases.releasing, body)
-    up("place: retract", cycle.up_from_place, lines.T_base_end)
+    move("place: retract", cycle.up_from_place, lines.T_base_end)

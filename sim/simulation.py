@@ -198,7 +198,7 @@ class Simulation(OneLine):
 
     def _move(self, limb: str, move: Move) -> str | None:
         if move.ik is not None:
-            self._caption += f" (IK: {move.ik.label})"
+            self._caption += f" (IK: {move.seed_label})"
         self._tell(EventKind.MOVE_STARTED, self._caption, move)
         begin_s, end_s = self.time_s, move.trajectory.duration
         for contact in self._contacts(limb, move):

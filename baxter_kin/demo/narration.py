@@ -10,7 +10,7 @@ from baxter_kin.ik import IKResult
 from planner import Move
 from sim import Event, EventKind, Observer
 
-_TABLE = "  {stage:<17} {seed:<22} {residual:<22} {duration}"
+_TABLE = "  {stage:<17} {seed:<40} {residual:<22} {duration}"
 
 
 class Narrator(Observer):
@@ -64,7 +64,7 @@ _TOLD = {EventKind.GRASPED, EventKind.RELEASED, EventKind.MISSED, EventKind.HIT}
 def _row(move: Move) -> str:
     return _TABLE.format(
         stage=move.label,
-        seed="(joint angles)" if move.ik is None else move.ik.label,
+        seed=move.seed_label,
         residual="" if move.ik is None else _residual(move.ik),
         duration=f"{move.trajectory.duration:.3f} s",
     )

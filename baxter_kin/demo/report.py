@@ -182,17 +182,18 @@ def _grips(plan: Plan, action: GripperAction) -> list[Json]:
 
 def _waypoints(plan: Plan) -> list[Json]:
     """The IK result of every waypoint, that of a failed one last."""
-    answers = [(move.label, move.ik) for move in plan.moves if move.ik is not None]
+    answers = [(move.label, move.ik, move.moved_rad) for move in plan.moves if move.ik is not None]
     if plan.failure is not None and plan.failure.ik is not None:
-        answers.append((plan.failure.stage, plan.failure.ik))
-    return [_waypoint(label, ik) for label, ik in answers]
+        answers.append((plan.failure.stage, plan.failure.ik, 0.0))
+    return [_waypoint(*answer) for answer in answers]
 
 
-def _waypoint(label: str, ik: IKResult) -> Json:
+def _waypoint(label: str, ik: IKResult, moved_rad: float) -> Json:
     return {
         "waypoint": label,
         "seed_type": ik.seed_type.name,
         "seed_label": ik.label,
+        "moved_rad": moved_rad,
         "position_error_m": ik.position_error_m,
         "orientation_error_rad": ik.orientation_error_rad,
         "joints": ik.joints,

@@ -21,8 +21,11 @@ from planner.motion.straight_move import at_knots, intervals_on, is_on_line
 from planner.straight_line import LineTolerance, StraightLine, checked_tolerance
 from planner.surroundings import Surroundings
 
-ENTRY, ACROSS = 20, 28
+ENTRY, ACROSS = 14, 20
 """Intervals on the way to the first line, and between both lines."""
+
+LED_ENTRY, LED_ACROSS = 20, 28
+"""The same where the motion is led around obstacles, which takes more turns."""
 
 LEAST_ON_LINE, MOST_ON_LINE, SHORTEST_LINE_M = 10, 80, 1e-4
 """Intervals on a line. Longer and shorter lines are left to others."""
@@ -76,13 +79,14 @@ class CycleProgram:
         )
         clear, hover = (max(LEAST_ON_LINE, intervals_on(line)) for line in self._task.lines[1:])
         usual = ENTRY, clear, clear, ACROSS, clear, hover
+        led = LED_ENTRY, clear, clear, LED_ACROSS, clear, hover
         shortest_m = min(line.length_m for line in self._task.lines)
         self._is_usual = max(usual) <= MOST_ON_LINE and shortest_m >= SHORTEST_LINE_M
-        self._intervals = tuple(fineness * count for count in usual)
+        self._intervals, self._led = ([fineness * n for n in counts] for counts in (usual, led))
 
     def near(self, cycle: Cycle) -> Cycle | None:
         """The fastest cycle near one; None where none is found."""
-        return self._solved(self._sketches_of(cycle)) if self._is_usual else None
+        return self._solved(_sketches(cycle, self._intervals)) if self._is_usual else None
 
     def of(self, choice: Choice) -> Cycle | None:
         """The fastest cycle near a pair of solutions; None where none is found."""
@@ -100,18 +104,13 @@ class CycleProgram:
         """
         if not self._is_usual:
             return []
-        sketches = self._sketches_of(cycle)
+        sketches = _sketches(cycle, self._led)
         places = [situations[stage] for stage in RESTING]
         obstacles = [
             around.space.obstacles(sketch.q[resting], around.margin_m + LED_CLEAR_M)
             for around, sketch, resting in zip(places, sketches, RESTING.values(), strict=True)
         ]
         return [Cycle(*motions) for motions in led_around(self._motions, obstacles, sketches)]
-
-    def _sketches_of(self, cycle: Cycle) -> list[Sketch]:
-        motions = cycle.by_stage.values()
-        pairs = zip(motions, self._intervals, strict=True)
-        return [Sketch.of(motion, count) for motion, count in pairs]
 
     def _solved(self, sketches: Sequence[Sketch]) -> Cycle | None:
         motions = self._motions(sketches)
@@ -121,7 +120,8 @@ class CycleProgram:
         self, sketches: Sequence[Sketch], clearances: Clearances | None = None
     ) -> Motions | None:
         arm, limits = self._manipulator.arm, self._manipulator.limits
-        program = _program(self._intervals, keeps_clear=clearances is not None)
+        intervals = tuple(len(sketch.q) - 1 for sketch in sketches)
+        program = _program(intervals, keeps_clear=clearances is not None)
         found = program.solve(sketches, self._task, arm, limits, clearances)
         if found is None:
             return None
@@ -149,6 +149,11 @@ class CycleProgram:
         to_pick = between(standing, down_pick, limits, entry)
         to_place = between(up_pick, down_place, limits, across)
         return [to_pick, down_pick, up_pick, to_place, down_place, up_end]
+
+
+def _sketches(cycle: Cycle, intervals: Sequence[int]) -> list[Sketch]:
+    pairs = zip(cycle.by_stage.values(), intervals, strict=True)
+    return [Sketch.of(motion, count) for motion, count in pairs]
 
 
 @lru_cache(maxsize=8)

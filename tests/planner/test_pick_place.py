@@ -21,7 +21,6 @@ from baxter_kin import (
     ElectricGripper,
     LimitsError,
     PoseError,
-    SeedType,
     UnknownNameError,
 )
 from planner import (
@@ -167,18 +166,25 @@ def test_every_waypoint_is_reached_by_the_tip_of_the_whole_robots_urdf(
         assert np.linalg.norm(error[3:]) <= REACHED_M
 
 
-def test_every_move_ends_at_its_ik_result(plan: Plan) -> None:
+def test_every_waypoint_is_asked_of_the_service_and_its_answer_is_told(
+    plan: Plan, manipulator: Manipulator
+) -> None:
+    """From where the arm stood before, as by hand; and how far the move ends from that."""
     for move in plan.moves:
+        asked = manipulator.ik.solve(move.T_base_tip, current=move.trajectory.q_start)
         assert move.ik is not None
-        assert move.ik.is_valid
-        assert move.trajectory.q_goal.tolist() == move.ik.q.tolist()
+        assert move.ik.q.tolist() == asked.q.tolist()
+        assert move.ik.seed_type is asked.seed_type
+        moved_rad = np.abs(move.trajectory.q_goal - asked.q).max()
+        assert move.moved_rad == moved_rad
+        label = asked.seed_type.label
+        told = f"{label}, moved by {moved_rad:.2f} rad" if moved_rad > 0.005 else label
+        assert move.seed_label == told
 
 
-def test_solutions_at_the_poses_are_chosen_and_those_above_follow_from_them(plan: Plan) -> None:
-    for move in plan.moves:
-        chosen = move.label.endswith("descend")
-        assert move.ik is not None
-        assert move.ik.seed_type is (SeedType.NS_MAP if chosen else SeedType.CURRENT)
+def test_a_move_in_joint_angles_has_no_seed(plan: Plan) -> None:
+    move = replace(plan.moves[0], T_base_tip=None, ik=None)
+    assert (move.seed_label, move.moved_rad) == ("(joint angles)", 0.0)
 
 
 def test_every_move_goes_on_as_the_one_before_ended(plan: Plan, manipulator: Manipulator) -> None:
