@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain, islice
+from itertools import islice
 
 import numpy as np
 
@@ -193,14 +193,18 @@ class CycleSearch:
     def _improved(self, plan: Plan) -> Plan:
         """The fastest cycle near a plan's, where that is shorter and proven; else the plan."""
         cycle = Cycle(*(move.trajectory for move in plan.moves))
-        near = self._program.near(cycle)
-        led = self._program.around(cycle, self._phases.around)
-        for faster in chain([] if near is None else [near], led):
+        for faster in self._faster(cycle):
             if faster.duration_s < plan.motion_time_s:
                 improved = self._along(faster)
                 if improved.is_valid:
                     return improved
         return plan
+
+    def _faster(self, cycle: Cycle) -> Iterator[Cycle]:
+        near = self._program.near(cycle)
+        if near is not None:
+            yield near
+        yield from self._program.around(cycle, self._phases.around)
 
     def _stopping(self, pairs: Pairs) -> Iterator[Plan]:
         """Cycles that stop above pick and place; a pair that fails closes others like it."""

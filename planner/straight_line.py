@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector, finite_scalar, positive_scalar
+from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, millimetres, position
 from baxter_kin.errors import expect, millimetres_hint
@@ -33,6 +33,9 @@ FARTHEST = 1e6
 """How many times its length a line may be followed, either way; beyond, turns lose digits."""
 
 
+LEAST_M, LEAST_RAD = 2e-6, 1e-5
+"""Of a tolerance: poses at the ends of lines are exact within a hundredth of that."""
+
 STRICT_M, STRICT_RAD = 1e-4, math.radians(0.02)
 """How far a tip may be off its line unless said otherwise."""
 
@@ -42,9 +45,9 @@ class LineTolerance(OneLine):
     """How far a tip may be off its line: 0.1 mm and 0.02 deg unless said otherwise.
 
     Attributes:
-        position_m: from the line, above zero.
-        rotation_rad: from the orientation that belongs to the nearest point of it, above zero and
-            below half a turn.
+        position_m: from the line; from `LEAST_M` on.
+        rotation_rad: from the orientation that belongs to the nearest point of it; from `LEAST_RAD`
+            on, below half a turn.
 
     Raises:
         MotionError: when one is no such number.
@@ -55,10 +58,13 @@ class LineTolerance(OneLine):
 
     def __post_init__(self) -> None:
         """Check."""
-        for name, most in (("position_m", FARTHEST_M), ("rotation_rad", math.pi)):
-            value = positive_scalar(getattr(self, name), f"line tolerance {name}", MotionError)
-            if value >= most:
-                raise MotionError(f"line tolerance {name} must be below {most:g}, got {value:g}")
+        ranges = ("position_m", LEAST_M, FARTHEST_M), ("rotation_rad", LEAST_RAD, math.pi)
+        for name, least, most in ranges:
+            value = finite_scalar(getattr(self, name), f"line tolerance {name}", MotionError)
+            if not least <= value < most:
+                raise MotionError(
+                    f"line tolerance {name} must be from {least:g} to below {most:g}, got {value:g}"
+                )
             object.__setattr__(self, name, value)
 
     def _facts(self) -> tuple[str, ...]:

@@ -60,7 +60,7 @@ class Surroundings:
         """
         self._manipulator = expect(manipulator, Manipulator, "manipulator", TaskError)
         self._finger_m = finger_m
-        self._proven: tuple[Trajectory, SweptResult] | None = None  # often asked for twice
+        self._proven: tuple[Trajectory | None, SweptResult | None] = None, None  # asked for twice
         self.margin_m = checked_margin_m(margin_m)
         self.checker = ClearanceChecker(
             manipulator.shapes,
@@ -95,11 +95,12 @@ class Surroundings:
 
     def prove(self, trajectory: Trajectory) -> SweptResult:
         """A proof that a motion keeps the margin, or what speaks against it."""
-        if self._proven is None or self._proven[0] is not trajectory:
+        known, result = self._proven
+        if known is not trajectory or result is None:
             others, margin_m = self.full_configuration, self.margin_m
             result = prove_clear(self.checker, trajectory, others, margin_m=margin_m)
             self._proven = trajectory, result
-        return self._proven[1]
+        return result
 
     def is_clear(self, trajectory: Trajectory) -> bool:
         """Whether a motion is proven to keep the margin; looked at in samples first."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import ruckig
@@ -20,7 +21,7 @@ from baxter_kin import JointLimits
 from baxter_kin.arrays import Indices, Vector, finite_array
 from baxter_kin.errors import expect
 from planner.errors import MotionError, TrajectoryError
-from planner.trajectory import CONTINUITY_TOLERANCE, JointState, Trajectory
+from planner.trajectory import CONTINUITY_TOLERANCE, JointState, Trajectory, joined
 
 SHORTEST_SEGMENT_S = 1e-12
 """Phases shorter than this are rounding of Ruckig's and are dropped."""
@@ -86,19 +87,9 @@ def plan_joint_move(
     return trajectory
 
 
-def least_duration_s(start: JointState, goal: JointState, limits: JointLimits) -> float:
-    """How long the fastest motion between two states takes, ten times faster than making it.
-
-    Args:
-        start: each of shape (n,), inside the limits; not checked.
-        goal: the same.
-        limits: of those n joints.
-
-    Raises:
-        MotionError: when no motion joins the states.
-    """
-    problem = _problem(start, goal, limits, ruckig.Synchronization.Time)
-    return float(_solved(problem, limits.names).duration)
+def stopping_at(corners: Vector, limits: JointLimits) -> Trajectory:
+    """The fastest motion along straight lines from corner to corner, (m, n), at rest in each."""
+    return joined([plan_joint_move(q, q_next, limits) for q, q_next in pairwise(corners)])
 
 
 def _same(state: JointState, other: JointState) -> bool:

@@ -28,7 +28,7 @@ from baxter_kin.arrays import Vector
 from planner.motion import straight_move
 from planner.motion.guess import followed
 from planner.motion.straight_move import plan_straight_move
-from planner.straight_line import LEAST_LENGTH, StraightLine
+from planner.straight_line import LEAST_LENGTH, LineTolerance, StraightLine
 from planner.trajectory import Trajectory
 
 OVERHEAD_XYZW = (0.0, 1.0, 0.0, 0.0)
@@ -79,7 +79,7 @@ def main() -> None:
 
 def _finer(case: Case) -> Trajectory:
     usual = straight_move.FEWEST
-    straight_move.FEWEST = FINER * max(usual, straight_move.intervals_on(case.line))
+    straight_move.FEWEST = FINER * straight_move.intervals_on(case.line, LineTolerance(), usual)
     try:
         return _planned(case)[0]
     finally:

@@ -13,7 +13,7 @@ from planner.cycle import Cycle
 from planner.lines import Lines
 from planner.manipulator import Manipulator
 from planner.motion.avoidance import LED_CLEAR_M, Motions, led_around
-from planner.motion.guess import Way, along, backwards, between
+from planner.motion.guess import Followed, Way, along, backwards, between
 from planner.motion.phases import MotionTask, Phase
 from planner.motion.program import Clearances, MotionProgram
 from planner.motion.splines import Sketch
@@ -77,7 +77,9 @@ class CycleProgram:
             at_knots(self._tolerance),
             (min(start_m, pick_m) - BELOW_M, min(pick_m, place_m)),
         )
-        clear, hover = (max(LEAST_ON_LINE, intervals_on(line)) for line in self._task.lines[1:])
+        clear, hover = (
+            intervals_on(line, self._tolerance, LEAST_ON_LINE) for line in self._task.lines[1:]
+        )
         usual = ENTRY, clear, clear, ACROSS, clear, hover
         led = LED_ENTRY, clear, clear, LED_ACROSS, clear, hover
         shortest_m = min(line.length_m for line in self._task.lines)
@@ -142,7 +144,9 @@ class CycleProgram:
         up_pick = along(arm, limits, choice.q_pick, Way(pick, at_pick))
         up_place = along(arm, limits, choice.q_place, Way(place, at_place))
         up_end = along(arm, limits, choice.q_place, Way(end, at_end, ends_at_rest=True))
-        if up_pick is None or up_place is None or up_end is None:
+        if isinstance(up_pick, Followed) or isinstance(up_place, Followed):
+            return None
+        if isinstance(up_end, Followed):
             return None
         down_pick, down_place = backwards(up_pick), backwards(up_place)
         standing = Sketch(self._task.q_start[None], np.zeros((2, 7)), 0.0)

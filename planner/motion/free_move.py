@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache
-from itertools import pairwise
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -36,8 +35,8 @@ from planner.path import EDGE_STEP_RAD, search_corners
 from planner.rest_time import rest_to_rest_s
 from planner.screening import SCREENING_STEP_RAD, IsFree, looks_clear
 from planner.swept import checked_margin_m
-from planner.timing import plan_joint_move
-from planner.trajectory import Trajectory, joined
+from planner.timing import plan_joint_move, stopping_at
+from planner.trajectory import Trajectory
 
 MARGIN_M = 0.005
 """Distance kept between samples and obstacles, so that the motion between samples is clear too."""
@@ -172,7 +171,7 @@ def plan_free_move(
         is_clear: the judge of a whole motion; no other is returned than it says yes to.
         rng: where random numbers come from; the same ones make the same motion, as long as time is
             not up. Always the same when not given.
-        timeout_s: when to give up searching.
+        timeout_s: when to give up searching for ways around; to make them fast takes its own time.
         margin_m: distance to keep while searching; near start and goal, what they leave.
 
     Returns:
@@ -304,11 +303,6 @@ class _Search:
 @cache
 def _program() -> MotionProgram:
     return MotionProgram([Phase(INTERVALS, rests=True, at_goal=True)], keeps_clear=True)
-
-
-def stopping_at(corners: Vector, limits: JointLimits) -> Trajectory:
-    """The fastest motion along straight lines from corner to corner, (m, n), at rest in each."""
-    return joined([plan_joint_move(q, q_next, limits) for q, q_next in pairwise(corners)])
 
 
 def _through(corners: Vector, limits: JointLimits) -> Sketch:

@@ -40,8 +40,8 @@ class Way(NamedTuple):
     ends_at_rest: bool = False
 
 
-def along(arm: Arm, limits: JointLimits, q: Vector, way: Way) -> Sketch | None:
-    """Along a line, from rest at a configuration; None where the arm cannot follow.
+def along(arm: Arm, limits: JointLimits, q: Vector, way: Way) -> Sketch | Followed:
+    """Along a line, from rest at a configuration; how far where the arm cannot follow.
 
     Args:
         arm: whose tip moves.
@@ -51,13 +51,15 @@ def along(arm: Arm, limits: JointLimits, q: Vector, way: Way) -> Sketch | None:
     """
     t = np.linspace(0.0, 1.0, 1 + way.intervals)
     passed = t**3 * (10.0 - 15.0 * t + 6.0 * t**2) if way.ends_at_rest else t**2
-    qs = np.array([q, *followed(arm, limits, q, way.line, passed[1:].tolist()).qs])
-    if len(qs) < len(t):
-        return None
+    there = followed(arm, limits, q, way.line, passed[1:].tolist())
+    if len(there.qs) < way.intervals:
+        return there
+    qs = np.array([q, *there.qs])
     v_ends, duration_s = np.zeros((2, 7)), float(rest_to_rest_s(qs[-1] - q, limits))
     if way.ends_at_rest:
-        peaks = np.array(trajectory_of(Sketch(qs, v_ends, 1.0).controls, 1.0, limits).peak_ratios())
-        duration_s = float(np.max(peaks[:2] ** np.array([1.0, 1 / 2])))
+        controls = Sketch(qs, v_ends, 1.0).controls
+        velocity, acceleration, _ = trajectory_of(controls, 1.0, limits).peak_ratios()
+        duration_s = max(duration_s, velocity, acceleration**0.5)
     else:
         duration_s *= SPEEDING
         v_ends[1] = 2.0 * (qs[-1] - qs[-2]) / (passed[-1] - passed[-2]) / duration_s

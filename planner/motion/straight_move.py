@@ -15,11 +15,17 @@ from baxter_kin.errors import expect, millimetres_hint
 from baxter_kin.frames import PoseLike, angle_between
 from baxter_kin.ik.reach import ReachBound
 from planner.errors import MotionError, StraightMoveError
-from planner.motion.guess import Way, along, followed
+from planner.motion.guess import Followed, Way, along
 from planner.motion.phases import MotionTask, Phase
 from planner.motion.program import MotionProgram
-from planner.straight_line import LineTolerance, StraightLine, checked_tolerance
-from planner.timing import plan_joint_move
+from planner.straight_line import (
+    STRICT_M,
+    STRICT_RAD,
+    LineTolerance,
+    StraightLine,
+    checked_tolerance,
+)
+from planner.timing import plan_joint_move, stopping_at
 from planner.trajectory import Trajectory
 
 FEWEST, INTERVAL_M, INTERVAL_RAD = 20, 0.011, 0.05
@@ -30,9 +36,9 @@ HALVINGS = 3
 """How often intervals are halved where it does."""
 
 SHORT = 1e-4
-"""Lines up to this, in m and rad together, are straight in joint space, within their square."""
+"""Lines up to this, in m and rad together, are straight in joint space but near singularities."""
 
-LOOKS, LEFT = 4, 0.9
+LOOKS, SHARE = 4, 0.9
 """How often the tip is looked at in an interval, and the share of a tolerance that it may be off
 there, for what is between two looks."""
 
@@ -65,7 +71,7 @@ def plan_straight_move(
     orientation on the shortest rotation between both, at the same fraction of the way, within the
     tolerance, and at both ends within 1e-8. The arm's self-motion is free; no IK branch is jumped.
     Where the line is shorter than `straight_line.LEAST_LENGTH` (m and rad together), the motion has
-    no duration.
+    no duration. Where no fast motion is found, the arm goes from knot to knot of the line.
 
     Args:
         arm: whose tip moves.
@@ -82,8 +88,10 @@ def plan_straight_move(
         ConfigurationError: when `q_start` has another shape, is not finite or outside the limits.
         PoseError: when `T_base_goal` is no pose.
         StraightMoveError: when the line leaves the arm's reach, crosses a singularity, leads a
-            joint to a limit, or turns by half a turn; with the fraction of it that is possible.
-        MotionError: when the limits are of other joints, or the ends are too fast.
+            joint to a limit, or turns by half a turn; with the fraction of it that steps of least
+            norm can follow.
+        MotionError: when the limits are of other joints, the ends are too fast, or no motion is
+            found.
     """
     names = expect(limits, JointLimits, "limits", MotionError).names
     if names != expect(arm, Arm, "arm", MotionError).joint_names:
@@ -107,7 +115,7 @@ def plan_straight_move(
 def is_on_line(arm: Arm, line: StraightLine, motion: Trajectory, tolerance: LineTolerance) -> bool:
     """Whether the tip keeps to a line, looked at between the knots too."""
     looks = np.linspace(0.0, motion.duration, LOOKS * (len(motion.knots_s) - 1) + 1)
-    most_m, most_rad = LEFT * tolerance.position_m, LEFT * tolerance.rotation_rad
+    most_m, most_rad = SHARE * tolerance.position_m, SHARE * tolerance.rotation_rad
     for q in motion.sample(looks).q:
         T = arm.T_base_tip(q)
         there = line.at(line.nearest(T))
@@ -123,17 +131,22 @@ def at_knots(tolerance: LineTolerance, lines: Sequence[StraightLine] = ()) -> tu
 
     Less where a tip that is ahead of its turn on the line would be turned by more.
     """
-    most = LEFT * np.array([tolerance.position_m, tolerance.rotation_rad])
-    between = np.minimum(BETWEEN, 0.65 * most / LEFT)
+    most = SHARE * np.array([tolerance.position_m, tolerance.rotation_rad])
+    between = np.minimum(BETWEEN, 0.65 * most / SHARE)
     position_m, rotation_rad = ((most - between) / math.sqrt(3.0)).tolist()
     for line in lines:
         position_m = min(position_m, rotation_rad * line.length_m / max(line.angle_rad, TINY))
     return max(position_m, TINY), rotation_rad
 
 
-def intervals_on(line: StraightLine) -> int:
-    """How many a line has; in steps, so that there are few programs."""
-    needed = max(line.length_m / INTERVAL_M, line.angle_rad / INTERVAL_RAD)
+def intervals_on(line: StraightLine, tolerance: LineTolerance, fewest: int) -> int:
+    """How many a line has, so many at least; in steps, so that there are few programs.
+
+    What a spline leaves between knots goes with the fourth power of their distance.
+    """
+    needed = max(line.length_m / INTERVAL_M, line.angle_rad / INTERVAL_RAD, fewest)
+    tighter = max(1.0, STRICT_M / tolerance.position_m, STRICT_RAD / tolerance.rotation_rad)
+    needed *= math.sqrt(math.sqrt(tighter))
     step = 2 if needed <= 20 else 10
     return step * math.ceil(needed / step)
 
@@ -147,29 +160,33 @@ def _planned(
         MotionError: when there is none.
     """
     (line,), rates = task.lines, task.rates
-    intervals, is_at_rest = max(FEWEST, intervals_on(line)), not any(rates)
+    intervals, is_at_rest = intervals_on(line, tolerance, FEWEST), not any(rates)
     enters, leaves = any(rates[:2]), any(rates[2:])
     for _ in range(1 + HALVINGS):
-        way = Way(line, intervals, ends_at_rest=True)
-        guess = along(arm, limits, task.q_start, way)
-        if guess is None:
-            raise _why_not(arm, limits, task.q_start, line)
+        guess = along(arm, limits, task.q_start, Way(line, intervals, ends_at_rest=True))
+        if isinstance(guess, Followed):
+            raise _why_not(arm, limits, line, guess)
         if is_at_rest and np.linalg.norm(line.twist) <= SHORT:
-            return plan_joint_move(task.q_start, guess.q[-1], limits)
+            motion = plan_joint_move(task.q_start, guess.q[-1], limits)
+            if is_on_line(arm, line, motion, tolerance):
+                return motion
         _refuse_too_fast(arm, limits, task, guess.q[-1])
         phase = Phase(intervals, 0, rests=not leaves, enters=enters, leaves=leaves)
         found = _program(phase).solve([guess], task, arm, limits)
-        if found is None:
-            break
-        if is_on_line(arm, line, found[0], tolerance):
+        if found is not None and is_on_line(arm, line, found[0], tolerance):
             return found[0]
+        if found is None and not is_at_rest and intervals > FEWEST:
+            break
         intervals *= 2
-    if not is_at_rest:
-        raise MotionError(
-            f"no motion inside the limits was found; a line of {1e3 * line.length_m:.3g} mm may be "
-            "too short for that change of speed"
-        )
-    raise _too_sharp(arm, limits, task.q_start, line)
+    if is_at_rest:
+        motion = stopping_at(np.concatenate([task.q_start[None], guess.q[1:]]), limits)
+        if is_on_line(arm, line, motion, tolerance):
+            return motion
+    told = "" if is_at_rest else " that has these speeds and accelerations at its ends"
+    raise MotionError(
+        "no motion inside the limits was found along the line of "
+        f"{1e3 * line.length_m:.3g} mm{told}"
+    )
 
 
 @lru_cache(maxsize=16)
@@ -185,6 +202,12 @@ def _rates(line: StraightLine, which: str, speed: float, acceleration: float) ->
         raise MotionError(f"speed_{which}_m_s must not be negative, got {speed:g}")
     if speed == 0.0 and acceleration == 0.0:
         return np.zeros(2)
+    backwards = acceleration < 0.0 if which == "start" else acceleration > 0.0
+    if speed == 0.0 and backwards:
+        raise MotionError(
+            f"acceleration_{which}_m_s2 of {acceleration:g} without a speed there leads off the "
+            f"{which} of the line"
+        )
     if line.length_m <= 0.0 or line.is_point:
         raise MotionError(
             f"the tip turns on the spot, so it has no speed along the line; speed_{which}_m_s and "
@@ -209,28 +232,14 @@ def _refuse_too_fast(arm: Arm, limits: JointLimits, task: MotionTask, q_end: Vec
             )
 
 
-def _why_not(arm: Arm, limits: JointLimits, q: Vector, line: StraightLine) -> StraightMoveError:
-    """Where following a line ends, and why."""
-    end = followed(arm, limits, q, line, (1.0,))
+def _why_not(arm: Arm, limits: JointLimits, line: StraightLine, end: Followed) -> StraightMoveError:
+    """Where following a line ended, and why."""
     reason = _stopped(arm, limits, end.q)
     proof = ReachBound(arm).proof(line.T_base_goal)
     if proof is not None:
         reason = f"the goal is out of reach, {proof}; {reason}"
-    return StraightMoveError(
-        end.fraction, f"{reason}{millimetres_hint(*line.T_base_goal.translation)}"
-    )
-
-
-def _too_sharp(arm: Arm, limits: JointLimits, q: Vector, line: StraightLine) -> StraightMoveError:
-    """Where a line that can be followed leads nearest to a singularity."""
-    qs = [q, *followed(arm, limits, q, line, np.linspace(0.0, 1.0, 65)[1:].tolist()).qs]
-    least = [float(np.linalg.svd(arm.jacobian(q), compute_uv=False)[-1]) for q in qs]
-    i = int(np.argmin(least))
-    return StraightMoveError(
-        line.nearest(arm.T_base_tip(qs[i])),
-        "the arm passes a singularity there, so closely that no motion inside the limits was found:"
-        f" the smallest singular value of its Jacobian falls to {least[i]:.2g} (m, rad)",
-    )
+    hint = millimetres_hint(*line.T_base_goal.translation)
+    return StraightMoveError(end.fraction, f"{reason}{hint}")
 
 
 def _stopped(arm: Arm, limits: JointLimits, q: Vector) -> str:

@@ -11,7 +11,7 @@ from hypothesis import assume
 
 from baxter_kin import Arm, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.arrays import Vector
-from planner import StraightLine, StraightMoveError, Trajectory, plan_straight_move
+from planner import LineTolerance, StraightLine, StraightMoveError, Trajectory, plan_straight_move
 
 OVERHEAD_XYZW = (0.0, 1.0, 0.0, 0.0)
 DESCENT_M = 0.15
@@ -33,7 +33,11 @@ def q_above(arm: Arm, height_m: float = DESCENT_M) -> Vector:
 
 
 def random_move(
-    arm: Arm, seed: int, limits: JointLimits | None = None, longest_m: float = 0.15
+    arm: Arm,
+    seed: int,
+    limits: JointLimits | None = None,
+    longest_m: float = 0.15,
+    line_tolerance: LineTolerance | None = None,
 ) -> tuple[Trajectory, StraightLine]:
     """A straight move from anywhere, in any direction, with a turn or without, and its line.
 
@@ -45,7 +49,8 @@ def random_move(
     q = rng.uniform(allowed.q_min + 0.2 * span, allowed.q_max - 0.2 * span)
     goal = random_goal(arm, q, rng, longest_m)
     try:
-        return plan_straight_move(arm, q, goal, allowed), StraightLine(arm.T_base_tip(q), goal)
+        motion = plan_straight_move(arm, q, goal, allowed, line_tolerance=line_tolerance)
+        return motion, StraightLine(arm.T_base_tip(q), goal)
     except StraightMoveError:
         assume(False)
         raise

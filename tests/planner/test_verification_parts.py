@@ -142,7 +142,7 @@ def test_between_looks_the_tip_stays_as_near_its_line_as_is_said(
     goal = start + 0.1 * second * np.linspace(0.5, 1.0, 7)  # turned by small angles
     way = plan_joint_move(start, goal, manipulator.limits)
     standing = np.array(manipulator.robot.configuration())
-    found = line_deviation(way, urdf, standing)
+    found = line_deviation(way, urdf, standing, Tolerances())
     ends = [urdf.T_base_tip(standing, q) for q in (way.q_start, way.q_goal)]
     off = np.array(
         [
@@ -186,7 +186,7 @@ def test_a_turn_of_the_shoulder_leaves_the_line_by_the_sagitta(
     assert manipulator.robot.model.names[2] == "left_s0"
     arm = manipulator.arm.T_base_tip(start).translation - axis
     sagitta = float(np.hypot(arm[0], arm[1])) * (1 - math.cos(0.3))
-    found = line_deviation(way, urdf, standing)
+    found = line_deviation(way, urdf, standing, Tolerances())
     assert found.position_m == pytest.approx(sagitta, abs=1e-6)
     assert found.position_time_s == pytest.approx(way.duration / 2, abs=2e-3)
 
@@ -196,7 +196,7 @@ def test_a_turn_of_the_hand_about_its_axis_is_straight(
 ) -> None:
     start = manipulator.arm.neutral
     way = plan_joint_move(start, start + np.eye(7)[6], manipulator.limits)
-    found = line_deviation(way, urdf, np.array(manipulator.robot.configuration()))
+    found = line_deviation(way, urdf, np.array(manipulator.robot.configuration()), Tolerances())
     assert found.position_m < 1e-12
     assert found.orientation_rad < 1e-8  # of an angle near zero: half the digits
 

@@ -25,11 +25,9 @@ LINE_STEP_M = 1e-3
 MOST_LOOKS = 100_000
 """Steps of one straight move; where they do not suffice the bound in between grows."""
 
-BETWEEN_M, BETWEEN_RAD = 2e-6, 7e-6
-"""A fiftieth of what a line may leave: with more than that left open between two looks, more looks
-are taken, but no more than `MOST_PARTS` times as many."""
-
-MOST_PARTS = 64
+BETWEEN, LEAST, MOST_PARTS = 0.02, 1e-8, 64
+"""With more than this share of what a line may leave left open between two looks, and more than so
+much, m and rad, more looks are taken, but no more than so many times as many."""
 
 SHORTEST_LINE_M = 1e-6
 """Shorter lines are points, known no better than a tip pose."""
@@ -68,7 +66,9 @@ def tip_checks(
     yield from _lines(plan, robot, q_standing, straight, allowed)
 
 
-def line_deviation(trajectory: Trajectory, robot: UrdfRobot, q_standing: Vector) -> LineDeviation:
+def line_deviation(
+    trajectory: Trajectory, robot: UrdfRobot, q_standing: Vector, allowed: Tolerances
+) -> LineDeviation:
     """How far the tip leaves the straight line between its first and last pose.
 
     The orientation that belongs to a point of the line is the share of the shortest rotation that
@@ -78,7 +78,8 @@ def line_deviation(trajectory: Trajectory, robot: UrdfRobot, q_standing: Vector)
     looks = sampled_path(cubics, reach_m, LINE_STEP_M, MOST_LOOKS, with_knots=True)
     ends = [robot.T_base_tip(q_standing, q) for q in looks.q[[0, -1]]]
     turn_per_m = _line_turn(*ends)
-    looks = _refined(cubics, looks, reach_m, turn_per_m)
+    most = max(BETWEEN * allowed.line_m, LEAST), max(BETWEEN * allowed.line_rad, LEAST)
+    looks = _refined(cubics, looks, reach_m, turn_per_m, most)
     between_m, between_rad = _between(cubics, looks, reach_m, turn_per_m)
     off, turned = np.array([_off_line(robot.T_base_tip(q_standing, q), *ends) for q in looks.q]).T
     first, second = int(off.argmax()), int(turned.argmax())
@@ -92,10 +93,16 @@ def line_deviation(trajectory: Trajectory, robot: UrdfRobot, q_standing: Vector)
     )
 
 
-def _refined(cubics: Cubics, looks: SampledPath, reach_m: Vector, turn_per_m: float) -> SampledPath:
-    """As many looks as leave no more open in between than `BETWEEN_M` and `BETWEEN_RAD`."""
+def _refined(
+    cubics: Cubics,
+    looks: SampledPath,
+    reach_m: Vector,
+    turn_per_m: float,
+    most: tuple[float, float],
+) -> SampledPath:
+    """As many looks as leave no more open in between than so much, m and rad."""
     off_m, off_rad = _between(cubics, looks, reach_m, turn_per_m)
-    parts = np.sqrt(np.maximum(off_m / BETWEEN_M, off_rad / BETWEEN_RAD))
+    parts = np.sqrt(np.maximum(off_m / most[0], off_rad / most[1]))
     counts = np.clip(np.ceil(parts), 1, MOST_PARTS).astype(np.intp)
     starts, lengths = np.repeat(looks.times_s[:-1], counts), np.diff(looks.times_s)
     number = np.arange(len(starts)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -140,7 +147,7 @@ def _lines(
     off, turned = [], []
     for move in plan.moves:
         if move.is_straight or move.label in straight:
-            found = line_deviation(move.trajectory, robot, q_standing)
+            found = line_deviation(move.trajectory, robot, q_standing, allowed)
             where = f"{move.label}, {found.position_time_s:.4f} s"
             off.append(Worst(found.position_m + found.between_m, where))
             where = f"{move.label}, {found.orientation_time_s:.4f} s"

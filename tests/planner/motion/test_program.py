@@ -87,7 +87,7 @@ def straight(
     T, limits = arm.T_base_tip(q), arm.limits.scaled(speed)
     line = StraightLine(T, raised(T, height_m))
     guess = along(arm, limits, q, Way(line, intervals, ends_at_rest=True))
-    assert guess is not None
+    assert isinstance(guess, Sketch)
     program = MotionProgram([Phase(intervals, 0, rests=True)])
     found = program.solve([guess], MotionTask(q, (line,), TOLERANCE), arm, limits)
     assert found is not None

@@ -12,9 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baxter_kin import Arm, Baxter, ConfigurationError, PoseError
+from baxter_kin import Arm, Baxter, ConfigurationError, IKService, PoseError
 from baxter_kin.model import MIRROR
 from planner import (
+    LineTolerance,
     MotionError,
     StraightLine,
     StraightMoveError,
@@ -124,9 +125,13 @@ def test_a_descent_uses_a_limit_to_the_full(arm: Arm) -> None:
 
 
 def test_no_joint_jumps_to_another_branch(arm: Arm) -> None:
+    """Solutions that follow from each other in small steps lead to about where it ends."""
     motion = descent(arm)
-    q = motion.sample(np.linspace(0.0, motion.duration, 500)).q
-    assert np.abs(np.diff(q, axis=0)).max() <= arm.limits.v_max.max() * motion.duration / 499
+    line = StraightLine(arm.T_base_tip(motion.q_start), above(0.0, arm.side))
+    ik, q = IKService(arm), motion.q_start
+    for s in np.linspace(0.0, 1.0, 201)[1:].tolist():
+        q = ik.solve(line.at(s), seed=q).q
+    assert np.abs(motion.q_goal - q).max() < 0.3
 
 
 def test_a_turn_on_the_spot_keeps_the_tip_where_it_is(arm: Arm) -> None:
@@ -189,6 +194,15 @@ def test_it_starts_and_ends_at_the_speeds_asked_for(arm: Arm) -> None:
     np.testing.assert_allclose(first, [0.0, 0.0, -0.15, 0.0, 0.0, 0.0], atol=1e-7)
     np.testing.assert_allclose(last, [0.0, 0.0, -0.05, 0.0, 0.0, 0.0], atol=1e-7)
     assert_inside(motion)
+    t = 1e-4
+    ahead = speed_down(arm, motion, t)
+    assert (ahead - speed_down(arm, motion, 0.0)) / t == pytest.approx(-0.1, abs=0.01)
+
+
+def speed_down(arm: Arm, motion: Trajectory, t: float) -> float:
+    """Of the tip downwards, m/s."""
+    q, v, _ = motion.sample(t)
+    return -float((arm.jacobian(q) @ v)[2])
 
 
 def test_passing_the_hover_pose_joins_without_a_jump_and_saves_time(left: Arm) -> None:
@@ -324,8 +338,60 @@ def test_says_that_the_way_is_too_short_to_stop(left: Arm) -> None:
     q = q_above(left)
     goal = left.T_base_tip(q)
     goal.translation[2] -= 0.002
-    with pytest.raises(MotionError, match="too short for that change of speed"):
+    with pytest.raises(MotionError, match=r"no motion .* line of 2 mm that has these speeds"):
         plan_straight_move(left, q, goal, left.limits, speed_start_m_s=0.3)
+
+
+def test_an_end_that_leads_off_the_line_is_refused(left: Arm) -> None:
+    with pytest.raises(MotionError, match="leads off the start of the line"):
+        plan_straight_move(
+            left, q_above(left), above(0.0), left.limits, acceleration_start_m_s2=-0.5
+        )
+    with pytest.raises(MotionError, match="leads off the end of the line"):
+        plan_straight_move(left, q_above(left), above(0.0), left.limits, acceleration_end_m_s2=0.5)
+
+
+@pytest.mark.parametrize(
+    ("q", "way_m"),
+    [
+        ((0.1, -0.3, 0.2, 0.16201314712559184, 0.41637159947369917, 0.016115132581597927, 0.2),
+         (-2.3706e-5, -7.7095e-5, -5.0194e-5)),
+        ((0.1, -0.3, 0.2, 0.2, 0.3, 0.01, 0.2), (6.0967e-5, 5.928e-5, 2.9477e-5)),
+    ],
+)  # fmt: skip
+def test_a_tenth_of_a_millimetre_beside_a_singularity_is_straight_too(
+    left: Arm, q: tuple[float, ...], way_m: tuple[float, ...]
+) -> None:
+    """Straight in joint space it would be up to 0.44 mm off."""
+    start = left.T_base_tip(q)
+    goal = pin.SE3(start.rotation, start.translation + np.array(way_m))
+    motion = plan_straight_move(left, q, goal, left.limits)
+    off_m, off_rad = farthest_off(motion, left, start, goal)
+    assert off_m <= STRAIGHT_M
+    assert off_rad <= STRAIGHT_RAD
+
+
+@pytest.mark.parametrize(("name", "joint", "share"), [("v_max", 3, 1e-4), ("a_max", 1, 1e-3)])
+def test_a_joint_that_hardly_moves_makes_it_slow_and_is_no_reason_to_refuse(
+    left: Arm, name: str, joint: int, share: float
+) -> None:
+    bounds = np.array(getattr(left.limits, name))
+    bounds[joint] *= share
+    changed: dict[str, Any] = {name: bounds}
+    motion = plan_straight_move(left, q_above(left), above(0.0), replace(left.limits, **changed))
+    assert_inside(motion)
+    off_m, _ = farthest_off(motion, left, left.T_base_tip(q_above(left)), above(0.0))
+    assert off_m <= STRAIGHT_M
+
+
+@few
+@given(seeds, st.floats(-5.6, -1.0), st.floats(-5.0, -1.0))
+def test_any_tolerance_is_kept(left: Arm, seed: int, metres: float, rad: float) -> None:
+    tolerance = LineTolerance(10.0**metres, 10.0**rad)
+    motion, line = random_move(left, seed, line_tolerance=tolerance)
+    off_m, off_rad = farthest_off(motion, left, line.T_base_start, line.T_base_goal)
+    assert off_m <= tolerance.position_m
+    assert off_rad <= tolerance.rotation_rad
 
 
 def test_a_turn_on_the_spot_has_no_tip_speed(left: Arm) -> None:
