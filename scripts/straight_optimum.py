@@ -25,10 +25,9 @@ from numpy.polynomial import chebyshev
 
 from baxter_kin import Arm, Baxter, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.arrays import Vector
-from planner.motion import straight_move
 from planner.motion.guess import followed
 from planner.motion.straight_move import plan_straight_move
-from planner.straight_line import LEAST_LENGTH, LineTolerance, StraightLine
+from planner.straight_line import LEAST_LENGTH, StraightLine
 from planner.trajectory import Trajectory
 
 OVERHEAD_XYZW = (0.0, 1.0, 0.0, 0.0)
@@ -67,7 +66,7 @@ def main() -> None:
     for case in _cases():
         _planned(case)  # builds the program
         ours, cost_s = _planned(case)
-        norm_s, finer_s = optimum_s(case, segments), _finer(case).duration
+        norm_s, finer_s = optimum_s(case, segments), _planned(case, FINER)[0].duration
         ratios.append((ours.duration / norm_s, ours.duration / finer_s))
         print(
             f"{case.label:<38}{ours.duration:7.4f} s{norm_s:7.4f} s{ratios[-1][0]:7.3f}"
@@ -75,15 +74,6 @@ def main() -> None:
         )
     for name, column in zip(("least norm", "finer"), np.transpose(ratios), strict=True):
         print(f"over {name}: worst {column.max():.4f}, median {float(np.median(column)):.4f}")
-
-
-def _finer(case: Case) -> Trajectory:
-    usual = straight_move.FEWEST
-    straight_move.FEWEST = FINER * straight_move.intervals_on(case.line, LineTolerance(), usual)
-    try:
-        return _planned(case)[0]
-    finally:
-        straight_move.FEWEST = usual
 
 
 def optimum_s(case: Case, segments: int) -> float:
@@ -162,10 +152,15 @@ def _coefficients(case: Case) -> Vector:
     return np.asarray(np.linalg.solve(vandermonde, qs), dtype=np.float64)
 
 
-def _planned(case: Case) -> tuple[Trajectory, float]:
+def _planned(case: Case, fineness: int = 1) -> tuple[Trajectory, float]:
     started = time.process_time()
     motion = plan_straight_move(
-        case.arm, case.q_start, case.T_base_goal, case.limits, speed_start_m_s=case.speed_m_s
+        case.arm,
+        case.q_start,
+        case.T_base_goal,
+        case.limits,
+        speed_start_m_s=case.speed_m_s,
+        fineness=fineness,
     )
     return motion, time.process_time() - started
 

@@ -110,13 +110,10 @@ def test_a_descent_of_the_demo_is_faster_than_along_the_path_of_least_norm(arm: 
     assert 0.9 * LEAST_NORM_OF_DESCENT_S < descent(arm).duration < LEAST_NORM_OF_DESCENT_S
 
 
-def test_a_descent_is_close_to_that_on_twice_as_many_intervals(
-    arm: Arm, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_descent_is_close_to_that_on_four_times_as_many_intervals(arm: Arm) -> None:
     usual = descent(arm)
-    monkeypatch.setattr("planner.motion.straight_move.FEWEST", 2 * len(usual.j))
-    finer = descent(arm)
-    assert len(finer.j) == 2 * len(usual.j)
+    finer = plan_straight_move(arm, q_above(arm), above(0.0, arm.side), arm.limits, fineness=4)
+    assert len(finer.j) == 4 * len(usual.j)
     assert usual.duration <= 1.005 * finer.duration
 
 
@@ -307,6 +304,9 @@ def test_a_straight_move_error_is_a_motion_error() -> None:
         ({"speed_start_m_s": -0.1}, MotionError),
         ({"speed_start_m_s": math.nan}, MotionError),
         ({"speed_end_m_s": math.inf}, MotionError),
+        ({"fineness": 0}, MotionError),
+        ({"fineness": 1.5}, MotionError),
+        ({"line_tolerance": 0.001}, MotionError),
         ({"acceleration_start_m_s2": "hard"}, MotionError),
         ({"speed_start_m_s": 50.0}, MotionError),
         ({"acceleration_end_m_s2": 50.0}, MotionError),
