@@ -63,7 +63,7 @@ def compiled(
             if machine_code is not None or cache.is_writable:
                 return machine_code
     except (OSError, FileError) as cause:
-        log.warning("cannot compile the IK kernel (%s); using CasADi's virtual machine", cause)
+        log.warning("cannot compile a kernel (%s); using CasADi's virtual machine", cause)
     return None
 
 
@@ -92,7 +92,7 @@ def _made(
     for compiler in found:
         if compiler in _FAILED or cache.has_note(compiler.version_key):
             continue
-        log.info("compiling the IK kernel with %s: takes some seconds, %s", compiler, how_often)
+        log.info("compiling a kernel with %s: takes some seconds, %s", compiler, how_often)
         with cache.workplace() as folder:
             library = _made_by(compiler, functions, Path(folder), cache)
             if library is not None:
@@ -118,7 +118,7 @@ def _made_by(
     except OSError as cause:
         reason = cause.strerror or str(cause)
     log.warning(
-        "%s cannot compile the IK kernel (%s); another compiler, or else CasADi's virtual machine, "
+        "%s cannot compile a kernel (%s); another compiler, or else CasADi's virtual machine, "
         "takes its place",
         compiler,
         reason,

@@ -1,7 +1,8 @@
 """What is asked of the tip at a node of a motion, with first and second derivatives.
 
 CasADi functions of the joint angles, for any arm: its geometry is numbers among the inputs. All is
-seen from the arm's first axis, as Denavit-Hartenberg parameters describe it.
+seen from the arm's first axis, as Denavit-Hartenberg parameters describe it. Those that are asked
+at every knot run as machine code where a C compiler is found, compiled once for all robots.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from baxter_kin import Arm
 from baxter_kin.arrays import Vector
 from baxter_kin.dh_parameters import DHParameters
+from baxter_kin.ik.machine_code import compiled
 from baxter_kin.symbolic import Shape, SymbolicChain, dimensions_of
 from planner.straight_line import StraightLine
 
@@ -57,13 +59,30 @@ class NodeFunctions:
         )
 
 
-@cache
 def on_line() -> NodeFunctions:
     """How far the tip is from a line: z is (q, s), e is (position, m; rotation, rad), 6 x 1.
 
     Against the pose at the fraction s of the way. The rotation is the sine of its angle, about the
     axes of that pose; numbers are `line_numbers`.
     """
+    return _at_knots()[0]
+
+
+def above() -> NodeFunctions:
+    """How far the tip is above a height of base, m: z is q, the number is the height."""
+    return _at_knots()[1]
+
+
+@cache
+def _at_knots() -> tuple[NodeFunctions, NodeFunctions]:
+    functions = _on_line(), _above()
+    machine_code = compiled([each for node in functions for each in node.all])
+    if machine_code is None:
+        return functions
+    return NodeFunctions(*machine_code[:3]), NodeFunctions(*machine_code[3:])
+
+
+def _on_line() -> NodeFunctions:
     q, p_tip, R_tip, geometry = _tip()
     s, numbers = ca.SX.sym("s"), ca.SX.sym("line", LINE_NUMBERS)
     p_start, R_start, way, axis, angle = ca.vertsplit(numbers, [0, 3, 12, 15, 18, 19])
@@ -97,9 +116,7 @@ def moving() -> NodeFunctions:
     return NodeFunctions.of("moving", e, ca.vertcat(q, dq, ddq, T), numbers, geometry)
 
 
-@cache
-def above() -> NodeFunctions:
-    """How far the tip is above a height of base, m: z is q, the number is the height."""
+def _above() -> NodeFunctions:
     q, p_tip, _, geometry = _tip()
     height = ca.SX.sym("height")
     up = geometry[-4:]

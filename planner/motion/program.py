@@ -47,6 +47,7 @@ _OPTIONS: dict[str, Any] = {
     "print_time": False,
     "error_on_fail": False,
     "calc_lam_p": False,
+    "no_nlp_grad": True,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.max_iter": 100,
@@ -59,6 +60,7 @@ _OPTIONS: dict[str, Any] = {
     "ipopt.bound_frac": 1e-3,
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.mumps_pivot_order": 0,  # approximate minimum degree
+    "ipopt.fast_step_computation": "yes",
 }
 
 

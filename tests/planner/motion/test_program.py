@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import casadi as ca
 import numpy as np
@@ -13,6 +13,7 @@ from baxter_kin import Arm, Baxter, IKService
 from baxter_kin.arrays import Vector
 from planner import StraightLine, Trajectory
 from planner.lines import raised
+from planner.motion import nodes
 from planner.motion.clearance_rows import clearance_rows
 from planner.motion.guess import Way, along
 from planner.motion.phases import MotionTask, Phase
@@ -41,6 +42,16 @@ def task_of(arm: Arm, q: Vector) -> MotionTask:
     return MotionTask(q, lines, TOLERANCE, (0.1,))
 
 
+@pytest.fixture
+def differentiable(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """CasADi does not look into machine code."""
+    monkeypatch.setattr(nodes, "compiled", lambda _: None)
+    nodes._at_knots.cache_clear()
+    yield
+    nodes._at_knots.cache_clear()
+
+
+@pytest.mark.usefixtures("differentiable")
 @pytest.mark.parametrize(
     ("make", "phases"),
     [
