@@ -4,6 +4,7 @@ import baxter_kin.pinocchio_loading  # noqa: F401 - says what it lacks, before a
 from planner.choice import transfer_bound_s
 from planner.collision import Clearance, ClearanceChecker, RobotShapes
 from planner.errors import (
+    FreeMoveError,
     MotionError,
     PlanFileError,
     PlannerError,
@@ -17,7 +18,7 @@ from planner.grasp import Grasp, Miss, MissKind
 from planner.hand import Hand
 from planner.manipulator import Manipulator
 from planner.mesh import Mesh
-from planner.motion.free_move import FreeMove, FreeMoveFailure, plan_free_move
+from planner.motion.free_move import plan_free_move
 from planner.motion.straight_move import plan_straight_move
 from planner.objects import load_object, make_block
 from planner.overhead import overhead_grasp
@@ -48,8 +49,7 @@ __all__ = [
     "Clearance",
     "ClearanceChecker",
     "Cylinder",
-    "FreeMove",
-    "FreeMoveFailure",
+    "FreeMoveError",
     "FreeSpace",
     "Grasp",
     "Grip",

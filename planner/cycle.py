@@ -13,6 +13,8 @@ from planner.lines import Lines
 from planner.manipulator import Manipulator
 from planner.motion.free_move import MARGIN_M, plan_free_move
 from planner.motion.straight_move import plan_straight_move
+from planner.plan import PlanFailure
+from planner.plan_builder import NoSolutionError
 from planner.straight_line import LineTolerance
 from planner.surroundings import Surroundings
 from planner.swept_result import SweptContact
@@ -20,21 +22,6 @@ from planner.trajectory import Trajectory
 
 TIMEOUT_S = 2.0
 """When to give up the search for one way around; a wall on the table takes a tenth of a second."""
-
-
-class StageError(MotionError):
-    """A motion that there is none for, with the stage that it belongs to.
-
-    Attributes:
-        stage: label of the move.
-        contact: what it collides with, if that is why.
-    """
-
-    def __init__(self, stage: str, reason: str, contact: SweptContact | None = None) -> None:
-        """At a stage."""
-        self.stage = stage
-        self.contact = contact
-        super().__init__(reason)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,12 +76,12 @@ def refuse_colliding(stage: str, motion: Trajectory, around: Surroundings) -> No
     """Stop when a motion collides at samples; quick, and no proof that it does not.
 
     Raises:
-        StageError: then; says with what.
+        NoSolutionError: then; says with what.
     """
     if not around.looks_clear(motion):
         result = around.prove(motion)
         if isinstance(result, SweptContact):
-            raise StageError(stage, str(result), result)
+            raise NoSolutionError(PlanFailure(stage, str(result), contact=result))
 
 
 class StoppingCycles:
@@ -112,13 +99,13 @@ class StoppingCycles:
         self._line_tolerance = line_tolerance
         self._manipulator, self._q_start = manipulator, q_start
         self._lines, self._around = lines, around
-        self._planned: dict[tuple[str, bytes], Trajectory | StageError] = {}
+        self._planned: dict[tuple[str, bytes], Trajectory | NoSolutionError] = {}
 
     def of(self, q_pick: Vector, q_place: Vector) -> Cycle:
         """The motions for a pair of solutions, those between the lines around what is there.
 
         Raises:
-            StageError: when the arm cannot follow a line from one of them, a line collides, or
+            NoSolutionError: when the arm cannot follow a line from one of them, a line collides, or
                 there is no way between.
         """
         lines = self._lines
@@ -145,9 +132,9 @@ class StoppingCycles:
                     arm, q, T_base_top, limits, line_tolerance=self._line_tolerance
                 )
             except MotionError as cause:
-                self._planned[key] = StageError(stage, str(cause))
+                self._planned[key] = NoSolutionError.at(stage, str(cause))
         found = self._planned[key]
-        if isinstance(found, StageError):
+        if isinstance(found, NoSolutionError):
             raise found
         return found
 
@@ -155,7 +142,7 @@ class StoppingCycles:
         around = self._around[stage]
         limits, margin_m = self._manipulator.limits, around.margin_m + MARGIN_M
         try:
-            found = plan_free_move(
+            return plan_free_move(
                 q_start,
                 q_goal,
                 limits,
@@ -165,7 +152,4 @@ class StoppingCycles:
                 margin_m=margin_m,
             )
         except MotionError as cause:
-            raise StageError(stage, str(cause)) from cause
-        if found.trajectory is None:
-            raise StageError(stage, str(found.failure))
-        return found.trajectory
+            raise NoSolutionError.at(stage, str(cause)) from cause

@@ -21,7 +21,7 @@ import numpy as np
 
 from baxter_kin.arrays import Vector
 from planner.choice import Choice, Choices
-from planner.cycle import Cycle, StageError, StoppingCycles, refuse_colliding
+from planner.cycle import Cycle, StoppingCycles, refuse_colliding
 from planner.hand_lines import refuse_blocked_hand
 from planner.lines import Lines
 from planner.manipulator import Manipulator
@@ -220,8 +220,8 @@ class CycleSearch:
             choice = pairs.choices.at(*pair)
             try:
                 plan = self._along(cycles.of(choice.q_pick, choice.q_place))
-            except StageError as cause:
-                plan = self._missing(self._builder(), _failure(cause))
+            except NoSolutionError as stop:
+                plan = self._missing(self._builder(), stop.failure)
             yield plan
             if plan.failure is not None:
                 sideways += pairs.close(pair, plan.failure.stage)
@@ -237,8 +237,6 @@ class CycleSearch:
             build_cycle(builder, self._lines, self._phases, cycle)
         except NoSolutionError as stop:
             return self._missing(builder, stop.failure)
-        except StageError as cause:
-            return self._missing(builder, _failure(cause))
         return builder.plan()
 
     def _missing(self, builder: PlanBuilder, failure: PlanFailure) -> Plan:
@@ -289,10 +287,6 @@ def _told(failures: tuple[PlanFailure, ...]) -> str:
         return f"the nearest miss of {len(failures)} ways that were tried, all of which end there"
     counts = ", ".join(f"{count} at {stage!r}" for stage, count in stages.most_common())
     return f"the nearest miss of {len(failures)} ways that were tried: {counts}"
-
-
-def _failure(cause: StageError) -> PlanFailure:
-    return PlanFailure(cause.stage, str(cause), contact=cause.contact)
 
 
 def _different(pairs: Pairs) -> Iterator[Choice]:

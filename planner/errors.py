@@ -6,7 +6,8 @@ BaxterError
     ├── SceneError          a body, shape or name that makes no sense    (also ValueError)
     ├── TrajectoryError     a motion that is none, or a bad sample time  (also ValueError)
     ├── MotionError         states that no motion under the limits joins (also ValueError)
-    │   └── StraightMoveError   a line that the arm cannot follow to its end
+    │   ├── StraightMoveError   a line that the arm cannot follow to its end
+    │   └── FreeMoveError       an end that collides, or no way around what is between
     ├── TaskError           a pick or place that contradicts itself      (also ValueError)
     ├── PlanFileError       a plan that cannot be saved, or a bad file   (also ValueError)
     └── BodyFileError       the robot's body: data missing or of another version (also ValueError)
@@ -59,6 +60,10 @@ class StraightMoveError(MotionError):
         self.fraction = fraction
         self.reason = reason
         super().__init__(f"the straight line ends after {fraction:.1%} of the way: {reason}")
+
+
+class FreeMoveError(MotionError):
+    """An end that collides, or no way around what is between them; one sentence says which."""
 
 
 class TaskError(PlannerError, ValueError):

@@ -125,9 +125,7 @@ class PlanBuilder:
             )
         except MotionError as cause:
             raise NoSolutionError.at(label, str(cause)) from cause
-        if found.trajectory is None:
-            raise NoSolutionError.at(label, str(found.failure))
-        self.add_move(label, found.trajectory, around)
+        self.add_move(label, found, around)
 
     def add_rise(self, label: str, height_m: float, around: Surroundings) -> None:
         """Add a straight move up from where the arm stands.

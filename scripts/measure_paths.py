@@ -12,6 +12,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -25,6 +26,7 @@ from planner import (
     Body,
     Box,
     ClearanceChecker,
+    FreeMoveError,
     Manipulator,
     Part,
     Scene,
@@ -32,7 +34,7 @@ from planner import (
     plan_joint_move,
 )
 from planner.free_space import FreeSpace
-from planner.motion.free_move import FreeMove, IsClear, plan_free_move
+from planner.motion.free_move import IsClear, plan_free_move
 from planner.screening import looks_clear, sample_times
 from planner.swept import prove_clear
 
@@ -76,7 +78,7 @@ class Problem:
 class Outcome:
     """One planned problem."""
 
-    move: FreeMove
+    move: Trajectory | None
     wall_s: float
     cpu_s: float
 
@@ -172,16 +174,18 @@ def _planned(problem: Problem) -> Outcome:
     limits, ends = problem.manipulator.limits, (problem.q_start, problem.q_goal)
     started, busy = time.perf_counter(), time.process_time()
     space = problem.space()
-    move = plan_free_move(*ends, limits, space, problem.proven(), rng=np.random.default_rng(1))
+    move = None
+    with suppress(FreeMoveError):
+        move = plan_free_move(*ends, limits, space, problem.proven(), rng=np.random.default_rng(1))
     return Outcome(move, time.perf_counter() - started, time.process_time() - busy)
 
 
 def _print(title: str, problems: list[Problem], outcomes: list[Outcome]) -> None:
     walls, busy = 1e3 * np.array([(one.wall_s, one.cpu_s) for one in outcomes]).T
     found = [
-        (problem, outcome.move.trajectory)
+        (problem, outcome.move)
         for problem, outcome in zip(problems, outcomes, strict=True)
-        if outcome.move.trajectory is not None
+        if outcome.move is not None
     ]
     least = [problem.least_distance_m(motion) for problem, motion in found]
     times = np.array([motion.duration for _, motion in found])
@@ -208,12 +212,10 @@ def _spread(times: Vector) -> str:
     )
 
 
-def _is_same(one: FreeMove, other: FreeMove) -> bool:
-    if one.trajectory is None or other.trajectory is None:
-        return one.trajectory is other.trajectory
-    return np.array_equal(one.trajectory.q, other.trajectory.q) and np.array_equal(
-        one.trajectory.knots_s, other.trajectory.knots_s
-    )
+def _is_same(one: Trajectory | None, other: Trajectory | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return np.array_equal(one.q, other.q) and np.array_equal(one.knots_s, other.knots_s)
 
 
 if __name__ == "__main__":

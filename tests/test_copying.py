@@ -46,7 +46,6 @@ from planner import (
     plan_pick_and_place,
     verify,
 )
-from planner.motion.free_move import Obstruction
 from sim import CsvRecorder, LoggedPoses, LogRecorder, McapRecorder, Recorder, Simulation, World
 from sim.viewer import Viewer
 from tests.conftest import at, overhead
@@ -128,9 +127,7 @@ def moves(arm: Arm) -> tuple[object, ...]:
     trajectory = planner.plan_joint_move(arm.neutral, arm.start, arm.limits)
     nearest = planner.Clearance(-0.01, "left_hand", "table", 0.5)
     contact = planner.SweptContact(nearest, 0.0, 1.0, 3, 7)
-    failure = planner.FreeMoveFailure(Obstruction.START_IN_COLLISION, "it is inside", nearest)
-    free = planner.FreeMove(None, failure=failure)
-    return trajectory, trajectory.peak_ratios(), contact, free, trajectory.sample(0.1)
+    return trajectory, trajectory.peak_ratios(), contact, trajectory.sample(0.1)
 
 
 def looks(simulation: Simulation, manipulator: Manipulator) -> tuple[object, ...]:

@@ -195,7 +195,6 @@ def test_odd_names_and_numbers_are_shown_too(
         *(near, body, proof, situation, situation.scene, IKFailure(name * 5)),
         planner.Check(name, length, planner.verification.Relation.ABOVE, 1.0, name, name),
         Grip(name, planner.GripperAction.OPEN, body=name, opening_m=1e300, proof=proof),
-        planner.FreeMove(None),
         planner.JointState(*np.zeros((3, 0))),
         planner.JointState(*np.zeros((3, 4, 7))),
         planner.JointState(np.array(["x"]), name, 5),  # type: ignore[arg-type]

@@ -7,10 +7,9 @@ each round is a whole motion program in which only the distances are linear.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
-from baxter_kin.arrays import Vector
-from planner.motion.obstacles import LinearBounds
+from planner.motion.obstacles import LinearBounds, Obstacles
 from planner.motion.program import Clearances
 from planner.motion.splines import Sketch
 from planner.trajectory import Trajectory
@@ -34,16 +33,9 @@ Solve: TypeAlias = Callable[[Sequence[Sketch], Clearances], Motions | None]
 """A program: the fastest motions near sketches that keep clearances, or None."""
 
 
-class Bounded(Protocol):
-    """Obstacles; `planner.motion.obstacles.Obstacles` are some."""
-
-    def bounds(self, controls: Vector) -> LinearBounds:
-        """Bounds on distances near a motion by its controls, shape (n + 3, 7)."""
-
-
 def led_around(
     solve: Solve,
-    obstacles: Sequence[Bounded],
+    obstacles: Sequence[Obstacles],
     sketches: Sequence[Sketch],
     *,
     enough_s: float = 0.0,
@@ -84,7 +76,7 @@ def duration_s(motions: Motions) -> float:
     return sum(motion.duration for motion in motions)
 
 
-def _bounds(obstacles: Sequence[Bounded], sketches: Sequence[Sketch]) -> list[LinearBounds]:
+def _bounds(obstacles: Sequence[Obstacles], sketches: Sequence[Sketch]) -> list[LinearBounds]:
     return [near.bounds(s.controls) for near, s in zip(obstacles, sketches, strict=True)]
 
 

@@ -11,22 +11,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 from functools import cache
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, positive_scalar
-from baxter_kin.copying import Frozen
-from baxter_kin.display import OneLine, seconds, sentence
-from baxter_kin.errors import expect, quoted
-from baxter_kin.fields import check_fields
-from planner.collision import Clearance
-from planner.errors import MotionError
-from planner.motion.avoidance import Bounded, led_around
+from baxter_kin.errors import expect
+from planner.errors import FreeMoveError, MotionError
+from planner.free_space import FreeSpace
+from planner.motion.avoidance import led_around
+from planner.motion.obstacles import Obstacles
 from planner.motion.phases import MotionTask, Phase
 from planner.motion.program import MotionProgram
 from planner.motion.splines import Sketch
@@ -61,106 +58,17 @@ IsClear: TypeAlias = Callable[[Trajectory], bool]
 """Whether a whole motion is clear, also between samples."""
 
 
-class GuardedSpace(Protocol):
-    """Free configurations that keep a distance to everything."""
-
-    def is_free(self, q: Vector) -> bool:
-        """Whether `q`, shape (7,), rad, is one."""
-
-
-class Space(Protocol):
-    """The free configurations of an arm; `planner.free_space.FreeSpace` is one."""
-
-    def is_free(self, q: Vector) -> bool:
-        """Whether the arm touches nothing at `q`, shape (7,), rad."""
-
-    def clearance(self, q: Vector) -> Clearance:
-        """The least distance at `q`, shape (7,), rad, and between what."""
-
-    def with_margin(self, margin_m: float, *ends: Vector) -> GuardedSpace:
-        """The part of it that keeps a margin, the ends still in it."""
-
-    def obstacles(self, resting: Vector, margin_m: float) -> Bounded:
-        """What is in the way, to be kept at a distance, or what is left at ends, shape (k, 7)."""
-
-
-class Obstruction(str, Enum):
-    """What kept a free move from being found."""
-
-    START_IN_COLLISION = "start in collision"
-    GOAL_IN_COLLISION = "goal in collision"
-    NOT_FOUND = "no way found"
-    NOT_PROVEN = "no way proven clear"
-
-
-@dataclass(frozen=True, slots=True, repr=False)
-class FreeMoveFailure(OneLine):
-    """Why there is no free move; `str()` of it is one sentence.
-
-    Attributes:
-        kind: start, goal or way.
-        reason: the sentence, with names and numbers.
-        clearance: what collides and how deep, when start or goal does.
-
-    Raises:
-        MotionError: when a value is of another class.
-    """
-
-    kind: Obstruction
-    reason: str
-    clearance: Clearance | None = None
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, MotionError)
-
-    def __str__(self) -> str:
-        """The reason."""
-        return self.reason
-
-    def _facts(self) -> tuple[str, ...]:
-        return (sentence(self.reason),)
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class FreeMove(Frozen, OneLine):
-    """A motion around the obstacles, or why there is none.
-
-    Attributes:
-        trajectory: the motion, proven clear; None when there is none.
-        is_straight: whether it is the straight joint line, which was clear.
-        failure: None, or why there is no motion.
-
-    Raises:
-        MotionError: when a value is of another class.
-    """
-
-    trajectory: Trajectory | None
-    is_straight: bool = False
-    failure: FreeMoveFailure | None = None
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, MotionError)
-
-    def _facts(self) -> tuple[str, ...]:
-        if self.trajectory is None:
-            return (f"invalid: {sentence(self.failure)}",)
-        way = "straight" if self.is_straight else "around"
-        return way, seconds(self.trajectory.duration), "valid"
-
-
 def plan_free_move(
     q_start: ArrayLike,
     q_goal: ArrayLike,
     limits: JointLimits,
-    space: Space,
+    space: FreeSpace,
     is_clear: IsClear,
     *,
     rng: np.random.Generator | None = None,
     timeout_s: float = TIMEOUT_S,
     margin_m: float = MARGIN_M,
-) -> FreeMove:
+) -> Trajectory:
     """A fast motion from rest to rest that touches nothing, around obstacles if need be.
 
     Args:
@@ -174,10 +82,8 @@ def plan_free_move(
         timeout_s: when to give up searching for ways around; to make them fast takes its own time.
         margin_m: distance to keep while searching; near start and goal, what they leave.
 
-    Returns:
-        A move; when there is none, with the reason.
-
     Raises:
+        FreeMoveError: when start or goal collides, or no way is found or proven.
         ConfigurationError: when start or goal has another shape, is not finite or outside the
             limits.
         MotionError: when `limits`, `space`, `is_clear`, `rng`, `timeout_s` or `margin_m` makes no
@@ -187,32 +93,20 @@ def plan_free_move(
     seeds = np.random.default_rng(0) if rng is None else rng
     expect(seeds, np.random.Generator, "rng", MotionError)
     clock = _Clock(positive_scalar(timeout_s, "timeout_s", MotionError))
-    _check_collaborators(space, is_clear)
+    expect(space, FreeSpace, "space", MotionError)
+    if not callable(is_clear):
+        raise MotionError(f"is_clear must be callable, got {type(is_clear).__name__}")
     margin_m = checked_margin_m(margin_m)
     ends = np.array([limits.check(q_start, "q_start"), limits.check(q_goal, "q_goal")])
     if ends.shape[1] != JOINTS:
         raise MotionError(f"the limits are of {ends.shape[1]} joints; an arm has {JOINTS}")
-    failure = _blocked_end(ends, space)
-    if failure is not None:
-        return FreeMove(None, failure=failure)
+    for which, q in zip(("start", "goal"), ends, strict=True):
+        if not space.is_free(q):
+            raise FreeMoveError(f"{which} in collision: {space.clearance(q).text}")
     straight = plan_joint_move(ends[0], ends[1], limits)
     if looks_clear(straight, space.is_free, SCREENING_STEP_RAD) and is_clear(straight):
-        return FreeMove(straight, is_straight=True)
+        return straight
     return _Search(straight, limits, space, is_clear, margin_m, seeds, clock).fastest()
-
-
-def _check_collaborators(space: object, is_clear: object) -> None:
-    lacking = [n for n in _OF_A_SPACE if not callable(getattr(space, n, None))]
-    if lacking or isinstance(space, type):
-        raise MotionError(
-            f"space must be an object with the methods {', '.join(_OF_A_SPACE)}, such as a "
-            f"FreeSpace, got {quoted(space)}"
-        )
-    if not callable(is_clear):
-        raise MotionError(f"is_clear must be callable, got {type(is_clear).__name__}")
-
-
-_OF_A_SPACE = ("is_free", "clearance", "with_margin", "obstacles")
 
 
 class _Clock:
@@ -227,29 +121,24 @@ class _Clock:
         return self._deadline_s - time.monotonic()
 
 
-def _blocked_end(ends: Vector, space: Space) -> FreeMoveFailure | None:
-    kinds = (Obstruction.START_IN_COLLISION, Obstruction.GOAL_IN_COLLISION)
-    for kind, q in zip(kinds, ends, strict=True):
-        if not space.is_free(q):
-            nearest = space.clearance(q)
-            return FreeMoveFailure(kind, f"{kind.value}: {nearest.text}", nearest)
-    return None
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Search:
     """A search for a way around what a straight line meets."""
 
     straight: Trajectory
     limits: JointLimits
-    space: Space
+    space: FreeSpace
     is_clear: IsClear
     margin_m: float
     rng: np.random.Generator
     clock: _Clock
 
-    def fastest(self) -> FreeMove:
-        """The fastest motion that was found, or why there is none."""
+    def fastest(self) -> Trajectory:
+        """The fastest motion that was found.
+
+        Raises:
+            FreeMoveError: when there is none.
+        """
         ends = self.straight.q[[0, -1]]
         obstacles = self.space.obstacles(ends, self.margin_m)
         is_free = self.space.with_margin(self.margin_m, *ends).is_free
@@ -268,13 +157,13 @@ class _Search:
             found = min(there, key=lambda motion: motion.duration, default=None)
             refused, closeness = refused + (found is None), 2.0 * closeness
         if found is None:
-            return FreeMove(None, failure=_no_way(refused, self.clock))
-        return FreeMove(found)
+            raise _no_way(refused, self.clock)
+        return found
 
     def _is_enough(self, found: Trajectory | None) -> bool:
         return found is not None and found.duration <= ENOUGH * self.straight.duration
 
-    def _led(self, obstacles: Bounded, sketch: Sketch) -> Trajectory | None:
+    def _led(self, obstacles: Obstacles, sketch: Sketch) -> Trajectory | None:
         """The first clear motion near a sketch, led around obstacles."""
         task = MotionTask(self.straight.q_start, q_goal=self.straight.q_goal)
         motions = led_around(
@@ -314,12 +203,10 @@ def _through(corners: Vector, limits: JointLimits) -> Sketch:
     return Sketch(q, np.zeros((2, JOINTS)), float(times[-1]))
 
 
-def _no_way(refused: int, clock: _Clock) -> FreeMoveFailure:
+def _no_way(refused: int, clock: _Clock) -> FreeMoveError:
     if refused:
-        reason = f"{refused} ways around the obstacles were found, none proven clear"
-        return FreeMoveFailure(Obstruction.NOT_PROVEN, reason)
-    reason = (
+        return FreeMoveError(f"{refused} ways around the obstacles were found, none proven clear")
+    return FreeMoveError(
         f"the straight line is blocked, and no way around was found in {clock.timeout_s:g} s; "
         "allow more time, or there is none"
     )
-    return FreeMoveFailure(Obstruction.NOT_FOUND, reason)

@@ -32,7 +32,6 @@ from baxter_kin import (
 from baxter_kin.description import RobotDescription
 from baxter_kin.ik.task import Task
 from planner.collision import Held
-from planner.motion.free_move import Obstruction
 from planner.verification import Relation
 from sim.retelling import retell
 
@@ -295,18 +294,6 @@ class _Lasting:
     @cached_property
     def FreeSpace(self) -> p.FreeSpace:
         return p.FreeSpace(self.Manipulator, self.ClearanceChecker, finger_m=0.01)
-
-    @cached_property
-    def FreeMove(self) -> p.FreeMove:
-        return p.FreeMove(self.Trajectory)
-
-    @cached_property
-    def FreeMoveFailure(self) -> p.FreeMoveFailure:
-        return p.FreeMoveFailure(Obstruction.NOT_FOUND, "no way")
-
-    @cached_property
-    def Obstruction(self) -> Obstruction:
-        return Obstruction.NOT_FOUND
 
     @cached_property
     def SweptProof(self) -> p.SweptProof:

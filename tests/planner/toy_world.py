@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from baxter_kin import JointLimits
 from planner import Clearance
-from planner.motion.obstacles import REACH_M, LinearBounds
+from planner.free_space import FreeSpace
+from planner.motion.obstacles import REACH_M, LinearBounds, Obstacles
 from planner.motion.splines import weights_at
 from planner.motion.unknowns import JOINTS, PAIRS
 
@@ -57,32 +58,36 @@ class Ring:
 
 
 @dataclass(frozen=True, slots=True)
-class ToySpace:
+class ToySpace(FreeSpace):
     """The free configurations of a world of discs and rings."""
 
     things: tuple[Disc | Ring, ...]
     margin_m: float = 0.0
 
-    def is_free(self, q: Vector) -> bool:
+    def is_free(self, q: Vector) -> bool:  # type: ignore[override]
         """Whether it is outside all of them."""
         return self.clearance(q).distance_m > self.margin_m
 
-    def clearance(self, q: Vector) -> Clearance:
+    def clearance(self, q: Vector) -> Clearance:  # type: ignore[override]
         """The distance to the nearest."""
         return Clearance(min(o.distance(q) for o in self.things), "finger", "disc")
 
-    def with_margin(self, margin_m: float, *ends: Vector) -> ToySpace:
+    def with_margin(  # type: ignore[override]
+        self, margin_m: float, *ends: Vector
+    ) -> ToySpace:
         """The space around larger obstacles."""
         least = min(self.clearance(q).distance_m for q in ends)
         return ToySpace(self.things, min(margin_m, least / 2))
 
-    def obstacles(self, resting: Vector, margin_m: float) -> ToyObstacles:
+    def obstacles(  # type: ignore[override]
+        self, resting: Vector, margin_m: float
+    ) -> ToyObstacles:
         """The same for motions, which rest at configurations, shape (k, n)."""
         return ToyObstacles(self.with_margin(margin_m, *resting))
 
 
 @dataclass(frozen=True, slots=True)
-class ToyObstacles:
+class ToyObstacles(Obstacles):
     """Distances to all of them near a motion, by finite differences."""
 
     space: ToySpace
