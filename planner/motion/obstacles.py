@@ -76,6 +76,8 @@ class Obstacles:
         self._hull = checker.hull
         self._is_own = checker.are_own(self._pairs)
         self._functors: dict[int, coal.ComputeDistance] = {}
+        self._poses: dict[int, coal.Transform3s] = {}
+        self._posed, self._at = np.zeros(0), 0
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
         self._request.gjk_tolerance = DISTANCE_TOLERANCE_M
         self.needed_m = np.full(len(self._pairs), margin_m)
@@ -91,9 +93,11 @@ class Obstacles:
         placed = self._levers.place(self._full, qs)
         gaps = self._gaps_m(placed) - self.needed_m
         least = np.full(len(qs), REACH_M)
-        for k in range(len(qs)):
-            for excess, _ in self._nearest(placed, k, gaps[k], 1):
-                least[k] = min(least[k], excess)
+        for first in range(0, len(qs), LOOKS):
+            within_m = REACH_M
+            for k in range(first, first + LOOKS):
+                for excess, _ in self._nearest(placed, k, gaps[k], 1, within_m):
+                    least[k] = within_m = min(within_m, excess)
         deepest = least.reshape(intervals, LOOKS).argmin(axis=1)
         numbers = np.zeros((intervals, PAIRS, JOINTS + 1))
         numbers[:, :, JOINTS] = REACH_M
@@ -120,14 +124,17 @@ class Obstacles:
         at, number = np.repeat(np.arange(count), pairs), np.tile(self._numbers, count)
         return self._checked.gaps_m(placed.shapes, at, number).reshape(count, pairs)
 
-    def _nearest(self, placed: Placed, k: int, gaps: Vector, most: int) -> list[tuple[float, int]]:
+    def _nearest(
+        self, placed: Placed, k: int, gaps: Vector, most: int, within_m: float = REACH_M
+    ) -> list[tuple[float, int]]:
         """The least excesses at a configuration, up to so many, and of which pairs.
 
-        Pairs whose lower bounds, `gaps`, are beyond `REACH_M` are not measured for it.
+        Pairs whose lower bounds, `gaps`, are not within a distance are not measured for it.
         """
         found: list[tuple[float, int]] = []
-        for i in np.argsort(gaps).tolist():
-            if gaps[i] >= (found[-1][0] if len(found) == most else REACH_M):
+        near = np.flatnonzero(gaps < within_m)
+        for i in near[np.argsort(gaps[near])].tolist():
+            if len(found) == most and gaps[i] >= found[-1][0]:
                 break
             found.append((self._distance(placed, k, i) - float(self.needed_m[i]), i))
             found = sorted(found)[:most]
@@ -138,11 +145,19 @@ class Obstacles:
         if i not in self._functors:
             self._functors[i] = coal.ComputeDistance(self._hull(first), self._hull(second))
         self._result.clear()
-        poses = placed.shapes[k]
-        at = (coal.Transform3s(T[:3, :3], T[:3, 3]) for T in (poses[first], poses[second]))
+        at = self._pose(placed, k, first), self._pose(placed, k, second)
         found = float(self._functors[i](*at, self._request, self._result))
         found = found if found > NO_DISTANCE_M else UNKNOWN_DEPTH_M
         return found - float(self._padding_m[i])
+
+    def _pose(self, placed: Placed, k: int, shape: int) -> coal.Transform3s:
+        """Made once for as long as the same configuration is asked for."""
+        if self._posed is not placed.shapes or self._at != k:
+            self._posed, self._at, self._poses = placed.shapes, k, {}
+        if shape not in self._poses:
+            T = placed.shapes[k, shape]
+            self._poses[shape] = coal.Transform3s(T[:3, :3], T[:3, 3])
+        return self._poses[shape]
 
     def _slope(self, placed: Placed, k: int, i: int, axes: Vector) -> Vector:
         """Of a distance at a configuration, by the joints, shape (7,)."""
