@@ -28,7 +28,6 @@ from planner.contact import (
     coal_shape,
     convex_pieces,
     has_depth,
-    hull,
 )
 from planner.distances import UNKNOWN_DEPTH_M, Distances, Enclosure
 from planner.errors import SceneError
@@ -244,6 +243,7 @@ class ClearanceChecker(OneLine):
 
     Attributes:
         arm: the arm that moves.
+        shapes: the robot's.
         robot: the model of the whole robot.
         checked: the pairs of shapes that are checked.
         geometry: all shapes, without pairs.
@@ -288,8 +288,7 @@ class ClearanceChecker(OneLine):
             held=held,
         )
         self.robot: pin.Model = shapes.robot.model
-        self._shapes, self._pairs = shapes, ShapePairs(shapes)
-        self._hulls: dict[int, coal.CollisionGeometry] = {}
+        self.shapes, self._pairs = shapes, ShapePairs(shapes)
         self._add_pairs_of_arm()
         supports = self._add_scene(scene, touchable, may_press=may_press, held=held)
         if held is not None:
@@ -309,7 +308,7 @@ class ClearanceChecker(OneLine):
     @cached_property
     def for_contacts(self) -> pin.GeometryModel:
         """The shapes of the pairs and no others, with those pairs, made to find contacts fast."""
-        geometry, surfaces = pin.GeometryModel(), self._shapes.for_contacts
+        geometry, surfaces = pin.GeometryModel(), self.shapes.for_contacts
         kept = np.unique(self.pairs)
         for number in kept.tolist():
             placed = pin.GeometryObject(self.geometry.geometryObjects[number])
@@ -351,18 +350,6 @@ class ClearanceChecker(OneLine):
     def pairs(self) -> Indices:
         """The shapes of every pair, shape (n, 2)."""
         return self.checked.numbers
-
-    def hull(self, shape: int) -> coal.CollisionGeometry:
-        """A convex shape around one of `geometry`, by its number; found once for each."""
-        if shape < len(self._shapes.links):
-            return self._shapes.hull(shape)
-        if shape not in self._hulls:  # kept: coal's functors hold bare pointers
-            self._hulls[shape] = hull(self.geometry.geometryObjects[shape].geometry)
-        return self._hulls[shape]
-
-    def are_own(self, pairs: Indices) -> NDArray[np.bool_]:
-        """Whether both shapes of pairs, (n, 2), are the robot's, shape (n,)."""
-        return np.asarray((pairs < len(self._shapes.links)).all(axis=1))
 
     @property
     def may_touch(self) -> NDArray[np.bool_]:
@@ -410,8 +397,8 @@ class ClearanceChecker(OneLine):
         return nearest, least_m
 
     def _add_pairs_of_arm(self) -> None:
-        moving, hand = self._shapes.of_arm(self.arm), self._shapes.of_hand(self.arm)
-        for first, second in self._shapes.pairs:
+        moving, hand = self.shapes.of_arm(self.arm), self.shapes.of_hand(self.arm)
+        for first, second in self.shapes.pairs:
             is_moved = first in moving or second in moving
             if is_moved and not (first in hand and second in hand):
                 self._pairs.pair(first, second)
@@ -421,12 +408,12 @@ class ClearanceChecker(OneLine):
     ) -> set[int]:
         """Add the bodies; returns the shapes of those that the held body may touch."""
         supports = set()
-        arm = self._shapes.of_arm(self.arm)
-        hand, pads = self._shapes.of_hand(self.arm), self._shapes.of_pads(self.arm)
+        arm = self.shapes.of_arm(self.arm)
+        hand, pads = self.shapes.of_hand(self.arm), self.shapes.of_pads(self.arm)
         for body in scene:
             carries = held is not None and body.name in held.supports
             in_pieces = carries or body.name == touchable
-            counted = self._shapes.details if body.name == touchable else self._shapes.wholes
+            counted = self.shapes.details if body.name == touchable else self.shapes.wholes
             of_arm = sorted(arm & counted)
             for index in self._pairs.add(body, 0, body.T_base_body, in_pieces=in_pieces):
                 if carries:
@@ -441,8 +428,8 @@ class ClearanceChecker(OneLine):
 
     def _add_held(self, held: Held, supports: set[int]) -> None:
         tip = self.robot.frames[self.robot.getFrameId(self.arm.tip_frame)]
-        bodies = set(range(len(self._shapes.links), self._pairs.geometry.ngeoms))
-        others = sorted((self._shapes.wholes - self._shapes.of_hand(self.arm)) | bodies)
+        bodies = set(range(len(self.shapes.links), self._pairs.geometry.ngeoms))
+        others = sorted((self.shapes.wholes - self.shapes.of_hand(self.arm)) | bodies)
         T_joint_body = tip.placement * held.T_tip_body
         added = self._pairs.add(held.body, tip.parentJoint, T_joint_body, in_pieces=bool(supports))
         for index in added:

@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin import Baxter
-from baxter_kin.arrays import Vector, finite_array, finite_scalar
+from baxter_kin.arrays import Vector, finite_array, finite_scalar, float_array
 from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, expect
 from planner.collision import Clearance, ClearanceChecker
@@ -113,8 +113,7 @@ class FreeSpace(OneLine):
             SceneError: when the margin is not a number, or negative.
             ConfigurationError: when an end has another shape or is not finite.
         """
-        if finite_scalar(margin_m, "margin_m", SceneError) < 0.0:
-            raise SceneError(f"margin_m must not be negative, got {margin_m}")
+        _check_margin(margin_m)
         full_ends = [self._full(q).copy() for q in ends]
         touches = Touches(self._checker, margin_m)
         if any(touches(end) for end in full_ends):
@@ -126,9 +125,17 @@ class FreeSpace(OneLine):
 
         Args:
             resting: configurations at which the arm rests, shape (k, 7), rad.
-            margin_m: distance to keep, as far as it is kept there.
+            margin_m: distance to keep, not negative, as far as it is kept there.
+
+        Raises:
+            SceneError: when the margin is not a number, or negative.
+            ConfigurationError: when the configurations have another shape or are not finite.
         """
-        return Obstacles(self._checker, self._q_full.copy(), np.asarray(resting), margin_m)
+        _check_margin(margin_m)
+        qs = float_array(resting, "resting", ConfigurationError)
+        full = [self._full(q).copy() for q in (qs if qs.ndim == 2 else [qs])]
+        at = np.array(full).reshape(-1, len(self._q_full))[:, self._where]
+        return Obstacles(self._checker, self._q_full.copy(), at, margin_m)
 
     def _facts(self) -> tuple[str, ...]:
         return (repr(self._checker),)
@@ -152,6 +159,11 @@ class FreeSpace(OneLine):
         found = [self._checker.distances_m(q, pairs, within_m) for q in qs_full]
         least: Vector = np.min(found, axis=0)
         return least
+
+
+def _check_margin(margin_m: float) -> None:
+    if finite_scalar(margin_m, "margin_m", SceneError) < 0.0:
+        raise SceneError(f"margin_m must not be negative, got {margin_m}")
 
 
 def _is_near(q: ArrayLike) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 
 from baxter_kin.arrays import Indices, Vector
 from planner.collision import ClearanceChecker
-from planner.contact import DISTANCE_TOLERANCE_M
+from planner.contact import DISTANCE_TOLERANCE_M, hull
 from planner.distances import NO_DISTANCE_M, UNKNOWN_DEPTH_M
 from planner.lever_arms import Placed
 from planner.motion.splines import weights_at
@@ -73,8 +73,9 @@ class Obstacles:
         self._numbers: Indices = np.flatnonzero(~checker.may_touch)
         self._pairs = checker.pairs[self._numbers]
         self._padding_m = self._checked.padding_m[self._numbers]
-        self._hull = checker.hull
-        self._is_own = checker.are_own(self._pairs)
+        self._shapes, self._others = checker.shapes, checker.geometry.geometryObjects
+        self._is_own = (self._pairs < len(self._shapes.links)).all(axis=1)
+        self._hulls: dict[int, coal.CollisionGeometry] = {}
         self._functors: dict[int, coal.ComputeDistance] = {}
         self._poses: dict[int, coal.Transform3s] = {}
         self._posed, self._at = np.zeros(0), 0
@@ -149,6 +150,13 @@ class Obstacles:
         found = float(self._functors[i](*at, self._request, self._result))
         found = found if found > NO_DISTANCE_M else UNKNOWN_DEPTH_M
         return found - float(self._padding_m[i])
+
+    def _hull(self, shape: int) -> coal.CollisionGeometry:
+        if shape < len(self._shapes.links):
+            return self._shapes.hull(shape)
+        if shape not in self._hulls:  # kept: coal's functors hold bare pointers
+            self._hulls[shape] = hull(self._others[shape].geometry)
+        return self._hulls[shape]
 
     def _pose(self, placed: Placed, k: int, shape: int) -> coal.Transform3s:
         """Made once for as long as the same configuration is asked for."""

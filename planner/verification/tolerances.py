@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.display import OneLine
+from baxter_kin.errors import expect
 from planner.errors import TaskError
 from planner.plan import Plan
 
@@ -53,7 +54,7 @@ class Tolerances(OneLine):
     @classmethod
     def of(cls, plan: Plan) -> Tolerances:
         """The toolkit's promises, off its lines those of a plan."""
-        stated = plan.line_tolerance
+        stated = expect(plan, Plan, "plan", TaskError).line_tolerance
         return cls(line_m=stated.position_m, line_rad=stated.rotation_rad)
 
     def __post_init__(self) -> None:

@@ -57,7 +57,6 @@ BY_PARAMETER: MappingProxyType[str, Make] = MappingProxyType(
         "Mesh.triangles": lambda stage: stage["Mesh"].triangles,
         "FreeSpace.with_margin.ends": _seven,
         "FreeSpace.obstacles.resting": lambda stage: _seven(stage)[None],
-        "ClearanceChecker.are_own.pairs": lambda stage: stage["ClearanceChecker"].pairs,
         "pose_from_quaternion.position_m": _constant((0.7, 0.0, 0.1)),
         "Box.size_m": _constant((0.1, 0.2, 0.3)),
         "Tolerance.position_m": _constant((0.0, 0.01, 0.0)),
