@@ -16,6 +16,7 @@ import pytest
 from baxter_kin import Baxter
 from baxter_kin.demo import main
 from planner import Manipulator, load_plan, transfer_bound_s, verify
+from planner.plan import SHOWN_RAD
 from sim import Recording, read_log
 from tests.conftest import overhead
 
@@ -24,14 +25,9 @@ RESIDUAL = 1e-6
 PLACED_WITHIN_M = 5e-3
 ON_TABLE_WITHIN_M = 1e-4
 
-SEEDS = {
-    "pick: approach": "Current Joint Angles",
-    "pick: descend": "Nullspace Setpoints",
-    "pick: retract": "Current Joint Angles",
-    "place: approach": "Current Joint Angles",
-    "place: descend": "Nullspace Setpoints",
-    "place: retract": "Current Joint Angles",
-}
+LABELS = [
+    f"{what}: {move}" for what in ("pick", "place") for move in ("approach", "descend", "retract")
+]
 STRAIGHT = {"pick: descend", "pick: retract", "place: descend", "place: retract"}
 TRANSFER = {"pick: retract", "place: approach", "place: descend"}
 
@@ -106,7 +102,7 @@ def test_motion_time_is_the_sum_of_the_moves_from_the_start_pose_on(
 
 def test_moves_down_to_poses_and_up_from_them_are_straight(report: dict[str, Any]) -> None:
     for cycle in report["cycles"]:
-        assert [move["label"] for move in cycle["moves"]] == list(SEEDS)
+        assert [move["label"] for move in cycle["moves"]] == LABELS
         assert {move["label"] for move in cycle["moves"] if move["is_straight"]} == STRAIGHT
 
 
@@ -349,12 +345,23 @@ def test_html_is_one_file_of_at_most_5_mb(tmp_path: Path) -> None:
 
 
 def test_summary_names_seeds_residuals_durations_and_times(
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["--headless"]) == 0
+    path = tmp_path / "report.json"
+    assert main(["--headless", "--report", str(path)]) == 0
     said = capsys.readouterr().out
     rows = re.findall(r"^  ((?:pick|place): \w+) +(\S.*?)  .*e-\d+ rad +\d\.\d{3} s$", said, re.M)
-    assert rows == [*SEEDS.items()] * 2
+    told = []
+    for cycle in json.loads(path.read_text())["cycles"]:
+        for waypoint in cycle["waypoints"]:
+            seed, moved_rad = waypoint["seed_label"], waypoint["moved_rad"]
+            moved = f", moved by {moved_rad:.2f} rad" if moved_rad > SHOWN_RAD else ""
+            told.append((waypoint["waypoint"], f"{seed}{moved}"))
+    assert rows == told
+    assert [label for label, _ in rows] == LABELS * 2
+    assert {"Current Joint Angles", "Nullspace Setpoints"} >= {
+        waypoint.split(",")[0] for _, waypoint in rows
+    }
     for word in ("residual", "move", "planning", "motion", "wall", "block: from"):
         assert word in said
 
