@@ -11,10 +11,9 @@ from baxter_kin.arrays import Vector
 from planner.errors import MotionError
 from planner.lines import Lines
 from planner.manipulator import Manipulator
-from planner.motion.free_move import MARGIN_M, plan_free_move
 from planner.motion.straight_move import plan_straight_move
 from planner.plan import PlanFailure
-from planner.plan_builder import NoSolutionError
+from planner.plan_builder import NoSolutionError, free_motion
 from planner.straight_line import LineTolerance
 from planner.surroundings import Surroundings
 from planner.swept_result import SweptContact
@@ -119,8 +118,13 @@ class StoppingCycles:
             ("place: retract", up_end),
         ):
             refuse_colliding(stage, motion, self._around[stage])
-        to_pick = self._free("pick: approach", self._q_start, down_pick.q_start)
-        to_place = self._free("place: approach", up_pick.q_goal, down_place.q_start)
+        to_pick, to_place = (
+            free_motion(stage, ends, self._manipulator, self._around[stage], TIMEOUT_S)
+            for stage, ends in (
+                ("pick: approach", (self._q_start, down_pick.q_start)),
+                ("place: approach", (up_pick.q_goal, down_place.q_start)),
+            )
+        )
         return Cycle(to_pick, down_pick, up_pick, to_place, down_place, up_end)
 
     def _line(self, stage: str, q: Vector, T_base_top: pin.SE3) -> Trajectory:
@@ -137,19 +141,3 @@ class StoppingCycles:
         if isinstance(found, NoSolutionError):
             raise found
         return found
-
-    def _free(self, stage: str, q_start: Vector, q_goal: Vector) -> Trajectory:
-        around = self._around[stage]
-        limits, margin_m = self._manipulator.limits, around.margin_m + MARGIN_M
-        try:
-            return plan_free_move(
-                q_start,
-                q_goal,
-                limits,
-                around.space,
-                around.is_clear,
-                timeout_s=TIMEOUT_S,
-                margin_m=margin_m,
-            )
-        except MotionError as cause:
-            raise NoSolutionError.at(stage, str(cause)) from cause

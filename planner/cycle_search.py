@@ -32,7 +32,7 @@ from planner.plan import Plan, PlanFailure
 from planner.plan_builder import NoSolutionError, PlanBuilder, refuse_blocked
 from planner.scene import Scene
 from planner.situation import Holding
-from planner.stages import STAGES, build_cycle
+from planner.stages import SIDEWAYS, STAGES, build_cycle
 from planner.straight_line import LineTolerance
 
 MOST_OPTIMISED = 4
@@ -43,9 +43,6 @@ DIFFERENT_RAD = 0.4
 
 SAME_S, SAME_RAD = 2e-3, 0.02
 """Cycles that differ by less are the same optimum."""
-
-SIDEWAYS = ("pick: approach", "place: approach")
-"""Stages in which the tip is free."""
 
 MOST_TRIED, MOST_SIDEWAYS = 16, 3
 """Pairs that are tried one motion at a time, and those of them whose sideways motions fail."""

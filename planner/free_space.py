@@ -20,10 +20,7 @@ from planner.collision import Clearance, ClearanceChecker
 from planner.contact import has_depth
 from planner.errors import SceneError
 from planner.manipulator import Manipulator
-from planner.motion.obstacles import Obstacles
-
-KEPT_SHARE = 0.5
-"""Pairs nearer at start or goal than the margin keep this share of their distance there."""
+from planner.motion.obstacles import KEPT_SHARE, Obstacles
 
 NEAR_RAD = 100.0
 """An array with joints below this needs no other check: `is_free` is asked some thousand times."""

@@ -11,7 +11,7 @@ from planner.errors import MotionError
 from planner.finger_travel import FingerTravel, prove_travel
 from planner.lines import raised
 from planner.manipulator import Manipulator
-from planner.motion.free_move import MARGIN_M, plan_free_move
+from planner.motion.free_move import MARGIN_M, TIMEOUT_S, plan_free_move
 from planner.motion.straight_move import plan_straight_move
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
 from planner.scene import Scene
@@ -118,14 +118,9 @@ class PlanBuilder:
         """
         refuse_blocked(label, self.q, around, "where it stands")
         refuse_blocked(label, q_goal, around, "where it shall go")
-        limits, margin_m = self._manipulator.limits, around.margin_m + MARGIN_M
-        try:
-            found = plan_free_move(
-                self.q, q_goal, limits, around.space, around.is_clear, margin_m=margin_m
-            )
-        except MotionError as cause:
-            raise NoSolutionError.at(label, str(cause)) from cause
-        self.add_move(label, found, around)
+        self.add_move(
+            label, free_motion(label, (self.q, q_goal), self._manipulator, around), around
+        )
 
     def add_rise(self, label: str, height_m: float, around: Surroundings) -> None:
         """Add a straight move up from where the arm stands.
@@ -183,6 +178,31 @@ class PlanBuilder:
         if isinstance(result, SweptContact):
             raise NoSolutionError(blocked_fingers(label, action, result))
         return result
+
+
+def free_motion(
+    label: str,
+    ends: tuple[Vector, Vector],
+    manipulator: Manipulator,
+    around: Surroundings,
+    timeout_s: float = TIMEOUT_S,
+) -> Trajectory:
+    """A motion from one configuration to another around what is in the way, proven clear.
+
+    Raises:
+        NoSolutionError: when there is none.
+    """
+    try:
+        return plan_free_move(
+            *ends,
+            manipulator.limits,
+            around.space,
+            around.is_clear,
+            timeout_s=timeout_s,
+            margin_m=around.margin_m + MARGIN_M,
+        )
+    except MotionError as cause:
+        raise NoSolutionError.at(label, str(cause)) from cause
 
 
 def refuse_blocked(label: str, q: Vector, around: Surroundings, where: str) -> None:

@@ -28,6 +28,9 @@ STAGES = (
     "place: open",
     "place: retract",
 )
+SIDEWAYS = ("pick: approach", "place: approach")
+"""Those in which the tip is free; the other moves are along lines."""
+
 PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
 PLACE_LINES = ("place: descend", "place: open", "place: retract")
 
@@ -41,7 +44,7 @@ def build_cycle(builder: PlanBuilder, lines: Lines, phases: Phases, cycle: Cycle
     around, body = phases.around, phases.body.name
 
     def move(label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
-        is_straight = not label.endswith("approach")
+        is_straight = label not in SIDEWAYS
         builder.add_move(label, trajectory, around[label], T_base_tip, is_straight=is_straight)
 
     builder.add_open("pick: open", phases.opening_m)

@@ -60,8 +60,7 @@ def led_around(
         if led is None:
             failures += 1
         else:
-            counts = [len(sketch.q) - 1 for sketch in sketches]
-            sketches = [Sketch.of(*pair) for pair in zip(led, counts, strict=True)]
+            sketches = Sketch.of_each(led, (sketch.intervals for sketch in sketches))
             bounds = _bounds(obstacles, sketches)
             if min(each.excess_m for each in bounds) > -SHORT_OF_M:
                 found.insert(0, led)
@@ -71,18 +70,13 @@ def led_around(
     return found
 
 
-def duration_s(motions: Motions) -> float:
-    """Of all of them."""
-    return sum(motion.duration for motion in motions)
-
-
 def _bounds(obstacles: Sequence[Obstacles], sketches: Sequence[Sketch]) -> list[LinearBounds]:
     return [near.bounds(s.controls) for near, s in zip(obstacles, sketches, strict=True)]
 
 
 def _is_good(found: Sequence[Motions], enough_s: float) -> bool:
     """Whether the last found motions are fast enough, or hardly faster than those before."""
-    times = [duration_s(motions) for motions in found[:2]]
+    times = [sum(motion.duration for motion in motions) for motions in found[:2]]
     if times and times[0] <= enough_s:
         return True
     return len(times) == 2 and abs(times[1] - times[0]) < SETTLED * times[0]

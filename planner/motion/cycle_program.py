@@ -88,7 +88,9 @@ class CycleProgram:
 
     def near(self, cycle: Cycle) -> Cycle | None:
         """The fastest cycle near one; None where none is found."""
-        return self._solved(_sketches(cycle, self._intervals)) if self._is_usual else None
+        if not self._is_usual:
+            return None
+        return self._solved(Sketch.of_each(cycle.by_stage.values(), self._intervals))
 
     def of(self, choice: Choice) -> Cycle | None:
         """The fastest cycle near a pair of solutions; None where none is found."""
@@ -106,7 +108,7 @@ class CycleProgram:
         """
         if not self._is_usual:
             return []
-        sketches = _sketches(cycle, self._led)
+        sketches = Sketch.of_each(cycle.by_stage.values(), self._led)
         places = [situations[stage] for stage in RESTING]
         obstacles = [
             around.space.obstacles(sketch.q[resting], around.margin_m + LED_CLEAR_M)
@@ -122,7 +124,7 @@ class CycleProgram:
         self, sketches: Sequence[Sketch], clearances: Clearances | None = None
     ) -> Motions | None:
         arm, limits = self._manipulator.arm, self._manipulator.limits
-        intervals = tuple(len(sketch.q) - 1 for sketch in sketches)
+        intervals = tuple(sketch.intervals for sketch in sketches)
         program = _program(intervals, keeps_clear=clearances is not None)
         found = program.solve(sketches, self._task, arm, limits, clearances)
         if found is None:
@@ -153,11 +155,6 @@ class CycleProgram:
         to_pick = between(standing, down_pick, limits, entry)
         to_place = between(up_pick, down_place, limits, across)
         return [to_pick, down_pick, up_pick, to_place, down_place, up_end]
-
-
-def _sketches(cycle: Cycle, intervals: Sequence[int]) -> list[Sketch]:
-    pairs = zip(cycle.by_stage.values(), intervals, strict=True)
-    return [Sketch.of(motion, count) for motion, count in pairs]
 
 
 @lru_cache(maxsize=8)

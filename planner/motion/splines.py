@@ -9,6 +9,7 @@ fraction of the duration; over its n-th power they are by time.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -72,6 +73,16 @@ class Sketch(NamedTuple):
         """Of a motion over n intervals."""
         q, v, _ = trajectory.sample(np.linspace(0.0, trajectory.duration, intervals + 1))
         return cls(q, v[[0, -1]], trajectory.duration)
+
+    @classmethod
+    def of_each(cls, trajectories: Iterable[Trajectory], intervals: Iterable[int]) -> list[Sketch]:
+        """Of several motions, each over its own number of intervals."""
+        return [cls.of(*pair) for pair in zip(trajectories, intervals, strict=True)]
+
+    @property
+    def intervals(self) -> int:
+        """How many there are, n."""
+        return len(self.q) - 1
 
     @property
     def controls(self) -> Vector:
