@@ -63,7 +63,6 @@ _MODULES = ("errors", "pinocchio_loading", "frames", "ik", "limits", "model", "d
 
 
 def __getattr__(name: str) -> object:
-    """Load a public name from the module that defines it."""
     if name in __all__:
         for module in _MODULES:
             found = getattr(import_module(f"{__name__}.{module}"), name, None)

@@ -20,23 +20,18 @@ class FrozenMapping(Mapping[K, V]):
     __slots__ = ("_items",)
 
     def __init__(self, items: Mapping[K, V]) -> None:
-        """Copy the items."""
         self._items = dict(items)
 
     def __getitem__(self, key: K) -> V:
-        """The value of a key."""
         return self._items[key]
 
     def __iter__(self) -> Iterator[K]:
-        """The keys, in the order in which they came."""
         return iter(self._items)
 
     def __len__(self) -> int:
-        """How many items."""
         return len(self._items)
 
     def __repr__(self) -> str:
-        """As a dictionary would be shown."""
         return repr(self._items)
 
 
@@ -49,7 +44,6 @@ class Frozen:
     __slots__ = ()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """How pickle and copy make another one."""
         cls: Any = type(self)
         return _remade, (cls, tuple(getattr(self, each.name) for each in fields(cls)))
 

@@ -38,7 +38,6 @@ class OneLine:
     __slots__ = ()
 
     def __repr__(self) -> str:
-        """Its class and its facts."""
         return line(type(self).__name__, self._facts())
 
     def _facts(self) -> tuple[str, ...]:

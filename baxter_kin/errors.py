@@ -55,7 +55,6 @@ class BaxterError(Exception):
     """Root of every error the toolkit raises on purpose."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """What makes it again in another process, whatever its class takes to be made."""
         return _remade, (type(self), self.args, self.__dict__)
 
 
@@ -73,7 +72,6 @@ class UnknownNameError(BaxterError, ValueError):
     """
 
     def __init__(self, kind: str, name: object, allowed: Iterable[str]) -> None:
-        """Say what came and what is allowed."""
         self.kind = kind
         self.name = name
         self.allowed = tuple(allowed)
@@ -124,7 +122,6 @@ class FileError(BaxterError):
     """
 
     def __init__(self, action: str, path: object, reason: str) -> None:
-        """Say what was tried on which file, and why it failed."""
         self.action = action
         self.path = path
         self.reason = reason

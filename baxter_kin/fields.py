@@ -1,6 +1,7 @@
 """Fields: the values of a dataclass are of the classes that it says they are.
 
-`check_fields` reads the annotations once for each class, and then compares values with them:
+`check_fields`, which `Checked` calls, reads the annotations once for each class, and then compares
+values with them:
 
 ```
 float                a number, not NaN; no truth value
@@ -22,7 +23,7 @@ import types
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import cache
-from typing import Any, TypeAlias, TypeGuard, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, TypeAlias, TypeGuard, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -32,6 +33,23 @@ MOST_BITS = 1024
 """Of a whole number that a float can hold."""
 
 Test: TypeAlias = Callable[[object], bool]
+
+
+class Checked:
+    """Base of dataclasses that refuse values of other classes than their annotations say.
+
+    The class of the error is an argument: `class Miss(Checked, error=SceneError)`.
+    """
+
+    __slots__ = ()
+    _error: ClassVar[type[BaxterError]]
+
+    def __init_subclass__(cls, *, error: type[BaxterError] | None = None) -> None:
+        if error is not None:  # a dataclass with slots is made twice, the second time without
+            cls._error = error
+
+    def __post_init__(self) -> None:
+        check_fields(self, self._error)
 
 
 def check_fields(value: Any, error: type[BaxterError], *, may_be_nan: tuple[str, ...] = ()) -> None:

@@ -76,7 +76,6 @@ class StampedPose(OneLine):
     frame: Frame | str = Frame.BASE
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         object.__setattr__(self, "T_frame_tip", checked_pose(self.T_frame_tip))
         object.__setattr__(self, "frame", Frame.of(self.frame))
 

@@ -65,7 +65,6 @@ class JointLimits(Frozen, OneLine):
     origins: Mapping[str, str] = field(default_factory=lambda: DEFAULT_ORIGINS)
 
     def __post_init__(self) -> None:
-        """Copy the arrays and check that they make sense."""
         object.__setattr__(self, "names", _checked_names(self.names))
         if not self.names:
             raise LimitsError("limits need at least one joint, got none")

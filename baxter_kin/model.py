@@ -23,7 +23,7 @@ from baxter_kin.errors import (
     quoted,
     shortened,
 )
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from baxter_kin.frames import checked_pose
 from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, JointLimits
 
@@ -64,7 +64,6 @@ class Arm:
     """
 
     def __init__(self, side: str, robot_model: pin.Model) -> None:
-        """Cut the arm of that side out of the whole robot's model."""
         self.side = _known_limb(side)
         expect(robot_model, pin.Model, "robot_model", DescriptionError)
         self.joint_names = tuple(f"{side}_{joint}" for joint in JOINTS)
@@ -79,7 +78,6 @@ class Arm:
         self._workspace = _Workspace(self.model)
 
     def __repr__(self) -> str:
-        """Name the arm, and its tip where that is not the gripper."""
         tip = "" if self.tip_frame == self.gripper_frame else f", tip={self.tip_frame!r}"
         return f"Arm({self.side!r}{tip})"
 
@@ -195,25 +193,18 @@ class Arm:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Baxter(OneLine):
+class Baxter(Checked, OneLine, error=DescriptionError):
     """The whole robot.
 
     Attributes:
         description: which robot it is.
         model: the kinematic tree of all joints: head, arms and fingers, 19 with both grippers.
         arms: both arms by side.
-
-    Raises:
-        DescriptionError: when a value is of another class.
     """
 
     description: RobotDescription
     model: pin.Model
     arms: Mapping[str, Arm]
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, DescriptionError)
 
     @classmethod
     def load(

@@ -58,7 +58,6 @@ class Task:
     is_done: bool
 
     def __str__(self) -> str:
-        """One row."""
         off = "-" if np.isnan(self.off_m) else f"{1e3 * self.off_m:.3f} mm"
         numbers = f"{self.motion_s:6.2f} s {self.planning_s:8.2f} s {off:>10}"
         return f"{self.block:8} {self.arm:6} {numbers}   {self.verdict}"

@@ -20,7 +20,7 @@ from baxter_kin import Arm
 from baxter_kin.arrays import Indices, Vector, finite_array, finite_scalar
 from baxter_kin.display import OneLine, count, seconds, sentence
 from baxter_kin.errors import ConfigurationError, expect
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from baxter_kin.frames import checked_pose
 from planner.contact import (
     PRESSING_TOLERANCE_M,
@@ -42,7 +42,7 @@ FARTHEST_JOINT = 1000.0
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Clearance(OneLine):
+class Clearance(Checked, OneLine, error=SceneError):
     """The least distance that was found, and where.
 
     Attributes:
@@ -51,19 +51,12 @@ class Clearance(OneLine):
         first: link or body.
         second: link or body.
         time_s: when, from the start of the motion; None when it was at no time of one.
-
-    Raises:
-        SceneError: when a value is of another class.
     """
 
     distance_m: float
     first: str
     second: str
     time_s: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SceneError)
 
     @property
     def text(self) -> str:
@@ -109,7 +102,6 @@ class Held:
     supports: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         expect(self.body, Body, "a held body", SceneError)
         object.__setattr__(self, "T_tip_body", checked_pose(self.T_tip_body))
         object.__setattr__(self, "supports", frozenset(self.supports))
@@ -131,7 +123,6 @@ class ShapePairs:
     """
 
     def __init__(self, shapes: RobotShapes) -> None:
-        """Begin with the robot's shapes, and no pairs."""
         self._robot, self.pieces = shapes, shapes.pieces
         self.geometry: pin.GeometryModel = shapes.model.copy()
         self.numbers: list[tuple[int, int]] = []
@@ -191,7 +182,6 @@ class CheckedPairs:
     """
 
     def __init__(self, built: ShapePairs) -> None:
-        """Of what was built."""
         self.geometry, self._names = built.geometry, tuple(built.names)
         self.covers = built.covers()
         self.numbers: Indices = np.array(built.numbers, dtype=np.intp).reshape(-1, 2)
@@ -297,7 +287,6 @@ class ClearanceChecker(OneLine):
         self.geometry = self.checked.geometry
 
     def __reduce__(self) -> tuple[partial[ClearanceChecker], tuple[()]]:
-        """What makes it again: coal's shapes stay where they are."""
         return self._made_by, ()
 
     @cached_property

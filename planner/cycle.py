@@ -94,7 +94,6 @@ class StoppingCycles:
         around: Mapping[str, Surroundings],
         line_tolerance: LineTolerance | None = None,
     ) -> None:
-        """For an arm that stands somewhere, in the situations of the stages."""
         self._line_tolerance = line_tolerance
         self._manipulator, self._q_start = manipulator, q_start
         self._lines, self._around = lines, around

@@ -56,7 +56,6 @@ class StraightMoveError(MotionError):
     """
 
     def __init__(self, fraction: float, reason: str) -> None:
-        """Say how far it goes and why no further."""
         self.fraction = fraction
         self.reason = reason
         super().__init__(f"the straight line ends after {fraction:.1%} of the way: {reason}")

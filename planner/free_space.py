@@ -173,7 +173,6 @@ class GuardedSpace:
     """A free space whose configurations keep a distance; made by `FreeSpace.with_margin`."""
 
     def __init__(self, space: FreeSpace, touches: Touches) -> None:
-        """Remember both."""
         self._space = space
         self._touches = touches
 
@@ -198,7 +197,6 @@ class Touches:
     def __init__(
         self, checker: ClearanceChecker, margin_m: float = 0.0, nearest_m: Vector | None = None
     ) -> None:
-        """For all pairs of a checker, and what distance they were at somewhere else, if given."""
         self._made_of = checker, margin_m, nearest_m
         self._model, self._geometry = checker.robot, checker.for_contacts.copy()
         self._data, self._results = self._model.createData(), self._geometry.createData()
@@ -217,7 +215,6 @@ class Touches:
         )
 
     def __reduce__(self) -> tuple[type[Touches], tuple[object, ...]]:
-        """What makes it again: the broad phase stays where it is."""
         return type(self), self._made_of
 
     def __call__(self, q_full: Vector) -> bool:

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.display import OneLine, millimetres, sentence
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from planner.errors import SceneError
 from planner.scene import Body, Part
 
@@ -46,7 +46,7 @@ class MissKind(str, Enum):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Miss(OneLine):
+class Miss(Checked, OneLine, error=SceneError):
     """Why a hand holds nothing after closing; `str()` of it is a phrase.
 
     Attributes:
@@ -55,9 +55,6 @@ class Miss(OneLine):
         body: the body that it is about; None when there is none.
         amount_m: the number in it: how wide, how deep in the finger, how much of a pad, or how far
             beside the tip; None when there is none.
-
-    Raises:
-        SceneError: when a value is of another class.
     """
 
     kind: MissKind
@@ -65,12 +62,7 @@ class Miss(OneLine):
     body: str | None = None
     amount_m: float | None = None
 
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SceneError)
-
     def __str__(self) -> str:
-        """The text."""
         return self.text
 
     def _facts(self) -> tuple[str, ...]:
@@ -78,7 +70,7 @@ class Miss(OneLine):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Grasp(OneLine):
+class Grasp(Checked, OneLine, error=SceneError):
     """Both pads touch a body.
 
     Attributes:
@@ -93,9 +85,6 @@ class Grasp(OneLine):
         centre_off_m: how far the body's centre is beside the pads, seen along the closing axis; 0
             when it is between them.
         is_near_edge: whether less than `NEAR_EDGE_M` of a pad is on a body that has room for more.
-
-    Raises:
-        SceneError: when a value is of another class.
     """
 
     finger_m: float
@@ -105,10 +94,6 @@ class Grasp(OneLine):
     pad_m: float
     centre_off_m: float
     is_near_edge: bool
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SceneError)
 
     def _facts(self) -> tuple[str, ...]:
         pushed = f"pushed {millimetres(self.push_m)}"

@@ -18,7 +18,7 @@ from baxter_kin.arrays import finite_scalar
 from baxter_kin.description.calibration import finger_joints
 from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, expect, millimetres_hint
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from baxter_kin.frames import PoseLike, checked_pose
 from planner.collision import RobotShapes
 from planner.contact import PRESSING_TOLERANCE_M, gap_m, travel_to_contact
@@ -46,7 +46,7 @@ near to their mesh as this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Hand(OneLine):
+class Hand(Checked, OneLine, error=SceneError):
     """Fingers of one arm.
 
     Attributes:
@@ -59,9 +59,6 @@ class Hand(OneLine):
         fingers: all shapes of both fingers, likewise, those of the tips first.
         palm_z_m: how far whatever of the hand is above a body between the pads reaches along z of
             the tip: the hand itself, and what of the fingers stands further in than the pads.
-
-    Raises:
-        SceneError: when a value is of another class.
     """
 
     side: str
@@ -71,10 +68,6 @@ class Hand(OneLine):
     pads: tuple[tuple[Part, ...], tuple[Part, ...]]
     fingers: tuple[tuple[Part, ...], tuple[Part, ...]]
     palm_z_m: float
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SceneError)
 
     @classmethod
     def of(cls, robot: Baxter, arm: Arm, shapes: RobotShapes) -> Hand:

@@ -50,7 +50,6 @@ class LeverArms:
     def __init__(
         self, robot: pin.Model, geometry: pin.GeometryModel, arm: Arm, covers: Covers
     ) -> None:
-        """Of the shapes of a geometry model, and what is around each."""
         self._robot, self._data = robot, robot.createData()
         self._chain = [robot.getJointId(name) for name in arm.joint_names]
         self.q_index = np.array([robot.joints[joint].idx_q for joint in self._chain])

@@ -48,7 +48,6 @@ class Manipulator(Frozen, OneLine):
     q_others: Vector = field(repr=False)
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         check_fields(self, TaskError)
         joints = (len(self.robot.joint_names),)
         q_others = finite_array(self.q_others, joints, "q_others", ConfigurationError)

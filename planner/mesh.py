@@ -54,7 +54,6 @@ class Mesh(Frozen, OneLine):
     is_convex: bool = field(init=False)
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         points = float_array(self.vertices, "mesh vertices", SceneError)
         count = len(points) if points.ndim else 0
         vertices = finite_array(points, (count, 3), "mesh vertices", SceneError)

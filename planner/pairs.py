@@ -34,7 +34,6 @@ class Solutions:
     """
 
     def __init__(self, stage: str, qs: Vector, around: Surroundings) -> None:
-        """Nothing is looked at until asked for."""
         self.stage = stage
         self.qs = qs
         self._around = around

@@ -67,7 +67,6 @@ class PickAndPlace(OneLine):
     clear_m: float = 0.05
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         expect(self.body, str, "name of the body", TaskError)
         checked_height_m(self.hover_m, "hover distance", TaskError)
         checked_height_m(self.clear_m, "clear height", TaskError)

@@ -16,7 +16,7 @@ from baxter_kin.copying import Frozen
 from baxter_kin.description import RobotIdentity
 from baxter_kin.display import OneLine, clear, count, millimetres, phrase, seconds, sentence
 from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked, check_fields
 from baxter_kin.model import LIMBS
 from planner.collision import Clearance, least
 from planner.errors import TaskError, expect_all
@@ -31,7 +31,7 @@ SHOWN_RAD = 0.005
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Move(OneLine):
+class Move(Checked, OneLine, error=TaskError):
     """The arm goes to a waypoint.
 
     Attributes:
@@ -43,9 +43,6 @@ class Move(OneLine):
         clearance: the least distance that was met on the way, where it was checked.
         proof: that the whole way is clear, where it was proven.
         is_straight: whether the tip moves along a straight line.
-
-    Raises:
-        TaskError: when a value is of another class.
     """
 
     label: str
@@ -55,10 +52,6 @@ class Move(OneLine):
     clearance: Clearance | None = None
     proof: SweptProof | None = None
     is_straight: bool = False
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, TaskError)
 
     @property
     def moved_rad(self) -> float:
@@ -114,7 +107,6 @@ class Grip(OneLine):
     proof: SweptProof | None = None
 
     def __post_init__(self) -> None:
-        """Check, the opening above all."""
         check_fields(self, TaskError)
         if self.opening_m is None:
             return
@@ -136,7 +128,7 @@ Step: TypeAlias = Move | Grip
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class PlanFailure(OneLine):
+class PlanFailure(Checked, OneLine, error=TaskError):
     """Why there is no plan; `str()` of it is one sentence.
 
     Attributes:
@@ -149,9 +141,6 @@ class PlanFailure(OneLine):
         contact: what would collide on the way, when that was the reason.
         tallies: how many solutions of the pick and of the place collide, and with what, where any
             does.
-
-    Raises:
-        TaskError: when a value is of another class.
     """
 
     stage: str
@@ -162,12 +151,7 @@ class PlanFailure(OneLine):
     contact: SweptContact | None = None
     tallies: tuple[Tally, ...] = ()
 
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, TaskError)
-
     def __str__(self) -> str:
-        """Stage and reason."""
         return f"{self.stage}: {self.reason}"
 
     def _facts(self) -> tuple[str, ...]:
@@ -204,7 +188,6 @@ class Plan(Frozen, OneLine):
     line_tolerance: LineTolerance = field(default_factory=LineTolerance)
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         expect(self.line_tolerance, LineTolerance, "line_tolerance of a plan", TaskError)
         if not isinstance(self.limb, str) or self.limb not in LIMBS:
             raise UnknownNameError("limb", self.limb, LIMBS)
@@ -250,7 +233,6 @@ class Plan(Frozen, OneLine):
         return least(near for near in (*moves, *grips) if near is not None)
 
     def __iter__(self) -> Iterator[Step]:
-        """The steps."""
         return iter(self.steps)
 
     def _facts(self) -> tuple[str, ...]:

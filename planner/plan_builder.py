@@ -26,7 +26,6 @@ class NoSolutionError(Exception):
     """Ends the making of a plan; becomes `Plan.failure`."""
 
     def __init__(self, failure: PlanFailure) -> None:
-        """Carry it."""
         self.failure = failure
         super().__init__(str(failure))
 

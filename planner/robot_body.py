@@ -46,7 +46,7 @@ from baxter_kin.copying import Frozen, FrozenMapping
 from baxter_kin.description import RobotIdentity
 from baxter_kin.display import OneLine, count, millimetres
 from baxter_kin.errors import FileError, shown_path
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from baxter_kin.files import open_to_read
 from planner.errors import BodyFileError, SceneError
 
@@ -70,7 +70,7 @@ class Triangulated(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LinkBody(Frozen):
+class LinkBody(Checked, Frozen, error=SceneError):
     """The body of one link, in the link's frame.
 
     Attributes:
@@ -92,10 +92,6 @@ class LinkBody(Frozen):
     pieces: tuple[Triangulated, ...]
     is_touching: bool = False
     padding_m: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SceneError)
 
     @property
     def has_surface(self) -> bool:
@@ -121,29 +117,21 @@ class LinkBody(Frozen):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class RobotBody(Frozen, OneLine):
+class RobotBody(Checked, Frozen, OneLine, error=SceneError):
     """The bodies of all links, and the pairs of them that need no check.
 
     Attributes:
         links: link name -> its body; links without any shape are absent. What may be mounted in
             place of a link's mesh is there as `<link>:<mesh>`; see `planner.hand_body`.
         skipped_pairs: two link names -> why they are not checked against each other.
-
-    Raises:
-        SceneError: when a value is of another class.
     """
 
     links: Mapping[str, LinkBody]
     skipped_pairs: Mapping[frozenset[str], str]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """What makes it again; the one that comes with the package is there already."""
         is_stored = _stored.cache_info().currsize > 0 and self is _stored()
         return (_stored, ()) if is_stored else Frozen.__reduce__(self)
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SceneError)
 
     @property
     def digest(self) -> str:

@@ -55,7 +55,6 @@ class RobotShapes(OneLine):
         self._hulls: dict[int, coal.CollisionGeometry] = {}
 
     def __reduce__(self) -> tuple[type[RobotShapes], tuple[Baxter, RobotBody]]:
-        """What makes them again: coal's shapes stay where they are."""
         return type(self), (self.robot, self.body)
 
     @cached_property

@@ -40,7 +40,6 @@ class Box:
     size_m: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        """Check the edges."""
         size = finite_array(self.size_m, (3,), "box size_m", SceneError)
         x, y, z = (_checked_length(edge, "box edge") for edge in size.tolist())
         object.__setattr__(self, "size_m", (x, y, z))
@@ -64,7 +63,6 @@ class Cylinder:
     length_m: float
 
     def __post_init__(self) -> None:
-        """Check the lengths."""
         _checked_length(self.radius_m, "cylinder radius_m")
         _checked_length(self.length_m, "cylinder length_m")
 
@@ -85,7 +83,6 @@ class Sphere:
     radius_m: float
 
     def __post_init__(self) -> None:
-        """Check the radius."""
         _checked_length(self.radius_m, "sphere radius_m")
 
     def support_m(self, direction: Vector) -> float:
@@ -112,7 +109,6 @@ class Part(OneLine):
     rgba: tuple[float, float, float, float] = GREY
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         if not isinstance(self.shape, (Box, Cylinder, Sphere, Mesh)):
             raise SceneError(
                 f"a shape is a Box, Cylinder, Sphere or Mesh, got {quoted(self.shape)}"
@@ -153,7 +149,6 @@ class Body(OneLine):
     is_movable: bool = False
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         if not is_name(self.name):
             raise SceneError(
                 f"a body needs a name, of up to {LONGEST_NAME} characters that can be written, got "
@@ -215,7 +210,6 @@ class Scene(OneLine):
     bodies: Mapping[str, Body]
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         if not isinstance(self.bodies, Mapping):
             raise SceneError(f"bodies must be a mapping, got {type(self.bodies).__name__}")
         for name, body in self.bodies.items():
@@ -238,7 +232,6 @@ class Scene(OneLine):
         return scene
 
     def __iter__(self) -> Iterator[Body]:
-        """The bodies, in the order they were added."""
         return iter(self.bodies.values())
 
     def __getitem__(self, name: str) -> Body:

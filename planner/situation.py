@@ -38,7 +38,6 @@ class Holding(OneLine):
     T_tip_body: pin.SE3
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         if not isinstance(self.side, str) or self.side not in LIMBS:
             raise UnknownNameError("limb", self.side, LIMBS)
         expect(self.body, str, "the name of a held body", SceneError)
@@ -70,7 +69,6 @@ class Situation(OneLine):
     held: tuple[Holding, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         expect(self.scene, Scene, "scene", SceneError)
         joints = expect(self.joints, Mapping, "joints", TaskError)  # type: ignore[type-abstract]
         copied = {

@@ -57,7 +57,6 @@ class LineTolerance(OneLine):
     rotation_rad: float = STRICT_RAD
 
     def __post_init__(self) -> None:
-        """Check."""
         ranges = ("position_m", LEAST_M, FARTHEST_M), ("rotation_rad", LEAST_RAD, math.pi)
         for name, least, most in ranges:
             value = finite_scalar(getattr(self, name), f"line tolerance {name}", MotionError)

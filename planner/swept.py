@@ -179,7 +179,6 @@ class ArmMotion:
     """A trajectory of the arm of a checker, all else at rest."""
 
     def __init__(self, checker: ClearanceChecker, trajectory: Trajectory, full: Vector) -> None:
-        """Of a checked trajectory; `full` says where all other joints stand, shape (19,)."""
         self.duration_s = trajectory.duration
         self._full, self._span, self._levers = full, JointSpan(trajectory), checker.levers
         self._covers, self._padding_m = checker.checked.covers, checker.checked.padding_m

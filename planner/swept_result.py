@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from baxter_kin.display import OneLine, clear, millimetres, sentence
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from planner.collision import SHOWN_M, Clearance
 from planner.errors import SceneError
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class SweptProof(OneLine):
+class SweptProof(Checked, OneLine, error=SceneError):
     """A motion is clear at every instant.
 
     Attributes:
@@ -25,9 +25,6 @@ class SweptProof(OneLine):
         margin_m: the distance that was asked for.
         intervals: time intervals that were examined.
         evaluations: distances that were measured.
-
-    Raises:
-        SceneError: when a value is of another class.
     """
 
     proven_m: float
@@ -36,13 +33,9 @@ class SweptProof(OneLine):
     intervals: int
     evaluations: int
 
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SceneError)
-
     @property
     def is_clear(self) -> bool:
-        """True."""
+        """A motion that is not clear has a `SweptContact`."""
         return True
 
     def _facts(self) -> tuple[str, ...]:
@@ -50,7 +43,7 @@ class SweptProof(OneLine):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class SweptContact(OneLine):
+class SweptContact(Checked, OneLine, error=SceneError):
     """A motion that is not clear, or not known to be; `str()` of it says why in one sentence.
 
     Attributes:
@@ -61,9 +54,6 @@ class SweptContact(OneLine):
         duration_s: of the whole motion.
         intervals: time intervals that were examined.
         evaluations: distances that were measured.
-
-    Raises:
-        SceneError: when a value is of another class.
     """
 
     nearest: Clearance
@@ -72,13 +62,9 @@ class SweptContact(OneLine):
     intervals: int
     evaluations: int
 
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SceneError)
-
     @property
     def is_clear(self) -> bool:
-        """False."""
+        """A motion that is clear has a `SweptProof`."""
         return False
 
     @property
@@ -93,7 +79,6 @@ class SweptContact(OneLine):
         return time_s / self.duration_s if self.duration_s > 0.0 else 0.0
 
     def __str__(self) -> str:
-        """What is too close to what, by how much and when."""
         near = self.nearest
         at = f"at {near.time_s or 0.0:.3f} s ({100 * self.fraction:.0f} % of the motion)"
         if not self.is_found:

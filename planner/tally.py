@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import float_array
 from baxter_kin.errors import ConfigurationError
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from planner.collision import SHOWN_M, Clearance
 from planner.errors import TaskError
 from planner.surroundings import Surroundings
@@ -23,7 +23,7 @@ MOST_NAMED = 3
 
 
 @dataclass(frozen=True, slots=True)
-class CollisionCount:
+class CollisionCount(Checked, error=TaskError):
     """How often two things collide.
 
     Attributes:
@@ -32,19 +32,12 @@ class CollisionCount:
         count: in how many solutions these two come closest.
         distance_m: the greatest of their distances there: how near a miss it was. Negative when
             they are inside each other.
-
-    Raises:
-        TaskError: when a value is of another class.
     """
 
     first: str
     second: str
     count: int
     distance_m: float
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, TaskError)
 
     @property
     def nearest(self) -> str:
@@ -60,7 +53,7 @@ class CollisionCount:
 
 
 @dataclass(frozen=True, slots=True)
-class Tally:
+class Tally(Checked, error=TaskError):
     """How many solutions of a waypoint collide; `str()` of it is one sentence.
 
     Attributes:
@@ -69,19 +62,12 @@ class Tally:
         collisions: what collides in the others, or is nearer than the margin, the most frequent
             first.
         margin_m: the distance that was asked for.
-
-    Raises:
-        TaskError: when a value is of another class.
     """
 
     stage: str
     solutions: int
     collisions: tuple[CollisionCount, ...]
     margin_m: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, TaskError)
 
     @classmethod
     def of(cls, stage: str, qs: ArrayLike, around: Surroundings) -> Tally:
@@ -105,7 +91,6 @@ class Tally:
         return sum(collision.count for collision in self.collisions)
 
     def __str__(self) -> str:
-        """How many collide, and with what."""
         share = (
             f"all {self.solutions}"
             if self.colliding == self.solutions

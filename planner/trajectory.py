@@ -32,7 +32,6 @@ class JointState(NamedTuple):
     a: Vector
 
     def __repr__(self) -> str:
-        """The positions of one state, or how many there are, and the greatest speed."""
         if type(self.v) is not np.ndarray or self.v.dtype.kind != "f":
             return line("JointState", map(shown, self))  # a named tuple takes anything
         speed = f"up to {np.abs(self.v).max(initial=0.0):.3g} rad/s"
@@ -73,7 +72,6 @@ class Trajectory(Frozen, OneLine):
     j: Vector
 
     def __post_init__(self) -> None:
-        """Copy the arrays and check that they describe one continuous motion."""
         joints = len(expect(self.limits, JointLimits, "limits", TrajectoryError).names)
         knots = float_array(self.knots_s, "knots_s", TrajectoryError).size
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys("qva", (knots, joints))

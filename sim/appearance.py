@@ -68,7 +68,6 @@ class Mesh:
     scale_m: float
 
     def __post_init__(self) -> None:
-        """Check that faces and vertices belong together, and freeze the arrays."""
         if self.vertices.shape != self.normals.shape or self.faces.max() >= len(self.vertices):
             raise SimulationError(f"{_ASSET} is damaged: mesh {self.name}; reinstall the package")
         for array in (self.vertices, self.normals, self.faces, self.centre_m):

@@ -12,13 +12,11 @@ class Audience:
     """The scene, and a mailbox for everyone who watches it."""
 
     def __init__(self) -> None:
-        """Start with an empty scene and nobody watching."""
         self._changed = threading.Condition()
         self._scene = Mailbox(keeps_deletions=False)
         self._mailboxes: dict[Hashable, Mailbox] = {}
 
     def __len__(self) -> int:
-        """How many watch."""
         with self._changed:
             return len(self._mailboxes)
 

@@ -22,7 +22,7 @@ import pinocchio as pin
 from baxter_kin.arrays import Vector
 from baxter_kin.display import OneLine, count, millimetres, phrase, position, sentence
 from baxter_kin.errors import expect
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from baxter_kin.frames import checked_pose
 from planner import (
     Body,
@@ -84,7 +84,6 @@ class Transfer(OneLine):
     clear_m: float = 0.05
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         expect(self.body, str, "name of the body", SimulationError)
         for name in ("hover_m", "clear_m"):
             checked_height_m(getattr(self, name), name, SimulationError)
@@ -96,25 +95,18 @@ class Transfer(OneLine):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Attempt(OneLine):
+class Attempt(Checked, OneLine, error=SimulationError):
     """One look, and what came of it.
 
     Attributes:
         seen: the body where it was believed to be; None when it was not seen.
         plan: what was planned; None when it was not seen.
         failure: None when it ended as planned, else why not, as one sentence.
-
-    Raises:
-        SimulationError: when a value is of another class.
     """
 
     seen: Body | None
     plan: Plan | None
     failure: str | None
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SimulationError)
 
     def _facts(self) -> tuple[str, ...]:
         seen = "not seen" if self.seen is None else f"seen at {position(self.seen.T_base_body)}"
@@ -122,7 +114,7 @@ class Attempt(OneLine):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class LoopResult(OneLine):
+class LoopResult(Checked, OneLine, error=SimulationError):
     """How a transfer ended.
 
     Attributes:
@@ -130,19 +122,12 @@ class LoopResult(OneLine):
         failure: None, or why the body is not where it should be, as one sentence.
         placed: the body where it was seen at the end; None when it was not placed, or not seen.
         off_m: how far its centre is from where it should be, by that sighting; None likewise.
-
-    Raises:
-        SimulationError: when a value is of another class.
     """
 
     attempts: tuple[Attempt, ...]
     failure: str | None
     placed: Body | None = None
     off_m: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SimulationError)
 
     @property
     def is_success(self) -> bool:

@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from baxter_kin.display import OneLine, millimetres
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from planner import Grasp
 from planner.grasp import Miss, MissKind
 from sim.errors import SimulationError
@@ -32,7 +32,7 @@ AGREEMENT_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Closing(OneLine):
+class Closing(Checked, OneLine, error=SimulationError):
     """How a close will end.
 
     Attributes:
@@ -41,9 +41,6 @@ class Closing(OneLine):
         grasp: where it is then; None for a miss.
         miss: why nothing is held; None for a grasp.
         pushes: the bodies that are moved on the way.
-
-    Raises:
-        SimulationError: when a value is of another class.
     """
 
     finger_m: float
@@ -51,10 +48,6 @@ class Closing(OneLine):
     grasp: Grasp | None = None
     miss: Miss | None = None
     pushes: tuple[Push, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SimulationError)
 
     def _facts(self) -> tuple[str, ...]:
         found = self.grasp or self.miss

@@ -19,7 +19,7 @@ import numpy as np
 from baxter_kin.arrays import Vector
 from baxter_kin.display import OneLine, millimetres, phrase, seconds
 from baxter_kin.errors import expect
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from baxter_kin.model import LIMBS
 from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
 from planner.collision import Held
@@ -40,7 +40,7 @@ them for its proofs to count; they keep far more distance than that."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Contact(OneLine):
+class Contact(Checked, OneLine, error=SimulationError):
     """Two things that run into each other.
 
     Attributes:
@@ -51,9 +51,6 @@ class Contact(OneLine):
         depth_m: how far they are inside each other then.
         stops: whether it ends the move, because `other` does not give way.
         free_s: the last look at which neither touched more than it may.
-
-    Raises:
-        SimulationError: when a value is of another class.
     """
 
     time_s: float
@@ -63,10 +60,6 @@ class Contact(OneLine):
     depth_m: float
     stops: bool
     free_s: float
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SimulationError)
 
     def _facts(self) -> tuple[str, ...]:
         touch = f"{phrase(self.mover)} {millimetres(self.depth_m)} inside {phrase(self.other)}"

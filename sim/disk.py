@@ -102,11 +102,9 @@ class LineFile(NotCopied, OneLine):
         self._output = Output(path)
 
     def __enter__(self) -> LineFile:
-        """The open file."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close it."""
         self.close()
 
     def write(self, line: str) -> None:

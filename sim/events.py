@@ -71,7 +71,6 @@ class Event(OneLine):
     detail: Detail | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        """Check."""
         check_fields(self, SimulationError)
         finite_scalar(self.time_s, "time_s", SimulationError)
 
@@ -101,7 +100,6 @@ class Snapshot(Frozen, OneLine):
     caption: str
 
     def __post_init__(self) -> None:
-        """Check, copy and freeze."""
         check_fields(self, SimulationError)
         count = float_array(self.q, "q", SimulationError).size
         joints = count if count in JOINTS_OF_ROBOT else JOINTS_OF_ROBOT[-1]

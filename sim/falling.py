@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.display import OneLine, millimetres, phrase, position
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked, check_fields
 from planner import Body
 from planner.contact import PRESSING_TOLERANCE_M, gap_m
 from planner.landing import Landing, land, levelled
@@ -50,7 +50,6 @@ class Leg:
     drop_m: float
 
     def __post_init__(self) -> None:
-        """Check."""
         check_fields(self, SimulationError)
         if not 0.0 <= self.drop_m < math.inf:
             raise SimulationError(f"a body falls down by 0 m or more, got {self.drop_m:g}")
@@ -62,7 +61,7 @@ class Leg:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Rest(OneLine):
+class Rest(Checked, OneLine, error=SimulationError):
     """Where a body comes to rest.
 
     Attributes:
@@ -72,9 +71,6 @@ class Rest(OneLine):
         legs: its falls one after the other.
         fell_off: names of what it tipped off from on its way.
         beside_m: how far its centre is beside its footing; 0 unless it leans.
-
-    Raises:
-        SimulationError: when a value is of another class.
     """
 
     T_base_body: pin.SE3
@@ -83,10 +79,6 @@ class Rest(OneLine):
     legs: tuple[Leg, ...] = ()
     fell_off: tuple[str, ...] = ()
     beside_m: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SimulationError)
 
     @property
     def duration_s(self) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.display import OneLine, millimetres
 from baxter_kin.errors import expect
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from planner.finger_travel import FINGER_SPEED_M_S
 from sim.closing import Closing, closing_of
 from sim.errors import SimulationError
@@ -21,25 +21,18 @@ __all__ = ["FINGER_SPEED_M_S", "Closing", "Gripper", "GripperState"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class GripperState(OneLine):
+class GripperState(Checked, OneLine, error=SimulationError):
     """What a gripper reports.
 
     Attributes:
         percent: position, 0 closed .. 100 open.
         is_gripping: whether both pads are on a body.
         has_missed: whether the last close found nothing.
-
-    Raises:
-        SimulationError: when a value is of another class.
     """
 
     percent: float
     is_gripping: bool
     has_missed: bool
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SimulationError)
 
 
 NO_GRIPPER = GripperState(0.0, is_gripping=False, has_missed=False)

@@ -59,7 +59,6 @@ class Mailbox:
         self._letters: dict[tuple[str, str], Letter] = {}
 
     def __len__(self) -> int:
-        """How many letters wait."""
         return len(self._letters)
 
     def put(self, letter: Letter) -> None:

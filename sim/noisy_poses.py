@@ -41,7 +41,6 @@ class Noise(OneLine):
     latency_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check all four."""
         for name in ("position_m", "yaw_rad", "dropout", "latency_s"):
             value = finite_scalar(getattr(self, name), name, SimulationError)
             if value < 0.0 or (name == "dropout" and value > 1.0):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.display import OneLine, seconds, sentence
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from sim.errors import SimulationError
 
 
@@ -23,30 +23,22 @@ class Dwell(OneLine):
     after_release_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check both."""
         for name in ("after_grasp_s", "after_release_s"):
             if finite_scalar(getattr(self, name), name, SimulationError) < 0.0:
                 raise SimulationError(f"{name} must not be negative, got {getattr(self, name)}")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Outcome(OneLine):
+class Outcome(Checked, OneLine, error=SimulationError):
     """How the execution of a plan ended.
 
     Attributes:
         failure: None, or why it stopped early, as one sentence.
         duration_s: simulated time it took.
-
-    Raises:
-        SimulationError: when a value is of another class.
     """
 
     failure: str | None
     duration_s: float
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, SimulationError)
 
     @property
     def is_success(self) -> bool:

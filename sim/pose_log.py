@@ -51,7 +51,6 @@ class Look(OneLine):
     T_base_body: pin.SE3 | None = None
 
     def __post_init__(self) -> None:
-        """Check."""
         finite_scalar(self.time_s, "the time of a look", SimulationError)
         check_fields(self, SimulationError)
 
@@ -75,11 +74,9 @@ class LoggedPoses(NotCopied, OneLine):
         self._file.write(HEADER)
 
     def __enter__(self) -> LoggedPoses:
-        """The source."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the file."""
         self.close()
 
     def look(self, name: str, time_s: float) -> Sighting | None:

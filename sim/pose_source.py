@@ -40,7 +40,6 @@ class Sighting(OneLine):
     time_s: float
 
     def __post_init__(self) -> None:
-        """Check both."""
         expect(self.body, Body, "the body of a sighting", SimulationError)
         finite_scalar(self.time_s, "the time of a sighting", SimulationError)
 

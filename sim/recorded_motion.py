@@ -48,7 +48,6 @@ class RecordedMove(OneLine):
     trajectory: Trajectory
 
     def __post_init__(self) -> None:
-        """Check."""
         start = finite_scalar(self.start_s, "start_s of a move", RecordingError)
         object.__setattr__(self, "start_s", start)
         expect(self.label, str, "the label of a move", RecordingError)
@@ -103,7 +102,6 @@ class ArmMotion(Frozen, OneLine):
     is_exact: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
-        """Check, copy and freeze."""
         check_fields(self, RecordingError)
         n = len(finite_rows(self.q, len(self.joint_names), "q", RecordingError))
         shapes = dict.fromkeys("qvaj", (n, len(self.joint_names))) | {"times_s": (n,)}

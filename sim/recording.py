@@ -74,7 +74,6 @@ class Recording(Frozen, OneLine):
     robot: RobotIdentity | None = None
 
     def __post_init__(self) -> None:
-        """Check and freeze."""
         if self.robot is not None:
             expect(self.robot, RobotIdentity, "robot", RecordingError)
         count = float_array(self.times_s, "times_s", RecordingError).size
@@ -226,7 +225,6 @@ class NotedRecording(NamedTuple):
     notes: tuple[str, ...]
 
     def __repr__(self) -> str:
-        """The recording, and how many oddities it has."""
         is_known = isinstance(self.notes, tuple)  # a named tuple takes anything
         notes = count(len(self.notes), "note") if is_known else shown(self.notes)
         return line("NotedRecording", (notes, quoted(self.recording)))

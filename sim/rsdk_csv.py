@@ -37,11 +37,9 @@ class CsvFile(NotCopied, OneLine):
         self._file.write(",".join(csv_header()))
 
     def __enter__(self) -> CsvFile:
-        """The open file."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close it."""
         self.close()
 
     def write(self, time_s: float, arms: Vector, percent: Vector) -> None:

@@ -49,7 +49,6 @@ class Push(Frozen, OneLine):
     is_riding: bool = False
 
     def __post_init__(self) -> None:
-        """Check, copy and freeze."""
         check_fields(self, SimulationError)
         axis = finite_array(self.axis_base, (3,), "axis_base", SimulationError)
         object.__setattr__(self, "axis_base", axis)
@@ -129,7 +128,6 @@ class Squeeze:
     )
 
     def __post_init__(self) -> None:
-        """Look at fingers and bodies where they are."""
         self.hand = self.world.hands[self.side]
         self.T_base_tip = self.world.T_base_tip(self.side)
         self.begin_m = self.finger_m = self.world.finger_m(self.side)

@@ -58,7 +58,6 @@ class TipTracker:
     """Where both tips are. Not for several threads at once."""
 
     def __init__(self, robot: Baxter) -> None:
-        """Of that robot."""
         self._model = robot.model
         self._data = robot.model.createData()
         self._frames = {

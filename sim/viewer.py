@@ -86,11 +86,9 @@ class Viewer(NotCopied, OneLine):
         self.show(robot.configuration(), {}, "")
 
     def __enter__(self) -> Viewer:
-        """The view, already served."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Stop serving."""
         self.close()
 
     def _facts(self) -> tuple[str, ...]:

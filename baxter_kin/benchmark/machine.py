@@ -43,7 +43,6 @@ class Machine:
         )
 
     def __str__(self) -> str:
-        """One line."""
         packages = ", ".join(f"{name} {number}" for name, number in self.packages.items())
         limited = "one thread a library" if self.has_limited_threads else "threads not limited"
         return f"{self.cpu}, {self.cores} cores; {self.python}, {packages}; {limited}"

@@ -69,7 +69,6 @@ class PoseSet:
     T_base_tips: tuple[pin.SE3, ...]
 
     def __len__(self) -> int:
-        """The number of poses."""
         return len(self.T_base_tips)
 
 

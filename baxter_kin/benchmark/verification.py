@@ -62,7 +62,6 @@ class Verifier:
     """Measures answers for one arm on the model of the whole robot."""
 
     def __init__(self, robot: Baxter, arm: Arm) -> None:
-        """Find the arm's joints and tip in the whole robot."""
         self._model = robot.model
         self._data = robot.model.createData()
         self._neutral = pin.neutral(robot.model)

@@ -17,7 +17,6 @@ class Interrupt:
     """Remembers that Ctrl-C was pressed."""
 
     def __init__(self) -> None:
-        """Not pressed yet."""
         self.is_requested = False
         self._is_deferred = False
 

@@ -27,7 +27,6 @@ class LiveView(Observer):
     """Shows snapshots when their time has come."""
 
     def __init__(self, viewer: Viewer) -> None:
-        """Show in that viewer; the clock starts with the first snapshot."""
         self._viewer = viewer
         self._story = GripperStory()
         self._zero_s: float | None = None

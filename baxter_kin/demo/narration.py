@@ -17,7 +17,6 @@ class Narrator(Observer):
     """Tells the story on standard output, a line for every step as it begins."""
 
     def __init__(self, verbosity: int) -> None:
-        """Speak at that level: 0 nothing, 1 steps, 2 every event."""
         self._verbosity = verbosity
 
     def say(self, text: str) -> None:

@@ -69,7 +69,6 @@ class ElectricGripper(OneLine):
     tips: str = "paddle"
 
     def __post_init__(self) -> None:
-        """Check."""
         check_fields(self, ConfigurationError)
         _check_known("fingers", self.fingers, FINGER_MESHES)
         _check_known("tips", self.tips, TIP_MESHES)
@@ -109,7 +108,6 @@ class ElectricGripper(OneLine):
         return FINGER_WIDTH_M[self.fingers]
 
     def __str__(self) -> str:
-        """As `of` reads it."""
         return f"{self.fingers}-{self.slot}-{self.tips}"
 
     def _facts(self) -> tuple[str, ...]:
@@ -137,7 +135,6 @@ class Tool(OneLine):
     T_hand_tip: pin.SE3
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         object.__setattr__(self, "T_hand_tip", checked_pose(self.T_hand_tip))
         check_fields(self, ConfigurationError)
         if not 0 < len(self.shapes) <= MOST_PARTS:

@@ -47,7 +47,6 @@ class RobotIdentity:
     ranges: Mapping[str, tuple[float, ...]]
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         check_fields(self, ConfigurationError)
         for name in ("places", "ranges"):
             rows = {key: tuple(map(float, row)) for key, row in getattr(self, name).items()}

@@ -50,7 +50,6 @@ class StockFiles:
     package_dir: Path
 
     def __post_init__(self) -> None:
-        """Check that the files are there."""
         for path in (self.urdf, self.srdf):
             if not path.is_file():
                 raise DescriptionError(f"the robot description lacks {path}; reinstall its package")

@@ -93,7 +93,6 @@ class UrdfShape:
     rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        """Check."""
         check_fields(self, DescriptionError)
         for name in ("size_m", "xyz", "rpy"):
             numbers = tuple(map(float, getattr(self, name)))
@@ -157,7 +156,6 @@ class Urdf:
     joints: tuple[UrdfJoint, ...]
 
     def __post_init__(self) -> None:
-        """Check that they are a tree."""
         check_once("joint", [joint.name for joint in self.joints])
         check_once("link", [self.root, *(joint.child for joint in self.joints)])
         lost = {joint.name for joint in self.joints}

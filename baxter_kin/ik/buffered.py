@@ -20,7 +20,6 @@ class BufferedFunction(threading.local):
     """
 
     def __init__(self, function: ca.Function) -> None:
-        """Lay out the memory."""
         self.inputs = [np.zeros(function.size_in(i)[::-1]) for i in range(function.n_in())]
         self.outputs = [np.zeros(function.size_out(i)[::-1]) for i in range(function.n_out())]
         self._buffer, self.run = function.buffer()

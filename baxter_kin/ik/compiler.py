@@ -51,7 +51,6 @@ class Compiler:
     answer_s: float
 
     def __str__(self) -> str:
-        """As messages name it."""
         return "the package ziglang" if self.command == ZIG else self.command[0]
 
     @property

@@ -84,7 +84,6 @@ class CurveEnd:
     limit_rad: float | None = None
 
     def __str__(self) -> str:
-        """The cause in words."""
         if self.kind is EndKind.LIMIT:
             return f"{self.joint_name} reaches its limit of {self.limit_rad:.6g} rad"
         return _REASONS[self.kind]

@@ -67,7 +67,6 @@ class CurveKernel:
     """The functions for one arm; any number of threads."""
 
     def __init__(self, dh: DHParameters, functions: Sequence[ca.Function]) -> None:
-        """Wrap those of `curve_functions`."""
         self._measure, self._one, self._many, self._march = map(BufferedFunction, functions)
         self._dimensions = dimensions_of(dh)[None]
         self._first = dh.T_base_first.inverse().homogeneous

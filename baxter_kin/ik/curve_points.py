@@ -89,11 +89,9 @@ class CurvePoints:
         return np.asarray(np.sqrt(squares))
 
     def __len__(self) -> int:
-        """How many there are."""
         return len(self.rows)
 
     def __getitem__(self, i: int) -> CurvePoint:
-        """One of them."""
         row = self.rows[i]
         return CurvePoint(row[:7], row[7:14], *row[14:].tolist())
 

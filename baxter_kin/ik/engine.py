@@ -60,7 +60,6 @@ class Engines:
     """
 
     def __init__(self, arm: Arm, backend: Backend) -> None:
-        """Build the default one."""
         self._arm, self._gripper_arm = arm, arm.at_gripper
         self._wanted = backend
         self._map, self._reach = NullSpaceMap(self._gripper_arm), ReachBound(self._gripper_arm)

@@ -72,7 +72,6 @@ class Explainer:
     def __init__(
         self, arm: Arm, search: Search, starts: Starts, reach: Reach, tolerance: Tolerance
     ) -> None:
-        """Take what it asks."""
         self._arm = arm
         self._search = search
         self._starts = starts

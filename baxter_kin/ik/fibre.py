@@ -55,7 +55,6 @@ class PoseFibre:
     """
 
     def __init__(self, arm: Arm, T_base_tip: pin.SE3, *, has_limits: bool = True) -> None:
-        """State the pose, and whether curves end on the arm's joint limits."""
         self.arm = arm
         self.kernel = CurveKernel.of(arm)
         self.has_limits = has_limits

@@ -160,7 +160,6 @@ class PrivateFolder:
     """A folder for this process alone, made when it is first needed, and removed at its end."""
 
     def __init__(self) -> None:
-        """Make nothing yet."""
         self._folder: Path | None = None
 
     def opened(self, reason: str) -> Path:

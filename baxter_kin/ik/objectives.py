@@ -78,7 +78,6 @@ class NearestTo(Frozen, OneLine):
     q_seed: Vector
 
     def __post_init__(self) -> None:
-        """Copy and check."""
         seed = finite_array(self.q_seed, (7,), "q_seed", ConfigurationError)
         object.__setattr__(self, "q_seed", seed)
 
@@ -114,7 +113,6 @@ class TowardsGoal(Frozen, OneLine):
     gain: Vector = field(default_factory=lambda: np.ones(7))
 
     def __post_init__(self) -> None:
-        """Copy and check."""
         goal = finite_array(self.q_goal, (7,), "q_goal", ConfigurationError)
         gain = finite_array(self.gain, (7,), "gain", RequestError)
         if (gain < 0.0).any() or not gain.any():

@@ -87,7 +87,6 @@ class PoseSweep:
     """The sweep for one arm."""
 
     def __init__(self, linkage: Linkage) -> None:
-        """Look up what every cell needs."""
         self._arm = linkage
         low, high = np.array(linkage.q_min), np.array(linkage.q_max)
         self._low, self._middle, self._half = low, 0.5 * (low + high), 0.5 * (high - low)

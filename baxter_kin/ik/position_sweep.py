@@ -26,7 +26,6 @@ class PositionSweep:
     """The sweep for one arm."""
 
     def __init__(self, linkage: Linkage) -> None:
-        """Look up what every cell needs."""
         self._arm = linkage
         self._upper = linkage.upper_span_m
         self.tip_reach_m = linkage.tip_distance_m(0.0)

@@ -25,7 +25,7 @@ import pinocchio as pin
 from baxter_kin.arrays import Vector
 from baxter_kin.display import OneLine, count
 from baxter_kin.errors import RequestError, expect
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked
 from baxter_kin.frames import quaternion_xyzw
 from baxter_kin.ik.kernel import CONVERGED_M, CONVERGED_RAD
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD
@@ -62,7 +62,7 @@ _OPTIONS: dict[str, Any] = {
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Program(OneLine):
+class Program(Checked, OneLine, error=RequestError):
     """The nonlinear program of one arm.
 
     Attributes:
@@ -71,9 +71,6 @@ class Program(OneLine):
         objective: half the squared distance to the seed.
         pose_error: what is constrained, n x 1, m and rad.
         widths: how far it may be from zero, either way, shape (n,).
-
-    Raises:
-        RequestError: when a value is of another class.
     """
 
     q: ca.SX
@@ -81,10 +78,6 @@ class Program(OneLine):
     objective: ca.SX
     pose_error: ca.SX
     widths: Vector
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, RequestError)
 
     @classmethod
     def of(cls, arm: Arm) -> Program:

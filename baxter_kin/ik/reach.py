@@ -55,7 +55,6 @@ class ReachProof:
     text: str
 
     def __str__(self) -> str:
-        """The clause."""
         return self.text
 
     def less(self, leeway_m: float) -> ReachProof | None:

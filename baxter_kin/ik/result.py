@@ -53,7 +53,6 @@ class IKFailure(_Pending, OneLine):
     nearest_m: float | None = None
 
     def __post_init__(self) -> None:
-        """Check, and copy what could change."""
         check_fields(self, ConfigurationError)
         object.__setattr__(self, "starts", FrozenMapping(self.starts))
 
@@ -73,7 +72,6 @@ class IKFailure(_Pending, OneLine):
     if not TYPE_CHECKING:  # which knows the fields
 
         def __getattr__(self, name: str) -> Any:
-            """A field that is not there yet."""
             if name not in _FAILURE_FIELDS:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
             found = expect(self._ask(), IKFailure, "what ask returns", ConfigurationError)
@@ -82,7 +80,6 @@ class IKFailure(_Pending, OneLine):
             return getattr(found, name)
 
     def __str__(self) -> str:
-        """The reason."""
         return self.reason
 
     def _facts(self) -> tuple[str, ...]:
@@ -118,7 +115,6 @@ class IKResult(Frozen, OneLine):
     failure: IKFailure | None = None
 
     def __post_init__(self) -> None:
-        """Check, copy and freeze."""
         check_fields(self, ConfigurationError)
         for name in ("position_error_m", "orientation_error_rad"):
             if finite_scalar(getattr(self, name), name, ConfigurationError) < 0.0:

@@ -118,7 +118,6 @@ class Searcher:
     def __init__(
         self, arm: Arm, numbers: ArmNumbers, functions: Sequence[ca.Function], backend: Backend
     ) -> None:
-        """Wrap the functions of `search_functions`."""
         self.backend, self._numbers = backend, numbers
         self._arm = numbers.within()
         pose = arm.T_base_tip(arm.neutral).homogeneous
@@ -277,7 +276,6 @@ class Desk(BufferedFunction):
     """
 
     def __init__(self, function: ca.Function, arm: Vector) -> None:
-        """Lay out the inputs of a search function, the last of which is `ArmNumbers.within`."""
         super().__init__(function)
         self.inputs[-1][:] = arm
         self.request = [rows[0] if len(rows) == 1 else rows.T for rows in self.inputs[:-1]]

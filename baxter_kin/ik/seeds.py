@@ -120,7 +120,6 @@ class ScatteredStarts:
     """
 
     def __init__(self, arm: Arm) -> None:
-        """Draw nothing yet."""
         self._limits = arm.limits
 
     def starts(self, Ts: Vector, count: int) -> Vector:
@@ -157,7 +156,6 @@ class NullSpaceMap:
     """Configurations of an arm to start from: stored ones chosen by the pose, and computed ones."""
 
     def __init__(self, arm: Arm) -> None:
-        """Read nothing yet: the table is loaded when first asked."""
         self._arm = arm
 
     @property

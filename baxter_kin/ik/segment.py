@@ -24,7 +24,6 @@ class Segment:
     """The curve from one point to the next, by Hermite's cubic through both and their tangents."""
 
     def __init__(self, fibre: PoseFibre, a: CurvePoint, b: CurvePoint) -> None:
-        """Join `a` and `b`, in the direction of travel."""
         self._fibre = fibre
         self.a, self.b = a, b
         self._chord = b.q - a.q

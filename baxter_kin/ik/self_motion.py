@@ -77,7 +77,6 @@ class SelfMotion(Frozen, OneLine):
     ends: tuple[CurveEnd, CurveEnd]
 
     def __post_init__(self) -> None:
-        """Check, copy and freeze the arrays."""
         check_fields(self, ConfigurationError)
         n = len(finite_rows(self.q, 7, "q", ConfigurationError))
         if n == 0:

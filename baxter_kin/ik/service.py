@@ -89,7 +89,6 @@ class IKService(OneLine):
         self.backend = self.search.backend
 
     def __reduce__(self) -> tuple[type[IKService], tuple[Arm, Backend]]:
-        """What makes it again: its searches are compiled functions, which stay where they are."""
         return type(self), (self.arm, self._wanted)
 
     def solve(

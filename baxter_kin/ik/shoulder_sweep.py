@@ -91,7 +91,6 @@ class ShoulderSweep:
     """The sweep for one arm."""
 
     def __init__(self, linkage: Linkage) -> None:
-        """Look up what every cell needs."""
         self._arm = linkage
         self._margin_m = MARGIN_M + linkage.deviation.wrist_m
         margin_rad = MARGIN_RAD + linkage.deviation.axis

@@ -32,7 +32,6 @@ class TaskStarts:
     """Where to start for a task: as the null-space map, but for all poses that would do."""
 
     def __init__(self, map_: NullSpaceMap, task: Task) -> None:
-        """Starts from the map of the arm's gripper."""
         self._map = map_
         self._task = task
         self.setpoints = map_.setpoints
@@ -162,7 +161,6 @@ class TaskReach:
     """Proofs that no pose that would do is within reach."""
 
     def __init__(self, bound: ReachBound, task: Task) -> None:
-        """What the bounds of the gripper prove about the task's tip."""
         self._bound = bound
         self._T_tip_gripper = task.T_gripper_tip.inverse()
         self._leeway_m = float(np.linalg.norm(task.tolerance.position_m))

@@ -53,7 +53,6 @@ class Tolerance(OneLine):
     tilt_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check and copy."""
         for name in ("position_m", "rotation_rad"):
             object.__setattr__(self, name, _checked(getattr(self, name), name))
         tilt_rad = finite_scalar(self.tilt_rad, "tilt_rad", RequestError)

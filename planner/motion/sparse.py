@@ -35,7 +35,6 @@ class SparseSum:
     """A matrix made by `M[row, column] += weight * entry`, for entries computed elsewhere."""
 
     def __init__(self) -> None:
-        """Nothing added yet."""
         self._parts: list[tuple[Indices, Indices, Indices, Vector]] = []
 
     def add(

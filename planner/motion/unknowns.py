@@ -97,7 +97,6 @@ class Numbers:
     """
 
     def __init__(self, phases: Sequence[Phase], clear: int = 0) -> None:
-        """For some phases, and so many intervals in which clearance is asked for."""
         lines = 1 + max((phase.line for phase in phases if phase.line is not None), default=-1)
         heights = sum(phase.keeps_height for phase in phases)
         fixed = GIVEN, 3 * JOINTS, GEOMETRY_NUMBERS, 2, 4, heights, *[LINE_NUMBERS] * lines

@@ -11,7 +11,7 @@ from typing import Any
 
 from baxter_kin.display import OneLine, count, seconds, sentence
 from baxter_kin.errors import UnknownNameError, expect
-from baxter_kin.fields import check_fields
+from baxter_kin.fields import Checked, check_fields
 from planner.errors import TaskError
 from planner.plan import Plan
 from planner.situation import Situation
@@ -52,7 +52,6 @@ class Check(OneLine):
     where: str
 
     def __post_init__(self) -> None:
-        """Check."""
         check_fields(self, TaskError, may_be_nan=("value",))
 
     @property
@@ -62,7 +61,6 @@ class Check(OneLine):
         return kept
 
     def __str__(self) -> str:
-        """The finding as one phrase."""
         unit = f" {self.unit}" if self.unit else ""
         return (
             f"{self.name} {self.value:.6g}{unit}, must be {self.relation.value} {self.bound:.6g}"
@@ -109,29 +107,22 @@ def least(found: Iterable[Worst], nothing: str, value: float = math.inf) -> Wors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Subject:
+class Subject(Checked, error=TaskError):
     """What a certificate was made of, as the objects themselves; no file holds them.
 
     Attributes:
         plan: the plan that was checked.
         situation: the world that it was checked in.
         is_standard: whether it was checked with the toolkit's tolerances.
-
-    Raises:
-        TaskError: when a value is of another class.
     """
 
     plan: Plan
     situation: Situation
     is_standard: bool
 
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, TaskError)
-
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Certificate(OneLine):
+class Certificate(Checked, OneLine, error=TaskError):
     """Everything that was checked about a plan.
 
     Attributes:
@@ -143,9 +134,6 @@ class Certificate(OneLine):
         limits: the acceleration and jerk that it was judged by.
         geometry: what the clearances were measured on.
         subject: what it was made of; None where somebody else than `verify` made it.
-
-    Raises:
-        TaskError: when a value is of another class.
     """
 
     limb: str
@@ -158,13 +146,8 @@ class Certificate(OneLine):
     subject: Subject | None = field(default=None, repr=False, compare=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A copy without its subject: it is of no plan, as one that is read from a file."""
         kept = (getattr(self, each.name) for each in fields(self) if each.name != "subject")
         return type(self), tuple(kept)
-
-    def __post_init__(self) -> None:
-        """Check."""
-        check_fields(self, TaskError)
 
     @property
     def is_valid(self) -> bool:
@@ -210,7 +193,6 @@ class Certificate(OneLine):
         raise UnknownNameError("check", name, [check.name for check in self.checks])
 
     def __str__(self) -> str:
-        """The verdict and the table."""
         return f"{self.verdict}\n{self.table()}"
 
     @property

@@ -58,7 +58,6 @@ class Fingers:
     """Both fingers' shapes seen from the tip, closed; the one that opens along +y first."""
 
     def __init__(self, robot: UrdfRobot, solids: Sequence[Solid]) -> None:
-        """Take them from the robot's shapes."""
         self._opens: list[tuple[float, list[Solid]]] = []
         T_tip_wrist = robot.T_wrist_tip().inverse()
         for joint in robot.fingers:

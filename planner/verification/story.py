@@ -122,7 +122,6 @@ class Story:
     """
 
     def __init__(self, plan: Plan, situation: Situation, robot: UrdfRobot, fingers: Fingers):
-        """Follow the plan to its end."""
         self.stages: list[Stage] = []
         self.grasps: list[GraspEvent] = []
         self.releases: list[ReleaseEvent] = []

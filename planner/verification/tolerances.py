@@ -58,7 +58,6 @@ class Tolerances(OneLine):
         return cls(line_m=stated.position_m, line_rad=stated.rotation_rad)
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         for field in fields(self):
             if finite_scalar(getattr(self, field.name), field.name, TaskError) < 0.0:
                 raise TaskError(f"tolerance {field.name} must not be negative")

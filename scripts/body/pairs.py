@@ -50,7 +50,6 @@ class Poses:
     """Where links are: forward kinematics of the full robot with both arms, head and fingers."""
 
     def __init__(self, links: Mapping[str, LinkBody]) -> None:
-        """Build the model from the installed URDF."""
         self.model = pin.buildModelFromUrdf(str(StockFiles.installed().urdf))
         self.data = self.model.createData()
         self.frame = {name: self.model.getFrameId(name) for name in links}

@@ -64,7 +64,6 @@ class Call:
     is_crooked: bool
 
     def __str__(self) -> str:
-        """The call as one line."""
         given = [f"{name}=<{value}>" for name, value in self.arguments.items()]
         extra = ["surprise=5"] if self.is_crooked else []
         return f"{self.target.name}({', '.join([*given, *extra])})"

@@ -58,7 +58,6 @@ class Stage:
         self._moving.clear()
 
     def __getitem__(self, kind: str) -> Any:
-        """The object of that class."""
         if hasattr(_Lasting, kind):
             return getattr(self._known, kind)
         if kind not in self._moving:
@@ -66,7 +65,6 @@ class Stage:
         return self._moving[kind]
 
     def __contains__(self, kind: object) -> bool:
-        """Whether there is one."""
         return isinstance(kind, str) and (kind in _MOVING or hasattr(_Lasting, kind))
 
     def file(self, name: str) -> Path:

@@ -28,7 +28,6 @@ class Finding:
     detail: str = ""
 
     def __str__(self) -> str:
-        """One line."""
         pair = f"{self.first} - {self.second}" if self.second else self.first
         more = f", {self.detail}" if self.detail else ""
         return f"{self.label} at {self.time_s:.3f} s: {pair}: {self.kind} ({self.amount:.3g}{more})"

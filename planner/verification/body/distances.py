@@ -38,7 +38,6 @@ class Pair:
     is_stated: bool = True
 
     def __str__(self) -> str:
-        """Both names."""
         return f"{self.first.name} with {self.second.name}"
 
 
@@ -51,7 +50,6 @@ class Distances:
     """
 
     def __init__(self, robot: UrdfRobot, stretch: Stretch, pairs: list[Pair]) -> None:
-        """Prepare; nothing is measured yet."""
         self.pairs, self.stretch, self._robot = pairs, stretch, robot
         self.solids = list({id(s): s for p in pairs for s in (p.first, p.second)}.values())
         number = {id(solid): i for i, solid in enumerate(self.solids)}

@@ -43,7 +43,6 @@ class OwnPairs:
     def __init__(
         self, model: pin.Model, stock: pin.Model, reshaped: frozenset[str] = frozenset()
     ) -> None:
-        """Compare its tree with that of the stock robot, of which some links look otherwise."""
         self._model = model
         names = enumerate(model.names)
         self._same = tuple(

@@ -57,7 +57,6 @@ class Stretches:
         elsewhere: Iterable[Body],
         straight: Collection[str],
     ) -> None:
-        """Sort the robot's shapes by what moves them."""
         self._robot, self._q_standing, self._straight = robot, q_standing, straight
         self._elsewhere = tuple(_placed(elsewhere))
         self._pairs = links.OwnPairs(robot.model, robot.stock, robot.reshaped)

@@ -34,7 +34,6 @@ class Cubics:
     """A trajectory as the polynomials that its knots and jerks stand for."""
 
     def __init__(self, trajectory: Trajectory) -> None:
-        """Take over knots, states and jerks; nothing else of the trajectory is used."""
         self.knots_s = np.array(trajectory.knots_s)
         self.knots = tuple(np.array(x) for x in (trajectory.q, trajectory.v, trajectory.a))
         self.jerks = np.array(trajectory.j)
