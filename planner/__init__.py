@@ -3,6 +3,7 @@
 import baxter_kin.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
 from planner.choice import transfer_bound_s
 from planner.collision import Clearance, ClearanceChecker, RobotShapes
+from planner.context import CollisionContext
 from planner.errors import (
     FreeMoveError,
     MotionError,
@@ -13,7 +14,6 @@ from planner.errors import (
     TaskError,
     TrajectoryError,
 )
-from planner.free_space import FreeSpace
 from planner.grasp import Grasp, Miss, MissKind
 from planner.hand import Hand
 from planner.manipulator import Manipulator
@@ -48,9 +48,9 @@ __all__ = [
     "Check",
     "Clearance",
     "ClearanceChecker",
+    "CollisionContext",
     "Cylinder",
     "FreeMoveError",
-    "FreeSpace",
     "Grasp",
     "Grip",
     "GripperAction",

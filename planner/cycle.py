@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from planner.context import CollisionContext
 from planner.errors import MotionError
 from planner.lines import Lines
 from planner.manipulator import Manipulator
@@ -15,7 +16,6 @@ from planner.motion.straight_move import plan_straight_move
 from planner.plan import PlanFailure
 from planner.plan_builder import NoSolutionError, free_motion
 from planner.straight_line import LineTolerance
-from planner.surroundings import Surroundings
 from planner.swept_result import SweptContact
 from planner.trajectory import Trajectory
 
@@ -71,7 +71,7 @@ class Cycle:
         return sum(motion.duration for motion in self.by_stage.values())
 
 
-def refuse_colliding(stage: str, motion: Trajectory, around: Surroundings) -> None:
+def refuse_colliding(stage: str, motion: Trajectory, around: CollisionContext) -> None:
     """Stop when a motion collides at samples; quick, and no proof that it does not.
 
     Raises:
@@ -91,7 +91,7 @@ class StoppingCycles:
         manipulator: Manipulator,
         q_start: Vector,
         lines: Lines,
-        around: Mapping[str, Surroundings],
+        around: Mapping[str, CollisionContext],
         line_tolerance: LineTolerance | None = None,
     ) -> None:
         self._line_tolerance = line_tolerance

@@ -11,17 +11,19 @@ from collections.abc import Mapping
 import numpy as np
 import pinocchio as pin
 
+from planner.collision import Clearance
+from planner.context import CollisionContext
 from planner.lines import Lines, raised
 from planner.plan import PlanFailure
 from planner.plan_builder import NoSolutionError
-from planner.surroundings import Surroundings
+from planner.swept import ACCURACY_M
 from planner.swept_result import SweptContact
 
 STEP_M = 0.005
 """Between two looks at the hand; the proofs of the moves find what is thinner."""
 
 
-def refuse_blocked_hand(lines: Lines, around: Mapping[str, Surroundings]) -> None:
+def refuse_blocked_hand(lines: Lines, contexts: Mapping[str, CollisionContext]) -> None:
     """Stop when the hand cannot go along a line.
 
     Raises:
@@ -34,14 +36,14 @@ def refuse_blocked_hand(lines: Lines, around: Mapping[str, Surroundings]) -> Non
         ("place: descend", place, lines.clear_m),
         ("place: retract", place, lines.hover_m),
     ):
-        _refuse_blocked_line(label, around[label], T_base_tip, rise_m)
+        _refuse_blocked_line(label, contexts[label], T_base_tip, rise_m)
 
 
 def _refuse_blocked_line(
-    label: str, around: Surroundings, T_base_tip: pin.SE3, rise_m: float
+    label: str, context: CollisionContext, T_base_tip: pin.SE3, rise_m: float
 ) -> None:
-    heights_m = np.linspace(0.0, rise_m, 1 + int(np.ceil(rise_m / STEP_M))).tolist()
-    looks = [(around.hand_contact(raised(T_base_tip, height)), height) for height in heights_m]
+    heights_m, hand = np.linspace(0.0, rise_m, 1 + int(np.ceil(rise_m / STEP_M))), _Hand(context)
+    looks = [(hand.contact(raised(T_base_tip, height)), height) for height in heights_m.tolist()]
     found = [(contact, height) for contact, height in looks if contact is not None]
     if not found:
         return
@@ -49,6 +51,42 @@ def _refuse_blocked_line(
     where = "at the pose" if height_m == 0.0 else f"{1e3 * height_m:.0f} mm above the pose"
     reason = f"for every IK solution, {near.text} {where}"
     if near.distance_m > 0.0:
-        reason += f", and {1e3 * around.margin_m:.1f} mm are asked for"
+        reason += f", and {1e3 * context.margin_m:.1f} mm are asked for"
     contact = SweptContact(near, needed_m, duration_s=0.0, intervals=0, evaluations=len(looks))
     raise NoSolutionError(PlanFailure(label, reason, is_certain=True, contact=contact))
+
+
+class _Hand:
+    """The hand, and what it holds, among the bodies of the scene, without the arm."""
+
+    def __init__(self, context: CollisionContext) -> None:
+        self._margin_m, checker = context.margin_m, context.checker
+        self._checked, arm, robot = checker.checked, checker.arm, checker.robot
+        joints = np.array([shape.parentJoint for shape in checker.geometry.geometryObjects])
+        wrist = robot.getJointId(arm.joint_names[-1])
+        self._moves = np.isin(joints, robot.subtrees[wrist].tolist())
+        stands = (joints == 0) & (np.arange(len(joints)) >= len(checker.shapes.links))
+        first, second = self._checked.numbers.T
+        self._pairs = np.flatnonzero(
+            (self._moves[first] & stands[second]) | (stands[first] & self._moves[second])
+        )
+        self._poses = checker.levers.place(context.q_others, arm.neutral[None]).shapes[0]
+        T_tip_base = arm.T_base_tip(arm.neutral).inverse().homogeneous
+        self._T_tip_shapes = T_tip_base @ self._poses[self._moves]
+
+    def contact(self, T_base_tip: pin.SE3) -> tuple[Clearance, float] | None:
+        """What it is too close to with the tip at a pose: the nearest, and how near it may be, m.
+
+        None when there is none.
+        """
+        checked, pairs = self._checked, self._pairs
+        self._poses[self._moves] = T_base_tip.homogeneous @ self._T_tip_shapes
+        checked.distances.place(self._poses)
+        needs = checked.needed_m(self._margin_m)[pairs]
+        is_near = checked.gaps_m(self._poses[None], np.zeros_like(pairs), pairs) <= needs
+        found = []
+        for pair, need_m in zip(pairs[is_near].tolist(), needs[is_near].tolist(), strict=True):
+            distance_m = checked.distances.measure(pair, max(need_m, 0.0) + ACCURACY_M)
+            if distance_m <= need_m:
+                found.append((checked.between(pair, distance_m), need_m))
+        return min(found, key=lambda near: near[0].distance_m, default=None)

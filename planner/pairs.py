@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
 from planner.choice import Choices
+from planner.context import CollisionContext
 from planner.motion.free_move import MARGIN_M
 from planner.plan import PlanFailure
 from planner.plan_builder import NoSolutionError
 from planner.stages import PICK_LINES, PLACE_LINES
-from planner.surroundings import Surroundings
 from planner.tally import Tally
 
 NEIGHBOURHOOD_RAD = 0.15
@@ -33,11 +33,11 @@ class Solutions:
         has_room: whether it also keeps the distance that searches for a way around keep.
     """
 
-    def __init__(self, stage: str, qs: Vector, around: Surroundings) -> None:
+    def __init__(self, stage: str, qs: Vector, around: CollisionContext) -> None:
         self.stage = stage
         self.qs = qs
         self._around = around
-        roomy = around.space.with_margin(around.margin_m + MARGIN_M)
+        roomy = around.with_margin(around.margin_m + MARGIN_M)
         self.is_free = cache(lambda index: around.is_free(qs[index]))
         self.has_room = cache(lambda index: roomy.is_free(qs[index]))
 

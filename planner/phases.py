@@ -29,6 +29,7 @@ import pinocchio as pin
 
 from planner.collision import Held
 from planner.contact import gap_m, touching
+from planner.context import CollisionContext
 from planner.finger_travel import FingerTravel, TravelCheck, closing_travel, combined
 from planner.grasp import Grasp, Miss
 from planner.landing import Landing, land, levelled
@@ -37,7 +38,6 @@ from planner.manipulator import Manipulator
 from planner.plan import GripperAction, PlanFailure
 from planner.plan_builder import NoSolutionError, blocked_fingers
 from planner.scene import Body, Scene
-from planner.surroundings import Surroundings
 from planner.swept import RESOLUTION_M
 from planner.swept_result import SweptContact, SweptResult
 
@@ -73,7 +73,7 @@ class Phases:
     leaving_m: float
     closing: tuple[FingerTravel, ...]
     releasing: tuple[FingerTravel, ...]
-    around: Mapping[str, Surroundings]
+    around: Mapping[str, CollisionContext]
     refusals: tuple[PlanFailure, ...] = ()
 
     def refuse_impossible(self) -> None:
@@ -215,7 +215,7 @@ class PhaseMaker:
             for place in places
         )
 
-    def _carried(self, body: Body, grasp: Grasp) -> dict[str, Surroundings]:
+    def _carried(self, body: Body, grasp: Grasp) -> dict[str, CollisionContext]:
         """The situations with the body in the hand: on its supports, and free of them."""
         others = self.scene.without(self.name)
         placed = body.at(self.lines.T_base_place * grasp.T_tip_body)
@@ -226,7 +226,7 @@ class PhaseMaker:
         )
         return {"pick: retract": lifted, "place: approach": free, "place: descend": lowered}
 
-    def reaching(self, opening_m: float) -> Surroundings:
+    def reaching(self, opening_m: float) -> CollisionContext:
         """The situation on the line down to the pick, the fingers so far open."""
         return self._near(self.scene, opening_m, self.lines.T_base_pick)
 
@@ -248,7 +248,7 @@ class PhaseMaker:
             return landing, ()
         return landing, (PlanFailure("place: open", reason, is_certain=True),)
 
-    def _near(self, scene: Scene, finger_m: float, T_base_tip: pin.SE3) -> Surroundings:
+    def _near(self, scene: Scene, finger_m: float, T_base_tip: pin.SE3) -> CollisionContext:
         """The open hand around its body; the pads touch it only where they cannot but."""
         body, hand = scene[self.name], self.manipulator.hand
         pads = hand.pads_at(T_base_tip, finger_m)
@@ -264,8 +264,8 @@ class PhaseMaker:
         touchable: str | None = None,
         may_press: bool = False,
         held: Held | None = None,
-    ) -> Surroundings:
-        return Surroundings(
+    ) -> CollisionContext:
+        return CollisionContext.of(
             self.manipulator,
             scene,
             finger_m=finger_m,

@@ -29,6 +29,7 @@ from baxter_kin.arrays import Vector
 from baxter_kin.display import OneLine, phrase, position
 from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose
+from planner.context import CollisionContext
 from planner.cycle_search import CycleSearch
 from planner.errors import SceneError, TaskError, expect_all
 from planner.lines import Lines, checked_height_m
@@ -38,7 +39,6 @@ from planner.plan_builder import NoSolutionError, PlanBuilder
 from planner.scene import Scene
 from planner.situation import Holding
 from planner.straight_line import LineTolerance, checked_tolerance
-from planner.surroundings import Surroundings
 from planner.swept import checked_margin_m
 
 
@@ -170,7 +170,7 @@ def plan_start_move(
     now = manipulator.arm.limits.check(q_now, "q_now")
     checked_goal = manipulator.arm.limits.check(goal, "q_start")
     builder = _builder(manipulator, scene, now, margin_m, held)
-    around = _around(manipulator, scene, manipulator.finger_m, margin_m)
+    around = CollisionContext.of(manipulator, scene, margin_m=margin_m)
 
     def steps() -> None:
         builder.add_free_move("move to start", checked_goal, around)
@@ -221,7 +221,7 @@ def plan_retract(
 
     def steps() -> None:
         builder.add_open("open", opening_m)
-        around = _around(manipulator, scene, opening_m, margin_m)
+        around = CollisionContext.of(manipulator, scene, finger_m=opening_m, margin_m=margin_m)
         builder.add_rise("retract", rise_m, around)
 
     return _built(builder, steps)
@@ -244,12 +244,6 @@ def _builder(
         held=_of_others(held, manipulator),
         line_tolerance=line_tolerance,
     )
-
-
-def _around(
-    manipulator: Manipulator, scene: Scene, finger_m: float, margin_m: float
-) -> Surroundings:
-    return Surroundings(manipulator, scene, finger_m=finger_m, margin_m=margin_m)
 
 
 def _of_others(held: Sequence[Holding], manipulator: Manipulator) -> tuple[Holding, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from planner.context import CollisionContext
 from planner.errors import MotionError
 from planner.finger_travel import FingerTravel, prove_travel
 from planner.lines import raised
@@ -17,7 +18,6 @@ from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
 from planner.scene import Scene
 from planner.situation import Holding, Situation
 from planner.straight_line import LineTolerance, checked_tolerance
-from planner.surroundings import Surroundings
 from planner.swept_result import SweptContact, SweptProof
 from planner.trajectory import Trajectory
 
@@ -83,7 +83,7 @@ class PlanBuilder:
         self,
         label: str,
         trajectory: Trajectory,
-        around: Surroundings,
+        around: CollisionContext,
         T_base_tip: pin.SE3 | None = None,
         *,
         is_straight: bool = False,
@@ -109,7 +109,7 @@ class PlanBuilder:
         move = Move(label, trajectory, T_base_tip, ik, result.nearest, result, is_straight)
         self.steps.append(move)
 
-    def add_free_move(self, label: str, q_goal: Vector, around: Surroundings) -> None:
+    def add_free_move(self, label: str, q_goal: Vector, around: CollisionContext) -> None:
         """Add a move to a configuration, around what is in the way.
 
         Raises:
@@ -121,7 +121,7 @@ class PlanBuilder:
             label, free_motion(label, (self.q, q_goal), self._manipulator, around), around
         )
 
-    def add_rise(self, label: str, height_m: float, around: Surroundings) -> None:
+    def add_rise(self, label: str, height_m: float, around: CollisionContext) -> None:
         """Add a straight move up from where the arm stands.
 
         Raises:
@@ -183,7 +183,7 @@ def free_motion(
     label: str,
     ends: tuple[Vector, Vector],
     manipulator: Manipulator,
-    around: Surroundings,
+    around: CollisionContext,
     timeout_s: float = TIMEOUT_S,
 ) -> Trajectory:
     """A motion from one configuration to another around what is in the way, proven clear.
@@ -195,8 +195,7 @@ def free_motion(
         return plan_free_move(
             *ends,
             manipulator.limits,
-            around.space,
-            around.is_clear,
+            around,
             timeout_s=timeout_s,
             margin_m=around.margin_m + MARGIN_M,
         )
@@ -204,7 +203,7 @@ def free_motion(
         raise NoSolutionError.at(label, str(cause)) from cause
 
 
-def refuse_blocked(label: str, q: Vector, around: Surroundings, where: str) -> None:
+def refuse_blocked(label: str, q: Vector, around: CollisionContext, where: str) -> None:
     """Stop when the arm is too close to something at a configuration.
 
     Raises:
@@ -214,7 +213,7 @@ def refuse_blocked(label: str, q: Vector, around: Surroundings, where: str) -> N
     if near.distance_m > around.margin_m:
         return
     reason = f"the arm is blocked {where}: {near.too_near(around.margin_m)}"
-    if near.distance_m > 0.0 and around.is_of_robot(near):
+    if near.distance_m > 0.0 and {near.first, near.second} <= set(around.checker.shapes.links):
         reason += "; the robot's own body cannot keep that there"
     raise NoSolutionError.at(label, reason, is_certain=True)
 

@@ -12,8 +12,8 @@ from baxter_kin.arrays import float_array
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.fields import Checked
 from planner.collision import SHOWN_M, Clearance
+from planner.context import CollisionContext
 from planner.errors import TaskError
-from planner.surroundings import Surroundings
 
 MOST_MEASURED = 64
 """Solutions whose collisions are measured, which takes 1.6 ms each."""
@@ -70,7 +70,7 @@ class Tally(Checked, error=TaskError):
     margin_m: float = 0.0
 
     @classmethod
-    def of(cls, stage: str, qs: ArrayLike, around: Surroundings) -> Tally:
+    def of(cls, stage: str, qs: ArrayLike, around: CollisionContext) -> Tally:
         """Look at solutions in a situation.
 
         Args:

@@ -25,7 +25,6 @@ from baxter_kin.demo.scene import OVERHEAD_XYZW, demo_bodies
 from planner import (
     Body,
     Box,
-    ClearanceChecker,
     FreeMoveError,
     Manipulator,
     Part,
@@ -33,10 +32,9 @@ from planner import (
     Trajectory,
     plan_joint_move,
 )
-from planner.free_space import FreeSpace
-from planner.motion.free_move import IsClear, plan_free_move
+from planner.context import CollisionContext
+from planner.motion.free_move import plan_free_move
 from planner.screening import looks_clear, sample_times
-from planner.swept import prove_clear
 
 DENSE_RAD = 0.005
 SHELVES, SHELF_GAP_M, BOARD_M, SHELF_DEPTH_M, SHELF_REACH_M = 20, 0.30, 0.02, 0.4, 0.2
@@ -49,29 +47,14 @@ class Problem:
     """An arm on one side of a wall that shall go to the other."""
 
     manipulator: Manipulator
-    checker: ClearanceChecker
+    context: CollisionContext
     q_start: Vector
     q_goal: Vector
-
-    @property
-    def finger_m(self) -> float:
-        """The fingers are open."""
-        return self.manipulator.hand.stroke_m
-
-    def space(self) -> FreeSpace:
-        """Where its arm is free."""
-        return FreeSpace(self.manipulator, self.checker, finger_m=self.finger_m)
-
-    def proven(self) -> IsClear:
-        """Judges a motion by a proof."""
-        full = next(self.manipulator.configurations(self.q_start[None], self.finger_m))
-        return lambda motion: prove_clear(self.checker, motion, full).is_clear
 
     def least_distance_m(self, motion: Trajectory) -> float:
         """Of all pairs at dense samples, computed one by one."""
         qs = motion.sample(sample_times(motion, DENSE_RAD)).q
-        full = self.manipulator.configurations(qs, self.finger_m)
-        return min(self.checker.clearance(q).distance_m for q in full)
+        return min(self.context.clearance(q).distance_m for q in qs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +97,7 @@ Draw: TypeAlias = Callable[[Manipulator, np.random.Generator], Problem | None]
 
 def _is_blocked(problem: Problem) -> bool:
     straight = plan_joint_move(problem.q_start, problem.q_goal, problem.manipulator.limits)
-    return not looks_clear(straight, problem.space().is_free, DENSE_RAD)
+    return not looks_clear(straight, problem.context.is_free, DENSE_RAD)
 
 
 def _past_wall(manipulator: Manipulator, rng: np.random.Generator) -> Problem | None:
@@ -124,12 +107,11 @@ def _past_wall(manipulator: Manipulator, rng: np.random.Generator) -> Problem | 
     parts = (Part(Box(size), pin.SE3.Identity()),)
     wall = Body("wall", parts, pin.SE3(np.eye(3), centre))
     scene = Scene.of([*demo_bodies("left"), wall])
-    checker = ClearanceChecker(manipulator.shapes, manipulator.arm, scene)
-    space = FreeSpace(manipulator, checker, finger_m=manipulator.hand.stroke_m)
-    start, goal = (_beside(manipulator, space, y, side, rng) for side in (1, -1))
+    context = CollisionContext.of(manipulator, scene, finger_m=manipulator.hand.stroke_m)
+    start, goal = (_beside(manipulator, context, y, side, rng) for side in (1, -1))
     if start is None or goal is None:
         return None
-    return Problem(manipulator, checker, start, goal)
+    return Problem(manipulator, context, start, goal)
 
 
 def _in_shelf(manipulator: Manipulator, rng: np.random.Generator) -> Problem | None:
@@ -140,8 +122,8 @@ def _in_shelf(manipulator: Manipulator, rng: np.random.Generator) -> Problem | N
         Body(name, (Part(Box(size), pin.SE3.Identity()),), pin.SE3(np.eye(3), np.array(at)))
         for name, at in (("lower", (middle, y, low)), ("upper", (middle, y, low + SHELF_GAP_M)))
     ]
-    checker = ClearanceChecker(manipulator.shapes, manipulator.arm, Scene.of(boards))
-    space = FreeSpace(manipulator, checker, finger_m=manipulator.hand.stroke_m)
+    opening_m = manipulator.hand.stroke_m
+    context = CollisionContext.of(manipulator, Scene.of(boards), finger_m=opening_m)
     depth, aside = rng.uniform(SHELF_REACH_M, 0.3), rng.uniform(-0.2, 0.2)
     goal_m = np.array([front + depth, y + aside, low + SHELF_GAP_M / 2 + rng.uniform(-0.04, 0.04)])
     turn = pin.utils.rotate("z", rng.uniform(-0.4, 0.4)) @ pin.utils.rotate("y", np.pi / 2)
@@ -150,13 +132,17 @@ def _in_shelf(manipulator: Manipulator, rng: np.random.Generator) -> Problem | N
         ik = manipulator.ik.solve(pin.SE3(turn, goal_m), seed=start)
         if not ik.is_valid:
             return None
-        if space.is_free(start) and space.is_free(ik.q):
-            return Problem(manipulator, checker, start, ik.q)
+        if context.is_free(start) and context.is_free(ik.q):
+            return Problem(manipulator, context, start, ik.q)
     return None
 
 
 def _beside(
-    manipulator: Manipulator, space: FreeSpace, y: float, side: int, rng: np.random.Generator
+    manipulator: Manipulator,
+    context: CollisionContext,
+    y: float,
+    side: int,
+    rng: np.random.Generator,
 ) -> Vector | None:
     """A free configuration over the table, beside a wall at y, the hand down and turned."""
     for _ in range(50):
@@ -165,7 +151,7 @@ def _beside(
         turn = pin.utils.rotate("z", rng.uniform(-np.pi, np.pi))
         seed = manipulator.arm.random_configuration(rng)
         ik = manipulator.ik.solve(pin.SE3(down.rotation @ turn, down.translation), seed=seed)
-        if ik.is_valid and space.is_free(ik.q):
+        if ik.is_valid and context.is_free(ik.q):
             return ik.q
     return None
 
@@ -173,10 +159,9 @@ def _beside(
 def _planned(problem: Problem) -> Outcome:
     limits, ends = problem.manipulator.limits, (problem.q_start, problem.q_goal)
     started, busy = time.perf_counter(), time.process_time()
-    space = problem.space()
     move = None
     with suppress(FreeMoveError):
-        move = plan_free_move(*ends, limits, space, problem.proven(), rng=np.random.default_rng(1))
+        move = plan_free_move(*ends, limits, problem.context, rng=np.random.default_rng(1))
     return Outcome(move, time.perf_counter() - started, time.process_time() - busy)
 
 

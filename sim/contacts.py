@@ -24,7 +24,7 @@ from baxter_kin.model import LIMBS
 from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
 from planner.collision import Held
 from planner.contact import PRESSING_TOLERANCE_M, gap_m
-from planner.free_space import Touches
+from planner.context import Touches
 from planner.phases import LONGEST_DROP_M
 from planner.situation import Holding
 from sim.errors import SimulationError

@@ -35,8 +35,7 @@ from baxter_kin import (
 from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import CopyError
 from planner import (
-    ClearanceChecker,
-    FreeSpace,
+    CollisionContext,
     Manipulator,
     PickAndPlace,
     Plan,
@@ -89,8 +88,7 @@ def everything(
     for body in SCENE:
         simulation.spawn(body)
     outcome = simulation.execute(plan)
-    checker = ClearanceChecker(manipulator.shapes, arm, SCENE)
-    space = FreeSpace(manipulator, checker, finger_m=0.01)
+    space = CollisionContext.of(manipulator, SCENE, finger_m=0.01)
     refused = PickAndPlace("block", FAR, overhead(0.75, 0.0, -0.129))
     return {
         "robot": robot,

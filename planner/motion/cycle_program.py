@@ -9,6 +9,7 @@ import numpy as np
 
 from baxter_kin.arrays import Vector
 from planner.choice import Choice
+from planner.context import CollisionContext
 from planner.cycle import Cycle
 from planner.lines import Lines
 from planner.manipulator import Manipulator
@@ -19,7 +20,6 @@ from planner.motion.program import Clearances, MotionProgram
 from planner.motion.splines import Sketch
 from planner.motion.straight_move import at_knots, intervals_on, is_on_line
 from planner.straight_line import LineTolerance, StraightLine, checked_tolerance
-from planner.surroundings import Surroundings
 
 ENTRY, ACROSS = 14, 20
 """Intervals on the way to the first line, and between both lines."""
@@ -97,7 +97,7 @@ class CycleProgram:
         sketches = self._sketched(choice) if self._is_usual else None
         return None if sketches is None else self._solved(sketches)
 
-    def around(self, cycle: Cycle, situations: Mapping[str, Surroundings]) -> list[Cycle]:
+    def around(self, cycle: Cycle, situations: Mapping[str, CollisionContext]) -> list[Cycle]:
         """Cycles near one, clear or not, that are led around what is there; the last found first.
 
         Whether they are clear is for the caller to prove.
@@ -111,7 +111,7 @@ class CycleProgram:
         sketches = Sketch.of_each(cycle.by_stage.values(), self._led)
         places = [situations[stage] for stage in RESTING]
         obstacles = [
-            around.space.obstacles(sketch.q[resting], around.margin_m + LED_CLEAR_M)
+            around.obstacles(around.margin_m + LED_CLEAR_M, sketch.q[resting])
             for around, sketch, resting in zip(places, sketches, RESTING.values(), strict=True)
         ]
         return [Cycle(*motions) for motions in led_around(self._motions, obstacles, sketches)]

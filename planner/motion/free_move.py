@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, positive_scalar
 from baxter_kin.errors import expect
+from planner.context import CollisionContext
 from planner.errors import FreeMoveError, MotionError
-from planner.free_space import FreeSpace
 from planner.motion.avoidance import led_around
 from planner.motion.obstacles import Obstacles
 from planner.motion.phases import MotionTask, Phase
@@ -62,8 +62,8 @@ def plan_free_move(
     q_start: ArrayLike,
     q_goal: ArrayLike,
     limits: JointLimits,
-    space: FreeSpace,
-    is_clear: IsClear,
+    context: CollisionContext,
+    is_clear: IsClear | None = None,
     *,
     rng: np.random.Generator | None = None,
     timeout_s: float = TIMEOUT_S,
@@ -75,8 +75,9 @@ def plan_free_move(
         q_start: shape (7,), rad, inside the limits.
         q_goal: shape (7,), rad, inside the limits.
         limits: of the arm's joints.
-        space: where the arm is free.
-        is_clear: the judge of a whole motion; no other is returned than it says yes to.
+        context: what stands around the arm.
+        is_clear: the judge of a whole motion; no other is returned than it says yes to. The proof
+            that it keeps the context's margin when not given.
         rng: where random numbers come from; the same ones make the same motion, as long as time is
             not up. Always the same when not given.
         timeout_s: when to give up searching for ways around; to make them fast takes its own time.
@@ -86,27 +87,29 @@ def plan_free_move(
         FreeMoveError: when start or goal collides, or no way is found or proven.
         ConfigurationError: when start or goal has another shape, is not finite or outside the
             limits.
-        MotionError: when `limits`, `space`, `is_clear`, `rng`, `timeout_s` or `margin_m` makes no
+        MotionError: when `limits`, `context`, `is_clear`, `rng`, `timeout_s` or `margin_m` makes no
             sense, or a joint is too slow for any motion.
     """
     expect(limits, JointLimits, "limits", MotionError)
     seeds = np.random.default_rng(0) if rng is None else rng
     expect(seeds, np.random.Generator, "rng", MotionError)
     clock = _Clock(positive_scalar(timeout_s, "timeout_s", MotionError))
-    expect(space, FreeSpace, "space", MotionError)
-    if not callable(is_clear):
-        raise MotionError(f"is_clear must be callable, got {type(is_clear).__name__}")
+    proven = expect(context, CollisionContext, "context", MotionError).is_clear
+    judge: IsClear = proven if is_clear is None else is_clear
+    if not callable(judge):
+        raise MotionError(f"is_clear must be callable, got {type(judge).__name__}")
     margin_m = checked_margin_m(margin_m)
     ends = np.array([limits.check(q_start, "q_start"), limits.check(q_goal, "q_goal")])
     if ends.shape[1] != JOINTS:
         raise MotionError(f"the limits are of {ends.shape[1]} joints; an arm has {JOINTS}")
     for which, q in zip(("start", "goal"), ends, strict=True):
-        if not space.is_free(q):
-            raise FreeMoveError(f"{which} in collision: {space.clearance(q).text}")
+        if not context.is_free(q):
+            near = context.clearance(q).too_near(context.margin_m)
+            raise FreeMoveError(f"{which} in collision: {near}")
     straight = plan_joint_move(ends[0], ends[1], limits)
-    if looks_clear(straight, space.is_free, SCREENING_STEP_RAD) and is_clear(straight):
+    if looks_clear(straight, context.is_free, SCREENING_STEP_RAD) and judge(straight):
         return straight
-    return _Search(straight, limits, space, is_clear, margin_m, seeds, clock).fastest()
+    return _Search(straight, limits, context, judge, margin_m, seeds, clock).fastest()
 
 
 class _Clock:
@@ -127,7 +130,7 @@ class _Search:
 
     straight: Trajectory
     limits: JointLimits
-    space: FreeSpace
+    context: CollisionContext
     is_clear: IsClear
     margin_m: float
     rng: np.random.Generator
@@ -140,8 +143,8 @@ class _Search:
             FreeMoveError: when there is none.
         """
         ends = self.straight.q[[0, -1]]
-        obstacles = self.space.obstacles(ends, self.margin_m)
-        is_free = self.space.with_margin(self.margin_m, *ends).is_free
+        obstacles = self.context.obstacles(self.margin_m, ends)
+        is_free = self.context.with_margin(self.margin_m, *ends).is_free
         found = self._led(obstacles, Sketch.of(self.straight, INTERVALS))
         refused, ways, closeness = 0, 0, 1.0
         while not self._is_enough(found) and ways < (ROUNDS if found is None else WAYS):

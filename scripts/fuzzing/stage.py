@@ -290,8 +290,8 @@ class _Lasting:
         return p.ClearanceChecker(self.RobotShapes, self.Arm, self.Scene)
 
     @cached_property
-    def FreeSpace(self) -> p.FreeSpace:
-        return p.FreeSpace(self.Manipulator, self.ClearanceChecker, finger_m=0.01)
+    def CollisionContext(self) -> p.CollisionContext:
+        return p.CollisionContext.of(self.Manipulator, self.Scene, finger_m=0.01)
 
     @cached_property
     def SweptProof(self) -> p.SweptProof:

@@ -8,7 +8,7 @@ import pytest
 from baxter_kin import ConfigurationError
 from baxter_kin.ik import sample_solutions
 from planner import Body, Box, Manipulator, Part, Scene
-from planner.surroundings import Surroundings
+from planner.context import CollisionContext
 from planner.tally import MOST_MEASURED, MOST_NAMED, CollisionCount, Tally
 from tests.conftest import at, overhead
 
@@ -23,13 +23,15 @@ def post(name: str, x: float, y: float) -> Body:
 
 
 @pytest.fixture
-def posts(manipulator: Manipulator, scene: Scene) -> Surroundings:
+def posts(manipulator: Manipulator, scene: Scene) -> CollisionContext:
     crowded = scene.with_body(post("front", 0.45, 0.25)).with_body(post("side", 0.6, 0.42))
-    return Surroundings(manipulator, crowded, finger_m=manipulator.hand.stroke_m, touchable="block")
+    return CollisionContext.of(
+        manipulator, crowded, finger_m=manipulator.hand.stroke_m, touchable="block"
+    )
 
 
 def test_counts_are_those_of_a_check_pair_by_pair(
-    manipulator: Manipulator, posts: Surroundings
+    manipulator: Manipulator, posts: CollisionContext
 ) -> None:
     qs = sample_solutions(manipulator.ik, PICK)
     tally = Tally.of("pick: descend", qs, posts)
@@ -45,7 +47,7 @@ def test_counts_are_those_of_a_check_pair_by_pair(
         assert collision.distance_m == pytest.approx(nearest_m, abs=COAL_M)
 
 
-def test_it_reads_as_one_sentence(manipulator: Manipulator, posts: Surroundings) -> None:
+def test_it_reads_as_one_sentence(manipulator: Manipulator, posts: CollisionContext) -> None:
     qs = sample_solutions(manipulator.ik, PICK)
     tally = Tally.of("pick: descend", qs, posts)
     text = str(tally)
@@ -61,20 +63,22 @@ def test_only_the_most_frequent_are_named() -> None:
 
 
 def test_of_a_margin_it_tells_the_distance(manipulator: Manipulator, scene: Scene) -> None:
-    around = Surroundings(
+    around = CollisionContext.of(
         manipulator, scene, finger_m=manipulator.hand.stroke_m, touchable="block", margin_m=0.05
     )
     text = str(Tally.of("pick: descend", sample_solutions(manipulator.ik, PICK), around))
     assert "finger_tip with table, at best 22.1 mm apart" in text
 
 
-def test_many_solutions_are_thinned_evenly(manipulator: Manipulator, posts: Surroundings) -> None:
+def test_many_solutions_are_thinned_evenly(
+    manipulator: Manipulator, posts: CollisionContext
+) -> None:
     qs = sample_solutions(manipulator.ik, PICK, turns=400)
     assert len(qs) > MOST_MEASURED
     assert Tally.of("pick: descend", qs, posts).solutions == MOST_MEASURED
 
 
-def test_malformed_solutions_are_refused(posts: Surroundings) -> None:
+def test_malformed_solutions_are_refused(posts: CollisionContext) -> None:
     for bad in ("qs", [[np.nan] * 7], [[0.0] * 6]):
         with pytest.raises(ConfigurationError):
             Tally.of("pick: descend", bad, posts)

@@ -9,8 +9,8 @@ from planner import (
     Body,
     Box,
     ClearanceChecker,
+    CollisionContext,
     Cylinder,
-    FreeSpace,
     Manipulator,
     Part,
     PickAndPlace,
@@ -102,7 +102,7 @@ def test_a_way_around_a_wall_is_found_and_none_through_it(robot: Baxter) -> None
     q_start, q_goal = (ik.solve(down(0.7, y, 0.0)).q for y in (0.2, -0.1))
     wall = make_block("wall", at(0.7, 0.05, 0.0), edge_m=(0.3, 0.02, 0.12), is_movable=False)
     checker = ClearanceChecker(RobotShapes(robot), arm, Scene.of([wall]))
-    space = FreeSpace.around(robot, checker, q_others)
+    space = CollisionContext(checker, q_others)
 
     def is_clear(motion: Trajectory) -> bool:
         return prove_clear(checker, motion, q_others).is_clear
@@ -118,9 +118,9 @@ def test_a_way_around_a_wall_is_found_and_none_through_it(robot: Baxter) -> None
 def test_a_free_space_is_for_a_robot_and_a_whole_configuration(robot: Baxter) -> None:
     checker = ClearanceChecker(RobotShapes(robot), robot.arm("left"), Scene.of())
     with pytest.raises(ConfigurationError):
-        FreeSpace.around(robot, checker, np.zeros(7))
+        CollisionContext(checker, np.zeros(7))
     with pytest.raises(SceneError):
-        FreeSpace.around(robot, "checker", robot.configuration())  # type: ignore[arg-type]
+        CollisionContext("checker", robot.configuration())  # type: ignore[arg-type]
 
 
 def test_picking_with_it_ends_in_one_sentence(robot: Baxter) -> None:

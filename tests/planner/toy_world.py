@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from baxter_kin import JointLimits
 from planner import Clearance
-from planner.free_space import FreeSpace
+from planner.context import CollisionContext
 from planner.motion.obstacles import REACH_M, LinearBounds, Obstacles
 from planner.motion.splines import weights_at
 from planner.motion.unknowns import JOINTS, PAIRS
@@ -58,7 +58,7 @@ class Ring:
 
 
 @dataclass(frozen=True, slots=True)
-class ToySpace(FreeSpace):
+class ToySpace(CollisionContext):
     """The free configurations of a world of discs and rings."""
 
     things: tuple[Disc | Ring, ...]
@@ -80,7 +80,7 @@ class ToySpace(FreeSpace):
         return ToySpace(self.things, min(margin_m, least / 2))
 
     def obstacles(  # type: ignore[override]
-        self, resting: Vector, margin_m: float
+        self, margin_m: float, resting: Vector
     ) -> ToyObstacles:
         """The same for motions, which rest at configurations, shape (k, n)."""
         return ToyObstacles(self.with_margin(margin_m, *resting))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner import Body, Box, ClearanceChecker, Manipulator, Part, Scene, Trajectory
-from planner.free_space import FreeSpace
+from planner.context import CollisionContext
 from planner.screening import sample_times
 from tests.conftest import at, overhead
 
@@ -37,9 +37,9 @@ class Room:
         return cls(manipulator, ClearanceChecker(manipulator.shapes, manipulator.arm, scene))
 
     @property
-    def space(self) -> FreeSpace:
+    def space(self) -> CollisionContext:
         """Where the arm is free."""
-        return FreeSpace(self.manipulator, self.checker, finger_m=self.manipulator.hand.stroke_m)
+        return CollisionContext(self.checker, self.full(self.manipulator.arm.neutral))
 
     def full(self, q: Vector) -> Vector:
         """A configuration of the whole robot."""

@@ -11,10 +11,10 @@ import pytest
 from baxter_kin import Arm
 from planner import Body, Box, Manipulator, Part, PickAndPlace, Scene
 from planner.choice import Choice, Choices
+from planner.context import CollisionContext
 from planner.cycle import Cycle, StoppingCycles
 from planner.motion.cycle_program import CycleProgram
 from planner.phases import PhaseMaker
-from planner.surroundings import Surroundings
 from tests.conftest import at, overhead
 
 PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.00, -0.129)
@@ -113,20 +113,22 @@ def test_a_line_that_cannot_be_followed_is_told_by_none(manipulator: Manipulator
 
 
 @pytest.fixture(scope="module")
-def walled(manipulator: Manipulator, scene: Scene) -> Mapping[str, Surroundings]:
+def walled(manipulator: Manipulator, scene: Scene) -> Mapping[str, CollisionContext]:
     """A wall between pick and place, which the fastest cycle runs through."""
     wall = Body("wall", (Part(Box((0.3, 0.02, 0.2)), at(0, 0, 0)),), at(0.72, 0.075, -0.055))
     return PhaseMaker(manipulator, scene.with_body(wall), "block", TASK.lines, 0.0).made().around
 
 
 @pytest.fixture(scope="module")
-def led(manipulator: Manipulator, cycle: Cycle, walled: Mapping[str, Surroundings]) -> list[Cycle]:
+def led(
+    manipulator: Manipulator, cycle: Cycle, walled: Mapping[str, CollisionContext]
+) -> list[Cycle]:
     """The cycles around that wall."""
     return program_of(manipulator).around(cycle, walled)
 
 
 def test_what_is_led_around_a_wall_is_proven_clear_of_it(
-    cycle: Cycle, led: list[Cycle], walled: Mapping[str, Surroundings]
+    cycle: Cycle, led: list[Cycle], walled: Mapping[str, CollisionContext]
 ) -> None:
     def is_clear(each: Cycle) -> bool:
         return all(walled[s].prove(motion).is_clear for s, motion in each.by_stage.items())

@@ -7,10 +7,10 @@ import pytest
 
 from baxter_kin.arrays import Vector
 from planner import Body, Box, Manipulator, Mesh, Part, Scene
+from planner.context import CollisionContext
 from planner.motion.obstacles import LOOKS, REACH_M, Obstacles
 from planner.motion.splines import weights_at
 from planner.motion.unknowns import JOINTS
-from planner.surroundings import Surroundings
 from tests.conftest import at
 
 MARGIN_M, STEP_RAD, INTERVALS = 0.005, 1e-5, 6
@@ -18,12 +18,12 @@ NONE = np.zeros((0, 7))
 
 
 @pytest.fixture(scope="module")
-def around(manipulator: Manipulator) -> Surroundings:
+def around(manipulator: Manipulator) -> CollisionContext:
     """A box beside the hand in its start configuration."""
     T = manipulator.arm.T_base_tip(manipulator.arm.start)
     x, y, z = T.translation.tolist()
     box = Body("box", (Part(Box((0.1, 0.1, 0.1)), at(0.0, 0.0, 0.0)),), at(x + 0.13, y, z))
-    return Surroundings(manipulator, Scene.of([box]), finger_m=manipulator.finger_m)
+    return CollisionContext.of(manipulator, Scene.of([box]), finger_m=manipulator.finger_m)
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +33,8 @@ def controls(manipulator: Manipulator) -> Vector:
     return manipulator.arm.start + 0.02 * steps
 
 
-def obstacles_of(around: Surroundings, resting: Vector, margin_m: float) -> Obstacles:
-    return around.space.obstacles(resting, margin_m)
+def obstacles_of(around: CollisionContext, resting: Vector, margin_m: float) -> Obstacles:
+    return around.obstacles(margin_m, resting)
 
 
 def positions(controls: Vector, weights: Vector) -> Vector:
@@ -44,7 +44,7 @@ def positions(controls: Vector, weights: Vector) -> Vector:
 
 
 def test_bounds_are_the_distances_there_and_change_as_they_do(
-    around: Surroundings, controls: Vector
+    around: CollisionContext, controls: Vector
 ) -> None:
     """Against distances of moved configurations, which are measured on their own."""
     obstacles = obstacles_of(around, NONE, MARGIN_M)
@@ -69,7 +69,7 @@ def least_excess(obstacles: Obstacles, q: Vector) -> float:
 
 
 def test_each_interval_is_bounded_where_it_is_nearest(
-    around: Surroundings, controls: Vector
+    around: CollisionContext, controls: Vector
 ) -> None:
     obstacles = obstacles_of(around, NONE, MARGIN_M)
     bounds = obstacles.bounds(controls)
@@ -80,14 +80,16 @@ def test_each_interval_is_bounded_where_it_is_nearest(
         assert (np.array(chosen) <= np.array(others) + 1e-9).all()
 
 
-def test_hulls_are_never_farther_than_the_shapes(around: Surroundings, controls: Vector) -> None:
+def test_hulls_are_never_farther_than_the_shapes(
+    around: CollisionContext, controls: Vector
+) -> None:
     obstacles = obstacles_of(around, NONE, 0.0)
     for q in controls:
         assert least_excess(obstacles, q) <= around.clearance(q).distance_m + 1e-6
 
 
 def test_less_than_the_margin_is_asked_for_where_less_is_there(
-    around: Surroundings, manipulator: Manipulator
+    around: CollisionContext, manipulator: Manipulator
 ) -> None:
     wide_m = 0.2
     obstacles = obstacles_of(around, manipulator.arm.start[None], wide_m)
@@ -112,7 +114,7 @@ def test_meshes_that_are_flat_or_hollow_have_bounds_too(
     x, y, z = T.translation.tolist()
     mesh = Mesh(np.array(corners), np.array(triangles))
     body = Body("sheet", (Part(mesh, at(0.0, 0.0, 0.0)),), at(x + 0.1, y, z))
-    around = Surroundings(manipulator, Scene.of([body]), finger_m=manipulator.finger_m)
+    around = CollisionContext.of(manipulator, Scene.of([body]), finger_m=manipulator.finger_m)
     first, second = (obstacles_of(around, NONE, MARGIN_M).bounds(controls) for _ in range(2))
     assert 0.0 < first.excess_m < 0.1
     np.testing.assert_array_equal(first.numbers, second.numbers)

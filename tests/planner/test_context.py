@@ -11,10 +11,18 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import ConfigurationError
-from planner import Body, ClearanceChecker, Manipulator, Scene, SceneError
+from planner import (
+    Body,
+    ClearanceChecker,
+    Manipulator,
+    MotionError,
+    Scene,
+    SceneError,
+    plan_joint_move,
+)
 from planner.collision import Held
 from planner.contact import PRESSING_TOLERANCE_M, has_depth
-from planner.free_space import FreeSpace, Touches
+from planner.context import CollisionContext, Touches
 from tests.conftest import at, overhead
 from tests.planner.walls import Room, wall
 
@@ -24,6 +32,8 @@ seeds = st.integers(0, 2**32 - 1)
 DISTANCE_TOLERANCE_M = 2e-6
 """Two runs of GJK on the same pair; its default tolerance is 1e-6."""
 
+MARGIN_M = 0.03
+
 
 @pytest.fixture(scope="module")
 def room(manipulator: Manipulator, scene: Scene) -> Room:
@@ -31,7 +41,7 @@ def room(manipulator: Manipulator, scene: Scene) -> Room:
 
 
 @pytest.fixture(scope="module")
-def space(room: Room) -> FreeSpace:
+def space(room: Room) -> CollisionContext:
     return room.space
 
 
@@ -48,7 +58,7 @@ def near(room: Room, seed: int) -> Vector:
 @settings(max_examples=60)
 @given(seeds)
 def test_a_configuration_is_free_exactly_where_its_clearance_is_above_zero(
-    room: Room, space: FreeSpace, seed: int
+    room: Room, space: CollisionContext, seed: int
 ) -> None:
     q = near(room, seed)
 
@@ -58,7 +68,7 @@ def test_a_configuration_is_free_exactly_where_its_clearance_is_above_zero(
 @settings(max_examples=60)
 @given(seeds, st.sampled_from([0.0, 0.002, 0.03]))
 def test_a_margin_is_kept_exactly_where_the_clearance_is_above_it(
-    room: Room, space: FreeSpace, seed: int, margin_m: float
+    room: Room, space: CollisionContext, seed: int, margin_m: float
 ) -> None:
     q = near(room, seed)
     distance = room.distance_m(q)
@@ -87,7 +97,7 @@ def test_below_a_margin_of_zero_shapes_may_be_so_deep_inside_each_other(
 @settings(max_examples=30)
 @given(seeds, seeds)
 def test_free_ends_stay_free_under_any_margin(
-    room: Room, space: FreeSpace, seed: int, other: int
+    room: Room, space: CollisionContext, seed: int, other: int
 ) -> None:
     ends = [q for q in (near(room, seed), near(room, other)) if space.is_free(q)]
     guarded = space.with_margin(0.05, *ends)
@@ -98,7 +108,7 @@ def test_free_ends_stay_free_under_any_margin(
 @settings(max_examples=30)
 @given(seeds, seeds)
 def test_what_keeps_a_margin_with_ends_is_free(
-    room: Room, space: FreeSpace, seed: int, other: int
+    room: Room, space: CollisionContext, seed: int, other: int
 ) -> None:
     end, q = near(room, seed), near(room, other)
 
@@ -117,7 +127,9 @@ def nearing(room: Room, body: str, within_m: float) -> Vector:
     raise AssertionError(f"the hand comes near no {body}")
 
 
-def test_an_end_weakens_the_margin_only_to_what_is_near_it(room: Room, space: FreeSpace) -> None:
+def test_an_end_weakens_the_margin_only_to_what_is_near_it(
+    room: Room, space: CollisionContext
+) -> None:
     near_table, near_wall = nearing(room, "table", 0.01), nearing(room, "wall", 0.01)
     guarded = space.with_margin(0.02, near_table)
 
@@ -127,7 +139,7 @@ def test_an_end_weakens_the_margin_only_to_what_is_near_it(room: Room, space: Fr
     assert space.with_margin(0.02, near_table, near_wall).is_free(near_wall)
 
 
-def test_clearance_is_that_of_the_checker(room: Room, space: FreeSpace) -> None:
+def test_clearance_is_that_of_the_checker(room: Room, space: CollisionContext) -> None:
     q = room.beside(0.0)
     found, expected = space.clearance(q), room.checker.clearance(room.full(q))
 
@@ -155,8 +167,8 @@ def test_fingers_may_touch_what_they_grasp_but_not_press_into_it(
     grasp = manipulator.ik.solve(overhead(0.7, 0.15, -0.129)).q
     checker = ClearanceChecker(manipulator.shapes, manipulator.arm, scene, touchable="block")
     for finger_m in np.linspace(0.0, manipulator.hand.stroke_m, 40):
-        space = FreeSpace(manipulator, checker, finger_m=finger_m)
         full = next(manipulator.configurations(grasp[None], finger_m))
+        space = CollisionContext(checker, full)
         assert space.is_free(grasp) == (checker.clearance(full).distance_m > 0.0)
 
 
@@ -171,13 +183,12 @@ def test_a_held_body_may_touch_its_support_but_not_press_into_it(
     lift = table.extent_m([0.0, 0.0, 1.0])[1] - low + gap
     raised = block.at(at(0.0, 0.0, lift) * block.T_base_body)
     held = Held(raised, T_base_tip.inverse() * raised.T_base_body, frozenset({"table"}))
-    shapes, arm = manipulator.shapes, manipulator.arm
-    checker = ClearanceChecker(shapes, arm, Scene.of([table]), held=held)
+    context = CollisionContext.of(
+        manipulator, Scene.of([table]), finger_m=0.0208, held=held, margin_m=0.003
+    )
     q = manipulator.ik.solve(T_base_tip).q
 
-    assert FreeSpace(manipulator, checker, finger_m=0.0208).with_margin(0.003).is_free(q) == (
-        gap > -PRESSING_TOLERANCE_M
-    )
+    assert context.is_free(q) == (gap > -PRESSING_TOLERANCE_M)
 
 
 @pytest.mark.parametrize(
@@ -195,7 +206,7 @@ def test_a_held_body_may_touch_its_support_but_not_press_into_it(
         None,
     ],
 )
-def test_refuses_what_is_no_configuration(space: FreeSpace, q: Any) -> None:
+def test_refuses_what_is_no_configuration(space: CollisionContext, q: Any) -> None:
     for ask in (space.is_free, space.clearance, space.with_margin(0.01).is_free):
         with pytest.raises(ConfigurationError):
             ask(q)
@@ -203,33 +214,59 @@ def test_refuses_what_is_no_configuration(space: FreeSpace, q: Any) -> None:
         space.with_margin(0.01, q)
 
 
-def test_takes_a_list_for_an_array(room: Room, space: FreeSpace) -> None:
+def test_takes_a_list_for_an_array(room: Room, space: CollisionContext) -> None:
     q = room.beside(0.0)
 
     assert space.is_free(q.tolist()) == space.is_free(q)
 
 
 @pytest.mark.parametrize("margin", [-0.001, float("nan"), "1", None])
-def test_refuses_a_margin_that_is_none(space: FreeSpace, margin: Any) -> None:
-    with pytest.raises(SceneError):
-        space.with_margin(margin)
+def test_refuses_a_margin_that_is_none(
+    manipulator: Manipulator, space: CollisionContext, margin: Any
+) -> None:
+    for ask in (
+        lambda: space.with_margin(margin),
+        lambda: space.obstacles(margin, np.zeros(7)),
+        lambda: CollisionContext.of(manipulator, Scene.of(), margin_m=margin),
+    ):
+        with pytest.raises(MotionError, match="margin"):
+            ask()
 
 
-def test_refuses_a_checker_of_the_other_arm(manipulator: Manipulator, scene: Scene) -> None:
-    right = ClearanceChecker(manipulator.shapes, manipulator.robot.arm("right"), scene)
-
-    with pytest.raises(SceneError, match="for the right arm, not the left"):
-        FreeSpace(manipulator, right, finger_m=0.0)
-
-
-def test_refuses_fingers_beyond_their_stroke(manipulator: Manipulator, room: Room) -> None:
+def test_refuses_fingers_beyond_their_stroke(manipulator: Manipulator) -> None:
     with pytest.raises(ConfigurationError):
-        FreeSpace(manipulator, room.checker, finger_m=1.0)
+        CollisionContext.of(manipulator, Scene.of(), finger_m=1.0)
 
 
-@pytest.mark.parametrize("which", ["manipulator", "checker"])
-def test_refuses_what_is_no_situation(manipulator: Manipulator, room: Room, which: str) -> None:
-    parts: dict[str, Any] = {"manipulator": manipulator, "checker": room.checker} | {which: None}
+def test_refuses_what_is_no_situation(room: Room) -> None:
+    bad: Any = "left"
+    with pytest.raises(SceneError, match="checker"):
+        CollisionContext(bad, room.full(np.zeros(7)))
+    with pytest.raises(SceneError, match="manipulator"):
+        CollisionContext.of(bad, Scene.of())
+    with pytest.raises(ConfigurationError):
+        CollisionContext(room.checker, np.zeros(7))
 
-    with pytest.raises(SceneError):
-        FreeSpace(parts["manipulator"], parts["checker"], finger_m=0.0)
+
+def test_free_is_what_keeps_the_margin(manipulator: Manipulator, scene: Scene) -> None:
+    walled = CollisionContext.of(manipulator, scene.with_body(wall()), margin_m=MARGIN_M)
+    rng = np.random.default_rng(3)
+    qs = [manipulator.arm.random_configuration(rng) for _ in range(200)]
+    distances = [walled.clearance(q).distance_m for q in qs]
+    assert any(0.0 < distance < MARGIN_M for distance in distances)
+    for q, distance in zip(qs, distances, strict=True):
+        assert walled.is_free(q) == (distance > MARGIN_M)
+
+
+@given(seed=seeds)
+@settings(max_examples=15)
+def test_what_is_clear_is_proven_so(manipulator: Manipulator, table: Body, seed: int) -> None:
+    bodies = Scene.of([table, wall()])
+    context = CollisionContext.of(manipulator, bodies, margin_m=MARGIN_M)
+    rng = np.random.default_rng(seed)
+    start, goal = (manipulator.arm.random_configuration(rng) for _ in range(2))
+    motion = plan_joint_move(start, goal, manipulator.limits)
+    proof = context.prove(motion)
+    assert context.is_clear(motion) == proof.is_clear
+    if proof.is_clear:
+        assert context.looks_clear(motion)
