@@ -180,6 +180,12 @@ def checked_pose(pose: PoseLike) -> pin.SE3:
     return pin.SE3(T[:3, :3], T[:3, 3])
 
 
+def raised(T_base: pin.SE3, height_m: float) -> pin.SE3:
+    """The same pose, seen from base, so much higher."""
+    lift = np.array([0.0, 0.0, height_m])
+    return pin.SE3(T_base.rotation, T_base.translation + lift)
+
+
 def pose_matrices(poses: Sequence[PoseLike], first: int = 0) -> Vector:
     """Valid poses seen from base, as matrices, shape (n, 4, 4).
 

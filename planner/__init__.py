@@ -1,7 +1,7 @@
 """From poses to checked, timed motion; knows no simulator and no viewer."""
 
 import baxter_kin.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
-from planner.choice import transfer_bound_s
+from planner.candidates import transfer_bound_s
 from planner.collision import Clearance, ClearanceChecker, RobotShapes
 from planner.context import CollisionContext
 from planner.errors import (

@@ -1,31 +1,46 @@
-"""The motions of a pick and place, and those of one that stops wherever it turns."""
+"""The stages of a pick and place, its motions, and those of one that stops wherever it turns.
+
+```
+pick    open - approach - descend - close - retract
+place   approach - descend - open - retract
+```
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
 from planner.context import CollisionContext
 from planner.errors import MotionError
-from planner.lines import Lines
-from planner.manipulator import Manipulator
 from planner.motion.straight_move import plan_straight_move
 from planner.plan import PlanFailure
 from planner.plan_builder import NoSolutionError, free_motion
-from planner.straight_line import LineTolerance
+from planner.plan_request import PlanRequest
 from planner.swept_result import SweptContact
+from planner.task import PickAndPlace
 from planner.trajectory import Trajectory
+
+PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
+PLACE_LINES = ("place: descend", "place: open", "place: retract")
+SIDEWAYS = ("pick: approach", "place: approach")
+"""Stages in which the tip is free; the other moves are along lines."""
+
+STAGES = ("pick: open", SIDEWAYS[0], *PICK_LINES, SIDEWAYS[1], *PLACE_LINES)
+"""All of them, in order."""
+
+MOVES = tuple(each for each in STAGES if each not in ("pick: open", "pick: close", "place: open"))
+"""Those in which the arm moves."""
 
 TIMEOUT_S = 2.0
 """When to give up the search for one way around; a wall on the table takes a tenth of a second."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cycle:
-    """The motions in order, from rest to rest where the gripper acts.
+class Cycle(NamedTuple):
+    """The motions in the order of `MOVES`, from rest to rest where the gripper acts.
 
     Attributes:
         to_pick: to the line above the pick.
@@ -46,14 +61,7 @@ class Cycle:
     @property
     def by_stage(self) -> dict[str, Trajectory]:
         """The motions by the labels of their moves."""
-        return {
-            "pick: approach": self.to_pick,
-            "pick: descend": self.down_to_pick,
-            "pick: retract": self.up_from_pick,
-            "place: approach": self.to_place,
-            "place: descend": self.down_to_place,
-            "place: retract": self.up_from_place,
-        }
+        return dict(zip(MOVES, self, strict=True))
 
     @property
     def q_pick(self) -> Vector:
@@ -68,17 +76,17 @@ class Cycle:
     @property
     def duration_s(self) -> float:
         """Of all of them."""
-        return sum(motion.duration for motion in self.by_stage.values())
+        return sum(motion.duration for motion in self)
 
 
-def refuse_colliding(stage: str, motion: Trajectory, around: CollisionContext) -> None:
+def refuse_colliding(stage: str, motion: Trajectory, context: CollisionContext) -> None:
     """Stop when a motion collides at samples; quick, and no proof that it does not.
 
     Raises:
         NoSolutionError: then; says with what.
     """
-    if not around.looks_clear(motion):
-        result = around.prove(motion)
+    if not context.looks_clear(motion):
+        result = context.prove(motion)
         if isinstance(result, SweptContact):
             raise NoSolutionError(PlanFailure(stage, str(result), contact=result))
 
@@ -87,16 +95,10 @@ class StoppingCycles:
     """Cycles that stop above pick and place; their lines are planned once for each solution."""
 
     def __init__(
-        self,
-        manipulator: Manipulator,
-        q_start: Vector,
-        lines: Lines,
-        around: Mapping[str, CollisionContext],
-        line_tolerance: LineTolerance | None = None,
+        self, request: PlanRequest, task: PickAndPlace, contexts: Mapping[str, CollisionContext]
     ) -> None:
-        self._line_tolerance = line_tolerance
-        self._manipulator, self._q_start = manipulator, q_start
-        self._lines, self._around = lines, around
+        """For a task, in the situations of the stages, by their labels."""
+        self._request, self._task, self._contexts = request, task, contexts
         self._planned: dict[tuple[str, bytes], Trajectory | NoSolutionError] = {}
 
     def of(self, q_pick: Vector, q_place: Vector) -> Cycle:
@@ -106,21 +108,21 @@ class StoppingCycles:
             NoSolutionError: when the arm cannot follow a line from one of them, a line collides, or
                 there is no way between.
         """
-        lines = self._lines
-        up_pick = self._line("pick: retract", q_pick, lines.T_base_above_pick)
-        up_place = self._line("place: descend", q_place, lines.T_base_above_place)
-        up_end = self._line("place: retract", q_place, lines.T_base_end)
+        task, contexts, q_start = self._task, self._contexts, self._request.q_start
+        up_pick = self._line("pick: retract", q_pick, task.T_base_above_pick)
+        up_place = self._line("place: descend", q_place, task.T_base_above_place)
+        up_end = self._line("place: retract", q_place, task.T_base_end)
         down_pick, down_place = up_pick.reversed(), up_place.reversed()
         for stage, motion in (
             ("pick: descend", down_pick),
             ("place: descend", down_place),
             ("place: retract", up_end),
         ):
-            refuse_colliding(stage, motion, self._around[stage])
+            refuse_colliding(stage, motion, contexts[stage])
         to_pick, to_place = (
-            free_motion(stage, ends, self._manipulator, self._around[stage], TIMEOUT_S)
+            free_motion(stage, ends, self._request.manipulator, contexts[stage], TIMEOUT_S)
             for stage, ends in (
-                ("pick: approach", (self._q_start, down_pick.q_start)),
+                ("pick: approach", (q_start, down_pick.q_start)),
                 ("place: approach", (up_pick.q_goal, down_place.q_start)),
             )
         )
@@ -129,10 +131,11 @@ class StoppingCycles:
     def _line(self, stage: str, q: Vector, T_base_top: pin.SE3) -> Trajectory:
         key = stage, q.tobytes()
         if key not in self._planned:
-            arm, limits = self._manipulator.arm, self._manipulator.limits
+            arm, limits = self._request.manipulator.arm, self._request.manipulator.limits
+            tolerance = self._request.line_tolerance
             try:
                 self._planned[key] = plan_straight_move(
-                    arm, q, T_base_top, limits, line_tolerance=self._line_tolerance
+                    arm, q, T_base_top, limits, line_tolerance=tolerance
                 )
             except MotionError as cause:
                 self._planned[key] = NoSolutionError.at(stage, str(cause))

@@ -12,28 +12,24 @@ is the guess for the same program, whose motion takes its place where that is cl
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 
 import numpy as np
+import pinocchio as pin
 
-from baxter_kin.arrays import Vector
-from planner.choice import Choice, Choices
-from planner.cycle import Cycle, StoppingCycles, refuse_colliding
+from planner.candidates import Candidates, Pair, Solutions
+from planner.cycle import SIDEWAYS, STAGES, Cycle, StoppingCycles, refuse_colliding
 from planner.hand_lines import refuse_blocked_hand
-from planner.lines import Lines
-from planner.manipulator import Manipulator
 from planner.motion.cycle_program import CycleProgram
-from planner.pairs import Pairs, Solutions
-from planner.phases import PhaseMaker, Phases
-from planner.plan import Plan, PlanFailure
+from planner.phases import PhaseMaker
+from planner.plan import GripperAction, Plan, PlanFailure
 from planner.plan_builder import NoSolutionError, PlanBuilder, refuse_blocked
-from planner.scene import Scene
-from planner.situation import Holding
-from planner.stages import SIDEWAYS, STAGES, build_cycle
-from planner.straight_line import LineTolerance
+from planner.plan_request import PlanRequest
+from planner.task import PickAndPlace
+from planner.trajectory import Trajectory
 
 MOST_OPTIMISED = 4
 """Pairs whose cycles are planned as one program, before others are tried."""
@@ -58,61 +54,38 @@ SCREENED = (
 
 
 class CycleSearch:
-    """One search; its surroundings and approaches are shared by all pairs that are tried."""
+    """One search; situations and lines are shared by all pairs that are tried."""
 
-    def __init__(
-        self,
-        body: str,
-        lines: Lines,
-        manipulator: Manipulator,
-        scene: Scene,
-        q_start: Vector,
-        *,
-        margin_m: float,
-        held: Sequence[Holding] = (),
-        line_tolerance: LineTolerance | None = None,
-    ) -> None:
-        """For one task.
-
-        Args:
-            body: name of the body to carry.
-            lines: where the cycle leads the tip.
-            manipulator: the arm and its hand.
-            scene: all bodies.
-            q_start: where the arm stands, shape (7,), rad, inside the limits.
-            margin_m: distance that every move keeps, contacts on purpose left out.
-            held: what other hands hold.
-            line_tolerance: how far the tip may be off its lines; strict when not given.
-        """
-        self._line_tolerance = line_tolerance
-        self._body, self._lines, self._margin_m = body, lines, margin_m
-        self._manipulator, self._scene, self._q_start = manipulator, scene, q_start
-        self._held = tuple(held)
+    def __init__(self, request: PlanRequest, task: PickAndPlace) -> None:
+        self._request, self._task = request, task
         self._missed: list[_Miss] = []
 
     @cached_property
     def _program(self) -> CycleProgram:
         """Made once the waypoints are known to be within reach."""
-        return CycleProgram(self._manipulator, self._q_start, self._lines, self._line_tolerance)
+        return CycleProgram(self._request, self._task)
+
+    @cached_property
+    def _candidates(self) -> Candidates:
+        return Candidates(self._request, self._task)
 
     def shortest(self) -> Plan:
         """The plan of the shortest cycle that was found, or why there is none."""
         try:
             self._refuse_unreachable()
-            choices = self._choices()
-            self._phases = self._made_phases(choices)
-            pairs = self._look(choices)
+            self._make_phases()
+            self._look()
         except NoSolutionError as stop:
-            return self._builder().plan(stop.failure)
-        for plan in self._fastest(pairs):
+            return PlanBuilder(self._request).plan(stop.failure)
+        for plan in self._fastest():
             if plan.failure is None:
                 return plan
-        for plan in self._stopping(pairs):
+        for plan in self._stopping():
             if plan.failure is None:
                 return self._improved(plan)
             if plan.failure.is_certain:
                 return plan
-        return self._nearest_miss(pairs)
+        return self._nearest_miss()
 
     def _refuse_unreachable(self) -> None:
         """Whether every waypoint can be reached at all.
@@ -120,72 +93,81 @@ class CycleSearch:
         Raises:
             NoSolutionError: when one cannot.
         """
-        q, lines = self._q_start, self._lines
+        q, task = self._request.q_start, self._task
         for label, T_base_tip in (
-            ("pick: approach", lines.T_base_above_pick),
-            ("pick: descend", lines.T_base_pick),
-            ("place: approach", lines.T_base_above_place),
-            ("place: descend", lines.T_base_place),
-            ("place: retract", lines.T_base_end),
+            ("pick: approach", task.T_base_above_pick),
+            ("pick: descend", task.T_base_pick),
+            ("place: approach", task.T_base_above_place),
+            ("place: descend", task.T_base_place),
+            ("place: retract", task.T_base_end),
         ):
-            ik = self._manipulator.ik.solve(T_base_tip, current=q)
+            ik = self._request.manipulator.ik.solve(T_base_tip, current=q)
             if not ik.is_valid:
                 raise NoSolutionError(PlanFailure(label, str(ik.failure), ik, is_certain=True))
             q = ik.q
 
-    def _choices(self) -> Choices:
-        ik, limits = self._manipulator.ik, self._manipulator.limits
-        return Choices.of(ik, limits, self._q_start, self._lines)
-
-    def _made_phases(self, choices: Choices) -> Phases:
-        """The situations.
+    def _make_phases(self) -> None:
+        """Find the situations.
 
         Raises:
             NoSolutionError: when there is none: that the hand cannot be there, before that it
                 would not hold.
         """
-        maker = PhaseMaker(self._manipulator, self._scene, self._body, self._lines, self._margin_m)
+        maker = PhaseMaker(self._request, self._task)
         try:
-            return maker.made()
+            self._phases = maker.made()
         except NoSolutionError as stop:
             if stop.failure.stage == "pick: close":
-                around = maker.reaching(self._manipulator.hand.stroke_m)
-                Solutions("pick: descend", choices.picks, around).refuse_none_free()
+                context = maker.reaching(self._request.manipulator.hand.stroke_m)
+                Solutions("pick: descend", self._candidates.picks, context).refuse_none_free()
             raise
+        self._contexts = self._phases.contexts
 
-    def _look(self, choices: Choices) -> Pairs:
-        """That some solutions are free, at the pick and at the place, and the hand on its lines.
+    def _look(self) -> None:
+        """Look whether some solutions are free, at pick and place, and the hand on its lines.
 
         Raises:
             NoSolutionError: when one of these does not hold.
         """
-        lines, around = self._lines, self._phases.around
-        refuse_blocked("pick: approach", self._q_start, around["pick: approach"], "where it stands")
-        picks = Solutions("pick: descend", choices.picks, around["pick: descend"])
-        picks.refuse_none_free()
-        places = Solutions("place: descend", choices.places, around["place: descend"])
-        places.refuse_none_free()
+        contexts, found = self._contexts, self._candidates
+        refuse_blocked(
+            "pick: approach", self._request.q_start, contexts["pick: approach"], "where it stands"
+        )
+        self._picks = Solutions("pick: descend", found.picks, contexts["pick: descend"])
+        self._picks.refuse_none_free()
+        self._places = Solutions("place: descend", found.places, contexts["place: descend"])
+        self._places.refuse_none_free()
         self._phases.refuse_impossible()
-        refuse_blocked_hand(lines, around)
-        return Pairs.of(choices, picks, places)
+        refuse_blocked_hand(self._task, contexts)
 
-    def _fastest(self, pairs: Pairs) -> Iterator[Plan]:
+    def _open_pairs(self) -> Iterator[tuple[int, int]]:
+        return self._candidates.open_ones(self._picks, self._places)
+
+    def _fastest(self) -> Iterator[Plan]:
         """Cycles whose six motions are one program, from the first few pairs that differ.
 
         The first one that collides sideways is led around what is there. Their failures speak
         against no pairs: the program leaves the solutions that it begins from.
         """
         tried: list[Cycle] = []
-        for choice in islice(_different(pairs), MOST_OPTIMISED):
-            cycle = self._program.of(choice)
+        for pair in islice(self._different(), MOST_OPTIMISED):
+            cycle = self._program.of(pair)
             if cycle is None or any(_are_alike(cycle, other) for other in tried):
                 continue
             tried.append(cycle)
             plan = self._along(cycle)
             yield plan
             if plan.failure is not None and plan.failure.stage in SIDEWAYS:
-                yield from map(self._along, self._program.around(cycle, self._phases.around))
+                yield from map(self._along, self._program.around(cycle, self._contexts))
                 return
+
+    def _different(self) -> Iterator[Pair]:
+        """Open pairs in order, but for those too near to one before."""
+        chosen: list[Pair] = []
+        for pair in (self._candidates.pair(*each) for each in self._open_pairs()):
+            if all(np.abs(np.subtract(pair, other)).max() > DIFFERENT_RAD for other in chosen):
+                chosen.append(pair)
+                yield pair
 
     def _improved(self, plan: Plan) -> Plan:
         """The fastest cycle near a plan's, where that is shorter and proven; else the plan."""
@@ -201,40 +183,56 @@ class CycleSearch:
         near = self._program.near(cycle)
         if near is not None:
             yield near
-        yield from self._program.around(cycle, self._phases.around)
+        yield from self._program.around(cycle, self._contexts)
 
-    def _stopping(self, pairs: Pairs) -> Iterator[Plan]:
+    def _stopping(self) -> Iterator[Plan]:
         """Cycles that stop above pick and place; a pair that fails closes others like it."""
-        cycles = StoppingCycles(
-            self._manipulator,
-            self._q_start,
-            self._lines,
-            self._phases.around,
-            self._line_tolerance,
-        )
+        cycles = StoppingCycles(self._request, self._task, self._contexts)
         sideways = 0
-        for pair in islice(pairs.open_ones(), MOST_TRIED):
-            choice = pairs.choices.at(*pair)
+        for i, j in islice(self._open_pairs(), MOST_TRIED):
             try:
-                plan = self._along(cycles.of(choice.q_pick, choice.q_place))
+                plan = self._along(cycles.of(*self._candidates.pair(i, j)))
             except NoSolutionError as stop:
-                plan = self._missing(self._builder(), stop.failure)
+                plan = self._missing(PlanBuilder(self._request), stop.failure)
             yield plan
             if plan.failure is not None:
-                sideways += pairs.close(pair, plan.failure.stage)
+                alike = self._picks.near(i), self._places.near(j)
+                sideways += self._candidates.close(*alike, plan.failure.stage)
             if sideways == MOST_SIDEWAYS:
                 break
 
     def _along(self, cycle: Cycle) -> Plan:
         """The plan of a cycle up to the stage that fails; no steps where a quick look shows it."""
-        builder, around = self._builder(), self._phases.around
+        builder = PlanBuilder(self._request)
         try:
             for stage in SCREENED:
-                refuse_colliding(stage, cycle.by_stage[stage], around[stage])
-            build_cycle(builder, self._lines, self._phases, cycle)
+                refuse_colliding(stage, cycle.by_stage[stage], self._contexts[stage])
+            self._add(cycle, builder)
         except NoSolutionError as stop:
             return self._missing(builder, stop.failure)
         return builder.plan()
+
+    def _add(self, cycle: Cycle, builder: PlanBuilder) -> None:
+        """Add every step, each proven clear.
+
+        Raises:
+            NoSolutionError: when one is not.
+        """
+        phases, task = self._phases, self._task
+
+        def move(label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
+            context, is_straight = self._contexts[label], label not in SIDEWAYS
+            builder.add_move(label, trajectory, context, T_base_tip, is_straight=is_straight)
+
+        builder.add_open("pick: open", phases.opening_m)
+        move("pick: approach", cycle.to_pick, task.T_base_above_pick)
+        move("pick: descend", cycle.down_to_pick, task.T_base_pick)
+        builder.add_grip("pick: close", GripperAction.CLOSE, phases.closing, task.body)
+        move("pick: retract", cycle.up_from_pick, task.T_base_above_pick)
+        move("place: approach", cycle.to_place, task.T_base_above_place)
+        move("place: descend", cycle.down_to_place, task.T_base_place)
+        builder.add_grip("place: open", GripperAction.OPEN, phases.releasing, task.body)
+        move("place: retract", cycle.up_from_place, task.T_base_end)
 
     def _missing(self, builder: PlanBuilder, failure: PlanFailure) -> Plan:
         """The plan of what there is, which is remembered as a miss."""
@@ -242,21 +240,13 @@ class CycleSearch:
         self._missed.append(_Miss(plan, failure))
         return plan
 
-    def _builder(self) -> PlanBuilder:
-        return PlanBuilder(
-            self._manipulator,
-            self._scene,
-            self._q_start,
-            margin_m=self._margin_m,
-            held=self._held,
-            line_tolerance=self._line_tolerance,
-        )
-
-    def _nearest_miss(self, pairs: Pairs) -> Plan:
+    def _nearest_miss(self) -> Plan:
         """What there is of the plan that gets farthest, with what came of the others."""
         best = max(self._missed, key=_Miss.nearness)
         failures = tuple(miss.failure for miss in self._missed)
-        tallies = tuple(tally for tally in pairs.tallies() if tally.colliding)
+        tallies = tuple(
+            tally for tally in (self._picks.tally(), self._places.tally()) if tally.colliding
+        )
         told = [_told(failures), *(f"{tally.stage}: {tally}" for tally in tallies)]
         reason = f"{best.failure.reason} ({'; '.join(told)})"
         failure = replace(best.failure, reason=reason, tried=failures, tallies=tallies)
@@ -284,17 +274,6 @@ def _told(failures: tuple[PlanFailure, ...]) -> str:
         return f"the nearest miss of {len(failures)} ways that were tried, all of which end there"
     counts = ", ".join(f"{count} at {stage!r}" for stage, count in stages.most_common())
     return f"the nearest miss of {len(failures)} ways that were tried: {counts}"
-
-
-def _different(pairs: Pairs) -> Iterator[Choice]:
-    """Open pairs in order, but for those too near to one before."""
-    chosen: list[Vector] = []
-    for pair in pairs.open_ones():
-        choice = pairs.choices.at(*pair)
-        both = np.concatenate([choice.q_pick, choice.q_place])
-        if all(np.abs(both - other).max() > DIFFERENT_RAD for other in chosen):
-            chosen.append(both)
-            yield choice
 
 
 def _are_alike(one: Cycle, other: Cycle) -> bool:

@@ -11,30 +11,31 @@ from collections.abc import Mapping
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.frames import raised
 from planner.collision import Clearance
 from planner.context import CollisionContext
-from planner.lines import Lines, raised
 from planner.plan import PlanFailure
 from planner.plan_builder import NoSolutionError
 from planner.swept import ACCURACY_M
 from planner.swept_result import SweptContact
+from planner.task import PickAndPlace
 
 STEP_M = 0.005
 """Between two looks at the hand; the proofs of the moves find what is thinner."""
 
 
-def refuse_blocked_hand(lines: Lines, contexts: Mapping[str, CollisionContext]) -> None:
+def refuse_blocked_hand(task: PickAndPlace, contexts: Mapping[str, CollisionContext]) -> None:
     """Stop when the hand cannot go along a line.
 
     Raises:
         NoSolutionError: then; names the stage, and how far from the pose the hand is there.
     """
-    pick, place = lines.T_base_pick, lines.T_base_place
+    pick, place = task.T_base_pick, task.T_base_place
     for label, T_base_tip, rise_m in (
-        ("pick: descend", pick, lines.clear_m),
-        ("pick: retract", pick, lines.clear_m),
-        ("place: descend", place, lines.clear_m),
-        ("place: retract", place, lines.hover_m),
+        ("pick: descend", pick, task.lift_m),
+        ("pick: retract", pick, task.lift_m),
+        ("place: descend", place, task.lift_m),
+        ("place: retract", place, task.hover_m),
     ):
         _refuse_blocked_line(label, contexts[label], T_base_tip, rise_m)
 

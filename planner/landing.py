@@ -9,10 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from baxter_kin.frames import BASE_HEIGHT_M
+from baxter_kin.frames import BASE_HEIGHT_M, raised
 from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
 from planner.footing import beside, bottom_area, touched_area
-from planner.lines import raised
 from planner.scene import Body
 
 FLOOR_Z_M = -BASE_HEIGHT_M

@@ -33,13 +33,13 @@ from planner.context import CollisionContext
 from planner.finger_travel import FingerTravel, TravelCheck, closing_travel, combined
 from planner.grasp import Grasp, Miss
 from planner.landing import Landing, land, levelled
-from planner.lines import Lines
-from planner.manipulator import Manipulator
 from planner.plan import GripperAction, PlanFailure
 from planner.plan_builder import NoSolutionError, blocked_fingers
+from planner.plan_request import PlanRequest
 from planner.scene import Body, Scene
 from planner.swept import RESOLUTION_M
 from planner.swept_result import SweptContact, SweptResult
+from planner.task import PickAndPlace
 
 LONGEST_DROP_M = 0.01
 """From how high above its support a body may be let go."""
@@ -63,7 +63,7 @@ class Phases:
         leaving_m: finger position with which the hand rises from it again.
         closing: the fingers' way at the pick.
         releasing: the fingers' way at the place.
-        around: the situation of every move, by its label.
+        contexts: the situation of every move, by its label.
         refusals: why it cannot be done though each pose is free: what stands in the way of the
             fingers however far they open, or that the body would fall.
     """
@@ -73,7 +73,7 @@ class Phases:
     leaving_m: float
     closing: tuple[FingerTravel, ...]
     releasing: tuple[FingerTravel, ...]
-    around: Mapping[str, CollisionContext]
+    contexts: Mapping[str, CollisionContext]
     refusals: tuple[PlanFailure, ...] = ()
 
     def refuse_impossible(self) -> None:
@@ -91,18 +91,12 @@ class PhaseMaker:
     """Finds the phases of a task.
 
     Attributes:
-        manipulator: the arm and its hand.
-        scene: all bodies before it.
-        name: of the body to carry.
-        lines: where the cycle leads the tip.
-        margin_m: distance to keep, but for contacts on purpose.
+        request: the arm and its hand, all bodies before it, and the distance to keep.
+        task: what goes where.
     """
 
-    manipulator: Manipulator
-    scene: Scene
-    name: str
-    lines: Lines
-    margin_m: float
+    request: PlanRequest
+    task: PickAndPlace
 
     def made(self) -> Phases:
         """All of them.
@@ -110,32 +104,32 @@ class PhaseMaker:
         Raises:
             NoSolutionError: when the body does not fit into the hand, or cannot be held.
         """
-        body, lines = self.scene[self.name], self.lines
+        body, task = self.request.scene[self.task.body], self.task
         self._refuse_wide(body)
         grasp = self._grasp(body)
         opening_m, blocked_closing = self._opening_at_pick(grasp)
         carried = self._carried(body, grasp)
         landing, no_rest = self._landing(body, grasp)
-        after = self.scene.without(self.name).with_body(landing.body)
+        after = self.request.scene.without(self.task.body).with_body(landing.body)
         leaving_m, blocked_opening = self._opening_at_place(body, grasp, landing)
         return Phases(
             body,
             opening_m,
             leaving_m,
-            closing_travel(self.scene, self.name, lines.T_base_pick, opening_m, grasp),
+            closing_travel(self.request.scene, self.task.body, task.T_base_pick, opening_m, grasp),
             self._releasing(body, grasp, landing, leaving_m),
             {
-                "pick: approach": self._around(self.scene, opening_m),
+                "pick: approach": self._context(self.request.scene, opening_m),
                 "pick: descend": self.reaching(opening_m),
                 **carried,
-                "place: retract": self._near(after, leaving_m, lines.T_base_place),
+                "place: retract": self._near(after, leaving_m, task.T_base_place),
             },
             (*blocked_closing, *no_rest, *blocked_opening),
         )
 
     def _refuse_wide(self, body: Body) -> None:
-        hand = self.manipulator.hand
-        width = hand.width_across_m(self.lines.T_base_pick, body)
+        hand = self.request.manipulator.hand
+        width = hand.width_across_m(self.task.T_base_pick, body)
         if width > hand.open_gap_m:
             raise NoSolutionError.at(
                 "pick: open",
@@ -146,18 +140,20 @@ class PhaseMaker:
             )
 
     def _grasp(self, body: Body) -> Grasp:
-        hand = self.manipulator.hand
-        grasp = hand.close_on(self.lines.T_base_pick, body, hand.stroke_m)
+        hand = self.request.manipulator.hand
+        grasp = hand.close_on(self.task.T_base_pick, body, hand.stroke_m)
         if isinstance(grasp, Miss):
             reason = f"the fingers would miss: {grasp}"
             raise NoSolutionError.at("pick: close", reason, is_certain=True)
         return grasp
 
     def _opening_at_pick(self, grasp: Grasp) -> tuple[float, tuple[PlanFailure, ...]]:
-        T_base_pick = self.lines.T_base_pick
+        T_base_pick = self.task.T_base_pick
 
         def closing(opening_m: float) -> SweptResult:
-            travels = closing_travel(self.scene, self.name, T_base_pick, opening_m, grasp)
+            travels = closing_travel(
+                self.request.scene, self.task.body, T_base_pick, opening_m, grasp
+            )
             return self._checked(travels, T_base_pick)
 
         touch_m = grasp.finger_m + abs(grasp.push_m)
@@ -168,7 +164,7 @@ class PhaseMaker:
     ) -> tuple[float, tuple[PlanFailure, ...]]:
         def releasing(opening_m: float) -> SweptResult:
             travels = self._releasing(body, grasp, landing, opening_m)
-            return self._checked(travels, self.lines.T_base_place)
+            return self._checked(travels, self.task.T_base_place)
 
         return self._widest(releasing, "place: open", GripperAction.OPEN, grasp.finger_m)
 
@@ -183,7 +179,7 @@ class PhaseMaker:
 
         It is told only when the pose itself is free: what is in its way may be what is in theirs.
         """
-        widest_m, least_m = self.manipulator.hand.stroke_m, least_m + LEAST_ROOM_M
+        widest_m, least_m = self.request.manipulator.hand.stroke_m, least_m + LEAST_ROOM_M
         if proven(widest_m).is_clear:
             return widest_m, ()
         result = proven(min(least_m, widest_m))
@@ -198,42 +194,44 @@ class PhaseMaker:
         return least_m, ()
 
     def _checked(self, travels: tuple[FingerTravel, ...], T_base_tip: pin.SE3) -> SweptResult:
-        checks = (TravelCheck(self.manipulator, travel) for travel in travels)
-        return combined(check.above(T_base_tip, self.margin_m) for check in checks)
+        checks = (TravelCheck(self.request.manipulator, travel) for travel in travels)
+        return combined(check.above(T_base_tip, self.request.margin_m) for check in checks)
 
     def _releasing(
         self, body: Body, grasp: Grasp, landing: Landing, opening_m: float
     ) -> tuple[FingerTravel, ...]:
         """The fingers open beside the body where it is let go, and where it has fallen to."""
-        let_go = body.at(self.lines.T_base_place * grasp.T_tip_body)
+        let_go = body.at(self.task.T_base_place * grasp.T_tip_body)
         places = [let_go]
         if not landing.body.T_base_body.isApprox(let_go.T_base_body, _SAME_PLACE_M):
             places.append(landing.body)
-        others = self.scene.without(self.name)
+        others = self.request.scene.without(self.task.body)
         return tuple(
-            FingerTravel(others.with_body(place), grasp.finger_m, opening_m, touchable=self.name)
+            FingerTravel(
+                others.with_body(place), grasp.finger_m, opening_m, touchable=self.task.body
+            )
             for place in places
         )
 
     def _carried(self, body: Body, grasp: Grasp) -> dict[str, CollisionContext]:
         """The situations with the body in the hand: on its supports, and free of them."""
-        others = self.scene.without(self.name)
-        placed = body.at(self.lines.T_base_place * grasp.T_tip_body)
-        stood, will_stand = touching(body, self.scene), touching(placed, others)
+        others = self.request.scene.without(self.task.body)
+        placed = body.at(self.task.T_base_place * grasp.T_tip_body)
+        stood, will_stand = touching(body, self.request.scene), touching(placed, others)
         lifted, free, lowered = (
-            self._around(others, grasp.finger_m, held=Held(body, grasp.T_tip_body, supports))
+            self._context(others, grasp.finger_m, held=Held(body, grasp.T_tip_body, supports))
             for supports in (stood, frozenset[str](), will_stand)
         )
         return {"pick: retract": lifted, "place: approach": free, "place: descend": lowered}
 
     def reaching(self, opening_m: float) -> CollisionContext:
         """The situation on the line down to the pick, the fingers so far open."""
-        return self._near(self.scene, opening_m, self.lines.T_base_pick)
+        return self._near(self.request.scene, opening_m, self.task.T_base_pick)
 
     def _landing(self, body: Body, grasp: Grasp) -> tuple[Landing, tuple[PlanFailure, ...]]:
         """Where the body comes to rest when it is let go; why it must not, where it must not."""
-        let_go = body.at(self.lines.T_base_place * grasp.T_tip_body)
-        landing = land(levelled(let_go), self.scene.without(self.name))
+        let_go = body.at(self.task.T_base_place * grasp.T_tip_body)
+        landing = land(levelled(let_go), self.request.scene.without(self.task.body))
         on, way = " and ".join(landing.supports), landing.beside
         reason = None
         if landing.drop_m > LONGEST_DROP_M:
@@ -250,13 +248,13 @@ class PhaseMaker:
 
     def _near(self, scene: Scene, finger_m: float, T_base_tip: pin.SE3) -> CollisionContext:
         """The open hand around its body; the pads touch it only where they cannot but."""
-        body, hand = scene[self.name], self.manipulator.hand
+        body, hand = scene[self.task.body], self.request.manipulator.hand
         pads = hand.pads_at(T_base_tip, finger_m)
         room_m = min(gap_m(pad, part) for pad in pads for part in body.placed_parts)
         may_press = room_m <= RESOLUTION_M
-        return self._around(scene, finger_m, touchable=self.name, may_press=may_press)
+        return self._context(scene, finger_m, touchable=self.task.body, may_press=may_press)
 
-    def _around(
+    def _context(
         self,
         scene: Scene,
         finger_m: float,
@@ -266,13 +264,13 @@ class PhaseMaker:
         held: Held | None = None,
     ) -> CollisionContext:
         return CollisionContext.of(
-            self.manipulator,
+            self.request.manipulator,
             scene,
             finger_m=finger_m,
             touchable=touchable,
             may_press=may_press,
             held=held,
-            margin_m=self.margin_m,
+            margin_m=self.request.margin_m,
         )
 
 

@@ -7,17 +7,16 @@ from collections.abc import Sequence
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from baxter_kin.frames import raised
 from planner.context import CollisionContext
 from planner.errors import MotionError
 from planner.finger_travel import FingerTravel, prove_travel
-from planner.lines import raised
 from planner.manipulator import Manipulator
 from planner.motion.free_move import MARGIN_M, TIMEOUT_S, plan_free_move
 from planner.motion.straight_move import plan_straight_move
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
-from planner.scene import Scene
-from planner.situation import Holding, Situation
-from planner.straight_line import LineTolerance, checked_tolerance
+from planner.plan_request import PlanRequest
+from planner.situation import Situation
 from planner.swept_result import SweptContact, SweptProof
 from planner.trajectory import Trajectory
 
@@ -42,48 +41,35 @@ class PlanBuilder:
         steps: what was added.
     """
 
-    def __init__(
-        self,
-        manipulator: Manipulator,
-        scene: Scene,
-        q_start: Vector,
-        *,
-        margin_m: float = 0.0,
-        held: Sequence[Holding] = (),
-        line_tolerance: LineTolerance | None = None,
-    ) -> None:
-        """No steps yet.
-
-        Args:
-            manipulator: the arm and its hand, which is empty.
-            scene: all bodies.
-            q_start: where the arm stands, shape (7,), rad.
-            margin_m: distance that the fingers keep from all but what they grasp.
-            held: what other hands hold.
-            line_tolerance: how far straight moves may be off; strict when not given.
-        """
-        self._line_tolerance = checked_tolerance(line_tolerance)
+    def __init__(self, request: PlanRequest) -> None:
         self.steps: list[Step] = []
-        self._manipulator, self._q_start, self._margin_m = manipulator, q_start, margin_m
-        self._start = Situation.of(manipulator, scene, held)
+        self._request, self._manipulator = request, request.manipulator
+        self._start = Situation.of(request.manipulator, request.scene, request.held)
 
     @property
     def q(self) -> Vector:
         """Where the arm stands after the steps so far, shape (7,), rad."""
         moves = [step for step in self.steps if isinstance(step, Move)]
-        return moves[-1].trajectory.q_goal if moves else self._q_start
+        return moves[-1].trajectory.q_goal if moves else self._request.q_start
 
     def plan(self, failure: PlanFailure | None = None) -> Plan:
         """The plan of the steps so far, or why it ends there."""
-        arm, steps = self._manipulator, tuple(self.steps)
-        situation, tolerance = self._start, self._line_tolerance
-        return Plan(arm.arm.side, self._q_start, steps, failure, situation, arm.identity, tolerance)
+        request, arm = self._request, self._manipulator
+        return Plan(
+            arm.arm.side,
+            request.q_start,
+            tuple(self.steps),
+            failure,
+            self._start,
+            arm.identity,
+            request.line_tolerance,
+        )
 
     def add_move(
         self,
         label: str,
         trajectory: Trajectory,
-        around: CollisionContext,
+        context: CollisionContext,
         T_base_tip: pin.SE3 | None = None,
         *,
         is_straight: bool = False,
@@ -93,14 +79,14 @@ class PlanBuilder:
         Args:
             label: stage and waypoint.
             trajectory: from where the arm stands.
-            around: the situation meanwhile.
+            context: the situation meanwhile.
             T_base_tip: the pose that it ends at; None for a move in joint angles.
             is_straight: whether the tip moves along a straight line.
 
         Raises:
             NoSolutionError: when it is not proven clear.
         """
-        result = around.prove(trajectory)
+        result = context.prove(trajectory)
         if isinstance(result, SweptContact):
             raise NoSolutionError(PlanFailure(label, str(result), contact=result))
         ik = None
@@ -109,34 +95,34 @@ class PlanBuilder:
         move = Move(label, trajectory, T_base_tip, ik, result.nearest, result, is_straight)
         self.steps.append(move)
 
-    def add_free_move(self, label: str, q_goal: Vector, around: CollisionContext) -> None:
+    def add_free_move(self, label: str, q_goal: Vector, context: CollisionContext) -> None:
         """Add a move to a configuration, around what is in the way.
 
         Raises:
             NoSolutionError: when an end is blocked, or there is no way between them.
         """
-        refuse_blocked(label, self.q, around, "where it stands")
-        refuse_blocked(label, q_goal, around, "where it shall go")
+        refuse_blocked(label, self.q, context, "where it stands")
+        refuse_blocked(label, q_goal, context, "where it shall go")
         self.add_move(
-            label, free_motion(label, (self.q, q_goal), self._manipulator, around), around
+            label, free_motion(label, (self.q, q_goal), self._manipulator, context), context
         )
 
-    def add_rise(self, label: str, height_m: float, around: CollisionContext) -> None:
+    def add_rise(self, label: str, height_m: float, context: CollisionContext) -> None:
         """Add a straight move up from where the arm stands.
 
         Raises:
             NoSolutionError: when there is none, or it is not proven clear.
         """
-        refuse_blocked(label, self.q, around, "where it stands")
+        refuse_blocked(label, self.q, context, "where it stands")
         arm, limits = self._manipulator.arm, self._manipulator.limits
         T_base_goal = raised(arm.T_base_tip(self.q), height_m)
         try:
             trajectory = plan_straight_move(
-                arm, self.q, T_base_goal, limits, line_tolerance=self._line_tolerance
+                arm, self.q, T_base_goal, limits, line_tolerance=self._request.line_tolerance
             )
         except MotionError as cause:
             raise NoSolutionError.at(label, str(cause)) from cause
-        self.add_move(label, trajectory, around, T_base_goal, is_straight=True)
+        self.add_move(label, trajectory, context, T_base_goal, is_straight=True)
 
     def add_grip(
         self, label: str, action: GripperAction, travels: Sequence[FingerTravel], body: str
@@ -173,7 +159,7 @@ class PlanBuilder:
     def _proven(
         self, label: str, action: GripperAction, travels: Sequence[FingerTravel]
     ) -> SweptProof:
-        result = prove_travel(self._manipulator, travels, self.q, margin_m=self._margin_m)
+        result = prove_travel(self._manipulator, travels, self.q, margin_m=self._request.margin_m)
         if isinstance(result, SweptContact):
             raise NoSolutionError(blocked_fingers(label, action, result))
         return result
@@ -183,7 +169,7 @@ def free_motion(
     label: str,
     ends: tuple[Vector, Vector],
     manipulator: Manipulator,
-    around: CollisionContext,
+    context: CollisionContext,
     timeout_s: float = TIMEOUT_S,
 ) -> Trajectory:
     """A motion from one configuration to another around what is in the way, proven clear.
@@ -195,25 +181,25 @@ def free_motion(
         return plan_free_move(
             *ends,
             manipulator.limits,
-            around,
+            context,
             timeout_s=timeout_s,
-            margin_m=around.margin_m + MARGIN_M,
+            margin_m=context.margin_m + MARGIN_M,
         )
     except MotionError as cause:
         raise NoSolutionError.at(label, str(cause)) from cause
 
 
-def refuse_blocked(label: str, q: Vector, around: CollisionContext, where: str) -> None:
+def refuse_blocked(label: str, q: Vector, context: CollisionContext, where: str) -> None:
     """Stop when the arm is too close to something at a configuration.
 
     Raises:
         NoSolutionError: then.
     """
-    near = around.clearance(q)
-    if near.distance_m > around.margin_m:
+    near = context.clearance(q)
+    if near.distance_m > context.margin_m:
         return
-    reason = f"the arm is blocked {where}: {near.too_near(around.margin_m)}"
-    if near.distance_m > 0.0 and {near.first, near.second} <= set(around.checker.shapes.links):
+    reason = f"the arm is blocked {where}: {near.too_near(context.margin_m)}"
+    if near.distance_m > 0.0 and {near.first, near.second} <= set(context.checker.shapes.links):
         reason += "; the robot's own body cannot keep that there"
     raise NoSolutionError.at(label, reason, is_certain=True)
 

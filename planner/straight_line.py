@@ -70,18 +70,8 @@ class LineTolerance(OneLine):
         return f"{1e3 * self.position_m:g} mm", f"{math.degrees(self.rotation_rad):g} deg"
 
 
-def checked_tolerance(tolerance: LineTolerance | None) -> LineTolerance:
-    """The tolerance, strict when not given.
-
-    Raises:
-        MotionError: when it is of another class.
-    """
-    return expect(
-        LineTolerance() if tolerance is None else tolerance,
-        LineTolerance,
-        "line_tolerance",
-        MotionError,
-    )
+STRICT = LineTolerance()
+"""What is kept unless said otherwise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

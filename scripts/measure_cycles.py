@@ -33,8 +33,9 @@ from planner import (
     plan_pick_and_place,
     verify,
 )
-from planner.choice import Choices
+from planner.candidates import Candidates
 from planner.motion.cycle_program import CycleProgram
+from planner.plan_request import PlanRequest
 
 SIZE_M, TABLE_Z_M = 0.045, -0.155
 NEAREST_M, FARTHEST_M, LEAST_APART_M = 0.55, 0.85, 0.12
@@ -90,10 +91,10 @@ def told(plan: Plan, best_s: float) -> str:
 
 def finer_s(problem: Problem) -> float:
     """The least time of the program on a grid twice as fine, over the first pairs of solutions."""
-    man, lines = problem.manipulator, problem.task.lines
-    program = CycleProgram(man, problem.q_start, lines, fineness=2)
-    choices = Choices.of(man.ik, man.limits, problem.q_start, lines)
-    found = (program.of(choices.at(*pair)) for pair in islice(choices.pairs(), 0, 2 * PAIRS, PAIRS))
+    request = PlanRequest(problem.manipulator, problem.scene, problem.q_start)
+    program = CycleProgram(request, problem.task, fineness=2)
+    candidates = Candidates(request, problem.task)
+    found = (program.of(candidates.pair(*each)) for each in candidates.order[: 2 * PAIRS : PAIRS])
     return min((each.duration_s for each in found if each is not None), default=np.inf)
 
 

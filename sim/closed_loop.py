@@ -23,7 +23,7 @@ from baxter_kin.arrays import Vector
 from baxter_kin.display import OneLine, count, millimetres, phrase, position, sentence
 from baxter_kin.errors import expect
 from baxter_kin.fields import Checked
-from baxter_kin.frames import checked_pose
+from baxter_kin.frames import checked_pose, raised
 from planner import (
     Body,
     Grasp,
@@ -37,7 +37,7 @@ from planner import (
     plan_pick_and_place,
     plan_retract,
 )
-from planner.lines import checked_height_m, raised
+from planner.task import checked_height_m
 from sim.errors import SimulationError
 from sim.falling import come_to_rest
 from sim.pose_source import PoseSource, checked_source

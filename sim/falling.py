@@ -19,10 +19,10 @@ import pinocchio as pin
 from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.display import OneLine, millimetres, phrase, position
 from baxter_kin.fields import Checked, check_fields
+from baxter_kin.frames import raised
 from planner import Body
 from planner.contact import PRESSING_TOLERANCE_M, gap_m
 from planner.landing import Landing, land, levelled
-from planner.lines import raised
 from sim.errors import SimulationError
 
 GRAVITY_M_S2 = 9.81

@@ -7,19 +7,18 @@ from functools import lru_cache
 
 import numpy as np
 
-from baxter_kin.arrays import Vector
-from planner.choice import Choice
+from planner.candidates import Pair
 from planner.context import CollisionContext
-from planner.cycle import Cycle
-from planner.lines import Lines
-from planner.manipulator import Manipulator
+from planner.cycle import MOVES, Cycle
 from planner.motion.avoidance import LED_CLEAR_M, Motions, led_around
 from planner.motion.guess import Followed, Way, along, backwards, between
 from planner.motion.phases import MotionTask, Phase
 from planner.motion.program import Clearances, MotionProgram
 from planner.motion.splines import Sketch
 from planner.motion.straight_move import at_knots, intervals_on, is_on_line
-from planner.straight_line import LineTolerance, StraightLine, checked_tolerance
+from planner.plan_request import PlanRequest
+from planner.straight_line import StraightLine
+from planner.task import PickAndPlace
 
 ENTRY, ACROSS = 14, 20
 """Intervals on the way to the first line, and between both lines."""
@@ -33,46 +32,29 @@ LEAST_ON_LINE, MOST_ON_LINE, SHORTEST_LINE_M = 10, 80, 1e-4
 BELOW_M = 1e-6
 """By so much the tip may sink, by rounding, where it shall not sink."""
 
-RESTING = {
-    "pick: approach": [0],
-    "pick: descend": [-1],
-    "pick: retract": [0],
-    "place: approach": [],
-    "place: descend": [-1],
-    "place: retract": [0, -1],
-}
-"""Where the arm rests in each stage: at its first or its last knot."""
+RESTING: tuple[list[int], ...] = ([0], [-1], [0], [], [-1], [0, -1])
+"""Where the arm rests in each motion: at its first or its last knot."""
 
 
 class CycleProgram:
     """The program of one task, for any pair of solutions."""
 
-    def __init__(
-        self,
-        manipulator: Manipulator,
-        q_start: Vector,
-        lines: Lines,
-        line_tolerance: LineTolerance | None = None,
-        *,
-        fineness: int = 1,
-    ) -> None:
+    def __init__(self, request: PlanRequest, task: PickAndPlace, *, fineness: int = 1) -> None:
         """For an arm that stands somewhere.
 
         Args:
-            manipulator: the arm and its hand.
-            q_start: where it stands, shape (7,), rad.
-            lines: where the cycle leads the tip.
-            line_tolerance: how far the tip may be off them; strict when not given.
+            request: the arm, where it stands, and how far its tip may be off its lines.
+            task: what goes where.
             fineness: how many times as many intervals there are as usual.
         """
-        self._manipulator, self._tolerance = manipulator, checked_tolerance(line_tolerance)
-        pick, place, end = lines.T_base_pick, lines.T_base_place, lines.T_base_end
-        above_pick, above_place = lines.T_base_above_pick, lines.T_base_above_place
+        self._manipulator, self._tolerance = request.manipulator, request.line_tolerance
+        pick, place, end = task.T_base_pick, task.T_base_place, task.T_base_end
+        above_pick, above_place = task.T_base_above_pick, task.T_base_above_place
         pick_m, place_m = above_pick.translation[2], above_place.translation[2]
-        start_m = manipulator.arm.T_base_tip(q_start).translation[2]
+        start_m = self._manipulator.arm.T_base_tip(request.q_start).translation[2]
         ways = (pick, above_pick), (place, above_place), (place, end)
         self._task = MotionTask(
-            q_start,
+            request.q_start,
             tuple(StraightLine(*way) for way in ways),
             at_knots(self._tolerance),
             (min(start_m, pick_m) - BELOW_M, min(pick_m, place_m)),
@@ -90,29 +72,29 @@ class CycleProgram:
         """The fastest cycle near one; None where none is found."""
         if not self._is_usual:
             return None
-        return self._solved(Sketch.of_each(cycle.by_stage.values(), self._intervals))
+        return self._solved(Sketch.of_each(cycle, self._intervals))
 
-    def of(self, choice: Choice) -> Cycle | None:
+    def of(self, pair: Pair) -> Cycle | None:
         """The fastest cycle near a pair of solutions; None where none is found."""
-        sketches = self._sketched(choice) if self._is_usual else None
+        sketches = self._sketched(pair) if self._is_usual else None
         return None if sketches is None else self._solved(sketches)
 
-    def around(self, cycle: Cycle, situations: Mapping[str, CollisionContext]) -> list[Cycle]:
+    def around(self, cycle: Cycle, contexts: Mapping[str, CollisionContext]) -> list[Cycle]:
         """Cycles near one, clear or not, that are led around what is there; the last found first.
 
         Whether they are clear is for the caller to prove.
 
         Args:
             cycle: where to begin.
-            situations: of each stage, by its label.
+            contexts: of each stage, by its label.
         """
         if not self._is_usual:
             return []
-        sketches = Sketch.of_each(cycle.by_stage.values(), self._led)
-        places = [situations[stage] for stage in RESTING]
+        sketches = Sketch.of_each(cycle, self._led)
+        at_rest = (sketch.q[where] for sketch, where in zip(sketches, RESTING, strict=True))
         obstacles = [
-            around.obstacles(around.margin_m + LED_CLEAR_M, sketch.q[resting])
-            for around, sketch, resting in zip(places, sketches, RESTING.values(), strict=True)
+            contexts[stage].obstacles(contexts[stage].margin_m + LED_CLEAR_M, qs)
+            for stage, qs in zip(MOVES, at_rest, strict=True)
         ]
         return [Cycle(*motions) for motions in led_around(self._motions, obstacles, sketches)]
 
@@ -135,7 +117,7 @@ class CycleProgram:
         is_straight = all(is_on_line(arm, *each, self._tolerance) for each in straight)
         return found if is_straight else None
 
-    def _sketched(self, choice: Choice) -> list[Sketch] | None:
+    def _sketched(self, pair: Pair) -> list[Sketch] | None:
         """A guess: up the lines faster and faster, down as up, and smoothly from one to the next.
 
         None where the arm cannot be led along a line from its solution.
@@ -143,9 +125,9 @@ class CycleProgram:
         pick, place, end = self._task.lines
         entry, at_pick, _, across, at_place, at_end = self._intervals
         arm, limits = self._manipulator.arm, self._manipulator.limits
-        up_pick = along(arm, limits, choice.q_pick, Way(pick, at_pick))
-        up_place = along(arm, limits, choice.q_place, Way(place, at_place))
-        up_end = along(arm, limits, choice.q_place, Way(end, at_end, ends_at_rest=True))
+        up_pick = along(arm, limits, pair.q_pick, Way(pick, at_pick))
+        up_place = along(arm, limits, pair.q_place, Way(place, at_place))
+        up_end = along(arm, limits, pair.q_place, Way(end, at_end, ends_at_rest=True))
         if isinstance(up_pick, Followed) or isinstance(up_place, Followed):
             return None
         if isinstance(up_end, Followed):

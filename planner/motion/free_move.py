@@ -29,10 +29,9 @@ from planner.motion.program import MotionProgram
 from planner.motion.splines import Sketch
 from planner.motion.unknowns import JOINTS
 from planner.path import EDGE_STEP_RAD, search_corners
-from planner.rest_time import rest_to_rest_s
 from planner.screening import SCREENING_STEP_RAD, IsFree, looks_clear
 from planner.swept import checked_margin_m
-from planner.timing import plan_joint_move, stopping_at
+from planner.timing import plan_joint_move, rest_to_rest_s, stopping_at
 from planner.trajectory import Trajectory
 
 MARGIN_M = 0.005

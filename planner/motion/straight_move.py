@@ -18,13 +18,7 @@ from planner.errors import MotionError, StraightMoveError
 from planner.motion.guess import Followed, Way, along
 from planner.motion.phases import MotionTask, Phase
 from planner.motion.program import MotionProgram
-from planner.straight_line import (
-    STRICT_M,
-    STRICT_RAD,
-    LineTolerance,
-    StraightLine,
-    checked_tolerance,
-)
+from planner.straight_line import STRICT, LineTolerance, StraightLine
 from planner.timing import plan_joint_move, stopping_at
 from planner.trajectory import Trajectory
 
@@ -63,7 +57,7 @@ def plan_straight_move(
     acceleration_start_m_s2: float = 0.0,
     speed_end_m_s: float = 0.0,
     acceleration_end_m_s2: float = 0.0,
-    line_tolerance: LineTolerance | None = None,
+    line_tolerance: LineTolerance = STRICT,
     fineness: int = 1,
 ) -> Trajectory:
     """The fastest motion that takes the tip along a straight line; from rest to rest by default.
@@ -83,7 +77,7 @@ def plan_straight_move(
         acceleration_start_m_s2: of the tip along the line, there.
         speed_end_m_s: the same where it ends.
         acceleration_end_m_s2: the same.
-        line_tolerance: how far the tip may be off; strict when not given.
+        line_tolerance: how far the tip may be off.
         fineness: how many times as many intervals of constant jerk as usual, 1 to 16: more take
             longer and come nearer to the optimum.
 
@@ -102,7 +96,7 @@ def plan_straight_move(
             f"the limits are for {', '.join(names)}; the {arm.side} arm has "
             f"{', '.join(arm.joint_names)}"
         )
-    tolerance = checked_tolerance(line_tolerance)
+    tolerance = expect(line_tolerance, LineTolerance, "line_tolerance", MotionError)
     q = limits.check(q_start, "q_start")
     line = StraightLine(arm.T_base_tip(q), T_base_goal)
     rates = (
@@ -149,8 +143,11 @@ def intervals_on(line: StraightLine, tolerance: LineTolerance, fewest: int) -> i
     What a spline leaves between knots goes with the fourth power of their distance.
     """
     needed = max(line.length_m / INTERVAL_M, line.angle_rad / INTERVAL_RAD, fewest)
-    tighter = max(1.0, STRICT_M / tolerance.position_m, STRICT_RAD / tolerance.rotation_rad)
-    needed *= math.sqrt(math.sqrt(tighter))
+    tighter = (
+        STRICT.position_m / tolerance.position_m,
+        STRICT.rotation_rad / tolerance.rotation_rad,
+    )
+    needed *= math.sqrt(math.sqrt(max(1.0, *tighter)))
     step = 2 if needed <= 20 else 10
     return step * math.ceil(needed / step)
 

@@ -12,6 +12,7 @@ from hypothesis import assume
 from baxter_kin import Arm, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.arrays import Vector
 from planner import LineTolerance, StraightLine, StraightMoveError, Trajectory, plan_straight_move
+from planner.straight_line import STRICT
 
 OVERHEAD_XYZW = (0.0, 1.0, 0.0, 0.0)
 DESCENT_M = 0.15
@@ -37,7 +38,7 @@ def random_move(
     seed: int,
     limits: JointLimits | None = None,
     longest_m: float = 0.15,
-    line_tolerance: LineTolerance | None = None,
+    line_tolerance: LineTolerance = STRICT,
 ) -> tuple[Trajectory, StraightLine]:
     """A straight move from anywhere, in any direction, with a turn or without, and its line.
 

@@ -23,6 +23,7 @@ from baxter_kin import (
     PoseError,
     UnknownNameError,
 )
+from baxter_kin.frames import raised
 from planner import (
     Body,
     Box,
@@ -51,12 +52,12 @@ from planner import (
     save_plan,
     verify,
 )
-from planner.choice import transfer_bound_s
+from planner.candidates import transfer_bound_s
 from planner.collision import Held
 from planner.contact import touching
 from planner.cycle import StoppingCycles
-from planner.lines import raised
 from planner.phases import PhaseMaker
+from planner.plan_request import PlanRequest
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.conftest import at, overhead
 
@@ -243,8 +244,8 @@ def test_a_cycle_is_much_shorter_than_one_that_stops_above_pick_and_place(
 ) -> None:
     start = manipulator.arm.start
     nearest = (manipulator.ik.solve(T, current=start).q for T in (PICK, PLACE))
-    around = PhaseMaker(manipulator, scene, TASK.body, TASK.lines, 0.0).made().around
-    cycles = StoppingCycles(manipulator, start, TASK.lines, around)
+    request = PlanRequest(manipulator, scene, start)
+    cycles = StoppingCycles(request, TASK, PhaseMaker(request, TASK).made().contexts)
     assert plan.motion_time_s <= 0.85 * cycles.of(*nearest).duration_s
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm
 from planner import MotionError, plan_joint_move
-from planner.rest_time import rest_to_rest_s
+from planner.timing import rest_to_rest_s
 
 ROUNDING = 1e-6
 

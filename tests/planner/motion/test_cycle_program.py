@@ -10,11 +10,12 @@ import pytest
 
 from baxter_kin import Arm
 from planner import Body, Box, Manipulator, Part, PickAndPlace, Scene
-from planner.choice import Choice, Choices
+from planner.candidates import Candidates, Pair
 from planner.context import CollisionContext
 from planner.cycle import Cycle, StoppingCycles
 from planner.motion.cycle_program import CycleProgram
 from planner.phases import PhaseMaker
+from planner.plan_request import PlanRequest
 from tests.conftest import at, overhead
 
 PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.00, -0.129)
@@ -23,25 +24,28 @@ HAND_OVER = 1e-8
 """Of states, from one motion to the next: what certificates allow."""
 
 
-def choice_of(manipulator: Manipulator, task: PickAndPlace = TASK) -> Choice:
-    arm = manipulator.arm
-    choices = Choices.of(manipulator.ik, manipulator.limits, arm.start, task.lines)
-    return choices.at(*next(choices.pairs()))
+def request_of(manipulator: Manipulator, *bodies: Body) -> PlanRequest:
+    return PlanRequest(manipulator, Scene.of(bodies), manipulator.arm.start)
+
+
+def pair_of(manipulator: Manipulator, task: PickAndPlace = TASK) -> Pair:
+    found = Candidates(request_of(manipulator), task)
+    return found.pair(*found.order[0])
 
 
 @pytest.fixture(scope="module")
 def cycle(manipulator: Manipulator) -> Cycle:
-    found = program_of(manipulator).of(choice_of(manipulator))
+    found = program_of(manipulator).of(pair_of(manipulator))
     assert found is not None
     return found
 
 
 def program_of(manipulator: Manipulator, task: PickAndPlace = TASK) -> CycleProgram:
-    return CycleProgram(manipulator, manipulator.arm.start, task.lines)
+    return CycleProgram(request_of(manipulator), task)
 
 
 def test_motions_go_on_as_the_ones_before_ended(cycle: Cycle) -> None:
-    motions = list(cycle.by_stage.values())
+    motions = cycle
     for before, after in pairwise(motions):
         for name in ("q", "v", "a"):
             jump = np.abs(getattr(before, name)[-1] - getattr(after, name)[0]).max()
@@ -49,12 +53,12 @@ def test_motions_go_on_as_the_ones_before_ended(cycle: Cycle) -> None:
 
 
 def test_it_rests_only_to_grasp_to_release_and_at_the_end(cycle: Cycle) -> None:
-    ends = [np.abs(motion.v[-1]).max() for motion in cycle.by_stage.values()]
+    ends = [np.abs(motion.v[-1]).max() for motion in cycle]
     assert [end == 0.0 for end in ends] == [False, True, False, False, True, True]
 
 
 def test_every_limit_is_kept(cycle: Cycle, left: Arm) -> None:
-    for motion in cycle.by_stage.values():
+    for motion in cycle:
         assert max(motion.peak_ratios()) <= 1.0 + 1e-12
         low, high = motion.position_extrema()
         assert (low >= left.limits.q_min).all()
@@ -64,12 +68,9 @@ def test_every_limit_is_kept(cycle: Cycle, left: Arm) -> None:
 @pytest.fixture(scope="module")
 def stopping(manipulator: Manipulator, scene: Scene) -> Cycle:
     """The same, one motion at a time."""
-    around = PhaseMaker(manipulator, scene, "block", TASK.lines, 0.0).made().around
-    cycles, choice = (
-        StoppingCycles(manipulator, manipulator.arm.start, TASK.lines, around),
-        choice_of(manipulator),
-    )
-    return cycles.of(choice.q_pick, choice.q_place)
+    request = request_of(manipulator, *scene)
+    contexts = PhaseMaker(request, TASK).made().contexts
+    return StoppingCycles(request, TASK, contexts).of(*pair_of(manipulator))
 
 
 def test_it_is_faster_than_the_parts_one_by_one(cycle: Cycle, stopping: Cycle) -> None:
@@ -85,8 +86,8 @@ def test_the_guess_hardly_matters(cycle: Cycle, stopping: Cycle, manipulator: Ma
 def test_a_grid_twice_as_fine_gains_less_than_a_hundredth(
     cycle: Cycle, manipulator: Manipulator
 ) -> None:
-    finer = CycleProgram(manipulator, manipulator.arm.start, TASK.lines, fineness=2)
-    found = finer.of(choice_of(manipulator))
+    finer = CycleProgram(request_of(manipulator), TASK, fineness=2)
+    found = finer.of(pair_of(manipulator))
     assert found is not None
     assert cycle.duration_s <= 1.01 * found.duration_s
 
@@ -100,7 +101,7 @@ def test_between_the_lines_the_tip_stays_above_their_upper_ends(cycle: Cycle, le
 @pytest.mark.parametrize(("clear_m", "hover_m"), [(0.001, 0.001), (0.02, 0.3), (0.05, 0.05)])
 def test_other_heights_will_do(manipulator: Manipulator, clear_m: float, hover_m: float) -> None:
     task = PickAndPlace("block", PICK, PLACE, hover_m=hover_m, clear_m=clear_m)
-    found = program_of(manipulator, task).of(choice_of(manipulator, task))
+    found = program_of(manipulator, task).of(pair_of(manipulator, task))
     assert found is not None
     end = manipulator.arm.T_base_tip(found.up_from_place.q_goal).translation
     above = PLACE.translation + np.array([0.0, 0.0, hover_m])
@@ -109,14 +110,14 @@ def test_other_heights_will_do(manipulator: Manipulator, clear_m: float, hover_m
 
 def test_a_line_that_cannot_be_followed_is_told_by_none(manipulator: Manipulator) -> None:
     task = PickAndPlace("block", PICK, PLACE, hover_m=0.8)
-    assert program_of(manipulator, task).of(choice_of(manipulator)) is None
+    assert program_of(manipulator, task).of(pair_of(manipulator)) is None
 
 
 @pytest.fixture(scope="module")
 def walled(manipulator: Manipulator, scene: Scene) -> Mapping[str, CollisionContext]:
     """A wall between pick and place, which the fastest cycle runs through."""
     wall = Body("wall", (Part(Box((0.3, 0.02, 0.2)), at(0, 0, 0)),), at(0.72, 0.075, -0.055))
-    return PhaseMaker(manipulator, scene.with_body(wall), "block", TASK.lines, 0.0).made().around
+    return PhaseMaker(request_of(manipulator, *scene, wall), TASK).made().contexts
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +145,7 @@ def test_of_the_ways_around_the_fastest_comes_first(cycle: Cycle, led: list[Cycl
 
 
 def test_ways_around_keep_every_limit(led: list[Cycle]) -> None:
-    for motion in led[0].by_stage.values():
+    for motion in led[0]:
         assert max(motion.peak_ratios()) <= 1.0 + 1e-12
 
 
@@ -153,5 +154,5 @@ def test_nothing_comes_of_a_place_that_is_covered(
 ) -> None:
     x, y, z = PLACE.translation.tolist()
     lid = Body("lid", (Part(Box((0.4, 0.4, 0.02)), at(0, 0, 0)),), at(x, y, z + 0.2))
-    maker = PhaseMaker(manipulator, scene.with_body(lid), "block", TASK.lines, 0.0)
-    assert not program_of(manipulator).around(cycle, maker.made().around)
+    maker = PhaseMaker(request_of(manipulator, *scene, lid), TASK)
+    assert not program_of(manipulator).around(cycle, maker.made().contexts)

@@ -11,8 +11,8 @@ import pytest
 
 from baxter_kin import Arm, Baxter, IKService
 from baxter_kin.arrays import Vector
+from baxter_kin.frames import raised
 from planner import StraightLine, Trajectory
-from planner.lines import raised
 from planner.motion import nodes
 from planner.motion.clearance_rows import clearance_rows
 from planner.motion.guess import Way, along
