@@ -11,7 +11,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, partial
 
-import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
@@ -32,7 +31,7 @@ from planner.contact import (
 from planner.distances import UNKNOWN_DEPTH_M, Distances, Enclosure
 from planner.errors import SceneError
 from planner.lever_arms import Covers, LeverArms
-from planner.robot_shapes import RobotShapes
+from planner.robot_shapes import LinkShape, RobotShapes
 from planner.scene import Body, Scene
 
 __all__ = ["Clearance", "ClearanceChecker", "Held", "RobotShapes", "ShapePairs", "least"]
@@ -113,11 +112,8 @@ class ShapePairs:
     Attributes:
         geometry: all shapes, without pairs; the robot's first, as `RobotShapes` numbers them.
         numbers: the shapes of every pair.
-        enclosures: what each shape of triangles encloses; None for convex ones.
+        made: all shapes, and what is known of each.
         pieces: of some shapes of triangles, convex ones that contain them.
-        names: the link or body that each shape belongs to.
-        margins_m: how far outside each shape what it stands for may be.
-        padding_m: how much thicker than that each counts as, but where a pair has its own need.
         needs_m: of the pairs that may be nearer than a margin because that is meant: the number of
             the pair -> the distance that it must exceed, negative for a contact that may press.
     """
@@ -126,10 +122,7 @@ class ShapePairs:
         self._robot, self.pieces = shapes, shapes.pieces
         self.geometry: pin.GeometryModel = shapes.model.copy()
         self.numbers: list[tuple[int, int]] = []
-        self.enclosures: list[Enclosure | None] = list(shapes.enclosures)
-        self.names: list[str] = list(shapes.links)
-        self.margins_m: list[float] = list(shapes.margins_m)
-        self.padding_m: list[float] = list(shapes.padding_m)
+        self.made: list[LinkShape] = list(shapes.made)
         self.needs_m: dict[int, float] = {}
 
     def add(
@@ -141,14 +134,11 @@ class ShapePairs:
             placement = T_joint_body * part.T_body_part
             shapes = convex_pieces(part.shape) if in_pieces else (coal_shape(part.shape),)
             for shape in shapes:
-                name = f"{body.name}/{len(self.names)}"
+                name = f"{body.name}/{len(self.made)}"
                 placed = pin.GeometryObject(name, joint, placement, shape)
                 added.append(int(self.geometry.addGeometryObject(placed)))
-                is_surface = isinstance(shape, coal.BVHModelBase)
-                self.enclosures.append(Enclosure.none() if is_surface else None)
-                self.names.append(body.name)
-                self.margins_m.append(0.0)
-                self.padding_m.append(0.0)
+                inside = None if has_depth(shape) else Enclosure.none()
+                self.made.append(LinkShape(body.name, shape, inside))
         return added
 
     def pair(self, first: int, second: int, *, need_m: float | None = None) -> None:
@@ -159,7 +149,7 @@ class ShapePairs:
 
     def covers(self) -> Covers:
         """Simple shapes around all shapes."""
-        added = list(self.geometry.geometryObjects)[len(self._robot.links) :]
+        added = self.made[len(self._robot.made) :]
         return self._robot.covers.with_those_of([shape.geometry for shape in added])
 
     def built(self) -> CheckedPairs:
@@ -182,17 +172,22 @@ class CheckedPairs:
     """
 
     def __init__(self, built: ShapePairs) -> None:
-        self.geometry, self._names = built.geometry, tuple(built.names)
+        self.geometry, self._made = built.geometry, tuple(built.made)
         self.covers = built.covers()
         self.numbers: Indices = np.array(built.numbers, dtype=np.intp).reshape(-1, 2)
         self.needs_m: Vector = np.full(len(self.numbers), np.nan)
         self.needs_m[list(built.needs_m)] = list(built.needs_m.values())
         outside, thicker = (
-            np.array(each)[self.numbers].sum(axis=1) for each in (built.margins_m, built.padding_m)
+            np.array([getattr(each, name) for each in built.made])[self.numbers].sum(axis=1)
+            for name in ("margin_m", "padding_m")
         )
         self.padding_m: Vector = outside + np.where(self.is_contact, 0.0, thicker)
         self.distances = Distances(
-            self.geometry, built.enclosures, built.pieces, built.numbers, self.padding_m.tolist()
+            self.geometry,
+            [each.enclosure for each in built.made],
+            built.pieces,
+            built.numbers,
+            self.padding_m.tolist(),
         )
 
     @property
@@ -216,8 +211,8 @@ class CheckedPairs:
 
     def between(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
         """A distance of a pair, by its names."""
-        first, second = self.numbers[pair]
-        return Clearance(float(distance_m), self._names[first], self._names[second], time_s)
+        first, second = (self._made[number].link for number in self.numbers[pair])
+        return Clearance(float(distance_m), first, second, time_s)
 
 
 class ClearanceChecker(OneLine):

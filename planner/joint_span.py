@@ -25,7 +25,7 @@ class JointSpan:
             TrajectoryError: when it is no `Trajectory`.
         """
         self._trajectory = expect(trajectory, Trajectory, "trajectory", TrajectoryError)
-        times = np.concatenate([trajectory.knots_s, _turning_times(trajectory)])
+        times = np.concatenate([trajectory.knots_s, trajectory.turning_times])
         self._times = np.unique(np.clip(times, 0.0, trajectory.duration))
         self._positions = trajectory.sample(self._times).q
 
@@ -56,18 +56,3 @@ class JointSpan:
         bounds = np.column_stack([first, last]).reshape(-1)
         found: Vector = extreme.reduceat(padded, bounds, axis=0)[::2]
         return np.where((last > first)[:, None], found, empty)
-
-
-def _turning_times(trajectory: Trajectory) -> Vector:
-    """Times at which some joint turns inside a segment, shape (k,), seconds."""
-    v, a, j = trajectory.v[:-1], trajectory.a[:-1], trajectory.j
-    root = np.sqrt(np.maximum(a * a - 2 * j * v, 0.0))
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        # the two roots of v + a t + j t^2 / 2, in the form that does not cancel
-        large = -(a + np.where(a >= 0, root, -root))
-        roots = np.concatenate([large / j, 2 * v / large])
-    start, length = trajectory.knots_s[:-1, None], np.diff(trajectory.knots_s)[:, None]
-    start, length = np.tile(start, (2, 1)), np.tile(length, (2, 1))
-    inside = (roots > 0.0) & (roots < length)
-    times: Vector = (start + roots)[inside]
-    return times

@@ -27,6 +27,29 @@ GRIPPER = "_gripper_"
 """In names of links that a robot with a bare flange lacks."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class LinkShape:
+    """A shape of a link, or of a body, in its frame.
+
+    Attributes:
+        link: the link or body that it belongs to.
+        geometry: of coal.
+        enclosure: what its triangles enclose; None for a convex shape.
+        margin_m: how far outside the shape what it stands for may be.
+        padding_m: how much thicker than that it counts as, but where it may come near something.
+        is_whole: whether it counts against what must not be touched.
+        is_detail: whether it counts against what the hand grasps.
+    """
+
+    link: str
+    geometry: coal.CollisionGeometry
+    enclosure: Enclosure | None = None
+    margin_m: float = 0.0
+    padding_m: float = 0.0
+    is_whole: bool = True
+    is_detail: bool = True
+
+
 class RobotShapes(OneLine):
     """The shapes of a robot, of the body that it is taken to be.
 
@@ -61,12 +84,17 @@ class RobotShapes(OneLine):
     def model(self) -> pin.GeometryModel:
         """Every shape, without pairs."""
         shapes, frames = pin.GeometryModel(), self.robot.model.frames
-        for made in self._made:
+        for made in self.made:
             frame = frames[self.robot.model.getFrameId(made.link)]
             name, joint = f"{made.link}/{shapes.ngeoms}", frame.parentJoint
             placed = pin.GeometryObject(name, joint, frame.placement, made.geometry)
             shapes.addGeometryObject(placed)
         return shapes
+
+    @cached_property
+    def made(self) -> tuple[LinkShape, ...]:
+        """The shapes of all links."""
+        return _of_body(self.fitted_body, self._there)
 
     @property
     def for_contacts(self) -> Mapping[int, coal.BVHModelOBB]:
@@ -76,38 +104,23 @@ class RobotShapes(OneLine):
     @cached_property
     def links(self) -> tuple[str, ...]:
         """The link that each shape belongs to."""
-        return tuple(made.link for made in self._made)
-
-    @cached_property
-    def margins_m(self) -> tuple[float, ...]:
-        """How far outside each shape the link may be."""
-        return tuple(made.margin_m for made in self._made)
-
-    @cached_property
-    def padding_m(self) -> tuple[float, ...]:
-        """How much thicker than that each counts as, but where it may come near something."""
-        return tuple(made.padding_m for made in self._made)
-
-    @cached_property
-    def enclosures(self) -> tuple[Enclosure | None, ...]:
-        """What each shape of triangles encloses; None for convex ones."""
-        return tuple(made.enclosure for made in self._made)
+        return tuple(made.link for made in self.made)
 
     @cached_property
     def wholes(self) -> frozenset[int]:
         """The shapes that count against what they must not touch, one of each link."""
-        return frozenset(i for i, made in enumerate(self._made) if made.is_whole)
+        return frozenset(i for i, made in enumerate(self.made) if made.is_whole)
 
     @cached_property
     def details(self) -> frozenset[int]:
         """The shapes that count against what the hand grasps."""
-        return frozenset(i for i, made in enumerate(self._made) if made.is_detail)
+        return frozenset(i for i, made in enumerate(self.made) if made.is_detail)
 
     @cached_property
     def pieces(self) -> Mapping[int, tuple[int, ...]]:
         """Of fingers and their tips: the number of all triangles -> those of the pieces."""
         found: dict[int, tuple[int, ...]] = {}
-        for number, made in enumerate(self._made):
+        for number, made in enumerate(self.made):
             if made.is_whole:
                 whole = number
             else:
@@ -140,7 +153,7 @@ class RobotShapes(OneLine):
     @cached_property
     def covers(self) -> Covers:
         """Simple shapes around each."""
-        return Covers.of([made.geometry for made in self._made])
+        return Covers.of([made.geometry for made in self.made])
 
     def hull(self, index: int) -> coal.CollisionGeometry:
         """The convex hull of a shape; found when it is first asked for."""
@@ -199,11 +212,6 @@ class RobotShapes(OneLine):
         return repr(self.robot), repr(self.body)
 
     @cached_property
-    def _made(self) -> tuple[_Made, ...]:
-        """The shapes of all links."""
-        return _of_body(self.fitted_body, self._there)
-
-    @cached_property
     def _there(self) -> frozenset[str]:
         """The links of the body that the robot has; only grippers may be missing."""
         model = self.robot.model
@@ -235,27 +243,14 @@ class RobotShapes(OneLine):
         return frozenset(i for i, shape in enumerate(shapes) if shape.parentJoint in moved)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Made:
-    """A shape of a link in its frame, what its triangles enclose, and what it counts against."""
-
-    link: str
-    geometry: coal.CollisionGeometry
-    enclosure: Enclosure | None = None
-    margin_m: float = 0.0
-    padding_m: float = 0.0
-    is_whole: bool = True
-    is_detail: bool = True
-
-
 def _checked(arm: Arm) -> Arm:
     return expect(arm, Arm, "arm", SceneError)
 
 
 @lru_cache(maxsize=4)
-def _of_body(body: RobotBody, there: frozenset[str]) -> tuple[_Made, ...]:
+def _of_body(body: RobotBody, there: frozenset[str]) -> tuple[LinkShape, ...]:
     """The shapes of some links of a body, made once; links of equal body share them."""
-    known: dict[tuple[object, ...], list[_Made]] = {}
+    known: dict[tuple[object, ...], list[LinkShape]] = {}
     shapes = []
     for link in (link for name, link in body.links.items() if name in there):
         parts = (link.surface, link.enclosure, *link.pieces)
@@ -280,18 +275,18 @@ def _for_contacts(body: RobotBody, there: frozenset[str]) -> Mapping[int, coal.B
     return found
 
 
-def _of_link(link: LinkBody) -> Iterator[_Made]:
+def _of_link(link: LinkBody) -> Iterator[LinkShape]:
     pieces = [convex(*piece) for piece in link.pieces] if link.is_in_pieces else []
     if len(pieces) == 1 and not link.has_surface:
-        yield _Made(link.name, pieces[0], margin_m=link.margin_m)
+        yield LinkShape(link.name, pieces[0], margin_m=link.margin_m)
         return
     whole = link.whole
     inside = link.enclosure if link.has_surface else whole
-    yield _Made(
+    yield LinkShape(
         link.name,
         surface(*whole),
         Enclosure(*inside),
         margin_m=link.margin_m,
         is_detail=not pieces,
     )
-    yield from (_Made(link.name, piece, is_whole=False) for piece in pieces)
+    yield from (LinkShape(link.name, piece, is_whole=False) for piece in pieces)

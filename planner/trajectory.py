@@ -140,9 +140,16 @@ class Trajectory(Frozen, OneLine):
         backwards = self.q[::-1], -self.v[::-1], self.a[::-1], -self.j[::-1]
         return Trajectory(self.limits, knots, *backwards)
 
+    @property
+    def turning_times(self) -> Vector:
+        """Times at which some joint turns between two knots, shape (k,), s."""
+        after = self._turns
+        return (self.knots_s[:-1, None] + after)[after > 0.0]
+
     def position_extrema(self) -> tuple[Vector, Vector]:
         """Lowest and highest position of each joint, exact; two arrays of shape (n,), rad."""
-        candidates = np.concatenate([self.q, *self._turning_positions()])
+        segments = np.arange(len(self.j))
+        candidates = np.concatenate([self.q, *(self._advanced(segments, t).q for t in self._turns)])
         return candidates.min(axis=0), candidates.max(axis=0)
 
     def peak_ratios(self, limits: JointLimits | None = None) -> PeakRatios:
@@ -169,17 +176,17 @@ class Trajectory(Frozen, OneLine):
             a + dt * j,
         )
 
-    def _turning_positions(self) -> list[Vector]:
-        """Positions where a joint turns inside a segment, each shape (m, n); else knot values."""
+    @property
+    def _turns(self) -> Vector:
+        """How long after a knot each joint turns, at most twice, s, (2, m, n); 0 where it does not.
+
+        The two roots of v + a t + j t^2 / 2, in the form that does not cancel.
+        """
         v, a, j = self.v[:-1], self.a[:-1], self.j
         root = np.sqrt(np.maximum(a * a - 2 * j * v, 0.0))
-        times = []
-        with np.errstate(divide="ignore", invalid="ignore"):
-            # the two roots of v + a t + j t^2 / 2, in the form that does not cancel
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             large = -(a + np.where(a >= 0, root, -root))
-            times = [large / j, 2 * v / large]
-        segments = np.arange(len(j))
-        return [self._advanced(segments, self._inside(t)).q for t in times]
+            return self._inside(np.array([large / j, 2 * v / large]))
 
     def _turning_velocities(self) -> Vector:
         """Velocities where acceleration passes zero inside a segment, shape (m, n)."""

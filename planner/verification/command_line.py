@@ -6,15 +6,13 @@ wrong usage, or a file that holds no plan; 130 stopped by Ctrl-C.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NoReturn
 
 from baxter_kin import BaxterError, JointLimits
-from baxter_kin.command_line import add_hands, hands_of
+from baxter_kin.command_line import OneSentenceParser, add_hands, hands_of
 from baxter_kin.description import HandMount, RobotDescription
 from planner.plan import Plan
 from planner.plan_file import load_plan
@@ -64,15 +62,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_INTERRUPTED
 
 
-class _Parser(argparse.ArgumentParser):
-    """Says in one sentence what is wrong."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(EXIT_USAGE, f"{_NAME}: {message}; see --help\n")
-
-
 def _options(argv: Sequence[str] | None) -> Options:
-    parser = _Parser(
+    parser = OneSentenceParser(
         prog=f"python -m {_NAME}",
         description="Check a saved plan with code that did not make it.",
         epilog="Exit status: 0 valid, 1 not valid, 2 wrong usage or no plan, 130 Ctrl-C.",

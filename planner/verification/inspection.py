@@ -28,14 +28,17 @@ from planner.situation import Situation
 from planner.verification.body.robot_body import robot_body
 from planner.verification.body.stretches import Stretches
 from planner.verification.certificate import Certificate, Check, Subject, Worst
+from planner.verification.checks import (
+    clearance_checks,
+    finger_checks,
+    proof_checks,
+    start_checks,
+)
 from planner.verification.clearance import survey, survey_rest
-from planner.verification.clearance_checks import clearance_checks
-from planner.verification.finger_checks import finger_checks, start_checks
 from planner.verification.fingers import Fingers
 from planner.verification.motion.judged_limits import described, judged_by
 from planner.verification.motion.motion_checks import motion_checks
 from planner.verification.motion.tip_checks import tip_checks
-from planner.verification.proof_checks import proof_checks
 from planner.verification.story import Story
 from planner.verification.tolerances import Tolerances
 from planner.verification.urdf_robot import UrdfRobot
