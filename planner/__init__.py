@@ -2,7 +2,8 @@
 
 import baxter_kin.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
 from planner.candidates import transfer_bound_s
-from planner.collision import Clearance, ClearanceChecker, RobotShapes
+from planner.clearance import Clearance, SweptContact, SweptProof
+from planner.collision import ClearanceChecker
 from planner.context import CollisionContext
 from planner.errors import (
     FreeMoveError,
@@ -31,11 +32,11 @@ from planner.pick_place import (
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure
 from planner.plan_file import load_plan, save_plan
 from planner.robot_body import RobotBody
+from planner.robot_shapes import RobotShapes
 from planner.scene import Body, Box, Cylinder, Part, Scene, Sphere
 from planner.situation import Holding, Situation
 from planner.straight_line import LineTolerance, StraightLine
 from planner.swept import prove_clear
-from planner.swept_result import SweptContact, SweptProof
 from planner.timing import plan_joint_move
 from planner.tool import tool_of
 from planner.trajectory import JointState, PeakRatios, Trajectory

@@ -14,13 +14,13 @@ from typing import NamedTuple
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
+from planner.clearance import SweptContact
 from planner.context import CollisionContext
 from planner.errors import MotionError
 from planner.motion.straight_move import plan_straight_move
 from planner.plan import PlanFailure
 from planner.plan_builder import NoSolutionError, free_motion
 from planner.plan_request import PlanRequest
-from planner.swept_result import SweptContact
 from planner.task import PickAndPlace
 from planner.trajectory import Trajectory
 

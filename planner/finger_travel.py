@@ -15,19 +15,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
-from planner.collision import CheckedPairs, Held, ShapePairs
-from planner.contact import PRESSING_TOLERANCE_M, touching
+from planner.clearance import SweptContact, SweptProof, SweptResult
+from planner.contact import touching
 from planner.grasp import Grasp
 from planner.manipulator import Manipulator
 from planner.scene import Scene
+from planner.shape_pairs import CheckedPairs, ShapePairs
 from planner.swept import Around, prove_motion
-from planner.swept_result import SweptContact, SweptProof, SweptResult
 
 FINGER_SPEED_M_S = 0.05
 """Speed of each finger: the whole stroke of 20.8 mm takes 0.42 s. The URDF's 5 m/s is a placeholder
@@ -49,46 +49,39 @@ class FingerTravel:
         begin_m: finger position where it begins, 0 .. stroke.
         end_m: finger position where it ends.
         touchable: name of the body that the pads may press on.
-        pushed: what a finger pushes along, seen from the tip where the stretch begins.
-        pusher: which finger does, 0 for the one on +y of the tip.
+        pushed_m: how far a finger pushes that body along y of the tip meanwhile.
+        supports: names of the bodies that it may touch then.
     """
 
     scene: Scene
     begin_m: float
     end_m: float
     touchable: str | None = None
-    pushed: Held | None = None
-    pusher: int = 0
+    pushed_m: float = 0.0
+    supports: frozenset[str] = frozenset()
 
 
 def closing_travel(
-    scene: Scene, name: str, T_base_tip: pin.SE3, opening_m: float, grasp: Grasp
+    scene: Scene, name: str, opening_m: float, grasp: Grasp
 ) -> tuple[FingerTravel, ...]:
     """The stretches on which an open hand closes on a body.
 
     Args:
         scene: all bodies, that one among them.
         name: of the body.
-        T_base_tip: where the tip is.
         opening_m: finger position of the open hand.
         grasp: what comes of it.
     """
     touch_m = grasp.finger_m + abs(grasp.push_m)
-    coming = FingerTravel(scene, opening_m, touch_m, touchable=name)
+    coming = FingerTravel(scene, opening_m, touch_m, name)
     if abs(grasp.push_m) <= NO_PUSH_M:
         return (coming,)
-    body = scene[name]
-    T_tip_body = T_base_tip.inverse() * body.T_base_body
-    pushed = Held(body, T_tip_body, touching(body, scene))
-    others = scene.without(name)
-    pushing = FingerTravel(
-        others, touch_m, grasp.finger_m, pushed=pushed, pusher=int(grasp.push_m > 0.0)
-    )
-    return coming, pushing
+    supports = touching(scene[name], scene)
+    return coming, FingerTravel(scene, touch_m, grasp.finger_m, name, grasp.push_m, supports)
 
 
 class TravelCheck:
-    """The shapes of one stretch, and the pairs of them that come nearer or may."""
+    """The shapes of one stretch, and the pairs of them that the fingers bring nearer."""
 
     def __init__(self, manipulator: Manipulator, travel: FingerTravel) -> None:
         """Build the geometry.
@@ -99,88 +92,43 @@ class TravelCheck:
         """
         self._manipulator, self._travel = manipulator, travel
         shapes, arm = manipulator.shapes, manipulator.arm
-        self._pairs = ShapePairs(shapes)
-        self._fingers = shapes.of_fingers(arm)
-        self._hand, self._pads = shapes.of_hand(arm), shapes.of_pads(arm)
-        self._signs = dict.fromkeys(self._fingers[0], 1) | dict.fromkeys(self._fingers[1], -1)
-        moving = set(self._signs)
-        for first, second in shapes.pairs:
-            pair = {first, second}
-            if pair & moving and not pair <= self._hand:
-                self._pairs.pair(first, second)
-        self._of_scene: set[int] = set()
-        standing = self._add_scene()
-        if travel.pushed is not None:
-            self._add_pushed(travel.pushed, standing)
-        self._checked = self._pairs.built()
-        signs = np.array([self._signs.get(i, 0) for i in range(self._checked.geometry.ngeoms)])
+        pairs, supports = ShapePairs(shapes, arm), travel.supports
+        bodies = pairs.add_scene(travel.scene, travel.touchable, may_press=True, supports=supports)
+        self._scene = [index for added in bodies.values() for index in added]
+        self._pushed = bodies.pop(travel.touchable) if travel.touchable and travel.pushed_m else []
+        signs = np.zeros(len(pairs.made))
+        for finger, sign in zip(shapes.of_fingers(arm), (1.0, -1.0), strict=True):
+            signs[list(finger)] = sign
+        signs[self._pushed] = -np.sign(travel.pushed_m)
+        for index in self._pushed:
+            pairs.pair_with_all(index, shapes.wholes - shapes.of_arm(arm), bodies, supports)
+        self._checked = pairs.built()
         first, second = self._checked.numbers.T
         self._rates = np.abs(signs[first] - signs[second])
 
     def at(self, q: Vector, margin_m: float) -> SweptResult:
         """A proof for an arm that stands at `q`, shape (7,), rad, or what speaks against it."""
-        return prove_motion(self._checked, self._motion(self._poses(q)), margin_m)
+        T_base_tip = self._manipulator.arm.T_base_tip(q)
+        return self._proven(self._poses(q), T_base_tip, margin_m, self._rates > 0.0)
 
     def above(self, T_base_tip: pin.SE3, margin_m: float) -> SweptResult:
         """The same for a hand alone whose tip is there, among the bodies of the scene."""
         arm = self._manipulator.arm
+        hand = sorted(self._manipulator.shapes.of_hand(arm))
         poses = self._poses(arm.neutral)
         T = T_base_tip.homogeneous @ arm.T_base_tip(arm.neutral).inverse().homogeneous
-        moved = sorted(self._hand | self._signs.keys())
-        poses[:, moved] = T @ poses[:, moved]
-        is_of_scene = np.isin(self._checked.numbers, sorted(self._of_scene)).any(axis=1)
-        among = np.flatnonzero(is_of_scene)
-        return prove_motion(self._checked, self._motion(poses), margin_m, among)
+        poses[:, hand] = T @ poses[:, hand]
+        counts = np.isin(self._checked.numbers, [*hand, *self._scene]).all(axis=1)
+        return self._proven(poses, T_base_tip, margin_m, counts & (self._rates > 0.0))
 
-    def _motion(self, poses: Vector) -> FingerMotion:
+    def _proven(
+        self, poses: Vector, T_base_tip: pin.SE3, margin_m: float, counts: NDArray[np.bool_]
+    ) -> SweptResult:
         travel = self._travel
+        poses[1, self._pushed, :3, 3] += travel.pushed_m * T_base_tip.rotation[:, 1]
         length_m = abs(travel.end_m - travel.begin_m)
-        return FingerMotion(poses, length_m, self._rates, self._checked)
-
-    def _add_scene(self) -> dict[str, list[int]]:
-        standing = {}
-        shapes = self._manipulator.shapes
-        for body in self._travel.scene:
-            is_touchable = body.name == self._travel.touchable
-            pushed = self._travel.pushed
-            in_pieces = is_touchable or (pushed is not None and body.name in pushed.supports)
-            added = self._pairs.add(body, 0, body.T_base_body, in_pieces=in_pieces)
-            standing[body.name] = added
-            self._of_scene.update(added)
-            counted = self._signs.keys() & (shapes.details if is_touchable else shapes.wholes)
-            for index, finger in product(added, sorted(counted)):
-                need_m = self._grasping_need(finger) if is_touchable else None
-                self._pairs.pair(finger, index, need_m=need_m)
-        return standing
-
-    def _add_pushed(self, pushed: Held, standing: dict[str, list[int]]) -> None:
-        """A body that moves with a finger; what it stands on or leans on it may press on."""
-        manipulator, travel = self._manipulator, self._travel
-        robot, shapes = manipulator.robot.model, manipulator.shapes
-        joint = shapes.model.geometryObjects[self._fingers[travel.pusher][0]].parentJoint
-        data = robot.createData()
-        q = next(manipulator.configurations(manipulator.arm.neutral[None], travel.begin_m))
-        pin.framesForwardKinematics(robot, data, q)
-        T_base_tip = data.oMf[robot.getFrameId(manipulator.arm.tip_frame)]
-        T_joint_body = data.oMi[joint].inverse() * T_base_tip * pushed.T_tip_body
-        others = shapes.wholes - self._hand
-        fingers = shapes.finger_pieces(manipulator.arm)[1 - travel.pusher]
-        added = self._pairs.add(pushed.body, joint, T_joint_body, in_pieces=True)
-        for index in added:
-            for finger in fingers:
-                self._pairs.pair(index, finger, need_m=self._grasping_need(finger))
-            for palm in sorted(shapes.of_palm(manipulator.arm) & shapes.details):
-                self._pairs.pair(index, palm, need_m=0.0)
-            for link in sorted(others):
-                self._pairs.pair(index, link)
-            for name, parts in standing.items():
-                need_m = -PRESSING_TOLERANCE_M if name in pushed.supports else None
-                for other in parts:
-                    self._pairs.pair(index, other, need_m=need_m)
-        self._signs |= dict.fromkeys(added, 1 if travel.pusher == 0 else -1)
-
-    def _grasping_need(self, finger: int) -> float:
-        return -PRESSING_TOLERANCE_M if finger in self._pads else 0.0
+        motion = FingerMotion(poses, length_m, self._rates, self._checked)
+        return prove_motion(self._checked, motion, margin_m, np.flatnonzero(counts))
 
     def _poses(self, q: Vector) -> Vector:
         """Poses of all shapes with the fingers where they begin and end, shape (2, n, 4, 4)."""

@@ -20,10 +20,10 @@ from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, expect, millimetres_hint
 from baxter_kin.fields import Checked
 from baxter_kin.frames import PoseLike, checked_pose
-from planner.collision import RobotShapes
 from planner.contact import PRESSING_TOLERANCE_M, gap_m, travel_to_contact
 from planner.errors import SceneError
 from planner.grasp import LEAST_PAD_M, Grasp, Miss, MissKind, Overlap, centre_off_m, extent
+from planner.robot_shapes import RobotShapes
 from planner.scene import Body, Part
 
 __all__ = ["Grasp", "Hand"]

@@ -12,12 +12,11 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.frames import raised
-from planner.collision import Clearance
+from planner.clearance import Clearance, SweptContact
 from planner.context import CollisionContext
 from planner.plan import PlanFailure
 from planner.plan_builder import NoSolutionError
 from planner.swept import ACCURACY_M
-from planner.swept_result import SweptContact
 from planner.task import PickAndPlace
 
 STEP_M = 0.005

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from planner.collision import Held
+from planner.clearance import SweptContact, SweptResult
 from planner.contact import gap_m, touching
 from planner.context import CollisionContext
 from planner.finger_travel import FingerTravel, TravelCheck, closing_travel, combined
@@ -37,8 +37,8 @@ from planner.plan import GripperAction, PlanFailure
 from planner.plan_builder import NoSolutionError, blocked_fingers
 from planner.plan_request import PlanRequest
 from planner.scene import Body, Scene
+from planner.shape_pairs import Held
 from planner.swept import RESOLUTION_M
-from planner.swept_result import SweptContact, SweptResult
 from planner.task import PickAndPlace
 
 LONGEST_DROP_M = 0.01
@@ -116,7 +116,7 @@ class PhaseMaker:
             body,
             opening_m,
             leaving_m,
-            closing_travel(self.request.scene, self.task.body, task.T_base_pick, opening_m, grasp),
+            closing_travel(self.request.scene, self.task.body, opening_m, grasp),
             self._releasing(body, grasp, landing, leaving_m),
             {
                 "pick: approach": self._context(self.request.scene, opening_m),
@@ -151,9 +151,7 @@ class PhaseMaker:
         T_base_pick = self.task.T_base_pick
 
         def closing(opening_m: float) -> SweptResult:
-            travels = closing_travel(
-                self.request.scene, self.task.body, T_base_pick, opening_m, grasp
-            )
+            travels = closing_travel(self.request.scene, self.task.body, opening_m, grasp)
             return self._checked(travels, T_base_pick)
 
         touch_m = grasp.finger_m + abs(grasp.push_m)

@@ -18,11 +18,10 @@ from baxter_kin.display import OneLine, clear, count, millimetres, phrase, secon
 from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
 from baxter_kin.fields import Checked, check_fields
 from baxter_kin.model import LIMBS
-from planner.collision import Clearance, least
+from planner.clearance import Clearance, SweptContact, SweptProof, least
 from planner.errors import TaskError, expect_all
 from planner.situation import Situation
 from planner.straight_line import LineTolerance
-from planner.swept_result import SweptContact, SweptProof
 from planner.tally import Tally
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 

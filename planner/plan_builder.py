@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from baxter_kin.arrays import Vector
 from baxter_kin.frames import raised
+from planner.clearance import SweptContact, SweptProof
 from planner.context import CollisionContext
 from planner.errors import MotionError
 from planner.finger_travel import FingerTravel, prove_travel
@@ -17,7 +18,6 @@ from planner.motion.straight_move import plan_straight_move
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
 from planner.plan_request import PlanRequest
 from planner.situation import Situation
-from planner.swept_result import SweptContact, SweptProof
 from planner.trajectory import Trajectory
 
 

@@ -28,11 +28,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.arrays import Indices, Vector, finite_scalar
 from baxter_kin.errors import expect
-from planner.collision import FARTHEST_JOINT, CheckedPairs, Clearance, ClearanceChecker
+from planner.clearance import Clearance, SweptContact, SweptProof, SweptResult
+from planner.collision import FARTHEST_JOINT, ClearanceChecker
 from planner.distances import UNKNOWN_DEPTH_M
 from planner.errors import MotionError, SceneError, TrajectoryError
 from planner.joint_span import JointSpan
-from planner.swept_result import SweptContact, SweptProof, SweptResult
+from planner.shape_pairs import CheckedPairs
 from planner.trajectory import Trajectory
 
 ACCURACY_M = 1e-5

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from baxter_kin.arrays import float_array
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.fields import Checked
-from planner.collision import SHOWN_M, Clearance
+from planner.clearance import SHOWN_M, Clearance
 from planner.context import CollisionContext
 from planner.errors import TaskError
 

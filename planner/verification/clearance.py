@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.collision import Clearance
+from planner.clearance import Clearance
 from planner.plan import Grip, Move
 from planner.scene import Scene
 from planner.verification.body.distances import Distances, Pair

@@ -26,10 +26,11 @@ from planner import (
     SceneError,
     Sphere,
 )
-from planner.collision import Held, least
+from planner.clearance import least
 from planner.contact import PRESSING_TOLERANCE_M, coal_shape, convex, surface
 from planner.mesh import Mesh
 from planner.robot_body import RobotBody
+from planner.shape_pairs import Held
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at, overhead
 from tests.planner.conftest import distance, mesh_of

@@ -20,9 +20,9 @@ from planner import (
     SceneError,
     plan_joint_move,
 )
-from planner.collision import Held
 from planner.contact import PRESSING_TOLERANCE_M, has_depth
 from planner.context import CollisionContext, Touches
+from planner.shape_pairs import Held
 from tests.conftest import at, overhead
 from tests.planner.walls import Room, wall
 

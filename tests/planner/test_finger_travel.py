@@ -21,11 +21,11 @@ from planner import (
     Scene,
     plan_pick_and_place,
 )
+from planner.clearance import SweptContact, SweptProof
 from planner.contact import PRESSING_TOLERANCE_M, gap_m
 from planner.finger_travel import FingerTravel, TravelCheck, closing_travel, prove_travel
 from planner.phases import LEAST_ROOM_M
 from planner.robot_body import RobotBody
-from planner.swept_result import SweptContact, SweptProof
 from tests.conftest import at
 
 DOWN = (0.0, 1.0, 0.0, 0.0)
@@ -194,7 +194,7 @@ def test_what_a_finger_pushes_hits_its_neighbour_or_not(
     grasp = manipulator.hand.close_on(PICK, body, manipulator.hand.stroke_m)
     assert isinstance(grasp, Grasp)
     scene, touch_m = Scene.of([body, rail]), grasp.finger_m + abs(grasp.push_m)
-    pushing = closing_travel(scene, "cube", PICK, touch_m, grasp)[-1]
+    pushing = closing_travel(scene, "cube", touch_m, grasp)[-1]
     result = TravelCheck(manipulator, pushing).above(PICK, 0.0)
     pair = {result.nearest.first, result.nearest.second}
     assert (isinstance(result, SweptContact) and pair == {"cube", "rail"}) == (gap < 0.0) or (

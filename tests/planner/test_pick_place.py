@@ -53,11 +53,11 @@ from planner import (
     verify,
 )
 from planner.candidates import transfer_bound_s
-from planner.collision import Held
 from planner.contact import touching
 from planner.cycle import StoppingCycles
 from planner.phases import PhaseMaker
 from planner.plan_request import PlanRequest
+from planner.shape_pairs import Held
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.conftest import at, overhead
 

@@ -113,7 +113,7 @@ def test_a_ball_wholly_inside_a_link_is_inside_though_it_touches_no_triangle(
 ) -> None:
     q = np.array(robot.configuration(left.joints(left.neutral)))
     number = shapes.links.index("left_lower_elbow")
-    enclosure, shape = shapes.enclosures[number], shapes.model.geometryObjects[number]
+    enclosure, shape = shapes.made[number].enclosure, shapes.model.geometryObjects[number]
     assert enclosure is not None
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, q)
@@ -171,7 +171,7 @@ def test_a_body_of_another_kind_is_refused(robot: Baxter) -> None:
 def test_a_closed_surface_winds_about_what_it_encloses(shapes: RobotShapes, inside: bool) -> None:
     enclosure = next(
         enclosure
-        for enclosure, link in zip(shapes.enclosures, shapes.links, strict=True)
+        for enclosure, link in ((made.enclosure, made.link) for made in shapes.made)
         if enclosure is not None and link == "left_wrist"
     )
     assert isinstance(enclosure, Enclosure)

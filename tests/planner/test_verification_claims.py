@@ -30,8 +30,7 @@ from planner import (
     plan_pick_and_place,
     verify,
 )
-from planner.collision import Clearance
-from planner.swept_result import SweptProof
+from planner.clearance import Clearance, SweptProof
 from planner.verification.body.distances import Distances
 from planner.verification.body.nearest import nearest
 from planner.verification.body.robot_body import robot_body

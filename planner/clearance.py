@@ -1,17 +1,68 @@
-"""What a swept proof says of a motion: that it is clear, by how much; or what is too close.
+"""What is found of distances: the least one, and what a proof says of a whole motion.
 
 The proof itself is `planner.swept`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from baxter_kin.display import OneLine, clear, millimetres, sentence
+from baxter_kin.arrays import finite_scalar
+from baxter_kin.display import OneLine, clear, millimetres, seconds, sentence
 from baxter_kin.fields import Checked
-from planner.collision import SHOWN_M, Clearance
 from planner.errors import SceneError
+
+SHOWN_M = 5e-5
+"""Distances and depths below this would be shown as 0.0 mm; they are called a touch."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Clearance(Checked, OneLine, error=SceneError):
+    """The least distance that was found, and where.
+
+    Attributes:
+        distance_m: negative when the two are inside each other; of a surface of triangles, by at
+            least so much; of fingers, whose pieces fill pockets, by at most so much.
+        first: link or body.
+        second: link or body.
+        time_s: when, from the start of the motion; None when it was at no time of one.
+    """
+
+    distance_m: float
+    first: str
+    second: str
+    time_s: float | None = None
+
+    @property
+    def text(self) -> str:
+        """Who is how far from whom, or how deep inside."""
+        if self.distance_m <= -SHOWN_M:
+            return f"{self.first} is {-1e3 * self.distance_m:.1f} mm inside {self.second}"
+        if self.distance_m < SHOWN_M:
+            return f"{self.first} touches {self.second}"
+        return f"{self.first} is {1e3 * self.distance_m:.1f} mm from {self.second}"
+
+    def too_near(self, needed_m: float) -> str:
+        """The same where more is needed: a margin, m, or zero or less for a contact.
+
+        Raises:
+            SceneError: when the margin is not a number.
+        """
+        needed_m = finite_scalar(needed_m, "needed_m", SceneError)
+        if self.distance_m > 0.0 and needed_m > 0.0:
+            return f"{self.text}, and {1e3 * needed_m:.1f} mm are asked for"
+        return self.text
+
+    def _facts(self) -> tuple[str, ...]:
+        when = "" if self.time_s is None else f"at {seconds(self.time_s)}"
+        return sentence(self.text), when
+
+
+def least(clearances: Iterable[Clearance]) -> Clearance | None:
+    """The smallest of several, or None of none."""
+    return min(clearances, key=lambda clearance: clearance.distance_m, default=None)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
