@@ -9,6 +9,8 @@ import argparse
 import logging
 import math
 import os
+import signal
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +24,35 @@ if TYPE_CHECKING:
 
 LONGEST_SHOWN = 200
 """How much of a file's name a message repeats."""
+
+
+EXIT_INTERRUPTED = 130
+"""Status of what Ctrl-C has stopped, as shells have it."""
+
+
+def run_process(main: Callable[[], int], name: str, failed: int) -> NoReturn:
+    """Run a program as a process of its own, and end it with its status.
+
+    Args:
+        main: the program; gives its exit status.
+        name: what messages call it.
+        failed: the status where its output cannot be written.
+    """
+    try:
+        status = main()
+        if sys.stdout is not None:  # as when the caller has closed it
+            sys.stdout.flush()
+    except OSError as cause:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        if not isinstance(cause, BrokenPipeError):  # the reader of a pipe has seen enough
+            print(f"{name}: cannot write: {cause.strerror}", file=sys.stderr)
+        status = failed
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the work is done; leave in peace
+    if status == EXIT_INTERRUPTED:
+        # CPython remembers a KeyboardInterrupt inside exec(), which every dataclass uses, and would
+        # end by the signal instead of with the status, although it was handled.
+        os._exit(status)
+    sys.exit(status)
 
 
 class OneSentenceParser(argparse.ArgumentParser):

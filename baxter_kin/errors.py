@@ -23,8 +23,9 @@ Where a number would make sense in another unit, the message asks whether it is 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from enum import Enum
+from itertools import islice
 from reprlib import Repr
 from typing import Any, TypeVar
 
@@ -43,6 +44,8 @@ MOST_QUOTED = 20
 LONGEST_INTEGER_BITS = 1024
 """Integers beyond are told by their size: Python refuses to write those of some thousand digits."""
 
+MOST_READ = 1_000_000
+"""How many things a sequence may have: what never ends is found out with some megabytes."""
 
 LEAST_MILLIMETRES, MOST_MILLIMETRES = 10.0, 1e4
 """Lengths in metres between these are taken for millimetres: nothing on or around Baxter is 10 m
@@ -229,3 +232,19 @@ def expect(value: object, kind: type[T], what: str, error: type[BaxterError]) ->
     if not isinstance(value, kind):
         raise error(f"{what} must be of class {kind.__name__}, got {type(value).__name__}")
     return value
+
+
+def expect_all(values: object, kind: type[T], what: str, error: type[BaxterError]) -> tuple[T, ...]:
+    """All `values`, known to be of that class.
+
+    Raises:
+        BaxterError: of class `error`, when they are no sequence, one is of another class, or they
+            are more than `MOST_READ`.
+    """
+    if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
+        raise error(f"{what} must be a sequence, got {type(values).__name__}")
+    first = islice(values, MOST_READ + 1)
+    checked = tuple(expect(value, kind, f"each of {what}", error) for value in first)
+    if len(checked) > MOST_READ:
+        raise error(f"{what} are more than {MOST_READ}, or never end; give fewer")
+    return checked

@@ -38,11 +38,14 @@ class Clearance(Checked, OneLine, error=SceneError):
     @property
     def text(self) -> str:
         """Who is how far from whom, or how deep inside."""
-        if self.distance_m <= -SHOWN_M:
-            return f"{self.first} is {-1e3 * self.distance_m:.1f} mm inside {self.second}"
-        if self.distance_m < SHOWN_M:
-            return f"{self.first} touches {self.second}"
-        return f"{self.first} is {1e3 * self.distance_m:.1f} mm from {self.second}"
+        return self.told("is", "touches")
+
+    def told(self, are: str, touch: str) -> str:
+        """The same with other verbs."""
+        if abs(self.distance_m) < SHOWN_M:
+            return f"{self.first} {touch} {self.second}"
+        where = "from" if self.distance_m > 0.0 else "inside"
+        return f"{self.first} {are} {1e3 * abs(self.distance_m):.1f} mm {where} {self.second}"
 
     def too_near(self, needed_m: float) -> str:
         """The same where more is needed: a margin, m, or zero or less for a contact.
@@ -137,16 +140,9 @@ class SweptContact(Checked, OneLine, error=SceneError):
                 f"{near.first} is not proven to keep {1e3 * self.needed_m:.3g} mm from "
                 f"{near.second}: {1e3 * near.distance_m:.3f} mm apart {at}"
             )
-        if near.distance_m <= -SHOWN_M:
-            return (
-                f"{near.first} would be {-1e3 * near.distance_m:.1f} mm inside {near.second} {at}"
-            )
-        if near.distance_m < SHOWN_M:
-            return f"{near.first} would touch {near.second} {at}"
-        return (
-            f"{near.first} would be {1e3 * near.distance_m:.1f} mm from {near.second} {at}; "
-            f"{1e3 * self.needed_m:.1f} mm are asked for"
-        )
+        asked = f"; {1e3 * self.needed_m:.1f} mm are asked for"
+        told = f"{near.told('would be', 'would touch')} {at}"
+        return told + asked if near.distance_m >= SHOWN_M else told
 
     def _facts(self) -> tuple[str, ...]:
         return sentence(self.nearest.text), f"{millimetres(self.needed_m)} needed"

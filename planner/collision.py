@@ -126,7 +126,7 @@ class ClearanceChecker(OneLine):
         """
         full = self.configuration(q)
         pair, distance_m = self._nearest(full)
-        return self.between(pair, distance_m)
+        return self.checked.between(pair, distance_m)
 
     def configuration(self, q: ArrayLike) -> Vector:
         """A full configuration, shape (19,), known to be one that distances can be measured in.
@@ -161,10 +161,6 @@ class ClearanceChecker(OneLine):
         distances = self.checked.distances
         distances.place(self.levers.place(full, full[self.levers.q_index][None]).shapes[0])
         return [distances.measure(pair, within_m) for pair in pairs]
-
-    def between(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
-        """A distance of a pair, by its names."""
-        return self.checked.between(pair, distance_m, time_s)
 
     def _facts(self) -> tuple[str, ...]:
         return repr(self.arm), f"{count(len(self.pairs), 'pair')} of shapes"

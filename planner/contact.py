@@ -99,31 +99,21 @@ def _travel(moving: _Placed, still: _Placed, along: Vector, room_m: float) -> fl
 
 def gap_m(first: Part, second: Part) -> float:
     """Distance of two shapes placed in one frame; negative inside each other."""
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    gaps = []
-    for one, other in product(_pieces(first), _pieces(second)):
-        result.clear()
-        gaps.append(coal.distance(*one, *other, request, result))
-    return float(min(gaps))
+    return _nearest(_pieces(first), _pieces(second))[0]
 
 
 def contact_point(first: Part, second: Part) -> Vector:
     """The point of a shape that is nearest to another, both placed in one frame, shape (3,), m."""
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    found = []
-    for one, other in product(_pieces(first), _pieces(second)):
-        result.clear()
-        gap = float(coal.distance(*one, *other, request, result))
-        found.append((gap, np.array(result.getNearestPoint1())))
-    return min(found, key=lambda pair: pair[0])[1]
+    return _nearest(_pieces(first), _pieces(second))[1]
 
 
 def touching(body: Body, scene: Scene) -> frozenset[str]:
     """Names of the other bodies that a body touches within `PRESSING_TOLERANCE_M`."""
+    placed = _placed(body)
     return frozenset(
         other.name
         for other in scene
-        if other.name != body.name and _gap_m(body, other) <= PRESSING_TOLERANCE_M
+        if other.name != body.name and _nearest(placed, _placed(other))[0] <= PRESSING_TOLERANCE_M
     )
 
 
@@ -243,13 +233,14 @@ def shape_of(geometry: coal.CollisionGeometry) -> Shape:
     )
 
 
-def _gap_m(body: Body, other: Body) -> float:
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    gaps = []
-    for first, second in product(_placed(body), _placed(other)):
+def _nearest(first: list[_Placed], second: list[_Placed]) -> tuple[float, Vector]:
+    """The least distance of some shapes to others, and the point of the first where that is."""
+    request, result, found = coal.DistanceRequest(), coal.DistanceResult(), []
+    for one, other in product(first, second):
         result.clear()
-        gaps.append(coal.distance(*first, *second, request, result))
-    return float(min(gaps))
+        gap = float(coal.distance(*one, *other, request, result))
+        found.append((gap, np.array(result.getNearestPoint1())))
+    return min(found, key=lambda pair: pair[0])
 
 
 def _pieces(part: Part) -> list[_Placed]:

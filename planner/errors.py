@@ -18,17 +18,7 @@ A task without a solution is a `Plan` that carries its reason, not an exception.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from itertools import islice
-from typing import TypeVar
-
 from baxter_kin import BaxterError
-from baxter_kin.errors import expect
-
-T = TypeVar("T")
-
-MOST_READ = 1_000_000
-"""How many things a sequence may have: what never ends is found out with some megabytes."""
 
 
 class PlannerError(BaxterError):
@@ -71,22 +61,6 @@ class TaskError(PlannerError, ValueError):
 
 class PlanFileError(PlannerError, ValueError):
     """A plan that cannot be saved, or a file that holds none."""
-
-
-def expect_all(values: object, kind: type[T], what: str, error: type[BaxterError]) -> tuple[T, ...]:
-    """All `values`, known to be of that class.
-
-    Raises:
-        BaxterError: of class `error`, when they are no sequence, one is of another class, or they
-            are more than `MOST_READ`.
-    """
-    if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
-        raise error(f"{what} must be a sequence, got {type(values).__name__}")
-    first = islice(values, MOST_READ + 1)
-    checked = tuple(expect(value, kind, f"each of {what}", error) for value in first)
-    if len(checked) > MOST_READ:
-        raise error(f"{what} are more than {MOST_READ}, or never end; give fewer")
-    return checked
 
 
 class BodyFileError(PlannerError, ValueError):

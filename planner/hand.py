@@ -176,7 +176,7 @@ class Hand(Checked, OneLine, error=SceneError):
         T_tip_body = checked_pose(T_base_tip).inverse() * body.T_base_body
         seen = body.at(T_tip_body)
         if width > opening:
-            return _too_wide(body.name, width, opening)
+            return _misfit(MissKind.TOO_WIDE, body.name, width, opening)
         travels = self._travels(seen, finger_m)
         if isinstance(travels, Miss):
             return travels
@@ -206,7 +206,11 @@ class Hand(Checked, OneLine, error=SceneError):
         """Why the pads do not touch a body seen from the tip: too thin for them, or beside them."""
         width = sum(seen.extent_m(sign * CLOSING_AXIS)[1] for sign in (1, -1))
         is_between = centre_off_m(self._pads_at(0.0), seen) == 0.0 and width < self.closed_gap_m
-        return _too_thin(seen, width, self.closed_gap_m) if is_between else _beside(seen)
+        return (
+            _misfit(MissKind.TOO_THIN, seen.name, width, self.closed_gap_m)
+            if is_between
+            else _beside(seen)
+        )
 
     def _held(self, moved: Body, finger_m: float, push_m: float) -> Grasp | Miss:
         """The grasp of a body, seen from the tip, that both pads touch, if they hold it."""
@@ -291,20 +295,14 @@ def _overlap(pad: Sequence[Part], parts: Sequence[Part]) -> Overlap:
     return Overlap.of(pieces, [parts[q] for q in sorted({q for _, q in touching})])
 
 
-def _too_wide(name: str, width_m: float, opening_m: float) -> Miss:
+def _misfit(kind: MissKind, name: str, width_m: float, gap_m: float) -> Miss:
+    """Of what is too wide for the open hand, or too thin for the closed one."""
+    pads = "whose closed pads" if kind is MissKind.TOO_THIN else "whose pads"
     text = (
-        f"{name} measures {1e3 * width_m:.1f} mm across the hand, whose pads are "
-        f"{1e3 * opening_m:.1f} mm apart"
+        f"{name} measures {1e3 * width_m:.1f} mm across the hand, {pads} are {1e3 * gap_m:.1f} mm "
+        "apart"
     )
-    return Miss(MissKind.TOO_WIDE, text, name, width_m)
-
-
-def _too_thin(seen: Body, width_m: float, gap_m: float) -> Miss:
-    text = (
-        f"{seen.name} measures {1e3 * width_m:.1f} mm across the hand, whose closed pads are "
-        f"{1e3 * gap_m:.1f} mm apart"
-    )
-    return Miss(MissKind.TOO_THIN, text, seen.name, width_m)
+    return Miss(kind, text, name, width_m)
 
 
 def _beside(seen: Body) -> Miss:

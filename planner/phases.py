@@ -32,12 +32,12 @@ from planner.contact import gap_m, touching
 from planner.context import CollisionContext
 from planner.finger_travel import FingerTravel, TravelCheck, closing_travel, combined
 from planner.grasp import Grasp, Miss
-from planner.landing import Landing, land, levelled
 from planner.plan import GripperAction, PlanFailure
 from planner.plan_builder import NoSolutionError, blocked_fingers
 from planner.plan_request import PlanRequest
 from planner.scene import Body, Scene
 from planner.shape_pairs import Held
+from planner.support import Landing, land, levelled
 from planner.swept import RESOLUTION_M
 from planner.task import PickAndPlace
 

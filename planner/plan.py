@@ -15,11 +15,11 @@ from baxter_kin.arrays import Vector, finite_array, finite_scalar
 from baxter_kin.copying import Frozen
 from baxter_kin.description import RobotIdentity
 from baxter_kin.display import OneLine, clear, count, millimetres, phrase, seconds, sentence
-from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
+from baxter_kin.errors import ConfigurationError, UnknownNameError, expect_all
 from baxter_kin.fields import Checked, check_fields
 from baxter_kin.model import LIMBS
 from planner.clearance import Clearance, SweptContact, SweptProof, least
-from planner.errors import TaskError, expect_all
+from planner.errors import TaskError
 from planner.situation import Situation
 from planner.straight_line import LineTolerance
 from planner.tally import Tally
@@ -187,18 +187,13 @@ class Plan(Frozen, OneLine):
     line_tolerance: LineTolerance = field(default_factory=LineTolerance)
 
     def __post_init__(self) -> None:
-        expect(self.line_tolerance, LineTolerance, "line_tolerance of a plan", TaskError)
         if not isinstance(self.limb, str) or self.limb not in LIMBS:
             raise UnknownNameError("limb", self.limb, LIMBS)
-        kinds = {"failure": PlanFailure, "situation": Situation, "robot": RobotIdentity}
-        for name, kind in kinds.items():
-            value = getattr(self, name)
-            if value is not None:
-                expect(value, kind, f"{name} of a plan", TaskError)
-        q_start = finite_array(self.q_start, (7,), "q_start", ConfigurationError)
-        object.__setattr__(self, "q_start", q_start)
         steps = expect_all(self.steps, object, "the steps of a plan", TaskError)
         object.__setattr__(self, "steps", steps)
+        check_fields(self, TaskError)
+        q_start = finite_array(self.q_start, (7,), "q_start", ConfigurationError)
+        object.__setattr__(self, "q_start", q_start)
         self._check_steps()
 
     @property
@@ -245,7 +240,6 @@ class Plan(Frozen, OneLine):
         q = self.q_start
         for step in self.steps:
             if not isinstance(step, Move):
-                expect(step, Grip, "a step that is no Move", TaskError)
                 continue
             start = finite_array(step.trajectory.q_start, (7,), step.label, ConfigurationError)
             jump = float(np.abs(start - q).max())

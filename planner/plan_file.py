@@ -5,7 +5,7 @@ The file is JSON, UTF-8, of four entries:
 - `format`: "baxter-kin plan",
 - `version`: 3; another number when the same entries get another meaning,
 - `sha256`: the SHA-256 of the file's own bytes, with 64 zeros in place of these 64 digits,
-- `plan`: the `Plan`, by the rules of `planner.json_codec`: `limb`, `q_start`, `steps` (each a
+- `plan`: the `Plan`, by the rules of `baxter_kin.json_data`: `limb`, `q_start`, `steps` (each a
   `Move` with its trajectory's knots and limits, its tip pose and IK result, or a `Grip`),
   `failure`, `situation` (the scene and all other joints) and `robot` (which one the plan is for).
   SI units, radians, poses seen from base.
@@ -18,17 +18,14 @@ and plans of more than `MOST` of anything. A file is replaced at once or not at 
 from __future__ import annotations
 
 import hashlib
-import json
-import math
-import os
 from collections.abc import Mapping
-from pathlib import Path
 
 from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import FileError, shown_path
 from baxter_kin.files import PathLike, open_to_read, replace_file
+from baxter_kin.json_data import from_json, shown, to_json
+from baxter_kin.json_text import Json, as_lines, from_text
 from planner.errors import PlanFileError, PlannerError
-from planner.json_codec import Json, from_json, shown, to_json
 from planner.mesh import Mesh
 from planner.plan import Plan
 from planner.situation import Situation
@@ -51,9 +48,6 @@ MOST: Mapping[str, int] = FrozenMapping(
 """Greatest size of a plan and its scene. One pick and place has 9 steps, 200 segments, 2 bodies of
 4 parts. What reading and checking a plan cost grows with these."""
 
-LONGEST_INTEGER = 15
-"""Digits of an integer; every such number is an exact float."""
-
 _NO_CHECKSUM = 64 * "0"
 _ENTRIES = ("format", "version", "sha256", "plan")
 
@@ -68,19 +62,19 @@ def save_plan(plan: Plan, path: PathLike) -> None:
     if not isinstance(plan, Plan):
         raise PlanFileError(f"only a Plan can be saved, got {type(plan).__name__}")
     check_size(plan, plan.situation, PlanFileError)
-    head: dict[str, Json] = {"format": FORMAT, "version": VERSION, "sha256": _NO_CHECKSUM}
-    content = _pretty({**head, "plan": to_json(plan, Plan, "plan")}).encode() + b"\n"
+    data = to_json(plan, Plan, "plan", PlanFileError)
+    entries = (FORMAT, VERSION, _NO_CHECKSUM, data)
+    content = as_lines(dict(zip(_ENTRIES, entries, strict=True))).encode() + b"\n"
     checksum = hashlib.sha256(content).hexdigest().encode()
     if len(content) > LARGEST_FILE_BYTES:
         raise PlanFileError(
             f"the plan would take {len(content) / 2**20:.1f} MB; at most "
             f"{LARGEST_FILE_BYTES >> 20} MB are read again: split it"
         )
-    file = _checked_path(path)
     try:
-        replace_file(file, content.replace(_NO_CHECKSUM.encode(), checksum, 1))
+        replace_file(path, content.replace(_NO_CHECKSUM.encode(), checksum, 1))
     except FileError as cause:
-        raise PlanFileError(f"{shown_path(file)} cannot be written: {cause.reason}") from cause
+        raise PlanFileError(f"{shown_path(path)} cannot be written: {cause.reason}") from cause
 
 
 def load_plan(path: PathLike) -> Plan:
@@ -90,11 +84,10 @@ def load_plan(path: PathLike) -> Plan:
         PlanFileError: when the file cannot be read, is damaged or edited, or holds no plan; says
             which and what to do.
     """
-    file = _checked_path(path)
     try:
-        return _plan(_content(file))
+        return _plan(_content(path))
     except PlanFileError as cause:
-        raise PlanFileError(f"{shown_path(file)}: {cause}") from cause
+        raise PlanFileError(f"{shown_path(path)}: {cause}") from cause
 
 
 def check_size(plan: Plan, situation: Situation | None, error: type[PlannerError]) -> None:
@@ -116,7 +109,9 @@ def check_size(plan: Plan, situation: Situation | None, error: type[PlannerError
 
 
 def _plan(content: bytes) -> Plan:
-    document = _document(content)
+    document = from_text(content, PlanFileError)
+    if not isinstance(document, dict):
+        raise PlanFileError(f"is no plan: it holds {shown(document)}")
     if document.get("format") != FORMAT:
         raise PlanFileError(f"is no plan: its format is {shown(document.get('format'))}")
     if document.get("version") != VERSION or type(document["version"]) is not int:
@@ -127,31 +122,9 @@ def _plan(content: bytes) -> Plan:
     if tuple(document) != _ENTRIES:
         raise PlanFileError(f"has entries {shown(list(document))}; it must have {list(_ENTRIES)}")
     _check_sum(content, document["sha256"])
-    plan: Plan = from_json(document["plan"], Plan, "plan")
+    plan: Plan = from_json(document["plan"], Plan, "plan", PlanFileError)
     check_size(plan, plan.situation, PlanFileError)
     return plan
-
-
-def _document(content: bytes) -> dict[str, Json]:
-    try:
-        document = json.loads(
-            content.decode(),
-            parse_float=_finite,
-            parse_int=_short,
-            parse_constant=_refuse_constant,
-            object_pairs_hook=_without_duplicates,
-        )
-    except RecursionError:
-        raise PlanFileError("is no plan: it is nested too deeply") from None
-    except PlanFileError:
-        raise
-    except ValueError as cause:  # of the JSON, or of its UTF-8
-        raise PlanFileError(
-            f"is no complete JSON, so it is truncated, damaged or no plan: {cause}"
-        ) from None
-    if not isinstance(document, dict):
-        raise PlanFileError(f"is no plan: it holds {shown(document)}")
-    return document
 
 
 def _check_sum(content: bytes, stated: Json) -> None:
@@ -164,56 +137,9 @@ def _check_sum(content: bytes, stated: Json) -> None:
         )
 
 
-def _finite(text: str) -> float:
-    number = float(text)
-    if not math.isfinite(number):
-        raise PlanFileError(f"has a number too large: {shown(text)}")
-    return number
-
-
-def _short(text: str) -> int:
-    if len(text.lstrip("-")) > LONGEST_INTEGER:
-        raise PlanFileError(f"has an integer too large: {shown(text)}")
-    return int(text)
-
-
-def _refuse_constant(name: str) -> float:
-    raise PlanFileError(f"has {name} where a finite number must be")
-
-
-def _without_duplicates(pairs: list[tuple[str, Json]]) -> dict[str, Json]:
-    entries = dict(pairs)
-    if len(entries) < len(pairs):
-        names = [name for name, _ in pairs]
-        double = next(name for name in names if names.count(name) > 1)
-        raise PlanFileError(f"has the entry {shown(double)} twice")
-    return entries
-
-
-def _pretty(data: Json, indent: str = "") -> str:
-    """JSON with a row of numbers to a line, so that files can be read and compared."""
-    deeper = f"{indent} "
-    if isinstance(data, dict) and data:
-        lines = [f"{json.dumps(key)}: {_pretty(item, deeper)}" for key, item in data.items()]
-        opening, closing = "{", "}"
-    elif isinstance(data, list) and any(isinstance(item, (list, dict)) for item in data):
-        lines = [_pretty(item, deeper) for item in data]
-        opening, closing = "[", "]"
-    else:
-        return json.dumps(data, allow_nan=False)
-    joined = f",\n{deeper}".join(lines)
-    return f"{opening}\n{deeper}{joined}\n{indent}{closing}"
-
-
-def _checked_path(path: PathLike) -> Path:
-    if not isinstance(path, (str, os.PathLike)):
-        raise PlanFileError(f"a plan file needs a path, got {shown(path)}")
-    return Path(path)
-
-
-def _content(file: Path) -> bytes:
+def _content(path: PathLike) -> bytes:
     try:
-        with open_to_read(file) as stream:
+        with open_to_read(path) as stream:
             content = stream.read(LARGEST_FILE_BYTES + 1)
     except FileError as cause:
         raise PlanFileError(f"cannot be read: {cause.reason}") from cause

@@ -8,8 +8,8 @@ from dataclasses import InitVar, dataclass, field
 from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector
-from baxter_kin.errors import expect
-from planner.errors import MotionError, SceneError, TaskError, expect_all
+from baxter_kin.errors import expect, expect_all
+from planner.errors import MotionError, SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.scene import Scene
 from planner.situation import Holding

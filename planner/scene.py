@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 from baxter_kin.arrays import Vector, finite_array, positive_scalar
 from baxter_kin.copying import FrozenMapping
 from baxter_kin.display import LONGEST_PART, OneLine, count, listing, position
-from baxter_kin.errors import expect, millimetres_hint, quoted, shortened
+from baxter_kin.errors import expect, expect_all, millimetres_hint, quoted, shortened
 from baxter_kin.fields import is_text
 from baxter_kin.frames import PoseLike, checked_pose
-from planner.errors import SceneError, expect_all
+from planner.errors import SceneError
 from planner.mesh import Mesh, checked_size
 
 GREY = (0.6, 0.6, 0.6, 1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import lru_cache
 from typing import TypeAlias
 
@@ -56,32 +56,16 @@ def sample_times(trajectory: Trajectory, step_rad: float) -> Vector:
 
 @lru_cache(maxsize=1024)
 def bisecting(count: int) -> tuple[int, ...]:
-    """The numbers 0 .. `count` - 1 in the order of bisection: both ends, the middle, the quarters.
+    """The numbers 0 .. `count` - 1 as by bisection: both ends, the middle, the quarters.
 
     A collision in the middle of a motion is then found after few samples.
     """
-    return tuple(_bisecting(count))
-
-
-def _bisecting(count: int) -> Iterator[int]:
-    yield from sorted({0, count - 1}) if count > 0 else ()
-    gaps = [(0, count - 1)]
-    while gaps:
-        halves = []
-        for low, high in gaps:
-            if high - low > 1:
-                middle = (low + high) // 2
-                yield middle
-                halves += [(low, middle), (middle, high)]
-        gaps = halves
+    inner = sorted(range(1, count - 1), key=lambda number: -(number & -number))
+    return tuple(dict.fromkeys([0, count - 1, *inner])) if count else ()
 
 
 def _top_speeds(trajectory: Trajectory) -> Vector:
     """The speed of the fastest joint in every segment, exact, shape (m,), rad/s."""
-    v, a, j = trajectory.v, trajectory.a[:-1], trajectory.j
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turn = -a / j  # when acceleration passes zero
-        inside = (turn > 0.0) & (turn < np.diff(trajectory.knots_s)[:, None])
-        peak = np.where(inside, v[:-1] + a * turn / 2, 0.0)
-    speeds: Vector = np.max(np.abs([v[:-1], v[1:], peak]), axis=(0, 2))
+    v = trajectory.v
+    speeds: Vector = np.abs([v[:-1], v[1:], trajectory.turning_velocities]).max(axis=(0, 2))
     return speeds

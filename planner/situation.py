@@ -10,10 +10,10 @@ import pinocchio as pin
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.copying import FrozenMapping
 from baxter_kin.display import LONGEST_PART, OneLine, listing
-from baxter_kin.errors import UnknownNameError, expect, quoted
+from baxter_kin.errors import UnknownNameError, expect, expect_all, quoted
 from baxter_kin.frames import checked_pose
 from baxter_kin.model import LIMBS
-from planner.errors import SceneError, TaskError, expect_all
+from planner.errors import SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.scene import Scene
 

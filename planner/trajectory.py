@@ -17,8 +17,8 @@ from baxter_kin import JointLimits
 from baxter_kin.arrays import Indices, Vector, finite_array, float_array
 from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, count, line, seconds, shown, side_of
-from baxter_kin.errors import expect, quoted
-from planner.errors import TrajectoryError, expect_all
+from baxter_kin.errors import expect, expect_all, quoted
+from planner.errors import TrajectoryError
 
 CONTINUITY_TOLERANCE = 1e-8
 """Largest jump of q, v or a at a knot, in rad, rad/s, rad/s^2: rounding, not motion."""
@@ -159,7 +159,7 @@ class Trajectory(Frozen, OneLine):
             limits: others than the trajectory's own, of as many joints.
         """
         bounds = self._comparable(self.limits if limits is None else limits)
-        v = np.abs(np.concatenate([self.v, self._turning_velocities()])) / bounds.v_max
+        v = np.abs(np.concatenate([self.v, self.turning_velocities])) / bounds.v_max
         a, j = np.abs(self.a) / bounds.a_max, np.abs(self.j) / bounds.j_max
         return PeakRatios(*(float(np.max(ratio, initial=0.0)) for ratio in (v, a, j)))
 
@@ -188,8 +188,9 @@ class Trajectory(Frozen, OneLine):
             large = -(a + np.where(a >= 0, root, -root))
             return self._inside(np.array([large / j, 2 * v / large]))
 
-    def _turning_velocities(self) -> Vector:
-        """Velocities where acceleration passes zero inside a segment, shape (m, n)."""
+    @property
+    def turning_velocities(self) -> Vector:
+        """Velocities where acceleration passes zero inside a segment, else at its start, (m, n)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             t = -self.a[:-1] / self.j
         return self._advanced(np.arange(len(self.j)), self._inside(t)).v

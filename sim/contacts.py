@@ -192,7 +192,7 @@ class _Surroundings:
         """The worst contact at a full configuration."""
         distances = self._checker.distances_m(q, range(len(self._checker.may_touch)))
         pair = int(np.argmin(distances))
-        near = self._checker.between(pair, distances[pair])
+        near = self._checker.checked.between(pair, distances[pair])
         mover, other = near.first, near.second
         if self._is_of_arm(other) and not self._is_of_arm(mover):
             mover, other = other, mover

@@ -22,7 +22,7 @@ from baxter_kin.fields import Checked, check_fields
 from baxter_kin.frames import raised
 from planner import Body
 from planner.contact import PRESSING_TOLERANCE_M, gap_m
-from planner.landing import Landing, land, levelled
+from planner.support import Landing, land, levelled
 from sim.errors import SimulationError
 
 GRAVITY_M_S2 = 9.81

@@ -12,14 +12,15 @@ from baxter_kin.arrays import Vector
 from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike
+from baxter_kin.json_data import from_json, shown
+from baxter_kin.json_text import Json, from_text
 from planner import Body
-from planner.json_codec import Json, shown
 from sim.disk import Line, checked_path, read_lines
 from sim.errors import RecordingError
 from sim.events import Event
 from sim.recorded_motion import RecordedMove
 from sim.recording import NotedRecording, Recording
-from sim.recording_codec import StoredEvent, from_data, from_text
+from sim.recording_codec import StoredEvent
 from sim.recording_log import FORMAT, VERSION
 
 
@@ -68,7 +69,7 @@ class _Story:
             raise RecordingError(f"has the entry {shown(kind)}; known are {', '.join(_KINDS)}")
         if self.stated is not None:
             raise RecordingError("comes after the end")
-        value = from_data(data, _KINDS[kind], kind)
+        value = from_json(data, _KINDS[kind], kind, RecordingError)
         if isinstance(value, _Snapshot):
             self._add(value)
         elif isinstance(value, Body):
@@ -165,7 +166,7 @@ def read_log(path: PathLike) -> NotedRecording:
 
 def _begun(file: object, line: Line) -> _Story:
     try:
-        data = from_text(line.text)
+        data = from_text(line.text, RecordingError)
     except RecordingError:
         data = None
     first: dict[str, Any] = data if isinstance(data, dict) else {}
@@ -176,13 +177,15 @@ def _begun(file: object, line: Line) -> _Story:
             f"{shown_path(file)} has version {shown(first.get('version'))}, but only {VERSION} is "
             "read here"
         )
-    names = from_data(first.get("joint_names"), tuple[str, ...], "joint_names")
-    return _Story(names, from_data(first.get("robot"), RobotIdentity | None, "robot"))
+    names = from_json(first.get("joint_names"), tuple[str, ...], "joint_names", RecordingError)
+    return _Story(
+        names, from_json(first.get("robot"), RobotIdentity | None, "robot", RecordingError)
+    )
 
 
 def _hear(file: object, line: Line, story: _Story) -> None:
     try:
-        data = from_text(line.text)
+        data = from_text(line.text, RecordingError)
         if not isinstance(data, dict) or len(data) != 1:
             raise RecordingError(f"must be an object of one entry, got {shown(data)}")
         ((kind, value),) = data.items()

@@ -18,10 +18,9 @@ from baxter_kin import pose_from_quaternion, quaternion_xyzw
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.copying import NotCopied
 from baxter_kin.display import OneLine, count, phrase, position, seconds
-from baxter_kin.errors import BaxterError, expect, quoted, shown_path
+from baxter_kin.errors import BaxterError, expect, expect_all, quoted, shown_path
 from baxter_kin.fields import check_fields
 from planner import Scene
-from planner.errors import expect_all
 from sim.disk import Line, LineFile, read_lines
 from sim.errors import RecordingError, SimulationError
 from sim.pose_source import PoseSource, Sighting, checked_source

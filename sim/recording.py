@@ -18,11 +18,10 @@ from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.copying import Frozen, FrozenMapping
 from baxter_kin.description import RobotIdentity
 from baxter_kin.display import OneLine, count, line, listing, seconds, shown
-from baxter_kin.errors import UnknownNameError, expect, quoted
+from baxter_kin.errors import UnknownNameError, expect, expect_all, quoted
 from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
 from planner import Body, Scene
-from planner.errors import expect_all
 from sim.errors import RecordingError
 from sim.events import Event
 from sim.recorded_motion import ArmMotion, RecordedMove, arm_joints, arm_motion

@@ -34,14 +34,15 @@ from baxter_kin.arrays import Vector
 from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import expect, shown_path
 from baxter_kin.files import PathLike
+from baxter_kin.json_data import from_json, shown, to_json
+from baxter_kin.json_text import as_text, from_text
 from planner import Body
-from planner.json_codec import shown
 from sim.disk import checked_path, opened, replace_file
 from sim.errors import RecordingError
 from sim.events import Event
 from sim.recorded_motion import RecordedMove
 from sim.recording import Recording
-from sim.recording_codec import StoredEvent, as_json, as_text, from_data, from_text
+from sim.recording_codec import StoredEvent
 
 FORMAT = "baxter-kin recording"
 VERSION = 1
@@ -126,7 +127,8 @@ def _document(recording: Recording) -> str:
         moves=recording.moves,
         robot=recording.robot,
     )
-    return as_text(as_json(document, _Document, "recording"))
+    data = to_json(document, _Document, "recording", RecordingError)
+    return as_text(data, RecordingError)
 
 
 def _recording(contents: Mapping[str, bytes]) -> Recording:
@@ -155,10 +157,7 @@ def _recording(contents: Mapping[str, bytes]) -> Recording:
 
 
 def _read_document(content: bytes) -> _Document:
-    try:
-        data = from_text(content.decode())
-    except UnicodeDecodeError:
-        raise RecordingError("has a document that is no text") from None
+    data = from_text(content, RecordingError)
     stated: dict[str, Any] = data if isinstance(data, dict) else {}
     if stated.get("format") != FORMAT:
         raise RecordingError(f"is no recording: its format is {shown(stated.get('format'))}")
@@ -166,7 +165,7 @@ def _read_document(content: bytes) -> _Document:
         raise RecordingError(
             f"has version {shown(stated.get('version'))}, but only {VERSION} is read here"
         )
-    document: _Document = from_data(data, _Document, "recording")
+    document: _Document = from_json(data, _Document, "recording", RecordingError)
     return document
 
 

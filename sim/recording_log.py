@@ -13,7 +13,7 @@ Every line but the first has one entry that says what it is:
   gone,
 - last `{"end": n}`: the number of snapshots; missing when the run was cut short.
 
-SI units, radians, poses seen from base; the rules of `planner.json_codec`, so every number reads
+SI units, radians, poses seen from base; the rules of `baxter_kin.json_data`, so every number reads
 back as the same float. `sim.log_reading` reads it.
 """
 
@@ -24,15 +24,16 @@ from baxter_kin.copying import NotCopied
 from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
+from baxter_kin.json_data import to_json
+from baxter_kin.json_text import Json, as_text
 from baxter_kin.model import LIMBS
 from planner import Body, Scene
-from planner.json_codec import Json
 from sim.disk import LineFile
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot
 from sim.recorded_motion import RecordedMove, recorded_move
 from sim.recorder import pose_row
-from sim.recording_codec import StoredEvent, as_json, as_text
+from sim.recording_codec import StoredEvent
 
 FORMAT = "baxter-kin log"
 VERSION = 1
@@ -53,7 +54,7 @@ class LogRecorder(NotCopied, Observer):
             RecordingError: when the file cannot be written.
         """
         names = expect(robot, Baxter, "robot", RecordingError).joint_names
-        identity = as_json(robot.description.identity, RobotIdentity, "robot")
+        robot_data = to_json(robot.description.identity, RobotIdentity, "robot", RecordingError)
         bodies = Scene({}) if scene is None else expect(scene, Scene, "scene", RecordingError)
         self._poses: dict[str, list[float]] = {}
         self._caption: str | None = None
@@ -61,9 +62,9 @@ class LogRecorder(NotCopied, Observer):
         self._is_open = True
         self._file = LineFile(path)
         head: dict[str, Json] = {"format": FORMAT, "version": VERSION, "joint_names": list(names)}
-        self._write({**head, "robot": identity})
+        self._write({**head, "robot": robot_data})
         for body in bodies:
-            self._write({"body": as_json(body, Body, "body")})
+            self._write_part("body", body, Body)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
         """Write it.
@@ -93,11 +94,11 @@ class LogRecorder(NotCopied, Observer):
         """
         expect(event, Event, "event", RecordingError)
         if event.body is not None:
-            self._write({"body": as_json(event.body, Body, "body")})
-        self._write({"event": as_json(StoredEvent.of(event), StoredEvent, "event")})
+            self._write_part("body", event.body, Body)
+        self._write_part("event", StoredEvent.of(event), StoredEvent)
         move = recorded_move(event)
         if move is not None:
-            self._write({"move": as_json(move, RecordedMove, "move")})
+            self._write_part("move", move, RecordedMove)
 
     def close(self) -> None:
         """Write the end and close; twice is no trouble.
@@ -125,4 +126,7 @@ class LogRecorder(NotCopied, Observer):
         return changed
 
     def _write(self, entries: dict[str, Json]) -> None:
-        self._file.write(as_text(entries))
+        self._file.write(as_text(entries, RecordingError))
+
+    def _write_part(self, what: str, part: object, kind: type) -> None:
+        self._write({what: to_json(part, kind, what, RecordingError)})

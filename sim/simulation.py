@@ -19,10 +19,9 @@ import numpy as np
 
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.display import OneLine, seconds
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, expect_all
 from baxter_kin.model import LIMBS
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan
-from planner.errors import expect_all
 from planner.plan import Step
 from planner.robot_body import identity_of
 from sim import sentences

@@ -16,7 +16,7 @@ from planner import Body, Box, Grasp, Hand, Part
 from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
 from planner.grasp import extent
 from planner.hand import CLOSING_AXIS
-from planner.landing import UP
+from planner.support import UP
 from sim.errors import SimulationError
 from sim.world import World
 

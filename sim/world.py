@@ -20,9 +20,9 @@ from baxter_kin.frames import PoseLike, checked_pose
 from planner import Body, Hand, RobotShapes, Scene
 from planner.contact import PRESSING_TOLERANCE_M
 from planner.errors import SceneError
-from planner.landing import FLOOR, FLOOR_Z_M
 from planner.robot_body import RobotBody
 from planner.situation import Holding
+from planner.support import FLOOR, FLOOR_Z_M
 from sim.errors import SimulationError
 from sim.falling import Rest, come_to_rest
 

@@ -14,12 +14,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from baxter_kin.command_line import EXIT_INTERRUPTED
 from baxter_kin.errors import FileError, MissingLibraryError
 
 __all__ = ["EXIT_INTERRUPTED", "main"]
 
 EXIT_FAILED = 1
-EXIT_INTERRUPTED = 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from baxter_kin.command_line import EXIT_INTERRUPTED
 from baxter_kin.demo.interrupt import interruptible
 from baxter_kin.demo.options import parse_options
 from baxter_kin.errors import MissingLibraryError
@@ -16,7 +17,6 @@ from baxter_kin.errors import MissingLibraryError
 __all__ = ["EXIT_INTERRUPTED", "main"]
 
 EXIT_FAILED = 1
-EXIT_INTERRUPTED = 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:

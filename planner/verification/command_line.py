@@ -6,48 +6,28 @@ wrong usage, or a file that holds no plan; 130 stopped by Ctrl-C.
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 from baxter_kin import BaxterError, JointLimits
-from baxter_kin.command_line import OneSentenceParser, add_hands, hands_of
-from baxter_kin.description import HandMount, RobotDescription
+from baxter_kin.command_line import (
+    EXIT_INTERRUPTED,
+    OneSentenceParser,
+    add_hands,
+    hands_of,
+)
+from baxter_kin.description import RobotDescription
 from planner.plan import Plan
 from planner.plan_file import load_plan
 from planner.verification.inspection import verify
 from planner.verification.motion.judged_limits import robot_limits
 from planner.verification.urdf_robot import UrdfRobot
 
-EXIT_VALID, EXIT_NOT_VALID, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
+EXIT_VALID, EXIT_NOT_VALID, EXIT_USAGE = 0, 1, 2
 
 _NAME = "planner.verification"
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """What the user asked for.
-
-    Attributes:
-        file: the saved plan.
-        urdf: the robot's own description; None for the stock robot.
-        hands: what is on its flanges, by side; a side that is absent is as the URDF says.
-        is_quiet: say nothing but what failed.
-        is_json: print the certificate as JSON instead of a table.
-        straight: labels of the moves that shall be straight although the plan does not say so.
-        acceleration: greatest of every joint, rad/s^2; None for the robot's stated one.
-        jerk: the same in rad/s^3.
-    """
-
-    file: str
-    urdf: str | None
-    hands: Mapping[str, HandMount]
-    is_quiet: bool
-    is_json: bool
-    straight: tuple[str, ...]
-    acceleration: float | None
-    jerk: float | None
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -62,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_INTERRUPTED
 
 
-def _options(argv: Sequence[str] | None) -> Options:
+def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = OneSentenceParser(
         prog=f"python -m {_NAME}",
         description="Check a saved plan with code that did not make it.",
@@ -91,31 +71,21 @@ def _options(argv: Sequence[str] | None) -> Options:
             type=float,
             help=f"greatest {name} of every joint to judge by, {unit}; the robot's when not given",
         )
-    raw = parser.parse_args(argv)
-    return Options(
-        file=raw.file,
-        urdf=raw.urdf,
-        hands=hands_of(raw),
-        is_quiet=raw.quiet,
-        is_json=raw.json,
-        straight=tuple(raw.straight),
-        acceleration=raw.acceleration,
-        jerk=raw.jerk,
-    )
+    return parser.parse_args(argv)
 
 
-def _checked(options: Options) -> int:
+def _checked(options: argparse.Namespace) -> int:
     plan = load_plan(options.file)
-    robot = RobotDescription.of(options.urdf, options.hands)
+    robot = RobotDescription.of(options.urdf, hands_of(options))
     certificate = verify(
         plan,
         straight=options.straight,
         description=robot,
         limits=_limits(plan, robot, options),
     )
-    if options.is_json:
+    if options.json:
         print(json.dumps(certificate.as_dict(), indent=1, allow_nan=False))
-    elif not options.is_quiet:
+    elif not options.quiet:
         print(certificate.table())
         print(certificate.basis)
         print("valid" if certificate.is_valid else "not valid")
@@ -125,7 +95,7 @@ def _checked(options: Options) -> int:
     return EXIT_NOT_VALID
 
 
-def _limits(plan: Plan, robot: RobotDescription, options: Options) -> JointLimits | None:
+def _limits(plan: Plan, robot: RobotDescription, options: argparse.Namespace) -> JointLimits | None:
     if options.acceleration is None and options.jerk is None:
         return None
     return robot_limits(UrdfRobot(robot, plan.limb), options.acceleration, options.jerk)

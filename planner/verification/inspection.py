@@ -20,8 +20,8 @@ from functools import cache
 
 from baxter_kin import JointLimits
 from baxter_kin.description import RobotDescription
-from baxter_kin.errors import expect, quoted, shortened
-from planner.errors import TaskError, expect_all
+from baxter_kin.errors import expect, expect_all, quoted, shortened
+from planner.errors import TaskError
 from planner.plan import Plan
 from planner.plan_file import check_size
 from planner.situation import Situation

@@ -30,7 +30,6 @@ LEFT_OUT = MappingProxyType(
         "IKResult.trusted": "its contract is that nothing is checked",
         "Part.at": "its contract is that nothing is checked",
         "ClearanceChecker.distances_m": "asks for a checked configuration, for speed",
-        "ClearanceChecker.between": "names what `distances_m` found",
     }
 )
 """Public methods that are not called, and why."""

@@ -147,7 +147,7 @@ def test_a_palm_counts_the_margin_of_its_mesh_but_no_padding_against_what_is_gra
     for padding_m, touchable in product((0.0, 0.004), (None, "ball")):
         shapes = RobotShapes(robot, body.padded(padding_m))
         checker = ClearanceChecker(shapes, left, scene, touchable=touchable)
-        names = [checker.between(pair, 0.0) for pair in range(len(checker.pairs))]
+        names = [checker.checked.between(pair, 0.0) for pair in range(len(checker.pairs))]
         wanted = {"left_gripper_base_link", "ball"}
         palm = [{near.first, near.second} == wanted for near in names].index(True)
         [distances[padding_m, touchable]] = checker.distances_m(q, [palm])

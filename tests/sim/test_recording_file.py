@@ -153,8 +153,10 @@ class TestRefused:
             (('"version":1', '"version":2'), "has version 2, but only 1 is read here"),
             (("baxter-kin recording", "baxter-kin something"), "its format is"),
             (('"tracks":[', '"tracks":["more",'), "tracks under"),
-            (('"captions":', '"titles":'), "titles"),
-            (('"start_s":', '"start_s":"early","was":'), "was"),
+            (('"captions":', '"titles":'), r"recording\.captions is missing"),
+            (('"captions":', '"titles":[],"captions":'), "recording has an entry 'titles'"),
+            (('"start_s":', '"start_s":"early","was":'), r"moves\[0\]\.start_s must be of type"),
+            (('"start_s":', '"was":1.0,"start_s":'), r"moves\[0\] has an entry 'was'; a Recorded"),
             (("{", ""), "no complete JSON"),
         ],
     )

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from baxter_kin.arrays import Vector
 from planner import Box, Cylinder, Part, Sphere
-from planner.footing import beside, bottom_area, touched_area
 from planner.scene import Shape
+from planner.support import beside, bottom_area, touched_area
 
 ROUNDING_M = 1e-9
 RIM_M = 3e-4
