@@ -5,6 +5,7 @@ from planner.candidates import transfer_bound_s
 from planner.clearance import Clearance, SweptContact, SweptProof
 from planner.collision import ClearanceChecker
 from planner.context import CollisionContext
+from planner.continuous import prove_clear
 from planner.errors import (
     FreeMoveError,
     MotionError,
@@ -36,7 +37,6 @@ from planner.robot_shapes import RobotShapes
 from planner.scene import Body, Box, Cylinder, Part, Scene, Sphere
 from planner.situation import Holding, Situation
 from planner.straight_line import LineTolerance, StraightLine
-from planner.swept import prove_clear
 from planner.timing import plan_joint_move
 from planner.tool import tool_of
 from planner.trajectory import JointState, PeakRatios, Trajectory

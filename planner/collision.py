@@ -17,7 +17,7 @@ from planner.clearance import Clearance
 from planner.contact import boxed, has_depth
 from planner.distances import UNKNOWN_DEPTH_M
 from planner.errors import SceneError
-from planner.lever_arms import LeverArms
+from planner.motion_bounds import MotionBounds
 from planner.robot_shapes import RobotShapes
 from planner.scene import Scene
 from planner.shape_pairs import Held, ShapePairs
@@ -96,9 +96,9 @@ class ClearanceChecker(OneLine):
         return self._made_by, ()
 
     @cached_property
-    def levers(self) -> LeverArms:
+    def motion_bounds(self) -> MotionBounds:
         """Bounds on distances and motions of the shapes while the arm moves."""
-        return LeverArms(self.robot, self.geometry, self.arm, self.checked.covers)
+        return MotionBounds(self.robot, self.geometry, self.arm, self.checked.covers)
 
     @cached_property
     def for_contacts(self) -> pin.GeometryModel:
@@ -158,8 +158,8 @@ class ClearanceChecker(OneLine):
 
         Where one is not less than `within_m`, that or more is given.
         """
-        distances = self.checked.distances
-        distances.place(self.levers.place(full, full[self.levers.q_index][None]).shapes[0])
+        bounds, distances = self.motion_bounds, self.checked.distances
+        distances.place(bounds.place(full, full[bounds.q_index][None]).shapes[0])
         return [distances.measure(pair, within_m) for pair in pairs]
 
     def _facts(self) -> tuple[str, ...]:
@@ -170,8 +170,8 @@ class ClearanceChecker(OneLine):
 
         Bounds below zero say nothing of how deep two are inside each other.
         """
-        levers, distances = self.levers, self.checked.distances
-        poses = levers.place(full, full[levers.q_index][None]).shapes
+        placing, distances = self.motion_bounds, self.checked.distances
+        poses = placing.place(full, full[placing.q_index][None]).shapes
         distances.place(poses[0])
         pairs = np.arange(len(self.pairs))
         bounds = self.checked.gaps_m(poses, np.zeros_like(pairs), pairs)

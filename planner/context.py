@@ -20,13 +20,13 @@ from baxter_kin.errors import ConfigurationError, expect
 from planner.clearance import Clearance, SweptResult
 from planner.collision import ClearanceChecker
 from planner.contact import has_depth
+from planner.continuous import checked_margin_m, prove_clear
 from planner.errors import SceneError
 from planner.manipulator import Manipulator
 from planner.motion.obstacles import KEPT_SHARE, Obstacles
 from planner.scene import Scene
 from planner.screening import SCREENING_STEP_RAD, looks_clear
 from planner.shape_pairs import Held
-from planner.swept import checked_margin_m, prove_clear
 from planner.trajectory import Trajectory
 
 NEAR_RAD = 100.0

@@ -3,7 +3,8 @@
 On a way of the fingers a shape moves along the closing axis by at most as far as the finger that it
 is part of, or that pushes it; seen from a shape that the other finger moves, by twice as much. So a
 pair keeps a distance above d - s on a stretch in whose middle its distance is d, when s bounds that
-motion over half the stretch; stretches are halved where that is not enough, as in `planner.swept`.
+motion over half the stretch; stretches are halved where that is not enough
+(`planner.continuous`).
 
 A closing hand goes two stretches. On the first the body stands between the fingers, as it is found.
 On the second one finger pushes it along, until the other finger meets it (`planner.grasp`). What a
@@ -23,11 +24,11 @@ from numpy.typing import NDArray
 from baxter_kin.arrays import Indices, Vector
 from planner.clearance import SweptContact, SweptProof, SweptResult
 from planner.contact import touching
+from planner.continuous import Around, prove_motion
 from planner.grasp import Grasp
 from planner.manipulator import Manipulator
 from planner.scene import Scene
 from planner.shape_pairs import CheckedPairs, ShapePairs
-from planner.swept import Around, prove_motion
 
 FINGER_SPEED_M_S = 0.05
 """Speed of each finger: the whole stroke of 20.8 mm takes 0.42 s. The URDF's 5 m/s is a placeholder

@@ -14,9 +14,9 @@ import pinocchio as pin
 from baxter_kin.frames import raised
 from planner.clearance import Clearance, SweptContact
 from planner.context import CollisionContext
+from planner.continuous import ACCURACY_M
 from planner.plan import PlanFailure
 from planner.plan_builder import NoSolutionError
-from planner.swept import ACCURACY_M
 from planner.task import PickAndPlace
 
 STEP_M = 0.005
@@ -70,7 +70,7 @@ class _Hand:
         self._pairs = np.flatnonzero(
             (self._moves[first] & stands[second]) | (stands[first] & self._moves[second])
         )
-        self._poses = checker.levers.place(context.q_others, arm.neutral[None]).shapes[0]
+        self._poses = checker.motion_bounds.place(context.q_others, arm.neutral[None]).shapes[0]
         T_tip_base = arm.T_base_tip(arm.neutral).inverse().homogeneous
         self._T_tip_shapes = T_tip_base @ self._poses[self._moves]
 

@@ -30,6 +30,7 @@ import pinocchio as pin
 from planner.clearance import SweptContact, SweptResult
 from planner.contact import gap_m, touching
 from planner.context import CollisionContext
+from planner.continuous import RESOLUTION_M
 from planner.finger_travel import FingerTravel, TravelCheck, closing_travel, combined
 from planner.grasp import Grasp, Miss
 from planner.plan import GripperAction, PlanFailure
@@ -38,7 +39,6 @@ from planner.plan_request import PlanRequest
 from planner.scene import Body, Scene
 from planner.shape_pairs import Held
 from planner.support import Landing, land, levelled
-from planner.swept import RESOLUTION_M
 from planner.task import PickAndPlace
 
 LONGEST_DROP_M = 0.01

@@ -10,9 +10,9 @@ The tip comes down to a pose and rises from it along a straight line, and moves 
 the knots of the motion, above the lower of these two heights. It stops to grasp, to release, and
 `hover_m` above the place, where the cycle ends. While it is moved sideways, what is carried may
 touch nothing, its supports included. Each move is proven free of collision at every instant
-(`planner.swept`). The motions of a cycle are one nonlinear program, and as fast together as the
-limits and lines allow (`planner.motion`); where they collide, they are led around what is there,
-and where that fails, other pairs of IK solutions at pick and place are tried, with a stop above
+(`planner.continuous`). The motions of a cycle are one nonlinear program, and as fast together as
+the limits and lines allow (`planner.motion`); where they collide, they are led around what is
+there, and where that fails, other pairs of IK solutions are tried, with a stop above
 both and free moves in between, which keep no height (`planner.cycle_search`).
 """
 

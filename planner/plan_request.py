@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect, expect_all
+from planner.continuous import checked_margin_m
 from planner.errors import MotionError, SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.scene import Scene
 from planner.situation import Holding
 from planner.straight_line import STRICT, LineTolerance
-from planner.swept import checked_margin_m
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,7 +19,7 @@ from planner.distances import Enclosure
 from planner.drawing import KnownPairs
 from planner.errors import SceneError
 from planner.hand_body import fitted
-from planner.lever_arms import Covers
+from planner.motion_bounds import Covers
 from planner.robot_body import LinkBody, RobotBody
 from planner.scene import Part
 

@@ -23,7 +23,7 @@ from planner.clearance import Clearance
 from planner.contact import PRESSING_TOLERANCE_M, coal_shape, convex_pieces, has_depth
 from planner.distances import Distances, Enclosure
 from planner.errors import SceneError
-from planner.lever_arms import Covers
+from planner.motion_bounds import Covers
 from planner.robot_shapes import LinkShape, RobotShapes
 from planner.scene import Body, Scene
 

@@ -21,6 +21,7 @@ from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, positive_scalar
 from baxter_kin.errors import expect
 from planner.context import CollisionContext
+from planner.continuous import checked_margin_m
 from planner.errors import FreeMoveError, MotionError
 from planner.motion.avoidance import led_around
 from planner.motion.obstacles import Obstacles
@@ -30,7 +31,6 @@ from planner.motion.splines import Sketch
 from planner.motion.unknowns import JOINTS
 from planner.path import EDGE_STEP_RAD, search_corners
 from planner.screening import SCREENING_STEP_RAD, IsFree, looks_clear
-from planner.swept import checked_margin_m
 from planner.timing import plan_joint_move, rest_to_rest_s, stopping_at
 from planner.trajectory import Trajectory
 

@@ -4,7 +4,7 @@ Shapes are taken as their convex hulls, which contain them: their distance is ex
 also inside each other, and costs microseconds. Near a configuration it changes by what brings the
 nearest points together (Schulman et al., "Motion planning with sequential convex optimization and
 convex collision checking", Int. J. Robotics Research 33(9), 2014, section 4). In each interval of a
-motion it is bounded where it is least. A proof is another matter (`planner.swept`).
+motion it is bounded where it is least. A proof is another matter (`planner.continuous`).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from baxter_kin.arrays import Indices, Vector
 from planner.collision import ClearanceChecker
 from planner.contact import DISTANCE_TOLERANCE_M, hull
 from planner.distances import NO_DISTANCE_M, UNKNOWN_DEPTH_M
-from planner.lever_arms import Placed
 from planner.motion.splines import weights_at
 from planner.motion.unknowns import JOINTS, PAIRS
+from planner.motion_bounds import Placed
 
 REACH_M = 0.15
 """Farther pairs are not bounded: none comes so near from one solution to the next."""
@@ -68,7 +68,7 @@ class Obstacles:
             resting: configurations at which the arm rests in it, shape (k, 7), rad.
             margin_m: distance to keep, as far as it is kept there.
         """
-        self._levers, self._checked = checker.levers, checker.checked
+        self._motion_bounds, self._checked = checker.motion_bounds, checker.checked
         self._full = q_others
         self._numbers: Indices = np.flatnonzero(~checker.may_touch)
         self._pairs = checker.pairs[self._numbers]
@@ -83,7 +83,7 @@ class Obstacles:
         self._request.gjk_tolerance = DISTANCE_TOLERANCE_M
         self.needed_m = np.full(len(self._pairs), margin_m)
         if len(resting):
-            self.needed_m = self._kept(self._levers.place(self._full, resting), margin_m)
+            self.needed_m = self._kept(self._motion_bounds.place(self._full, resting), margin_m)
 
     def bounds(self, controls: Vector) -> LinearBounds:
         """Near a motion by its controls, shape (n + 3, 7)."""
@@ -91,7 +91,7 @@ class Obstacles:
         windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)  # n, 7, 4
         intervals = len(windows)
         qs = (windows @ weights_at(fractions).T).swapaxes(1, 2).reshape(-1, JOINTS)
-        placed = self._levers.place(self._full, qs)
+        placed = self._motion_bounds.place(self._full, qs)
         gaps = self._gaps_m(placed) - self.needed_m
         least = np.full(len(qs), REACH_M)
         for first in range(0, len(qs), LOOKS):
@@ -102,7 +102,7 @@ class Obstacles:
         deepest = least.reshape(intervals, LOOKS).argmin(axis=1)
         numbers = np.zeros((intervals, PAIRS, JOINTS + 1))
         numbers[:, :, JOINTS] = REACH_M
-        axes = self._levers.axes(placed)
+        axes = self._motion_bounds.axes(placed)
         for interval, k in enumerate((LOOKS * np.arange(intervals) + deepest).tolist()):
             if least[k] < REACH_M:
                 for row, (excess, i) in enumerate(self._nearest(placed, k, gaps[k], PAIRS)):
@@ -176,7 +176,7 @@ class Obstacles:
         points = self._result.getNearestPoint1(), self._result.getNearestPoint2()
         slope = np.zeros(JOINTS)
         for shape, point, sign in zip(self._pairs[i], points, (-1.0, 1.0), strict=True):
-            depth = self._levers.depth[shape]
+            depth = self._motion_bounds.depth[shape]
             arms = (point - joints[:depth, :3, 3]) @ across
             slope[:depth] += sign * np.einsum("ij,ij->i", axes[:depth], arms)
         return slope

@@ -24,9 +24,9 @@ from planner.contact import (
     touching,
     travel_to_contact,
 )
+from planner.continuous import ACCURACY_M
 from planner.mesh import Mesh
 from planner.scene import Shape
-from planner.swept import ACCURACY_M
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
 from tests.planner.conftest import distance, hull, mesh_of

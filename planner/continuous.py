@@ -2,7 +2,7 @@
 
 While a motion passes a time interval, no point of a link moves farther from where it is in the
 middle of the interval than its lever arms and the exact turns of the joints allow
-(`planner.lever_arms`, `planner.joint_span`). The distance of two shapes changes by no more than
+(`planner.motion_bounds`). The distance of two shapes changes by no more than
 the farthest-moving point of one moves, seen from the other. That holds inside each other too,
 where the distance is minus the depth: of convex shapes it is the greatest, over all directions, of
 the gap between two planes across that direction, and no such gap changes by more. So a pair keeps a
@@ -32,7 +32,7 @@ from planner.clearance import Clearance, SweptContact, SweptProof, SweptResult
 from planner.collision import FARTHEST_JOINT, ClearanceChecker
 from planner.distances import UNKNOWN_DEPTH_M
 from planner.errors import MotionError, SceneError, TrajectoryError
-from planner.joint_span import JointSpan
+from planner.motion_bounds import JointSpan
 from planner.shape_pairs import CheckedPairs
 from planner.trajectory import Trajectory
 
@@ -181,15 +181,16 @@ class ArmMotion:
 
     def __init__(self, checker: ClearanceChecker, trajectory: Trajectory, full: Vector) -> None:
         self.duration_s = trajectory.duration
-        self._full, self._span, self._levers = full, JointSpan(trajectory), checker.levers
+        self._full, self._span = full, JointSpan(trajectory)
+        self._motion_bounds = checker.motion_bounds
         self._covers, self._padding_m = checker.checked.covers, checker.checked.padding_m
-        self._moving, self._other = _outer_first(checker.pairs, self._levers.depth)
+        self._moving, self._other = _outer_first(checker.pairs, self._motion_bounds.depth)
 
     def around(self, starts_s: Vector, ends_s: Vector) -> Around:
         """By lever arms and exact turns."""
         qs, turns = self._span.around_middle(starts_s, ends_s)
-        placed = self._levers.place(self._full, qs)
-        motions = self._levers.motions_m(placed, turns)
+        placed = self._motion_bounds.place(self._full, qs)
+        motions = self._motion_bounds.motions_m(placed, turns)
 
         def gaps_m(interval: Indices, pair: Indices) -> Vector:
             moving, other = self._moving[pair], self._other[pair]
@@ -197,7 +198,7 @@ class ArmMotion:
             return gaps - self._padding_m[pair]
 
         def motions_m(interval: Indices, pair: Indices) -> Vector:
-            seen_from = self._levers.depth[self._other[pair]]
+            seen_from = self._motion_bounds.depth[self._other[pair]]
             moved: Vector = motions[interval, self._moving[pair], seen_from]
             return moved
 

@@ -25,12 +25,12 @@ from planner import (
     TrajectoryError,
     plan_joint_move,
 )
-from planner import swept as module
+from planner import continuous as module
 from planner.clearance import SweptContact, SweptProof, SweptResult
 from planner.contact import PRESSING_TOLERANCE_M
+from planner.continuous import ACCURACY_M, RESOLUTION_M, SLACK_M, TIGHTNESS, prove_clear
 from planner.scene import Shape
 from planner.shape_pairs import Held
-from planner.swept import ACCURACY_M, RESOLUTION_M, SLACK_M, TIGHTNESS, prove_clear
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
 from tests.planner.conftest import mesh_of

@@ -1,4 +1,4 @@
-"""LeverArms: how far a joint's turning can carry the shapes of an arm, and how far apart they are.
+"""MotionBounds: how far joints get in a time, what that moves, and how far apart things are.
 
 A shape of the arm is on the far side of a chain of revolute joints 1 .. k. Let joint i turn from
 q_i by d_i. Turn them one after the other, joint 1 first: when joint i turns, the joints beyond it
@@ -25,6 +25,9 @@ from numpy.typing import NDArray
 
 from baxter_kin import Arm
 from baxter_kin.arrays import Indices, Vector
+from baxter_kin.errors import expect
+from planner.errors import TrajectoryError
+from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
 
 class Placed(NamedTuple):
@@ -39,7 +42,7 @@ class Placed(NamedTuple):
     shapes: Vector
 
 
-class LeverArms:
+class MotionBounds:
     """Bounds on distances and motions of the shapes of a geometry model while one arm moves.
 
     Attributes:
@@ -173,6 +176,54 @@ class Covers(NamedTuple):
         balls = np.where(round_ends, np.hypot(lengths, radii), 0.0)
         balls = np.where(round_ends, balls, np.linalg.norm(highest - lowest, axis=1) / 2)
         return cls(lowest, highest, centres, balls, ends, radii)
+
+
+class JointSpan:
+    """How far the joints of a motion get from where they are at an instant, exactly.
+
+    Between two neighbouring ones of its knots and turning points a joint of a piecewise-cubic
+    motion only rises or only falls. So the positions at an interval's two ends, and at the knots
+    and turning points inside it, hold the lowest and the highest position of the interval.
+    """
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        """Collect knots and turning points.
+
+        Raises:
+            TrajectoryError: when it is no `Trajectory`.
+        """
+        self._trajectory = expect(trajectory, Trajectory, "trajectory", TrajectoryError)
+        times = np.concatenate([trajectory.knots_s, trajectory.turning_times])
+        self._times = np.unique(np.clip(times, 0.0, trajectory.duration))
+        self._positions = trajectory.sample(self._times).q
+
+    def around_middle(self, starts_s: Vector, ends_s: Vector) -> tuple[Vector, Vector]:
+        """Where the joints are in the middle of intervals, and how far they get from there.
+
+        Args:
+            starts_s: shape (m,), seconds.
+            ends_s: shape (m,), seconds, none before its start.
+
+        Returns:
+            Positions at the middles, shape (m, n), rad, and the greatest distance of each joint
+            from them at any time of the interval, shape (m, n), rad, `CONTINUITY_TOLERANCE`
+            included, by which positions may jump at a knot.
+        """
+        at = self._trajectory.sample
+        middles = at((starts_s + ends_s) / 2).q
+        ends = np.maximum(np.abs(at(starts_s).q - middles), np.abs(at(ends_s).q - middles))
+        first = np.searchsorted(self._times, starts_s, side="left")
+        last = np.searchsorted(self._times, ends_s, side="right")
+        highest = np.maximum(self._over(np.maximum, first, last, middles) - middles, 0.0)
+        lowest = np.maximum(middles - self._over(np.minimum, first, last, middles), 0.0)
+        return middles, np.maximum(ends, np.maximum(highest, lowest)) + CONTINUITY_TOLERANCE
+
+    def _over(self, extreme: np.ufunc, first: Indices, last: Indices, empty: Vector) -> Vector:
+        """The extreme of the collected positions first .. last - 1; `empty` where there is none."""
+        padded = np.concatenate([self._positions, self._positions[-1:]])
+        bounds = np.column_stack([first, last]).reshape(-1)
+        found: Vector = extreme.reduceat(padded, bounds, axis=0)[::2]
+        return np.where((last > first)[:, None], found, empty)
 
 
 def _capsule(geometry: coal.CollisionGeometry, half: Vector) -> tuple[Vector, float]:

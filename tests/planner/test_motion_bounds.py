@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter
 from planner import RobotShapes
-from planner.lever_arms import LeverArms
+from planner.motion_bounds import MotionBounds
 from tests.planner.conftest import distance
 
 Vector = NDArray[np.float64]
@@ -40,7 +40,7 @@ class Rig:
         shapes = RobotShapes(robot)
         self.arm, self.shapes = arm, shapes.model.geometryObjects
         self.covers = shapes.covers
-        self.levers = LeverArms(robot.model, shapes.model, arm, self.covers)
+        self.bounds = MotionBounds(robot.model, shapes.model, arm, self.covers)
         self.q_others = robot.configuration()
         self._robot = robot
 
@@ -53,12 +53,12 @@ class Rig:
 
     def moving(self) -> Iterator[tuple[int, Any]]:
         """The shapes of the arm with their numbers."""
-        return ((i, self.shapes[i].geometry) for i in np.flatnonzero(self.levers.depth).tolist())
+        return ((i, self.shapes[i].geometry) for i in np.flatnonzero(self.bounds.depth).tolist())
 
     def bound(self, q: Vector, turns: Vector) -> Vector:
         """What is under test, shape (shapes, 8)."""
-        where = self.levers.place(self.q_others, q[None])
-        found: Vector = self.levers.motions_m(where, turns[None])[0]
+        where = self.bounds.place(self.q_others, q[None])
+        found: Vector = self.bounds.motions_m(where, turns[None])[0]
         return found
 
     def random_turn(self, seed: int, size: float) -> tuple[Vector, Vector, Vector]:
@@ -87,7 +87,7 @@ def acted(T: pin.SE3, geometry: Any) -> Vector:
 
 def test_every_shape_of_the_arm_moves_and_no_other(rig: Rig) -> None:
     names = [str(shape.name) for shape in rig.shapes]
-    moved = {names[i] for i in np.flatnonzero(rig.levers.depth)}
+    moved = {names[i] for i in np.flatnonzero(rig.bounds.depth)}
     assert moved == {name for name in names if name.startswith(("left_", "l_gripper"))}
 
 
@@ -96,7 +96,7 @@ def test_every_shape_of_the_arm_moves_and_no_other(rig: Rig) -> None:
 def test_poses_are_those_of_pinocchio(rig: Rig, seed: int) -> None:
     limits = rig.arm.limits
     qs = np.random.default_rng(seed).uniform(limits.q_min, limits.q_max, size=(3, 7))
-    found = rig.levers.place(rig.q_others, qs).shapes
+    found = rig.bounds.place(rig.q_others, qs).shapes
     for q, poses in zip(qs, found, strict=True):
         wanted = [T.homogeneous for T in rig.poses(q)]
         assert np.allclose(poses, wanted, atol=ROUNDING_M)
@@ -117,7 +117,7 @@ def test_no_point_of_a_shape_moves_farther(rig: Rig, seed: int, size: float) -> 
 def test_nor_seen_from_another_link(rig: Rig, seed: int, size: float) -> None:
     q, turns, q_after = rig.random_turn(seed, size)
     before, after, bound = rig.poses(q), rig.poses(q_after), rig.bound(q, turns)
-    depth = rig.levers.depth
+    depth = rig.bounds.depth
     for (i, geometry), (k, _) in product(rig.moving(), rig.moving()):
         if depth[k] <= depth[i]:
             was, now = before[k].actInv(before[i]), after[k].actInv(after[i])
@@ -140,7 +140,7 @@ def test_gaps_are_below_the_distances_of_coal(rig: Rig, seed: int) -> None:
     rng = np.random.default_rng(seed)
     q = rig.arm.random_configuration(rng)
     first, second = rng.integers(len(rig.shapes), size=(2, 40))
-    placed = rig.levers.place(rig.q_others, q[None]).shapes
+    placed = rig.bounds.place(rig.q_others, q[None]).shapes
     gaps = rig.covers.gaps_m(placed, np.zeros(40, dtype=np.intp), first, second)
     poses, shapes = rig.poses(q), [shape.geometry for shape in rig.shapes]
     for i, k, gap in zip(first.tolist(), second.tolist(), gaps, strict=True):
