@@ -176,10 +176,22 @@ def hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
     for axis, extent_m in zip(axes, np.ptp(vertices @ axes.T, axis=0), strict=True):
         if extent_m < FLAT_M:  # which Qhull does not survive
             vertices = np.concatenate([vertices - FLAT_M * axis, vertices + FLAT_M * axis])
-    points = coal.StdVec_Vec3s()
-    for vertex in vertices:
-        points.append(vertex)
-    return coal.Convex.convexHull(points, True, "Qt")
+    return hull_of(vertices)
+
+
+def hull_of(points: Vector) -> coal.Convex:
+    """The convex hull of points that are not all in a plane, shape (n, 3), m."""
+    vertices = coal.StdVec_Vec3s()
+    for point in points:
+        vertices.append(point)
+    return coal.Convex.convexHull(vertices, True, "Qt")
+
+
+def triangles_of(geometry: coal.ConvexBase) -> tuple[Vector, Indices]:
+    """The surface of a convex shape of coal, shapes (n, 3), m, and (m, 3), seen from outside."""
+    faces = [geometry.polygons(i) for i in range(geometry.num_polygons)]
+    triangles: Indices = np.array([[face[k] for k in range(3)] for face in faces])
+    return np.array(geometry.points()), triangles
 
 
 def surface(vertices: Vector, triangles: Indices) -> coal.BVHModelOBBRSS:
@@ -226,8 +238,7 @@ def shape_of(geometry: coal.CollisionGeometry) -> Shape:
     if isinstance(geometry, coal.Sphere):
         return Sphere(geometry.radius)
     if isinstance(geometry, coal.ConvexBase):
-        faces = [geometry.polygons(i) for i in range(geometry.num_polygons)]
-        return Mesh(geometry.points(), np.array([[face[k] for k in range(3)] for face in faces]))
+        return Mesh(*triangles_of(geometry))
     raise SceneError(
         f"only boxes, cylinders, spheres and convex shapes are known, not {type(geometry).__name__}"
     )

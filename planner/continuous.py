@@ -250,43 +250,23 @@ class _Search:
         )
 
     def _look_at_ends(self) -> None:
-        """Measure the pairs at both ends, the nearest first, as long as they matter."""
+        """Measure the pairs at both ends, as long as they matter."""
         ends_s = np.array([0.0, self._duration_s])
-        around = self._motion.around(ends_s, ends_s)
-        for number in (0, 1):
-            self._checked.distances.place(around.poses[number])
-            interval = np.full(len(self._pairs), number)
-            gaps = around.gaps_m(interval, self._pairs)
-            self._look_at(ends_s, number, gaps)
-
-    def _look_at(self, ends_s: Vector, number: int, gaps: Vector) -> None:
-        """Measure the pairs at one end and judge them together."""
-        distances = self._checked.distances
-        found: dict[int, float] = {}
-        nearest_m = self._nearest.distance_m
-        most_needed_m = float(self._too_close_m.max(initial=RESOLUTION_M))
-        for index in np.argsort(gaps, kind="stable").tolist():
-            pair = int(self._pairs[index])
-            if gaps[index] >= max(nearest_m, most_needed_m):
-                break
-            counted_m = -np.inf if self._touch[pair] else nearest_m
-            least_m = max(counted_m, float(self._too_close_m[pair]))
-            distance_m = distances.measure(pair, np.nextafter(least_m, np.inf))
-            if distance_m > 0.0 and distances.is_within(pair):
-                distance_m = UNKNOWN_DEPTH_M
-            found[pair] = distance_m
-            nearest_m = min(nearest_m, np.inf if self._touch[pair] else distance_m)
-        self._evaluations += len(found)
-        self._judge(_Tasks.at(ends_s, number, list(found)), np.array(list(found.values())))
+        tasks, around = _Tasks.of(ends_s, ends_s, self._pairs), self._motion.around(ends_s, ends_s)
+        gaps = around.gaps_m(tasks.interval, tasks.pair)
+        self._measured(tasks, around.poses, gaps, np.zeros(len(gaps)), is_end=True)
 
     def _unproven(self, tasks: _Tasks) -> _Tasks:
         """Those of the tasks that need smaller intervals."""
         self._intervals += len(tasks.starts_s)
         around = self._motion.around(tasks.starts_s, tasks.ends_s)
         motions = around.motions_m(tasks.interval, tasks.pair)
-        near = self._open(tasks, _sure(around.gaps_m(tasks.interval, tasks.pair)) - motions)
-        tasks, motions = tasks.only(near), motions[near]
-        distances = self._measured(tasks, around.poses, motions)
+        gaps = around.gaps_m(tasks.interval, tasks.pair)
+        near = self._open(tasks, _sure(gaps) - motions)
+        tasks, gaps, motions = tasks.only(near), gaps[near], motions[near]
+        wanted_m = self._wanted_m()[tasks.pair] + motions
+        within_m = np.maximum(wanted_m + 2.0 * ACCURACY_M * np.maximum(1.0, wanted_m), 0.0)
+        distances = self._measured(tasks, around.poses, gaps, within_m)
         return tasks.only(self._open(tasks, _sure(distances) - motions))
 
     def _wanted_m(self) -> Vector:
@@ -302,47 +282,58 @@ class _Search:
         self._proven_m = min(self._proven_m, float(counted.min(initial=np.inf)))
         return ~enough
 
-    def _measured(self, tasks: _Tasks, poses: Vector, motions: Vector) -> Vector:
-        """Distances in the middle of the intervals, shape (k,), m.
+    def _measured(
+        self,
+        tasks: _Tasks,
+        poses: Vector,
+        gaps: Vector,
+        within_m: Vector,
+        *,
+        is_end: bool = False,
+    ) -> Vector:
+        """Distances in the middle of the intervals, shape (k,), m, or lower bounds on them.
 
-        As far as they matter: one that is enough for its pair to move by so much, and not the
+        As far as they matter, the nearest first: one that is not within what is asked for, nor the
         least, need not be known better.
+
+        Args:
+            tasks: the pairs and intervals.
+            poses: of all shapes in the middles.
+            gaps: lower bounds on the distances, shape (k,).
+            within_m: what is to be told apart, shape (k,).
+            is_end: whether what is wholly inside a closed surface is looked for, too.
 
         Raises:
             _NotClearError: when one is too small, or there are too many.
         """
-        wanted_m = self._wanted_m()[tasks.pair] + motions
-        within_m = np.maximum(wanted_m + 2.0 * ACCURACY_M * np.maximum(1.0, wanted_m), 0.0)
-        distances = self._checked.distances
-        found, is_exact = np.empty(len(tasks.pair)), np.empty(len(tasks.pair), dtype=np.bool_)
+        found, distances = np.array(gaps), self._checked.distances
+        most_needed_m = float(self._too_close_m.max(initial=RESOLUTION_M))
         numbers, begins = np.unique(tasks.interval, return_index=True)
-        ends = np.searchsorted(tasks.interval, numbers, side="right")
-        for number, begin, end in zip(
-            numbers.tolist(), begins.tolist(), ends.tolist(), strict=True
-        ):
+        parts = np.split(np.arange(len(gaps)), begins[1:])
+        for number, each in zip(numbers, parts, strict=False):  # no numbers, one empty part
             distances.place(poses[number])
-            for task in range(begin, end):
+            farthest_m = max(float(within_m[each].max()), most_needed_m)
+            for task in each[np.argsort(gaps[each], kind="stable")].tolist():
+                refined_m = REFINED * self._nearest.distance_m
+                if gaps[task] >= max(farthest_m, refined_m):
+                    break
                 pair = int(tasks.pair[task])
-                counted_m = -np.inf if self._touch[pair] else REFINED * self._nearest.distance_m
+                counted_m = -np.inf if self._touch[pair] else refined_m
                 exact_m = np.nextafter(max(counted_m, float(self._too_close_m[pair])), np.inf)
                 least_m = max(float(within_m[task]), exact_m)
+                if gaps[task] >= least_m:
+                    continue
+                self._evaluations += 1
                 found[task] = distances.measure(pair, least_m, exact_m)
-                is_exact[task] = found[task] < exact_m
-        self._evaluations += len(found)
-        self._judge(tasks, found, is_exact)
+                if is_end and found[task] > 0.0 and distances.is_within(pair):
+                    found[task] = UNKNOWN_DEPTH_M
+                if found[task] < exact_m and not self._touch[pair]:
+                    self._nearest = self._found(tasks, found, task)
+        excess = found - self._needed_m[tasks.pair]
+        is_too_close = (found <= self._too_close_m[tasks.pair]).any()
+        if is_too_close or (found.size and self._evaluations > MOST_EVALUATIONS):
+            self._stop(tasks, found, int(excess.argmin()))
         return found
-
-    def _judge(
-        self, tasks: _Tasks, distances: Vector, is_exact: bool | NDArray[np.bool_] = True
-    ) -> None:
-        """Stop at a distance that is too small; remember the least of those that are exact."""
-        is_too_close = (distances <= self._too_close_m[tasks.pair]).any()
-        if is_too_close or (distances.size and self._evaluations > MOST_EVALUATIONS):
-            excess = distances - self._needed_m[tasks.pair]
-            self._stop(tasks, distances, int(excess.argmin()))
-        counted = np.where(is_exact & ~self._touch[tasks.pair], distances, np.inf)
-        if counted.min(initial=np.inf) < self._nearest.distance_m:
-            self._nearest = self._found(tasks, distances, int(counted.argmin()))
 
     def _found(self, tasks: _Tasks, distances: Vector, task: int) -> Clearance:
         time_s = float(tasks.middles_s[tasks.interval[task]])
