@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.copying import FrozenMapping
 from baxter_kin.description import HandMount, RobotDescription, UrdfSource
 from baxter_kin.display import OneLine, count
@@ -24,7 +24,7 @@ from baxter_kin.errors import (
     shortened,
 )
 from baxter_kin.fields import Checked
-from baxter_kin.frames import checked_pose
+from baxter_kin.frames import chain_poses, checked_pose
 from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, JointLimits
 
 LIMBS = ("left", "right")
@@ -139,6 +139,21 @@ class Arm:
         data = self._workspace.data
         pin.forwardKinematics(self.model, data, q)
         return pin.SE3(pin.updateFramePlacement(self.model, data, self._tip_id))
+
+    def T_base_tips(self, qs: ArrayLike) -> Vector:
+        """Forward kinematics of many configurations at once, shape (m, 7), rad: (m, 4, 4).
+
+        Raises:
+            ConfigurationError: when `qs` has another shape or is not finite.
+        """
+        given = float_array(qs, "qs", ConfigurationError)
+        qs = finite_array(given, (given.size // 7, 7), "qs", ConfigurationError)
+        model, joints = self.model, range(1, 8)
+        placements = np.array([model.jointPlacements[j].homogeneous for j in joints])
+        axes = np.array([np.ravel(self._workspace.data.joints[j].S)[3:] for j in joints])
+        T_last_tip = model.frames[self._tip_id].placement.homogeneous
+        tips: Vector = chain_poses(placements, axes, qs)[:, -1] @ T_last_tip
+        return tips
 
     def jacobian(self, q: ArrayLike) -> Vector:
         """The geometric Jacobian of the tip, shape (6, 7): twist of the tip per joint velocity.

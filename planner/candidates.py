@@ -51,7 +51,8 @@ class Solutions:
         stage: label of the move that ends there.
         qs: shape (n, 7), rad.
         is_free: whether the one of a number is.
-        has_room: whether it also keeps the distance that searches for a way around keep.
+        has_room: whether it also keeps the distance that searches for a way around keep; what has
+            is free.
     """
 
     def __init__(self, stage: str, qs: Vector, context: CollisionContext) -> None:
@@ -78,7 +79,8 @@ class Solutions:
             raise NoSolutionError.at(
                 self.stage, "no solution leads on to where the cycle ends", is_certain=True
             )
-        if not any(self.is_free(index) for index in range(len(self.qs))):
+        each = range(len(self.qs))
+        if not any(map(self.has_room, each)) and not any(map(self.is_free, each)):
             tally = self.tally()
             raise NoSolutionError(
                 PlanFailure(self.stage, str(tally), is_certain=True, tallies=(tally,))
@@ -116,12 +118,12 @@ class Candidates:
 
         Those with room around them come first, among them the fastest.
         """
-        for with_room in (True, False):
-            for i, j in self.order.tolist():
-                if self._closed[i, j] or not (picks.is_free(i) and places.is_free(j)):
-                    continue
-                if (picks.has_room(i) and places.has_room(j)) == with_room:
-                    yield i, j
+        closed, pairs = self._closed, self.order.tolist()
+        has_room = cache(lambda i, j: picks.has_room(i) and places.has_room(j))
+        yield from ((i, j) for i, j in pairs if not closed[i, j] and has_room(i, j))
+        for i, j in pairs:
+            if not (closed[i, j] or has_room(i, j)) and picks.is_free(i) and places.is_free(j):
+                yield i, j
 
     def close(self, picks: Indices, places: Indices, stage: str) -> bool:
         """Give up what is like a pair that failed at a stage; True if it failed sideways.

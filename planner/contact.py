@@ -5,6 +5,7 @@ coal enters here; the geometry models of `planner.collision` are made of its sha
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import product
 from typing import Any, TypeAlias
 
@@ -117,8 +118,9 @@ def touching(body: Body, scene: Scene) -> frozenset[str]:
     )
 
 
+@lru_cache(maxsize=64)
 def coal_shape(shape: Shape) -> coal.CollisionGeometry:
-    """Our shape as coal's."""
+    """Our shape as coal's; made once, for as long as it is in use."""
     if isinstance(shape, Box):
         return coal.Box(*shape.size_m)
     if isinstance(shape, Cylinder):

@@ -133,13 +133,10 @@ class CollisionContext(OneLine):
             self._proven = trajectory, result
         return result
 
-    def looks_clear(self, trajectory: Trajectory) -> bool:
-        """Whether a motion keeps the margin at samples; quick, and no proof."""
-        return looks_clear(trajectory, self.is_free, SCREENING_STEP_RAD)
-
     def is_clear(self, trajectory: Trajectory) -> bool:
         """Whether a motion is proven to keep the margin; looked at in samples first."""
-        return self.looks_clear(trajectory) and self.prove(trajectory).is_clear
+        looks = looks_clear(trajectory, self.is_free, SCREENING_STEP_RAD)
+        return looks and self.prove(trajectory).is_clear
 
     def with_margin(self, margin_m: float, *ends: ArrayLike) -> CollisionContext:
         """The same with another margin.

@@ -190,7 +190,6 @@ class ArmMotion:
         """By lever arms and exact turns."""
         qs, turns = self._span.around_middle(starts_s, ends_s)
         placed = self._motion_bounds.place(self._full, qs)
-        motions = self._motion_bounds.motions_m(placed, turns)
 
         def gaps_m(interval: Indices, pair: Indices) -> Vector:
             moving, other = self._moving[pair], self._other[pair]
@@ -199,7 +198,9 @@ class ArmMotion:
 
         def motions_m(interval: Indices, pair: Indices) -> Vector:
             seen_from = self._motion_bounds.depth[self._other[pair]]
-            moved: Vector = motions[interval, self._moving[pair], seen_from]
+            shapes, column = np.unique(self._moving[pair], return_inverse=True)
+            motions = self._motion_bounds.motions_m(placed, turns, shapes)
+            moved: Vector = motions[interval, column, seen_from]
             return moved
 
         return Around(placed.shapes, gaps_m, motions_m)

@@ -14,12 +14,10 @@ from typing import NamedTuple
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from planner.clearance import SweptContact
 from planner.context import CollisionContext
 from planner.errors import MotionError
 from planner.motion.straight_move import plan_straight_move
-from planner.plan import PlanFailure
-from planner.plan_builder import NoSolutionError, free_motion
+from planner.plan_builder import NoSolutionError, free_motion, proven
 from planner.plan_request import PlanRequest
 from planner.task import PickAndPlace
 from planner.trajectory import Trajectory
@@ -79,18 +77,6 @@ class Cycle(NamedTuple):
         return sum(motion.duration for motion in self)
 
 
-def refuse_colliding(stage: str, motion: Trajectory, context: CollisionContext) -> None:
-    """Stop when a motion collides at samples; quick, and no proof that it does not.
-
-    Raises:
-        NoSolutionError: then; says with what.
-    """
-    if not context.looks_clear(motion):
-        result = context.prove(motion)
-        if isinstance(result, SweptContact):
-            raise NoSolutionError(PlanFailure(stage, str(result), contact=result))
-
-
 class StoppingCycles:
     """Cycles that stop above pick and place; their lines are planned once for each solution."""
 
@@ -118,7 +104,7 @@ class StoppingCycles:
             ("place: descend", down_place),
             ("place: retract", up_end),
         ):
-            refuse_colliding(stage, motion, contexts[stage])
+            proven(stage, motion, contexts[stage])
         to_pick, to_place = (
             free_motion(stage, ends, self._request.manipulator, contexts[stage], TIMEOUT_S)
             for stage, ends in (

@@ -21,12 +21,12 @@ import numpy as np
 import pinocchio as pin
 
 from planner.candidates import Candidates, Pair, Solutions
-from planner.cycle import SIDEWAYS, STAGES, Cycle, StoppingCycles, refuse_colliding
+from planner.cycle import SIDEWAYS, STAGES, Cycle, StoppingCycles
 from planner.hand_lines import refuse_blocked_hand
 from planner.motion.cycle_program import CycleProgram
 from planner.phases import PhaseMaker
 from planner.plan import GripperAction, Plan, PlanFailure
-from planner.plan_builder import NoSolutionError, PlanBuilder, refuse_blocked
+from planner.plan_builder import NoSolutionError, PlanBuilder, proven, refuse_blocked
 from planner.plan_request import PlanRequest
 from planner.task import PickAndPlace
 from planner.trajectory import Trajectory
@@ -43,14 +43,14 @@ SAME_S, SAME_RAD = 2e-3, 0.02
 MOST_TRIED, MOST_SIDEWAYS = 16, 3
 """Pairs that are tried one motion at a time, and those of them whose sideways motions fail."""
 
-SCREENED = (
+PROVEN_FIRST = (
     "pick: descend",
     "place: descend",
     "place: retract",
     "pick: approach",
     "place: approach",
 )
-"""Stages whose motions are looked at in samples first, those that rule out most others first."""
+"""The order in which motions are proven: those first that rule out most others."""
 
 
 class CycleSearch:
@@ -140,9 +140,6 @@ class CycleSearch:
         self._phases.refuse_impossible()
         refuse_blocked_hand(self._task, contexts)
 
-    def _open_pairs(self) -> Iterator[tuple[int, int]]:
-        return self._candidates.open_ones(self._picks, self._places)
-
     def _fastest(self) -> Iterator[Plan]:
         """Cycles whose six motions are one program, from the first few pairs that differ.
 
@@ -164,7 +161,8 @@ class CycleSearch:
     def _different(self) -> Iterator[Pair]:
         """Open pairs in order, but for those too near to one before."""
         chosen: list[Pair] = []
-        for pair in (self._candidates.pair(*each) for each in self._open_pairs()):
+        open_ones = self._candidates.open_ones(self._picks, self._places)
+        for pair in (self._candidates.pair(*each) for each in open_ones):
             if all(np.abs(np.subtract(pair, other)).max() > DIFFERENT_RAD for other in chosen):
                 chosen.append(pair)
                 yield pair
@@ -189,7 +187,7 @@ class CycleSearch:
         """Cycles that stop above pick and place; a pair that fails closes others like it."""
         cycles = StoppingCycles(self._request, self._task, self._contexts)
         sideways = 0
-        for i, j in islice(self._open_pairs(), MOST_TRIED):
+        for i, j in islice(self._candidates.open_ones(self._picks, self._places), MOST_TRIED):
             try:
                 plan = self._along(cycles.of(*self._candidates.pair(i, j)))
             except NoSolutionError as stop:
@@ -202,11 +200,11 @@ class CycleSearch:
                 break
 
     def _along(self, cycle: Cycle) -> Plan:
-        """The plan of a cycle up to the stage that fails; no steps where a quick look shows it."""
+        """The plan of a cycle up to the stage that fails; no steps where a move does."""
         builder = PlanBuilder(self._request)
         try:
-            for stage in SCREENED:
-                refuse_colliding(stage, cycle.by_stage[stage], self._contexts[stage])
+            for stage in PROVEN_FIRST:
+                proven(stage, cycle.by_stage[stage], self._contexts[stage])
             self._add(cycle, builder)
         except NoSolutionError as stop:
             return self._missing(builder, stop.failure)

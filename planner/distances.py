@@ -127,8 +127,10 @@ class Distances:
             return self._distance(first, second, np.inf) - padding_m
         easy_m = self._easy_m.get(pair, FIRST_M)
         ask_m = min(within_m, max(exact_below_m, easy_m))
-        is_farther = any(d >= ask_m + padding_m for d in self._of_pieces(first, second))
-        found = np.inf if is_farther else self._distance(first, second, ask_m + padding_m)
+        for inside_m in self._of_pieces(first, second):
+            if inside_m - padding_m >= min(ask_m, exact_below_m):
+                return min(ask_m, inside_m - padding_m)
+        found = self._distance(first, second, ask_m + padding_m)
         if found <= 0.0:
             return -self._depth(first, second) - padding_m
         if found < ask_m + padding_m:

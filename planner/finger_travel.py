@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -65,14 +66,7 @@ class FingerTravel:
 def closing_travel(
     scene: Scene, name: str, opening_m: float, grasp: Grasp
 ) -> tuple[FingerTravel, ...]:
-    """The stretches on which an open hand closes on a body.
-
-    Args:
-        scene: all bodies, that one among them.
-        name: of the body.
-        opening_m: finger position of the open hand.
-        grasp: what comes of it.
-    """
+    """The stretches on which a hand that is so far open closes on a body of a scene, by its name."""
     touch_m = grasp.finger_m + abs(grasp.push_m)
     coming = FingerTravel(scene, opening_m, touch_m, name)
     if abs(grasp.push_m) <= NO_PUSH_M:
@@ -143,6 +137,12 @@ class TravelCheck:
         return poses
 
 
+@lru_cache(maxsize=16)
+def travel_check(manipulator: Manipulator, travel: FingerTravel) -> TravelCheck:
+    """Made once: what is looked at for the hand alone is proven for the arm afterwards."""
+    return TravelCheck(manipulator, travel)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FingerMotion:
     """Shapes that slide along the closing axis at one speed.
@@ -196,7 +196,7 @@ def prove_travel(
         q: where the arm stands, shape (7,), rad.
         margin_m: distance that every pair shall keep, all but those of hand and grasped body.
     """
-    return combined(TravelCheck(manipulator, travel).at(q, margin_m) for travel in travels)
+    return combined(travel_check(manipulator, travel).at(q, margin_m) for travel in travels)
 
 
 def combined(results: Iterable[SweptResult]) -> SweptResult:

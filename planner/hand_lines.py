@@ -6,7 +6,7 @@ run into there among the bodies of the scene speaks against every solution, and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -42,51 +42,44 @@ def refuse_blocked_hand(task: PickAndPlace, contexts: Mapping[str, CollisionCont
 def _refuse_blocked_line(
     label: str, context: CollisionContext, T_base_tip: pin.SE3, rise_m: float
 ) -> None:
-    heights_m, hand = np.linspace(0.0, rise_m, 1 + int(np.ceil(rise_m / STEP_M))), _Hand(context)
-    looks = [(hand.contact(raised(T_base_tip, height)), height) for height in heights_m.tolist()]
-    found = [(contact, height) for contact, height in looks if contact is not None]
+    heights_m = np.linspace(0.0, rise_m, 1 + int(np.ceil(rise_m / STEP_M)))
+    found = _contacts(context, [raised(T_base_tip, height) for height in heights_m.tolist()])
     if not found:
         return
-    (near, needed_m), height_m = min(found, key=lambda each: each[0][0].distance_m)
+    near, needed_m, look = min(found, key=lambda each: each[0].distance_m)
+    height_m = float(heights_m[look])
     where = "at the pose" if height_m == 0.0 else f"{1e3 * height_m:.0f} mm above the pose"
     reason = f"for every IK solution, {near.text} {where}"
     if near.distance_m > 0.0:
         reason += f", and {1e3 * context.margin_m:.1f} mm are asked for"
-    contact = SweptContact(near, needed_m, duration_s=0.0, intervals=0, evaluations=len(looks))
+    contact = SweptContact(near, needed_m, duration_s=0.0, intervals=0, evaluations=len(heights_m))
     raise NoSolutionError(PlanFailure(label, reason, is_certain=True, contact=contact))
 
 
-class _Hand:
-    """The hand, and what it holds, among the bodies of the scene, without the arm."""
+def _contacts(
+    context: CollisionContext, T_base_tips: Sequence[pin.SE3]
+) -> list[tuple[Clearance, float, int]]:
+    """What hand, and what it holds, are too close to in the scene with the tip at some poses.
 
-    def __init__(self, context: CollisionContext) -> None:
-        self._margin_m, checker = context.margin_m, context.checker
-        self._checked, arm, robot = checker.checked, checker.arm, checker.robot
-        joints = np.array([shape.parentJoint for shape in checker.geometry.geometryObjects])
-        wrist = robot.getJointId(arm.joint_names[-1])
-        self._moves = np.isin(joints, robot.subtrees[wrist].tolist())
-        stands = (joints == 0) & (np.arange(len(joints)) >= len(checker.shapes.links))
-        first, second = self._checked.numbers.T
-        self._pairs = np.flatnonzero(
-            (self._moves[first] & stands[second]) | (stands[first] & self._moves[second])
-        )
-        self._poses = checker.motion_bounds.place(context.q_others, arm.neutral[None]).shapes[0]
-        T_tip_base = arm.T_base_tip(arm.neutral).inverse().homogeneous
-        self._T_tip_shapes = T_tip_base @ self._poses[self._moves]
-
-    def contact(self, T_base_tip: pin.SE3) -> tuple[Clearance, float] | None:
-        """What it is too close to with the tip at a pose: the nearest, and how near it may be, m.
-
-        None when there is none.
-        """
-        checked, pairs = self._checked, self._pairs
-        self._poses[self._moves] = T_base_tip.homogeneous @ self._T_tip_shapes
-        checked.distances.place(self._poses)
-        needs = checked.needed_m(self._margin_m)[pairs]
-        is_near = checked.gaps_m(self._poses[None], np.zeros_like(pairs), pairs) <= needs
-        found = []
-        for pair, need_m in zip(pairs[is_near].tolist(), needs[is_near].tolist(), strict=True):
-            distance_m = checked.distances.measure(pair, max(need_m, 0.0) + ACCURACY_M)
-            if distance_m <= need_m:
-                found.append((checked.between(pair, distance_m), need_m))
-        return min(found, key=lambda near: near[0].distance_m, default=None)
+    Without the arm; each with how near it may be, m, and the number of the pose.
+    """
+    checked, arm = context.checker.checked, context.checker.arm
+    bounds, of_robot = context.checker.motion_bounds, len(context.checker.shapes.links)
+    moves = bounds.depth == len(arm.joint_names)
+    stands = (bounds.joints == 0) & (np.arange(len(bounds.joints)) >= of_robot)
+    first, second = checked.numbers.T
+    pairs = np.flatnonzero((moves[first] & stands[second]) | (stands[first] & moves[second]))
+    standing = bounds.place(context.q_others, arm.neutral[None]).shapes
+    T_tip_shapes = arm.T_base_tip(arm.neutral).inverse().homogeneous @ standing[0, moves]
+    poses = np.tile(standing, (len(T_base_tips), 1, 1, 1))
+    poses[:, moves] = np.array([T.homogeneous for T in T_base_tips])[:, None] @ T_tip_shapes
+    looks, pair = (each.ravel() for each in np.indices((len(poses), len(pairs))))
+    needs = checked.needed_m(context.margin_m)[pairs[pair]]
+    found = []
+    for near in np.flatnonzero(checked.gaps_m(poses, looks, pairs[pair]) <= needs).tolist():
+        number, need_m = int(pairs[pair[near]]), float(needs[near])
+        checked.distances.place(poses[looks[near]])
+        distance_m = checked.distances.measure(number, max(need_m, 0.0) + ACCURACY_M)
+        if distance_m <= need_m:
+            found.append((checked.between(number, distance_m), need_m, int(looks[near])))
+    return found

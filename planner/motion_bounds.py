@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from baxter_kin import Arm
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import expect
+from baxter_kin.frames import chain_poses
 from planner.errors import TrajectoryError
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
@@ -46,6 +47,7 @@ class MotionBounds:
     """Bounds on distances and motions of the shapes of a geometry model while one arm moves.
 
     Attributes:
+        joints: of the robot, that the shapes are on, shape (n,).
         depth: how many joints of the arm move each shape, shape (n,); 0 for those that stand.
         q_index: where the arm's joints stand in a full configuration, shape (7,).
     """
@@ -59,62 +61,70 @@ class MotionBounds:
         axes = [_axis(self._data, joint) for joint in self._chain]
         self._axes = np.array(axes)
         self._across = np.array([_across(axis) for axis in axes])
+        placements = [robot.jointPlacements[joint].homogeneous for joint in self._chain]
+        self._T_parent_joints = np.array(placements)
         shapes = list(geometry.geometryObjects)
-        self._joint = np.array([shape.parentJoint for shape in shapes])
+        self.joints = np.array([shape.parentJoint for shape in shapes])
         self._T_joint_shape = np.array([shape.placement.homogeneous for shape in shapes])
-        self.depth = _depths(robot, self._chain)[self._joint]
+        self.depth = _depths(robot, self._chain)[self.joints]
         self._moved = np.flatnonzero(self.depth)
-        self._row = np.cumsum(self.depth > 0) - 1  # of a shape among those that move
+        self._others = np.zeros(0)
         self._covers = covers
 
     def place(self, full: Vector, qs: Vector) -> Placed:
         """Poses at arm configurations, shape (m, 7), the other joints as in `full`, shape (19,)."""
-        q = np.array(full)
-        joints = np.empty((len(qs), self._robot.njoints, 4, 4))
-        moving = {*self._chain, *self._joint[self._moved].tolist()}
-        for number, q_arm in enumerate(qs):
-            q[self.q_index] = q_arm
-            pin.forwardKinematics(self._robot, self._data, q)
-            for joint in moving if number else range(self._robot.njoints):
-                joints[number, joint] = self._data.oMi[joint].homogeneous
-            if number == 0:
-                joints[1:] = joints[0]
-        return Placed(joints[:, self._chain], joints[:, self._joint] @ self._T_joint_shape)
+        others = np.array(full)
+        others[self.q_index] = 0.0
+        if not np.array_equal(others, self._others):
+            self._stand(others)
+        joints = self._T_base_parent @ chain_poses(self._T_parent_joints, self._axes, qs)
+        shapes = np.tile(self._standing, (len(qs), 1, 1, 1))
+        shapes[:, self._moved] = joints[:, self.depth[self._moved] - 1] @ self._T_arm_shapes
+        return Placed(joints, shapes)
+
+    def _stand(self, others: Vector) -> None:
+        """Take over where all shapes stand, those of the arm as they are on its joints."""
+        pin.forwardKinematics(self._robot, self._data, others)
+        joints = np.array([T.homogeneous for T in self._data.oMi])
+        self._T_base_parent = joints[self._robot.parents[self._chain[0]]]
+        self._standing = joints[self.joints] @ self._T_joint_shape
+        on = np.array(self._chain)[self.depth[self._moved] - 1]
+        self._T_arm_shapes = np.linalg.inv(joints[on]) @ self._standing[self._moved]
+        self._others = others
 
     def axes(self, placed: Placed) -> Vector:
         """The joints' axes at m configurations, in base, shape (m, 7, 3)."""
         turned: Vector = (placed.joints[..., :3, :3] @ self._axes[:, :, None])[..., 0]
         return turned
 
-    def motions_m(self, placed: Placed, turns: Vector) -> Vector:
+    def motions_m(self, placed: Placed, turns: Vector, shapes: Indices) -> Vector:
         """How far any point of a shape moves while each joint turns by at most so much.
 
         Args:
             placed: m configurations.
             turns: the greatest turns from there, shape (m, 7), rad, not negative.
+            shapes: numbers of those that are asked about, shape (n,).
 
         Returns:
-            Shape (m, shapes, 8), metres; in the last index k, seen from what hangs on joint k of
-            the arm, or from base when k is 0. Zero for shapes that stand.
+            Shape (m, n, 8), metres; in the last index k, seen from what hangs on joint k of the
+            arm, or from base when k is 0. Zero for shapes that stand.
         """
-        steps = self._levers(placed) * turns[:, None, :]
-        moved = np.zeros((len(turns), len(self._moved), len(self._chain) + 1))
+        steps = self._levers(placed, shapes) * turns[:, None, :]
+        moved = np.zeros((*steps.shape[:2], len(self._chain) + 1))
         moved[:, :, :-1] = np.cumsum(steps[:, :, ::-1], axis=2)[:, :, ::-1]
-        all_shapes = np.zeros((len(turns), len(self.depth), moved.shape[2]))
-        all_shapes[:, self._moved] = moved
-        return all_shapes
+        return moved
 
-    def _levers(self, placed: Placed) -> Vector:
-        """Greatest distance of each moving shape from each axis before it, (m, moving, 7)."""
-        covers, moved, count = self._covers, self._moved, len(self._chain)
-        ends = _points(placed.shapes[:, moved], covers.ends[moved])  # m, moving, 2, 3
+    def _levers(self, placed: Placed, shapes: Indices) -> Vector:
+        """Greatest distance of each shape from each axis before it, (m, n, 7)."""
+        covers, count = self._covers, len(self._chain)
+        ends = _points(placed.shapes[:, shapes], covers.ends[shapes])  # m, n, 2, 3
         across = self._across @ placed.joints[..., :3, :3].swapaxes(-1, -2)  # m, 7, 2, 3
         offsets = (across @ placed.joints[..., :3, 3, None]).reshape(len(ends), 1, -1)
         across = across.reshape(len(ends), -1, 3).swapaxes(1, 2)  # m, 3, 14
-        beside = (ends.reshape(len(ends), -1, 3) @ across - offsets) ** 2  # m, 2 moving, 14
-        reach = beside.reshape(len(ends), len(moved), 2, count, 2).sum(axis=4).max(axis=2)
-        levers = np.sqrt(reach) + covers.radii[moved][:, None]
-        before: NDArray[np.bool_] = np.arange(count) < self.depth[moved][:, None]
+        beside = (ends.reshape(len(ends), -1, 3) @ across - offsets) ** 2  # m, 2 n, 14
+        reach = beside.reshape(len(ends), len(shapes), 2, count, 2).sum(axis=4).max(axis=2)
+        levers = np.sqrt(reach) + covers.radii[shapes][:, None]
+        before: NDArray[np.bool_] = np.arange(count) < self.depth[shapes][:, None]
         return np.where(before, levers, 0.0)
 
 
@@ -143,9 +153,9 @@ class Covers(NamedTuple):
             first: a shape, for each pair, shape (k,).
             second: another.
         """
-        centres = _points(poses, self.centres[:, None])[:, :, 0]
-        T = poses[number, second]
-        apart = centres[number, first] - T[:, :3, 3]
+        T_first, T = poses[number, first], poses[number, second]
+        centres = (T_first[:, :3, :3] @ self.centres[first, :, None])[..., 0] + T_first[:, :3, 3]
+        apart = centres - T[:, :3, 3]
         inside = np.einsum("kji,kj->ki", T[:, :3, :3], apart)  # in the frame of the second
         outside = np.maximum(self.lowest[second] - inside, inside - self.highest[second])
         distances = np.linalg.norm(np.maximum(outside, 0.0), axis=1)
@@ -209,9 +219,9 @@ class JointSpan:
             from them at any time of the interval, shape (m, n), rad, `CONTINUITY_TOLERANCE`
             included, by which positions may jump at a knot.
         """
-        at = self._trajectory.sample
-        middles = at((starts_s + ends_s) / 2).q
-        ends = np.maximum(np.abs(at(starts_s).q - middles), np.abs(at(ends_s).q - middles))
+        times = np.concatenate([starts_s, (starts_s + ends_s) / 2, ends_s])
+        begin, middles, end = np.split(self._trajectory.sample(times).q, 3)
+        ends = np.maximum(np.abs(begin - middles), np.abs(end - middles))
         first = np.searchsorted(self._times, starts_s, side="left")
         last = np.searchsorted(self._times, ends_s, side="right")
         highest = np.maximum(self._over(np.maximum, first, last, middles) - middles, 0.0)

@@ -23,6 +23,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -31,7 +33,7 @@ from planner.clearance import SweptContact, SweptResult
 from planner.contact import gap_m, touching
 from planner.context import CollisionContext
 from planner.continuous import RESOLUTION_M
-from planner.finger_travel import FingerTravel, TravelCheck, closing_travel, combined
+from planner.finger_travel import FingerTravel, closing_travel, combined, travel_check
 from planner.grasp import Grasp, Miss
 from planner.plan import GripperAction, PlanFailure
 from planner.plan_builder import NoSolutionError, blocked_fingers
@@ -51,6 +53,9 @@ OPENING_STEP_M = 1e-4
 """How closely the farthest free opening is sought."""
 
 _SAME_PLACE_M = 1e-9
+
+_Opening: TypeAlias = tuple[float, tuple[FingerTravel, ...], tuple[PlanFailure, ...]]
+"""A finger position, the fingers' way from or to it, and what is in their way however far."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,19 +112,19 @@ class PhaseMaker:
         body, task = self.request.scene[self.task.body], self.task
         self._refuse_wide(body)
         grasp = self._grasp(body)
-        opening_m, blocked_closing = self._opening_at_pick(grasp)
+        opening_m, closing, blocked_closing = self._at_pick(grasp)
         carried = self._carried(body, grasp)
         landing, no_rest = self._landing(body, grasp)
         after = self.request.scene.without(self.task.body).with_body(landing.body)
-        leaving_m, blocked_opening = self._opening_at_place(body, grasp, landing)
+        leaving_m, releasing, blocked_opening = self._at_place(body, grasp, landing)
         return Phases(
             body,
             opening_m,
             leaving_m,
-            closing_travel(self.request.scene, self.task.body, opening_m, grasp),
-            self._releasing(body, grasp, landing, leaving_m),
+            closing,
+            releasing,
             {
-                "pick: approach": self._context(self.request.scene, opening_m),
+                "pick: approach": self._context(self.request.scene, finger_m=opening_m),
                 "pick: descend": self.reaching(opening_m),
                 **carried,
                 "place: retract": self._near(after, leaving_m, task.T_base_place),
@@ -147,53 +152,53 @@ class PhaseMaker:
             raise NoSolutionError.at("pick: close", reason, is_certain=True)
         return grasp
 
-    def _opening_at_pick(self, grasp: Grasp) -> tuple[float, tuple[PlanFailure, ...]]:
-        T_base_pick = self.task.T_base_pick
+    def _at_pick(self, grasp: Grasp) -> _Opening:
+        scene, name = self.request.scene, self.task.body
+        return self._widest(
+            lambda opening_m: closing_travel(scene, name, opening_m, grasp),
+            self.task.T_base_pick,
+            ("pick: close", GripperAction.CLOSE),
+            grasp.finger_m + abs(grasp.push_m),
+        )
 
-        def closing(opening_m: float) -> SweptResult:
-            travels = closing_travel(self.request.scene, self.task.body, opening_m, grasp)
-            return self._checked(travels, T_base_pick)
-
-        touch_m = grasp.finger_m + abs(grasp.push_m)
-        return self._widest(closing, "pick: close", GripperAction.CLOSE, touch_m)
-
-    def _opening_at_place(
-        self, body: Body, grasp: Grasp, landing: Landing
-    ) -> tuple[float, tuple[PlanFailure, ...]]:
-        def releasing(opening_m: float) -> SweptResult:
-            travels = self._releasing(body, grasp, landing, opening_m)
-            return self._checked(travels, self.task.T_base_place)
-
-        return self._widest(releasing, "place: open", GripperAction.OPEN, grasp.finger_m)
+    def _at_place(self, body: Body, grasp: Grasp, landing: Landing) -> _Opening:
+        return self._widest(
+            lambda opening_m: self._releasing(body, grasp, landing, opening_m),
+            self.task.T_base_place,
+            ("place: open", GripperAction.OPEN),
+            grasp.finger_m,
+        )
 
     def _widest(
         self,
-        proven: Callable[[float], SweptResult],
-        stage: str,
-        action: GripperAction,
+        travels: Callable[[float], tuple[FingerTravel, ...]],
+        T_base_tip: pin.SE3,
+        step: tuple[str, GripperAction],
         least_m: float,
-    ) -> tuple[float, tuple[PlanFailure, ...]]:
+    ) -> _Opening:
         """The greatest opening for which the fingers' way is clear; or all, and why there is none.
 
         It is told only when the pose itself is free: what is in its way may be what is in theirs.
         """
+
+        def proven(way: tuple[FingerTravel, ...]) -> SweptResult:
+            checks = (travel_check(self.request.manipulator, travel) for travel in way)
+            return combined(check.above(T_base_tip, self.request.margin_m) for check in checks)
+
         widest_m, least_m = self.request.manipulator.hand.stroke_m, least_m + LEAST_ROOM_M
-        if proven(widest_m).is_clear:
-            return widest_m, ()
-        result = proven(min(least_m, widest_m))
+        whole = travels(widest_m)
+        if proven(whole).is_clear:
+            return widest_m, whole, ()
+        result = proven(travels(min(least_m, widest_m)))
         if isinstance(result, SweptContact):
-            return widest_m, (blocked_fingers(stage, action, result, is_certain=True),)
+            return widest_m, whole, (blocked_fingers(*step, result, is_certain=True),)
         while widest_m - least_m > OPENING_STEP_M:
             middle_m = (least_m + widest_m) / 2
-            if proven(middle_m).is_clear:
+            if proven(travels(middle_m)).is_clear:
                 least_m = middle_m
             else:
                 widest_m = middle_m
-        return least_m, ()
-
-    def _checked(self, travels: tuple[FingerTravel, ...], T_base_tip: pin.SE3) -> SweptResult:
-        checks = (TravelCheck(self.request.manipulator, travel) for travel in travels)
-        return combined(check.above(T_base_tip, self.request.margin_m) for check in checks)
+        return least_m, travels(least_m), ()
 
     def _releasing(
         self, body: Body, grasp: Grasp, landing: Landing, opening_m: float
@@ -217,7 +222,9 @@ class PhaseMaker:
         placed = body.at(self.task.T_base_place * grasp.T_tip_body)
         stood, will_stand = touching(body, self.request.scene), touching(placed, others)
         lifted, free, lowered = (
-            self._context(others, grasp.finger_m, held=Held(body, grasp.T_tip_body, supports))
+            self._context(
+                others, finger_m=grasp.finger_m, held=Held(body, grasp.T_tip_body, supports)
+            )
             for supports in (stood, frozenset[str](), will_stand)
         )
         return {"pick: retract": lifted, "place: approach": free, "place: descend": lowered}
@@ -250,26 +257,15 @@ class PhaseMaker:
         pads = hand.pads_at(T_base_tip, finger_m)
         room_m = min(gap_m(pad, part) for pad in pads for part in body.placed_parts)
         may_press = room_m <= RESOLUTION_M
-        return self._context(scene, finger_m, touchable=self.task.body, may_press=may_press)
-
-    def _context(
-        self,
-        scene: Scene,
-        finger_m: float,
-        *,
-        touchable: str | None = None,
-        may_press: bool = False,
-        held: Held | None = None,
-    ) -> CollisionContext:
-        return CollisionContext.of(
-            self.request.manipulator,
-            scene,
-            finger_m=finger_m,
-            touchable=touchable,
-            may_press=may_press,
-            held=held,
-            margin_m=self.request.margin_m,
+        return self._context(
+            scene, finger_m=finger_m, touchable=self.task.body, may_press=may_press
         )
+
+    @property
+    def _context(self) -> Callable[..., CollisionContext]:
+        """Makes the situation of some bodies, by the opening of the fingers and what is allowed."""
+        request = self.request
+        return partial(CollisionContext.of, request.manipulator, margin_m=request.margin_m)
 
 
 def _least_width_m(body: Body) -> float:

@@ -86,13 +86,10 @@ class PlanBuilder:
         Raises:
             NoSolutionError: when it is not proven clear.
         """
-        result = context.prove(trajectory)
-        if isinstance(result, SweptContact):
-            raise NoSolutionError(PlanFailure(label, str(result), contact=result))
-        ik = None
+        proof, ik = proven(label, trajectory, context), None
         if T_base_tip is not None:
             ik = self._manipulator.ik.solve(T_base_tip, current=trajectory.q_start)
-        move = Move(label, trajectory, T_base_tip, ik, result.nearest, result, is_straight)
+        move = Move(label, trajectory, T_base_tip, ik, proof.nearest, proof, is_straight)
         self.steps.append(move)
 
     def add_free_move(self, label: str, q_goal: Vector, context: CollisionContext) -> None:
@@ -165,6 +162,18 @@ class PlanBuilder:
         return result
 
 
+def proven(label: str, motion: Trajectory, context: CollisionContext) -> SweptProof:
+    """The proof that a motion is clear.
+
+    Raises:
+        NoSolutionError: when there is none; says what is in its way.
+    """
+    result = context.prove(motion)
+    if isinstance(result, SweptContact):
+        raise NoSolutionError(PlanFailure(label, str(result), contact=result))
+    return result
+
+
 def free_motion(
     label: str,
     ends: tuple[Vector, Vector],
@@ -195,9 +204,9 @@ def refuse_blocked(label: str, q: Vector, context: CollisionContext, where: str)
     Raises:
         NoSolutionError: then.
     """
-    near = context.clearance(q)
-    if near.distance_m > context.margin_m:
+    if context.is_free(q):
         return
+    near = context.clearance(q)
     reason = f"the arm is blocked {where}: {near.too_near(context.margin_m)}"
     if near.distance_m > 0.0 and {near.first, near.second} <= set(context.checker.shapes.links):
         reason += "; the robot's own body cannot keep that there"

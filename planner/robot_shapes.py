@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -76,6 +77,7 @@ class RobotShapes(OneLine):
         given = RobotBody.load() if body is None else body
         self.body = expect(given, RobotBody, "body", SceneError)
         self._hulls: dict[int, coal.CollisionGeometry] = {}
+        self._pairs_of: dict[str, tuple[tuple[int, int], ...]] = {}
 
     def __reduce__(self) -> tuple[type[RobotShapes], tuple[Baxter, RobotBody]]:
         return type(self), (self.robot, self.body)
@@ -145,6 +147,17 @@ class RobotShapes(OneLine):
             and not known.has(links[first], links[second])
         )
 
+    def pairs_of(self, arm: Arm) -> tuple[tuple[int, int], ...]:
+        """Those of them that an arm moves, but within its hand; found once."""
+        if arm.side not in self._pairs_of:
+            moving, hand = self.of_arm(arm), self.of_hand(arm)
+            self._pairs_of[arm.side] = tuple(
+                pair
+                for pair in self.pairs
+                if not moving.isdisjoint(pair) and not hand.issuperset(pair)
+            )
+        return self._pairs_of[arm.side]
+
     @cached_property
     def fitted_body(self) -> RobotBody:
         """The body with the robot's own hands: other fingers, tips and tools."""
@@ -164,17 +177,17 @@ class RobotShapes(OneLine):
 
     def of_arm(self, arm: Arm) -> frozenset[int]:
         """The shapes that an arm moves, those of its hand among them."""
-        return self._below(_checked(arm).joint_names[0])
+        return self._below[_checked(arm).joint_names[0]]
 
     def of_hand(self, arm: Arm) -> frozenset[int]:
         """The shapes that move with the last joint of an arm, its wrist among them."""
-        return self._below(_checked(arm).joint_names[-1])
+        return self._below[_checked(arm).joint_names[-1]]
 
     def of_fingers(self, arm: Arm) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """The shapes of both fingers, those of the one that opens along +y of the tip first."""
         letter = _checked(arm).side[0]
         first, second = (
-            tuple(sorted(self._below(f"{letter}_gripper_{finger}_finger_joint"))) for finger in "lr"
+            tuple(sorted(self._below[f"{letter}_gripper_{finger}_finger_joint"])) for finger in "lr"
         )
         return first, second
 
@@ -234,13 +247,15 @@ class RobotShapes(OneLine):
         T_base_tip = data.oMf[model.getFrameId(_checked(arm).tip_frame)]
         return T_base_tip.inverse() * data.oMi[shape.parentJoint] * shape.placement
 
-    def _below(self, joint: str) -> frozenset[int]:
-        model = self.robot.model
-        if not model.existJointName(joint):  # of a finger, on a hand that has none
-            return frozenset()
-        moved = set(model.subtrees[model.getJointId(joint)].tolist())
-        shapes = self.model.geometryObjects
-        return frozenset(i for i, shape in enumerate(shapes) if shape.parentJoint in moved)
+    @cached_property
+    def _below(self) -> Mapping[str, frozenset[int]]:
+        """The shapes that each joint moves; none where there is no such joint, as of no fingers."""
+        model, shapes = self.robot.model, list(self.model.geometryObjects)
+        found: defaultdict[str, frozenset[int]] = defaultdict(frozenset)
+        for joint, name in enumerate(model.names):
+            moved = set(model.subtrees[joint].tolist())
+            found[name] = frozenset(i for i, s in enumerate(shapes) if s.parentJoint in moved)
+        return found
 
 
 def _checked(arm: Arm) -> Arm:

@@ -63,14 +63,9 @@ class ShapePairs:
         """For an arm, its own pairs among them."""
         self._robot, self._arm = shapes, arm
         self.geometry: pin.GeometryModel = shapes.model.copy()
-        self.numbers: list[tuple[int, int]] = []
+        self.numbers: list[tuple[int, int]] = list(shapes.pairs_of(arm))
         self.made: list[LinkShape] = list(shapes.made)
         self.needs_m: dict[int, float] = {}
-        moving, hand = shapes.of_arm(arm), shapes.of_hand(arm)
-        for first, second in shapes.pairs:
-            is_moved = first in moving or second in moving
-            if is_moved and not (first in hand and second in hand):
-                self.pair(first, second)
 
     def add_scene(
         self, scene: Scene, touchable: str | None, *, may_press: bool, supports: Set[str]

@@ -10,12 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.arrays import Vector, finite_array, finite_scalar, float_array
 from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, millimetres, position
 from baxter_kin.errors import expect, millimetres_hint
-from baxter_kin.frames import PoseLike, angle_between, checked_pose
+from baxter_kin.frames import PoseLike, angle_between, chain_poses, checked_pose
 from planner.errors import MotionError, StraightMoveError
 from planner.scene import FARTHEST_M
 
@@ -154,6 +155,26 @@ class StraightLine(Frozen, OneLine):
         if self.length_m < LEAST_TRAVEL_M and self.angle_rad > LEAST_LENGTH:
             return float(turn @ pin.log3(T.rotation @ start.rotation.T) / (turn @ turn))
         return float(way @ (T.translation - start.translation) / max(way @ way, LEAST_LENGTH**2))
+
+    def off(self, T_base_tips: ArrayLike) -> tuple[Vector, Vector]:
+        """How far tips, shape (m, 4, 4), are off its nearest points: m and rad, shape (m,) each.
+
+        Raises:
+            MotionError: when the tips have another shape or are not finite.
+        """
+        given = float_array(T_base_tips, "T_base_tips", MotionError)
+        T = finite_array(given, (given.size // 16, 4, 4), "T_base_tips", MotionError)
+        (way, turn), away = np.split(self.twist, 2), T[:, :3, 3] - self.T_base_start.translation
+        s = away @ way / max(way @ way, LEAST_LENGTH**2)
+        if self.length_m < LEAST_TRAVEL_M:  # by the turns of the tips
+            s = np.array([self.nearest(pin.SE3(tip)) for tip in T])
+        axis = turn / max(self.angle_rad, LEAST_LENGTH)
+        turns = chain_poses(np.eye(4)[None], axis[None], s[:, None] * self.angle_rad)[:, 0, :3, :3]
+        R = (turns @ self.T_base_start.rotation).swapaxes(1, 2) @ T[:, :3, :3]
+        sines = [R[:, i, j] - R[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))]
+        cosines = np.trace(R, axis1=1, axis2=2) - 1.0
+        off_rad: Vector = np.arctan2(np.linalg.norm(sines, axis=0), cosines)
+        return np.linalg.norm(away - s[:, None] * way, axis=1), off_rad
 
     def error(self, s: float, T_base_tip: pin.SE3) -> Vector:
         """The twist from a pose to the one at s, shape (6,), m and rad, along the axes of base.

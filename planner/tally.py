@@ -81,7 +81,10 @@ class Tally(Checked, error=TaskError):
         Raises:
             ConfigurationError: when a solution is malformed.
         """
-        solutions = _evenly(float_array(qs, "qs", ConfigurationError))
+        given = float_array(qs, "qs", ConfigurationError)
+        solutions = given[
+            np.linspace(0, len(given) - 1, min(len(given), MOST_MEASURED)).round().astype(int)
+        ]
         blocked = [around.clearance(q) for q in solutions if not around.is_free(q)]
         return cls(stage, len(solutions), _counts(blocked), around.margin_m)
 
@@ -115,11 +118,6 @@ class Tally(Checked, error=TaskError):
     @property
     def _closer(self) -> str:
         return f"come closer than the {1e3 * self.margin_m:.1f} mm asked for"
-
-
-def _evenly(qs: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[np.ndarray]:
-    chosen = np.linspace(0, len(qs) - 1, min(len(qs), MOST_MEASURED)).round().astype(int)
-    return [qs[i] for i in chosen]
 
 
 def _counts(clearances: Iterable[Clearance]) -> tuple[CollisionCount, ...]:

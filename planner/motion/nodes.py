@@ -8,7 +8,7 @@ at every knot run as machine code where a C compiler is found, compiled once for
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -126,7 +126,7 @@ def _above() -> NodeFunctions:
 
 def line_numbers(line: StraightLine, arm: Arm) -> Vector:
     """A line of the tip as `on_line` takes it, shape (19,)."""
-    first = DHParameters.of(arm).T_base_first.inverse()
+    first = _parameters(arm).T_base_first.inverse()
     start, way, turn = first * line.T_base_start, *np.split(line.twist, 2)
     angle = np.linalg.norm(turn)
     axis = turn / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
@@ -134,9 +134,12 @@ def line_numbers(line: StraightLine, arm: Arm) -> Vector:
     return np.concatenate([*parts, first.rotation @ axis, [angle]])
 
 
+_parameters = lru_cache(maxsize=8)(DHParameters.of)
+
+
 def geometry_numbers(arm: Arm) -> Vector:
     """An arm as all of them take it, shape (44,)."""
-    dh = DHParameters.of(arm)
+    dh = _parameters(arm)
     up = np.append(dh.T_base_first.rotation[2], dh.T_base_first.translation[2])
     return np.concatenate([dimensions_of(dh), dh.T_last_tip.rotation.ravel("F"), up])
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import Arm, JointLimits
 from baxter_kin.arrays import Vector, finite_scalar, whole_scalar
 from baxter_kin.errors import expect, millimetres_hint
-from baxter_kin.frames import PoseLike, angle_between
+from baxter_kin.frames import PoseLike
 from baxter_kin.ik.reach import ReachBound
 from planner.errors import MotionError, StraightMoveError
 from planner.motion.guess import Followed, Way, along
@@ -113,15 +113,9 @@ def plan_straight_move(
 def is_on_line(arm: Arm, line: StraightLine, motion: Trajectory, tolerance: LineTolerance) -> bool:
     """Whether the tip keeps to a line, looked at between the knots too."""
     looks = np.linspace(0.0, motion.duration, LOOKS * (len(motion.knots_s) - 1) + 1)
-    most_m, most_rad = SHARE * tolerance.position_m, SHARE * tolerance.rotation_rad
-    for q in motion.sample(looks).q:
-        T = arm.T_base_tip(q)
-        there = line.at(line.nearest(T))
-        if np.linalg.norm(T.translation - there.translation) > most_m:
-            return False
-        if angle_between(T.rotation, there.rotation) > most_rad:
-            return False
-    return True
+    off_m, off_rad = line.off(arm.T_base_tips(motion.sample(looks).q))
+    is_near = (off_m <= SHARE * tolerance.position_m) & (off_rad <= SHARE * tolerance.rotation_rad)
+    return bool(is_near.all())
 
 
 def at_knots(tolerance: LineTolerance, lines: Sequence[StraightLine] = ()) -> tuple[float, float]:

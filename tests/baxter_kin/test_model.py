@@ -7,6 +7,8 @@ from typing import Any, cast
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from baxter_kin import (
     Arm,
@@ -242,3 +244,19 @@ def test_masked_joint_values_are_refused(left: Arm) -> None:
     for ask in (left.T_base_tip, left.jacobian, left.joints):
         with pytest.raises(ConfigurationError, match="masked"):
             ask(q)
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["left", "right"]))
+def test_many_tips_are_where_pinocchio_has_each(robot: Baxter, seed: int, side: str) -> None:
+    arm, rng = robot.arm(side), np.random.default_rng(seed)
+    tooled = arm.with_tip(pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)))
+    qs = rng.uniform(-4.0, 4.0, size=(5, 7))
+    for each in (arm, tooled):
+        expected = np.array([each.T_base_tip(q).homogeneous for q in qs])
+        np.testing.assert_allclose(each.T_base_tips(qs), expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("qs", [np.zeros(7), np.zeros((2, 6)), np.full((1, 7), np.nan), "qs", None])
+def test_what_is_no_list_of_configurations_is_refused(left: Arm, qs: Any) -> None:
+    with pytest.raises(ConfigurationError):
+        left.T_base_tips(qs)

@@ -22,6 +22,7 @@ from planner import (
 )
 from planner.contact import PRESSING_TOLERANCE_M, has_depth
 from planner.context import CollisionContext, Touches
+from planner.screening import SCREENING_STEP_RAD, looks_clear
 from planner.shape_pairs import Held
 from tests.conftest import at, overhead
 from tests.planner.walls import Room, wall
@@ -269,4 +270,4 @@ def test_what_is_clear_is_proven_so(manipulator: Manipulator, table: Body, seed:
     proof = context.prove(motion)
     assert context.is_clear(motion) == proof.is_clear
     if proof.is_clear:
-        assert context.looks_clear(motion)
+        assert looks_clear(motion, context.is_free, SCREENING_STEP_RAD)

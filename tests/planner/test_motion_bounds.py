@@ -58,7 +58,9 @@ class Rig:
     def bound(self, q: Vector, turns: Vector) -> Vector:
         """What is under test, shape (shapes, 8)."""
         where = self.bounds.place(self.q_others, q[None])
-        found: Vector = self.bounds.motions_m(where, turns[None])[0]
+        found: Vector = self.bounds.motions_m(
+            where, turns[None], np.arange(len(self.bounds.depth))
+        )[0]
         return found
 
     def random_turn(self, seed: int, size: float) -> tuple[Vector, Vector, Vector]:

@@ -130,3 +130,22 @@ def test_no_line_leads_farther_than_is_measured(far_m: float) -> None:
     for ends in ((pin.SE3.Identity(), far), (far, pin.SE3.Identity())):
         with pytest.raises(MotionError, match="up to 1000 m can be measured"):
             StraightLine(*ends)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_how_far_tips_are_off_is_told_for_many_at_once(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    start, goal, *tips = (
+        pin.SE3(pin.exp3(scale * rng.normal(size=3)), scale * rng.normal(size=3))
+        for scale in (0.3, 0.3, 1e-6, 1e-3, 0.1, 1.0)
+    )
+    line = StraightLine(start, goal)
+    off_m, off_rad = line.off(np.array([(start * tip).homogeneous for tip in tips]))
+    for tip, metres, radians in zip(tips, off_m, off_rad, strict=True):
+        there = line.at(line.nearest(start * tip))
+        assert metres == pytest.approx(
+            np.linalg.norm((start * tip).translation - there.translation), abs=1e-12
+        )
+        assert radians == pytest.approx(
+            np.linalg.norm(pin.log3(there.rotation.T @ (start * tip).rotation)), abs=1e-12
+        )
