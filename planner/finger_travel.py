@@ -66,7 +66,7 @@ class FingerTravel:
 def closing_travel(
     scene: Scene, name: str, opening_m: float, grasp: Grasp
 ) -> tuple[FingerTravel, ...]:
-    """The stretches on which a hand that is so far open closes on a body of a scene, by its name."""
+    """The stretches on which a hand that is so far open closes on a body, by its name."""
     touch_m = grasp.finger_m + abs(grasp.push_m)
     coming = FingerTravel(scene, opening_m, touch_m, name)
     if abs(grasp.push_m) <= NO_PUSH_M:
