@@ -2,7 +2,7 @@
 
 A wall of random size stands on the demo's table; start and goal are tip poses left and right of it,
 with random IK solutions, and the straight joint line between them is blocked. Every motion is
-planned, judged by the swept proof, and checked again afterwards by distances computed pair by pair
+planned, judged by the continuous proof, and checked again afterwards by distances computed pair by pair
 at dense samples. Then all are planned again, to see that they are the same. After that the arm
 reaches into shelves: between two boards 30 cm apart, 20 cm and more behind their front edge.
 """
