@@ -1,11 +1,12 @@
 """From poses to checked, timed motion; knows no simulator and no viewer."""
 
 import baxter_kin.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
-from planner.candidates import transfer_bound_s
 from planner.clearance import Clearance, SweptContact, SweptProof
-from planner.collision import ClearanceChecker
-from planner.context import CollisionContext
-from planner.continuous import prove_clear
+from planner.collision.checker import ClearanceChecker
+from planner.collision.context import CollisionContext
+from planner.collision.continuous import prove_clear
+from planner.collision.robot_body import RobotBody
+from planner.collision.robot_shapes import RobotShapes
 from planner.errors import (
     FreeMoveError,
     MotionError,
@@ -16,15 +17,17 @@ from planner.errors import (
     TaskError,
     TrajectoryError,
 )
-from planner.grasp import Grasp, Miss, MissKind
-from planner.hand import Hand
+from planner.grasping.grasp import Grasp, Miss, MissKind
+from planner.grasping.hand import Hand
+from planner.grasping.overhead import overhead_grasp
+from planner.grasping.tool import tool_of
 from planner.manipulator import Manipulator
-from planner.mesh import Mesh
 from planner.motion.free_move import plan_free_move
+from planner.motion.joint_move import plan_joint_move
+from planner.motion.straight_line import LineTolerance, StraightLine
 from planner.motion.straight_move import plan_straight_move
-from planner.objects import load_object, make_block
-from planner.overhead import overhead_grasp
-from planner.pick_place import (
+from planner.pick_place.candidates import transfer_bound_s
+from planner.pick_place.planning import (
     PickAndPlace,
     plan_pick_and_place,
     plan_retract,
@@ -32,13 +35,10 @@ from planner.pick_place import (
 )
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure
 from planner.plan_file import load_plan, save_plan
-from planner.robot_body import RobotBody
-from planner.robot_shapes import RobotShapes
-from planner.scene import Body, Box, Cylinder, Part, Scene, Sphere
+from planner.scene.bodies import Body, Box, Cylinder, Part, Scene, Sphere
+from planner.scene.mesh import Mesh
+from planner.scene.objects import load_object, make_block
 from planner.situation import Holding, Situation
-from planner.straight_line import LineTolerance, StraightLine
-from planner.timing import plan_joint_move
-from planner.tool import tool_of
 from planner.trajectory import JointState, PeakRatios, Trajectory
 from planner.verification import Certificate, Check, Tolerances, verify
 

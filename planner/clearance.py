@@ -1,6 +1,6 @@
 """What is found of distances: the least one, and what a proof says of a whole motion.
 
-The proof itself is `planner.continuous`.
+The proof itself is `planner.collision.continuous`.
 """
 
 from __future__ import annotations

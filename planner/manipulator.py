@@ -15,10 +15,10 @@ from baxter_kin.description import RobotIdentity
 from baxter_kin.display import OneLine, millimetres
 from baxter_kin.errors import expect
 from baxter_kin.fields import check_fields
+from planner.collision.robot_body import RobotBody, identity_of
+from planner.collision.robot_shapes import RobotShapes
 from planner.errors import TaskError
-from planner.hand import Hand
-from planner.robot_body import RobotBody, identity_of
-from planner.robot_shapes import RobotShapes
+from planner.grasping.hand import Hand
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -20,9 +20,9 @@ from baxter_kin.fields import Checked, check_fields
 from baxter_kin.model import LIMBS
 from planner.clearance import Clearance, SweptContact, SweptProof, least
 from planner.errors import TaskError
+from planner.motion.straight_line import LineTolerance
+from planner.pick_place.summary import Tally
 from planner.situation import Situation
-from planner.straight_line import LineTolerance
-from planner.tally import Tally
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
 SHOWN_RAD = 0.005

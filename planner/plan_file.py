@@ -26,8 +26,8 @@ from baxter_kin.files import PathLike, open_to_read, replace_file
 from baxter_kin.json_data import from_json, shown, to_json
 from baxter_kin.json_text import Json, as_lines, from_text
 from planner.errors import PlanFileError, PlannerError
-from planner.mesh import Mesh
 from planner.plan import Plan
+from planner.scene.mesh import Mesh
 from planner.situation import Situation
 
 FORMAT = "baxter-kin plan"

@@ -15,7 +15,7 @@ from baxter_kin.frames import checked_pose
 from baxter_kin.model import LIMBS
 from planner.errors import SceneError, TaskError
 from planner.manipulator import Manipulator
-from planner.scene import Scene
+from planner.scene.bodies import Scene
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

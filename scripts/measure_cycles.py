@@ -33,9 +33,9 @@ from planner import (
     plan_pick_and_place,
     verify,
 )
-from planner.candidates import Candidates
-from planner.motion.cycle_program import CycleProgram
-from planner.plan_request import PlanRequest
+from planner.pick_place.candidates import Candidates
+from planner.pick_place.cycle_program import CycleProgram
+from planner.pick_place.request import PlanRequest
 
 SIZE_M, TABLE_Z_M = 0.045, -0.155
 NEAREST_M, FARTHEST_M, LEAST_APART_M = 0.55, 0.85, 0.12

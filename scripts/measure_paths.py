@@ -2,8 +2,8 @@
 
 A wall of random size stands on the demo's table; start and goal are tip poses left and right of it,
 with random IK solutions, and the straight joint line between them is blocked. Every motion is
-planned, judged by the continuous proof, and checked again afterwards by distances computed pair by pair
-at dense samples. Then all are planned again, to see that they are the same. After that the arm
+planned, judged by the continuous proof, and checked again afterwards by distances computed pair by
+pair at dense samples. Then all are planned again, to see that they are the same. After that the arm
 reaches into shelves: between two boards 30 cm apart, 20 cm and more behind their front edge.
 """
 
@@ -32,9 +32,9 @@ from planner import (
     Trajectory,
     plan_joint_move,
 )
-from planner.context import CollisionContext
+from planner.collision.context import CollisionContext
+from planner.collision.sampling import looks_clear, sample_times
 from planner.motion.free_move import plan_free_move
-from planner.screening import looks_clear, sample_times
 
 DENSE_RAD = 0.005
 SHELVES, SHELF_GAP_M, BOARD_M, SHELF_DEPTH_M, SHELF_REACH_M = 20, 0.30, 0.02, 0.4, 0.2

@@ -26,8 +26,8 @@ from numpy.polynomial import chebyshev
 from baxter_kin import Arm, Baxter, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.arrays import Vector
 from planner.motion.guess import followed
+from planner.motion.straight_line import LEAST_LENGTH, StraightLine
 from planner.motion.straight_move import plan_straight_move
-from planner.straight_line import LEAST_LENGTH, StraightLine
 from planner.trajectory import Trajectory
 
 OVERHEAD_XYZW = (0.0, 1.0, 0.0, 0.0)

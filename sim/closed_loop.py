@@ -37,7 +37,7 @@ from planner import (
     plan_pick_and_place,
     plan_retract,
 )
-from planner.task import checked_height_m
+from planner.pick_place.task import checked_height_m
 from sim.errors import SimulationError
 from sim.falling import come_to_rest
 from sim.pose_source import PoseSource, checked_source

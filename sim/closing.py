@@ -4,7 +4,7 @@ Both fingers move alike, one along -y of the tip and one along +y, while the arm
 their shapes count. The model is quasi-static, in one dimension:
 
 - A movable body that a finger meets moves with it from then on, along the closing axis only,
-  unturned (see `planner.grasp`), and so does what stands on it, and what it meets in turn.
+  unturned (see `planner.grasping.grasp`), and so does what stands on it, and what it meets in turn.
 - When the other finger meets the body that a finger pushes directly, the fingers stop. The body is
   held when the hand's own prediction, `Hand.close_on`, says so.
 - When anything immovable is in the way, of a finger or of what one pushes, the fingers stop there.
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from baxter_kin.display import OneLine, millimetres
 from baxter_kin.fields import Checked
 from planner import Grasp
-from planner.grasp import Miss, MissKind
+from planner.grasping.grasp import Miss, MissKind
 from sim.errors import SimulationError
 from sim.squeeze import Mover, Push, Squeeze
 from sim.world import World

@@ -22,10 +22,10 @@ from baxter_kin.errors import expect
 from baxter_kin.fields import Checked
 from baxter_kin.model import LIMBS
 from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
-from planner.contact import PRESSING_TOLERANCE_M, gap_m
-from planner.context import Touches
-from planner.phases import LONGEST_DROP_M
-from planner.shape_pairs import Held
+from planner.collision.context import Touches
+from planner.collision.shape_pairs import Held
+from planner.pick_place.phases import LONGEST_DROP_M
+from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
 from planner.situation import Holding
 from sim.errors import SimulationError
 from sim.falling import Rest

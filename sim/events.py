@@ -15,7 +15,7 @@ from baxter_kin.display import OneLine, count, phrase, seconds
 from baxter_kin.fields import check_fields
 from baxter_kin.model import LIMBS
 from planner import Body, Grasp
-from planner.grasp import Miss
+from planner.grasping.grasp import Miss
 from planner.plan import Step
 from sim.contacts import Contact
 from sim.errors import SimulationError

@@ -21,8 +21,8 @@ from baxter_kin.display import OneLine, millimetres, phrase, position
 from baxter_kin.fields import Checked, check_fields
 from baxter_kin.frames import raised
 from planner import Body
-from planner.contact import PRESSING_TOLERANCE_M, gap_m
-from planner.support import Landing, land, levelled
+from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
+from planner.scene.support import Landing, land, levelled
 from sim.errors import SimulationError
 
 GRAVITY_M_S2 = 9.81

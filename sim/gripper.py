@@ -12,7 +12,7 @@ from baxter_kin.arrays import finite_scalar
 from baxter_kin.display import OneLine, millimetres
 from baxter_kin.errors import expect
 from baxter_kin.fields import Checked
-from planner.finger_travel import FINGER_SPEED_M_S
+from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.closing import Closing, closing_of
 from sim.errors import SimulationError
 from sim.world import World

@@ -16,8 +16,8 @@ from baxter_kin import Baxter
 from baxter_kin.arrays import positive_scalar
 from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike, replace_file
-from planner.hand_body import fitted
-from planner.robot_body import RobotBody
+from planner.collision.hand_body import fitted
+from planner.collision.robot_body import RobotBody
 from sim.animation import animation_commands, recorded_tracks
 from sim.appearance import Appearance
 from sim.disk import explained

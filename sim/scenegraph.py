@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from baxter_kin.arrays import Vector
 from baxter_kin.frames import BASE_HEIGHT_M
-from planner.mesh import Mesh
-from planner.robot_body import LinkBody, RobotBody
-from planner.scene import Body, Box, Cylinder, Part
+from planner.collision.robot_body import LinkBody, RobotBody
+from planner.scene.bodies import Body, Box, Cylinder, Part
+from planner.scene.mesh import Mesh
 from sim.appearance import Appearance, RobotPart
 from sim.errors import SimulationError
 from sim.meshcat_commands import (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from planner import Grasp
-from planner.grasp import Miss
+from planner.grasping.grasp import Miss
 from sim.contacts import Contact
 from sim.falling import Rest
 from sim.squeeze import Push

@@ -22,8 +22,8 @@ from baxter_kin.display import OneLine, seconds
 from baxter_kin.errors import expect, expect_all
 from baxter_kin.model import LIMBS
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan
+from planner.collision.robot_body import identity_of
 from planner.plan import Step
-from planner.robot_body import identity_of
 from sim import sentences
 from sim.clock import DEFAULT_TICK_S, SHORTEST_TICK_S, Clock
 from sim.closing import Closing

@@ -13,10 +13,10 @@ from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, millimetres, phrase
 from baxter_kin.fields import check_fields
 from planner import Body, Box, Grasp, Hand, Part
-from planner.contact import PRESSING_TOLERANCE_M, travel_to_contact
-from planner.grasp import extent
-from planner.hand import CLOSING_AXIS
-from planner.support import UP
+from planner.grasping.grasp import extent
+from planner.grasping.hand import CLOSING_AXIS
+from planner.scene.contact import PRESSING_TOLERANCE_M, travel_to_contact
+from planner.scene.support import UP
 from sim.errors import SimulationError
 from sim.world import World
 

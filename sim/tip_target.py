@@ -20,7 +20,7 @@ from baxter_kin import Baxter, IKResult, IKService, SeedMode
 from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.errors import expect
 from planner import Body
-from planner.scene import Cylinder, Part
+from planner.scene.bodies import Cylinder, Part
 from sim.errors import ViewerError
 from sim.viewer import Viewer
 

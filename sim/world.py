@@ -18,11 +18,11 @@ from baxter_kin.display import OneLine, listing
 from baxter_kin.errors import expect, quoted
 from baxter_kin.frames import PoseLike, checked_pose
 from planner import Body, Hand, RobotShapes, Scene
-from planner.contact import PRESSING_TOLERANCE_M
+from planner.collision.robot_body import RobotBody
 from planner.errors import SceneError
-from planner.robot_body import RobotBody
+from planner.scene.contact import PRESSING_TOLERANCE_M
+from planner.scene.support import FLOOR, FLOOR_Z_M
 from planner.situation import Holding
-from planner.support import FLOOR, FLOOR_Z_M
 from sim.errors import SimulationError
 from sim.falling import Rest, come_to_rest
 

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from baxter_kin import Baxter
 from baxter_kin.copying import FrozenMapping
-from planner.robot_body import LinkBody, RobotBody, Triangulated
+from planner.collision.robot_body import LinkBody, RobotBody, Triangulated
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 SIDES = [

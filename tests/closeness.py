@@ -15,7 +15,7 @@ import pinocchio as pin
 from baxter_kin import Baxter
 from baxter_kin.arrays import Vector
 from planner import Body
-from planner.scene import Box
+from planner.scene.bodies import Box
 from sim import Recording
 
 LEVER_M = 1.5

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 from planner.motion.obstacles import LinearBounds, Obstacles
-from planner.motion.program import Clearances
-from planner.motion.splines import Sketch
+from planner.motion.program.motion_program import Clearances
+from planner.motion.program.splines import Sketch
 from planner.trajectory import Trajectory
 
 LED_CLEAR_M, SHORT_OF_M = 0.005, 0.002

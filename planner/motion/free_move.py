@@ -20,18 +20,18 @@ from numpy.typing import ArrayLike
 from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, positive_scalar
 from baxter_kin.errors import expect
-from planner.context import CollisionContext
-from planner.continuous import checked_margin_m
+from planner.collision.context import CollisionContext
+from planner.collision.continuous import checked_margin_m
+from planner.collision.sampling import SCREENING_STEP_RAD, IsFree, looks_clear
 from planner.errors import FreeMoveError, MotionError
 from planner.motion.avoidance import led_around
+from planner.motion.joint_move import plan_joint_move, rest_to_rest_s, stopping_at
 from planner.motion.obstacles import Obstacles
-from planner.motion.phases import MotionTask, Phase
-from planner.motion.program import MotionProgram
-from planner.motion.splines import Sketch
-from planner.motion.unknowns import JOINTS
-from planner.path import EDGE_STEP_RAD, search_corners
-from planner.screening import SCREENING_STEP_RAD, IsFree, looks_clear
-from planner.timing import plan_joint_move, rest_to_rest_s, stopping_at
+from planner.motion.program.motion_program import MotionProgram
+from planner.motion.program.phases import MotionTask, Phase
+from planner.motion.program.splines import Sketch
+from planner.motion.program.unknowns import JOINTS
+from planner.paths.rrt import EDGE_STEP_RAD, search_corners
 from planner.trajectory import Trajectory
 
 MARGIN_M = 0.005

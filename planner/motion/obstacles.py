@@ -4,7 +4,7 @@ Shapes are taken as their convex hulls, which contain them: their distance is ex
 also inside each other, and costs microseconds. Near a configuration it changes by what brings the
 nearest points together (Schulman et al., "Motion planning with sequential convex optimization and
 convex collision checking", Int. J. Robotics Research 33(9), 2014, section 4). In each interval of a
-motion it is bounded where it is least. A proof is another matter (`planner.continuous`).
+motion it is bounded where it is least. A proof is another matter (`planner.collision.continuous`).
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import coal
 import numpy as np
 
 from baxter_kin.arrays import Indices, Vector
-from planner.collision import ClearanceChecker
-from planner.contact import DISTANCE_TOLERANCE_M, hull
-from planner.distances import NO_DISTANCE_M, UNKNOWN_DEPTH_M
-from planner.motion.splines import weights_at
-from planner.motion.unknowns import JOINTS, PAIRS
-from planner.motion_bounds import Placed
+from planner.collision.checker import ClearanceChecker
+from planner.collision.distances import NO_DISTANCE_M, UNKNOWN_DEPTH_M
+from planner.collision.motion_bounds import Placed
+from planner.motion.program.splines import weights_at
+from planner.motion.program.unknowns import JOINTS, PAIRS
+from planner.scene.contact import DISTANCE_TOLERANCE_M, hull
 
 REACH_M = 0.15
 """Farther pairs are not bounded: none comes so near from one solution to the next."""

@@ -16,10 +16,10 @@ from baxter_kin.frames import PoseLike
 from baxter_kin.ik.reach import ReachBound
 from planner.errors import MotionError, StraightMoveError
 from planner.motion.guess import Followed, Way, along
-from planner.motion.phases import MotionTask, Phase
-from planner.motion.program import MotionProgram
-from planner.straight_line import STRICT, LineTolerance, StraightLine
-from planner.timing import plan_joint_move, stopping_at
+from planner.motion.joint_move import plan_joint_move, stopping_at
+from planner.motion.program.motion_program import MotionProgram
+from planner.motion.program.phases import MotionTask, Phase
+from planner.motion.straight_line import STRICT, LineTolerance, StraightLine
 from planner.trajectory import Trajectory
 
 FEWEST, INTERVAL_M, INTERVAL_RAD = 20, 0.011, 0.05

@@ -16,7 +16,7 @@ import numpy as np
 
 from planner.clearance import Clearance
 from planner.plan import Grip, Move
-from planner.scene import Scene
+from planner.scene.bodies import Scene
 from planner.verification.body.distances import Distances, Pair
 from planner.verification.body.enclosed import is_enclosed
 from planner.verification.body.nearest import FARTHEST_M, Nearest, all_touching, is_farther, nearest

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from planner.scene import Body
+from planner.scene.bodies import Body
 from planner.verification.body.pressing import depth_m
 from planner.verification.body.solid import Solid, distance_request, solids_of
 from planner.verification.urdf_robot import UrdfRobot

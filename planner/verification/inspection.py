@@ -8,7 +8,7 @@ what may touch what, closing fingers by its own steps.
 Shared with the planner are
 - Pinocchio's kinematics, which a test compares with frames multiplied by hand,
 - coal's distances, which a test compares with an independent distance on random pairs,
-- what a scene's shapes are (`planner.scene`, `planner.mesh` and coal's shapes made of them),
+- what a scene's shapes are (`planner.scene`, and coal's shapes made of them),
 - the values `Plan`, `Situation` and `Trajectory`, of which only knots, states and jerks are used;
   limits and proofs that they state are compared, never believed.
 """

@@ -15,7 +15,7 @@ import pinocchio as pin
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import quoted
 from planner.plan import Grip, GripperAction, Move, Plan
-from planner.scene import Body, Scene
+from planner.scene.bodies import Body, Scene
 from planner.situation import Situation
 from planner.verification.fingers import Closing, Fingers
 from planner.verification.urdf_robot import UrdfRobot

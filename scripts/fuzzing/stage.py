@@ -31,7 +31,7 @@ from baxter_kin import (
 )
 from baxter_kin.description import RobotDescription
 from baxter_kin.ik.task import Task
-from planner.shape_pairs import Held
+from planner.collision.shape_pairs import Held
 from planner.verification import Relation
 from sim.retelling import retell
 

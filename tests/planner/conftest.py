@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from baxter_kin import Baxter
 from planner import Hand, Move, Plan, RobotBody, RobotShapes
-from planner.mesh import Mesh
+from planner.scene.mesh import Mesh
 
 
 def distance(first: Any, T_first: pin.SE3, second: Any, T_second: pin.SE3) -> float:

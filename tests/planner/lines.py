@@ -12,7 +12,7 @@ from hypothesis import assume
 from baxter_kin import Arm, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.arrays import Vector
 from planner import LineTolerance, StraightLine, StraightMoveError, Trajectory, plan_straight_move
-from planner.straight_line import STRICT
+from planner.motion.straight_line import STRICT
 
 OVERHEAD_XYZW = (0.0, 1.0, 0.0, 0.0)
 DESCENT_M = 0.15

@@ -42,7 +42,7 @@ from planner import (
     plan_pick_and_place,
     save_plan,
 )
-from planner.mesh import Mesh
+from planner.scene.mesh import Mesh
 from tests.conftest import at
 
 FINITE = st.floats(-1e30, 1e30)

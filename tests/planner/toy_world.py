@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from baxter_kin import JointLimits
 from planner import Clearance
-from planner.context import CollisionContext
+from planner.collision.context import CollisionContext
 from planner.motion.obstacles import REACH_M, LinearBounds, Obstacles
-from planner.motion.splines import weights_at
-from planner.motion.unknowns import JOINTS, PAIRS
+from planner.motion.program.splines import weights_at
+from planner.motion.program.unknowns import JOINTS, PAIRS
 
 Vector = NDArray[np.float64]
 

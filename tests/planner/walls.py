@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner import Body, Box, ClearanceChecker, Manipulator, Part, Scene, Trajectory
-from planner.context import CollisionContext
-from planner.screening import sample_times
+from planner.collision.context import CollisionContext
+from planner.collision.sampling import sample_times
 from tests.conftest import at, overhead
 
 Vector = NDArray[np.float64]

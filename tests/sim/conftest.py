@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
 from baxter_kin import Baxter
 from planner import Body, Manipulator, PickAndPlace, plan_pick_and_place, plan_start_move
-from planner.scene import Box, Part
+from planner.scene.bodies import Box, Part
 from sim import Event, Recorder, Simulation, World
 from sim.recording import Recording
 from sim.tip_path import HOLDING_RGB

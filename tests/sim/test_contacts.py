@@ -27,7 +27,7 @@ from planner import (
     plan_straight_move,
     verify,
 )
-from planner.contact import PRESSING_TOLERANCE_M
+from planner.scene.contact import PRESSING_TOLERANCE_M
 from sim import Contact, Event, EventKind, Observer, Outcome, Simulation, SimulationError, World
 from sim.contacts import CHECK_S, ContactWatch, falls_as_planned, is_as_planned
 from tests.conftest import at, overhead

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner import Body, Cylinder, Part, Sphere, make_block
-from planner.support import FLOOR, FLOOR_Z_M
+from planner.scene.support import FLOOR, FLOOR_Z_M
 from sim.falling import GRAVITY_M_S2, SIDESTEP_M, come_to_rest
 from tests.conftest import at
 

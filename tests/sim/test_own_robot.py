@@ -21,8 +21,8 @@ from planner import (
     save_plan,
     verify,
 )
+from planner.collision.robot_body import RobotBody
 from planner.errors import SceneError, TaskError
-from planner.robot_body import RobotBody
 from planner.verification.command_line import main
 from sim import Recorder, Recording, Simulation, World
 from sim.appearance import Appearance

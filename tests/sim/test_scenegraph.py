@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
-from planner.scene import Body, Box, Cylinder, Part, Sphere
+from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere
 from sim.appearance import Appearance
 from sim.meshcat_commands import packed
 from sim.scenegraph import (

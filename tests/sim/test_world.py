@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter, BaxterError, ConfigurationError, PoseError, UnknownNameError
 from planner import Body, Box, Cylinder, Part, SceneError, Sphere, load_object
-from planner.scene import Shape
+from planner.scene.bodies import Shape
 from sim import SimulationError, World
 from sim.world import FLOOR, FLOOR_Z_M
 from tests.conftest import at

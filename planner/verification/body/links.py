@@ -7,7 +7,7 @@ Every pair is, with one shape on the arm that moves, but
   the rest keep the same distance at every angle;
 - links two joints apart, where these joints are as the stock robot has them: then they never touch
   at any two angles of those joints. It was measured on the meshes over the whole range of both, and
-  is tested (`test_verification_links.py`): the upper elbow comes nearest, to 1.7 mm from the upper
+  is tested (`test_links.py`): the upper elbow comes nearest, to 1.7 mm from the upper
   forearm when the elbow is bent to its end. On a calibrated robot this is not known, so there such
   pairs are checked, as are those of fingers in other slots or of other meshes than either hand has
   in the drawing; only what is one joint apart is taken to be mounted as it is drawn;

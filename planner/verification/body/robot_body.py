@@ -25,9 +25,9 @@ import pinocchio as pin
 
 from baxter_kin.description import RobotDescription
 from baxter_kin.errors import DescriptionError
-from planner.contact import convex, surface
-from planner.hand_body import fitted
-from planner.robot_body import RobotBody as StoredBody
+from planner.collision.hand_body import fitted
+from planner.collision.robot_body import RobotBody as StoredBody
+from planner.scene.contact import convex, surface
 from planner.verification.body.solid import Solid
 from planner.verification.body.urdf_shapes import LinkShape, link_shapes
 from planner.verification.urdf_robot import read_model

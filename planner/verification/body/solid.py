@@ -14,8 +14,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from planner.contact import coal_shape
-from planner.scene import Body
+from planner.scene.bodies import Body
+from planner.scene.contact import coal_shape
 
 GJK_TOLERANCE = 1e-8
 """Asked of coal's search for the nearest points. With its default, 1e-6, distances to cylinders
@@ -25,7 +25,7 @@ FLAT_M = 1e-6
 """Triangles as near as this to one plane have no convex cover but themselves."""
 
 ACCURACY_M = 1e-6
-"""How wrong a distance of coal may be then; `test_verification_distances.py` measures it."""
+"""How wrong a distance of coal may be then; `test_distances.py` measures it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

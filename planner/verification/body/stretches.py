@@ -14,7 +14,7 @@ import numpy as np
 
 from baxter_kin.arrays import Vector
 from planner.plan import GripperAction
-from planner.scene import Body, Scene
+from planner.scene.bodies import Body, Scene
 from planner.verification.body import links
 from planner.verification.body.distances import Pair
 from planner.verification.body.solid import Solid, solids_of

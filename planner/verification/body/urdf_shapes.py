@@ -20,7 +20,7 @@ import pinocchio as pin
 from baxter_kin.arrays import Vector
 from baxter_kin.description import StockFiles
 from baxter_kin.errors import DescriptionError
-from planner.contact import surface
+from planner.scene.contact import surface
 from planner.verification.body.collada import read_collada
 
 _PACKAGE = "package://"

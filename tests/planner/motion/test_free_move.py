@@ -21,10 +21,10 @@ from planner import (
     Trajectory,
     plan_joint_move,
 )
-from planner.continuous import prove_clear
+from planner.collision.continuous import prove_clear
+from planner.collision.sampling import looks_clear, sample_times
 from planner.motion.free_move import ROUNDS, IsClear, plan_free_move
-from planner.screening import looks_clear, sample_times
-from planner.timing import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
+from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
 from tests.planner import toy_world
 from tests.planner.toy_world import (
     AROUND_DISC,

@@ -7,10 +7,10 @@ import pytest
 
 from baxter_kin.arrays import Vector
 from planner import Body, Box, Manipulator, Mesh, Part, Scene
-from planner.context import CollisionContext
+from planner.collision.context import CollisionContext
 from planner.motion.obstacles import LOOKS, REACH_M, Obstacles
-from planner.motion.splines import weights_at
-from planner.motion.unknowns import JOINTS
+from planner.motion.program.splines import weights_at
+from planner.motion.program.unknowns import JOINTS
 from tests.conftest import at
 
 MARGIN_M, STEP_RAD, INTERVALS = 0.005, 1e-5, 6

@@ -23,7 +23,7 @@ from planner import (
     plan_joint_move,
     plan_straight_move,
 )
-from planner.timing import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
+from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.planner.lines import (
     STRAIGHT_M,

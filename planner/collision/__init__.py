@@ -1,0 +1,1 @@
+"""The robot's body among others: distances, free configurations, proofs of motions."""

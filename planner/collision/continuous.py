@@ -1,0 +1,386 @@
+"""Swept proof: an arm's motion is clear at every instant, not only at samples.
+
+While a motion passes a time interval, no point of a link moves farther from where it is in the
+middle of the interval than its lever arms and the exact turns of the joints allow
+(`planner.collision.motion_bounds`). The distance of two shapes changes by no more than
+the farthest-moving point of one moves, seen from the other. That holds inside each other too,
+where the distance is minus the depth: of convex shapes it is the greatest, over all directions, of
+the gap between two planes across that direction, and no such gap changes by more. So a pair keeps a
+distance above d - s during an interval in whose middle its distance is d, when s bounds that
+motion. Where d - s is not enough, the interval is halved, for that pair alone (Schwarzer, Saha and
+Latombe, "Adaptive dynamic collision checking for single and multiple articulated robots in
+complex environments", IEEE Trans. Robotics 21(3), 2005).
+
+Allowed contacts are proven in the same way, not to press in by more than `PRESSING_TOLERANCE_M`.
+Distances are coal's; `ACCURACY_M` is subtracted from each before anything is concluded. Halving
+goes on below the needed distance, until the proven clearance is at least `TIGHTNESS` of the least
+distance that was found, or `SLACK_M` below it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, NoReturn, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baxter_kin.arrays import Indices, Vector, finite_scalar
+from baxter_kin.errors import expect
+from planner.clearance import Clearance, SweptContact, SweptProof, SweptResult
+from planner.collision.checker import FARTHEST_JOINT, ClearanceChecker
+from planner.collision.distances import UNKNOWN_DEPTH_M
+from planner.collision.motion_bounds import JointSpan
+from planner.collision.shape_pairs import CheckedPairs
+from planner.errors import MotionError, SceneError, TrajectoryError
+from planner.trajectory import Trajectory
+
+ACCURACY_M = 1e-5
+"""By how much coal's distances may be wrong up to 1 m; in proportion beyond. Its iterations end at
+1e-6; against planes between random shapes of up to 10 m no distance was wrong by more than 2e-6."""
+
+RESOLUTION_M = 2 * ACCURACY_M
+"""What is found within this of the needed distance is not told apart from a contact."""
+
+TIGHTNESS = 0.9
+"""How much of the least distance found shall be proven."""
+
+SLACK_M = 1e-3
+"""How far below the least distance found the proven one may be, if that is less."""
+
+REFINED = 0.95
+"""A distance is known exactly where it is below this share of the least one found so far; else that
+it is not less will do. Of triangles, the exact one takes ten times as long."""
+
+FIRST_INTERVALS = 8
+"""How many intervals a motion is cut into before any is halved."""
+
+MOST_EVALUATIONS = 200_000
+"""Distances computed before a proof is given up."""
+
+
+def prove_clear(
+    checker: ClearanceChecker,
+    trajectory: Trajectory,
+    q: ArrayLike,
+    *,
+    margin_m: float = 0.0,
+) -> SweptResult:
+    """A proof that a motion of the checker's arm is free of collision, or what speaks against it.
+
+    Args:
+        checker: the situation.
+        trajectory: the motion of its arm.
+        q: a full configuration, shape (19,), that says where all other joints stand; what it says
+            of the arm is not used.
+        margin_m: distance that every pair shall keep at least, allowed contacts left out.
+
+    Raises:
+        TrajectoryError: when the motion is of other joints than the arm's, or leaves what can be
+            measured.
+        ConfigurationError: when `q` is malformed.
+        MotionError: when the margin is no number, or negative.
+    """
+    expect(checker, ClearanceChecker, "checker", SceneError)
+    expect(trajectory, Trajectory, "trajectory", TrajectoryError)
+    _check_joints(trajectory, checker)
+    margin_m = checked_margin_m(margin_m)
+    motion = ArmMotion(checker, trajectory, checker.configuration(q))
+    return prove_motion(checker.checked, motion, margin_m)
+
+
+def checked_margin_m(margin_m: float) -> float:
+    """A safety margin, if it is one.
+
+    Raises:
+        MotionError: when it is no number, or negative.
+    """
+    checked = finite_scalar(margin_m, "margin_m", MotionError)
+    if checked < 0.0:
+        raise MotionError(f"a safety margin is not negative, got {checked:g} m")
+    return checked
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tasks:
+    """Pairs to be proven, each over an interval; pairs of one interval lie together.
+
+    Attributes:
+        starts_s: of the intervals, shape (m,).
+        ends_s: of the intervals, shape (m,).
+        interval: which one, for each task, shape (k,), increasing.
+        pair: which pair, for each task, shape (k,).
+    """
+
+    starts_s: Vector
+    ends_s: Vector
+    interval: Indices
+    pair: Indices
+
+    @classmethod
+    def of(cls, starts_s: Vector, ends_s: Vector, pairs: Indices) -> _Tasks:
+        """Every pair of some over every interval."""
+        count = len(starts_s)
+        interval = np.repeat(np.arange(count), len(pairs))
+        return cls(starts_s, ends_s, interval, np.tile(pairs, count))
+
+    @classmethod
+    def at(cls, times_s: Vector, number: int, pairs: list[int]) -> _Tasks:
+        """Some pairs at one of some times."""
+        return cls(times_s, times_s, np.full(len(pairs), number), np.array(pairs, dtype=np.int64))
+
+    @property
+    def middles_s(self) -> Vector:
+        """Middles of the intervals, shape (m,)."""
+        return (self.starts_s + self.ends_s) / 2
+
+    def only(self, chosen: NDArray[np.bool_]) -> _Tasks:
+        """Some of them."""
+        return _Tasks(self.starts_s, self.ends_s, self.interval[chosen], self.pair[chosen])
+
+    def halved(self) -> _Tasks:
+        """The same over both halves of their intervals."""
+        kept, interval = np.unique(self.interval, return_inverse=True)
+        starts, middles, ends = (x[kept] for x in (self.starts_s, self.middles_s, self.ends_s))
+        return _Tasks(
+            np.concatenate([starts, middles]),
+            np.concatenate([middles, ends]),
+            np.concatenate([interval, interval + len(kept)]),
+            np.concatenate([self.pair, self.pair]),
+        )
+
+
+class Around(NamedTuple):
+    """Shapes around the middles of m intervals.
+
+    Attributes:
+        poses: of all shapes in base at the middles, shape (m, n, 4, 4).
+        gaps_m: lower bounds on the distances there of pairs, for (interval, pair) of shape (k,).
+        motions_m: bounds on how far they come nearer during the interval, likewise.
+    """
+
+    poses: Vector
+    gaps_m: Callable[[Indices, Indices], Vector]
+    motions_m: Callable[[Indices, Indices], Vector]
+
+
+class Motion(Protocol):
+    """How the shapes of a situation move."""
+
+    @property
+    def duration_s(self) -> float:
+        """From its begin to its end."""
+
+    def around(self, starts_s: Vector, ends_s: Vector) -> Around:
+        """The shapes in the middle of intervals, shape (m,) both, and their motion about it."""
+
+
+class ArmMotion:
+    """A trajectory of the arm of a checker, all else at rest."""
+
+    def __init__(self, checker: ClearanceChecker, trajectory: Trajectory, full: Vector) -> None:
+        self.duration_s = trajectory.duration
+        self._full, self._span = full, JointSpan(trajectory)
+        self._motion_bounds = checker.motion_bounds
+        self._covers, self._padding_m = checker.checked.covers, checker.checked.padding_m
+        self._moving, self._other = _outer_first(checker.pairs, self._motion_bounds.depth)
+
+    def around(self, starts_s: Vector, ends_s: Vector) -> Around:
+        """By lever arms and exact turns."""
+        qs, turns = self._span.around_middle(starts_s, ends_s)
+        placed = self._motion_bounds.place(self._full, qs)
+
+        def gaps_m(interval: Indices, pair: Indices) -> Vector:
+            moving, other = self._moving[pair], self._other[pair]
+            gaps = self._covers.gaps_m(placed.shapes, interval, moving, other)
+            return gaps - self._padding_m[pair]
+
+        def motions_m(interval: Indices, pair: Indices) -> Vector:
+            seen_from = self._motion_bounds.depth[self._other[pair]]
+            shapes, column = np.unique(self._moving[pair], return_inverse=True)
+            motions = self._motion_bounds.motions_m(placed, turns, shapes)
+            moved: Vector = motions[interval, column, seen_from]
+            return moved
+
+        return Around(placed.shapes, gaps_m, motions_m)
+
+
+def prove_motion(
+    checked: CheckedPairs, motion: Motion, margin_m: float, pairs: Indices | None = None
+) -> SweptResult:
+    """A proof that a motion of any kind is clear, or what speaks against it.
+
+    Args:
+        checked: the pairs of the situation.
+        motion: how their shapes move.
+        margin_m: distance that every pair shall keep that has no need of its own.
+        pairs: numbers of those that count; all when not given.
+    """
+    counted = np.arange(len(checked.numbers)) if pairs is None else pairs
+    return _Search(checked, motion, margin_m, counted).run()
+
+
+class _Search:
+    """The proof while it is being made."""
+
+    def __init__(
+        self, checked: CheckedPairs, motion: Motion, margin_m: float, pairs: Indices
+    ) -> None:
+        self._checked, self._motion, self._margin_m, self._pairs = checked, motion, margin_m, pairs
+        self._duration_s = motion.duration_s
+        self._touch = checked.is_contact
+        self._needed_m = checked.needed_m(margin_m)
+        self._too_close_m = self._needed_m + RESOLUTION_M
+        self._nearest = Clearance(np.inf, "", "")
+        self._proven_m = np.inf
+        self._intervals = self._evaluations = 0
+
+    def run(self) -> SweptResult:
+        """Both ends first, then the intervals between them, level by level."""
+        try:
+            self._look_at_ends()
+            cuts = np.linspace(0.0, self._duration_s, FIRST_INTERVALS + 1)
+            tasks = _Tasks.of(cuts[:-1], cuts[1:], self._pairs)
+            while tasks.pair.size:
+                tasks = self._unproven(tasks).halved()
+        except _NotClearError as stop:
+            return stop.contact
+        return SweptProof(
+            self._proven_m, self._nearest, self._margin_m, self._intervals, self._evaluations
+        )
+
+    def _look_at_ends(self) -> None:
+        """Measure the pairs at both ends, as long as they matter."""
+        ends_s = np.array([0.0, self._duration_s])
+        tasks, around = _Tasks.of(ends_s, ends_s, self._pairs), self._motion.around(ends_s, ends_s)
+        gaps = around.gaps_m(tasks.interval, tasks.pair)
+        self._measured(tasks, around.poses, gaps, np.zeros(len(gaps)), is_end=True)
+
+    def _unproven(self, tasks: _Tasks) -> _Tasks:
+        """Those of the tasks that need smaller intervals."""
+        self._intervals += len(tasks.starts_s)
+        around = self._motion.around(tasks.starts_s, tasks.ends_s)
+        motions = around.motions_m(tasks.interval, tasks.pair)
+        gaps = around.gaps_m(tasks.interval, tasks.pair)
+        near = self._open(tasks, _sure(gaps) - motions)
+        tasks, gaps, motions = tasks.only(near), gaps[near], motions[near]
+        wanted_m = self._wanted_m()[tasks.pair] + motions
+        within_m = np.maximum(wanted_m + 2.0 * ACCURACY_M * np.maximum(1.0, wanted_m), 0.0)
+        distances = self._measured(tasks, around.poses, gaps, within_m)
+        return tasks.only(self._open(tasks, _sure(distances) - motions))
+
+    def _wanted_m(self) -> Vector:
+        """The distance that each pair shall be proven to keep, as it looks now, shape (n,)."""
+        least_m = self._nearest.distance_m
+        wanted_m = max(self._margin_m, min(TIGHTNESS * least_m, least_m - SLACK_M))
+        return np.where(self._touch, self._needed_m, wanted_m)
+
+    def _open(self, tasks: _Tasks, kept_m: Vector) -> NDArray[np.bool_]:
+        """Whether keeping so much, shape (k,), is not enough yet for each task."""
+        enough = kept_m > self._wanted_m()[tasks.pair]
+        counted = kept_m[enough & ~self._touch[tasks.pair]]
+        self._proven_m = min(self._proven_m, float(counted.min(initial=np.inf)))
+        return ~enough
+
+    def _measured(
+        self,
+        tasks: _Tasks,
+        poses: Vector,
+        gaps: Vector,
+        within_m: Vector,
+        *,
+        is_end: bool = False,
+    ) -> Vector:
+        """Distances in the middle of the intervals, shape (k,), m, or lower bounds on them.
+
+        As far as they matter, the nearest first: one that is not within what is asked for, nor the
+        least, need not be known better.
+
+        Args:
+            tasks: the pairs and intervals.
+            poses: of all shapes in the middles.
+            gaps: lower bounds on the distances, shape (k,).
+            within_m: what is to be told apart, shape (k,).
+            is_end: whether what is wholly inside a closed surface is looked for, too.
+
+        Raises:
+            _NotClearError: when one is too small, or there are too many.
+        """
+        found, distances = np.array(gaps), self._checked.distances
+        most_needed_m = float(self._too_close_m.max(initial=RESOLUTION_M))
+        numbers, begins = np.unique(tasks.interval, return_index=True)
+        parts = np.split(np.arange(len(gaps)), begins[1:])
+        for number, each in zip(numbers, parts, strict=False):  # no numbers, one empty part
+            distances.place(poses[number])
+            farthest_m = max(float(within_m[each].max()), most_needed_m)
+            for task in each[np.argsort(gaps[each], kind="stable")].tolist():
+                refined_m = REFINED * self._nearest.distance_m
+                if gaps[task] >= max(farthest_m, refined_m):
+                    break
+                pair = int(tasks.pair[task])
+                counted_m = -np.inf if self._touch[pair] else refined_m
+                exact_m = np.nextafter(max(counted_m, float(self._too_close_m[pair])), np.inf)
+                least_m = max(float(within_m[task]), exact_m)
+                if gaps[task] >= least_m:
+                    continue
+                self._evaluations += 1
+                found[task] = distances.measure(pair, least_m, exact_m)
+                if is_end and found[task] > 0.0 and distances.is_within(pair):
+                    found[task] = UNKNOWN_DEPTH_M
+                if found[task] < exact_m and not self._touch[pair]:
+                    self._nearest = self._found(tasks, found, task)
+        excess = found - self._needed_m[tasks.pair]
+        is_too_close = (found <= self._too_close_m[tasks.pair]).any()
+        if is_too_close or (found.size and self._evaluations > MOST_EVALUATIONS):
+            self._stop(tasks, found, int(excess.argmin()))
+        return found
+
+    def _found(self, tasks: _Tasks, distances: Vector, task: int) -> Clearance:
+        time_s = float(tasks.middles_s[tasks.interval[task]])
+        return self._checked.between(int(tasks.pair[task]), distances[task], time_s)
+
+    def _stop(self, tasks: _Tasks, distances: Vector, task: int) -> NoReturn:
+        raise _NotClearError(
+            SweptContact(
+                self._found(tasks, distances, task),
+                float(self._needed_m[tasks.pair[task]]),
+                self._duration_s,
+                self._intervals,
+                self._evaluations,
+            )
+        )
+
+
+class _NotClearError(Exception):
+    """Ends a search; becomes its result."""
+
+    def __init__(self, contact: SweptContact) -> None:
+        self.contact = contact
+        super().__init__(str(contact))
+
+
+def _sure(distances: Vector) -> Vector:
+    """What is left of measured distances, shape (k,), m, when they are as wrong as they may be."""
+    return distances - ACCURACY_M * np.maximum(1.0, distances)
+
+
+def _outer_first(pairs: Indices, depth: Indices) -> tuple[Indices, Indices]:
+    """The shape of each pair that more joints of the arm move, and the other; shape (n,) both."""
+    swap = depth[pairs[:, 0]] < depth[pairs[:, 1]]
+    first, second = pairs.T
+    return np.where(swap, second, first), np.where(swap, first, second)
+
+
+def _check_joints(trajectory: Trajectory, checker: ClearanceChecker) -> None:
+    names, moves = checker.arm.joint_names, trajectory.limits.names
+    if moves != names:
+        raise TrajectoryError(
+            f"the motion is of {', '.join(moves)}; the situation is the {checker.arm.side} arm's, "
+            f"of {', '.join(names)}"
+        )
+    farthest = float(np.abs(np.concatenate(trajectory.position_extrema())).max())
+    if farthest > FARTHEST_JOINT:
+        raise TrajectoryError(
+            f"the motion reaches {farthest:g} rad; up to {FARTHEST_JOINT:g} is measured"
+        )

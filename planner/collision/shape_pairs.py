@@ -1,0 +1,199 @@
+"""Pairs of shapes: which are checked in a situation, and what each pair may do.
+
+Pinocchio and coal work on one geometry model: the robot's shapes, the bodies of the scene, and the
+body in the hand. A model is built for each situation and never changed afterwards, because adding
+shapes to one in use corrupts its memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Set
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from baxter_kin import Arm
+from baxter_kin.arrays import Indices, Vector
+from baxter_kin.errors import expect
+from baxter_kin.frames import checked_pose
+from planner.clearance import Clearance
+from planner.collision.distances import Distances, Enclosure
+from planner.collision.motion_bounds import Covers
+from planner.collision.robot_shapes import LinkShape, RobotShapes
+from planner.errors import SceneError
+from planner.scene.bodies import Body, Scene
+from planner.scene.contact import PRESSING_TOLERANCE_M, coal_shape, convex_pieces, has_depth
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """A body in the hand.
+
+    Attributes:
+        body: what is held.
+        T_tip_body: its pose seen from the tip.
+        supports: names of the bodies it may touch, because it stood or will stand on them.
+    """
+
+    body: Body
+    T_tip_body: pin.SE3
+    supports: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        expect(self.body, Body, "a held body", SceneError)
+        object.__setattr__(self, "T_tip_body", checked_pose(self.T_tip_body))
+        object.__setattr__(self, "supports", frozenset(self.supports))
+
+
+class ShapePairs:
+    """The shapes of a situation, and the pairs of them that are checked, while it is built.
+
+    Attributes:
+        geometry: all shapes, without pairs; the robot's first, as `RobotShapes` numbers them.
+        numbers: the shapes of every pair.
+        made: all shapes, and what is known of each.
+        needs_m: of the pairs that may be nearer than a margin because that is meant: the number of
+            the pair -> the distance that it must exceed, negative for a contact that may press.
+    """
+
+    def __init__(self, shapes: RobotShapes, arm: Arm) -> None:
+        """For an arm, its own pairs among them."""
+        self._robot, self._arm = shapes, arm
+        self.geometry: pin.GeometryModel = shapes.model.copy()
+        self.numbers: list[tuple[int, int]] = list(shapes.pairs_of(arm))
+        self.made: list[LinkShape] = list(shapes.made)
+        self.needs_m: dict[int, float] = {}
+
+    def add_scene(
+        self, scene: Scene, touchable: str | None, *, may_press: bool, supports: Set[str]
+    ) -> dict[str, list[int]]:
+        """Add bodies that stand still, and their pairs with the arm; gives the shapes of each.
+
+        Args:
+            scene: the bodies.
+            touchable: name of the one that the hand may come near.
+            may_press: whether its pads may touch it.
+            supports: names of those that something else may touch.
+        """
+        shapes, arm = self._robot, self._robot.of_arm(self._arm)
+        hand, pads = shapes.of_hand(self._arm), shapes.of_pads(self._arm)
+        added = {}
+        for body in scene:
+            is_near = body.name == touchable
+            of_arm = sorted(arm & (shapes.details if is_near else shapes.wholes))
+            in_pieces = is_near or body.name in supports
+            added[body.name] = self._add(body, 0, body.T_base_body, in_pieces=in_pieces)
+            for index, other in product(added[body.name], of_arm):
+                need_m = None
+                if is_near and other in hand:
+                    need_m = -PRESSING_TOLERANCE_M if may_press and other in pads else 0.0
+                self.pair(other, index, need_m=need_m)
+        return added
+
+    def add_held(self, held: Held, bodies: Mapping[str, list[int]]) -> None:
+        """Add what is in the hand, and its pairs with the robot and with bodies by their shapes."""
+        robot = self._robot.robot.model
+        tip = robot.frames[robot.getFrameId(self._arm.tip_frame)]
+        in_pieces = not held.supports.isdisjoint(bodies)
+        T_joint_body = tip.placement * held.T_tip_body
+        links = self._robot.wholes - self._robot.of_hand(self._arm)
+        for index in self._add(held.body, tip.parentJoint, T_joint_body, in_pieces=in_pieces):
+            self.pair_with_all(index, links, bodies, held.supports)
+
+    def pair_with_all(
+        self, index: int, links: Set[int], bodies: Mapping[str, list[int]], supports: Set[str]
+    ) -> None:
+        """Check a shape of a body against links and other bodies, some of which it may touch."""
+        for link in sorted(links):
+            self.pair(index, link)
+        for name, others in bodies.items():
+            for other in others:
+                self.pair(index, other, need_m=-PRESSING_TOLERANCE_M if name in supports else None)
+
+    def _add(
+        self, body: Body, joint: int, T_joint_body: pin.SE3, *, in_pieces: bool = False
+    ) -> list[int]:
+        """Add a body's shapes; in convex pieces where a depth must be known, as in contacts."""
+        added = []
+        for part in body.parts:
+            placement = T_joint_body * part.T_body_part
+            shapes = convex_pieces(part.shape) if in_pieces else (coal_shape(part.shape),)
+            for shape in shapes:
+                name = f"{body.name}/{len(self.made)}"
+                placed = pin.GeometryObject(name, joint, placement, shape)
+                added.append(int(self.geometry.addGeometryObject(placed)))
+                inside = None if has_depth(shape) else Enclosure.none()
+                self.made.append(LinkShape(body.name, shape, inside))
+        return added
+
+    def pair(self, first: int, second: int, *, need_m: float | None = None) -> None:
+        """Check a pair: against the margin, or against a distance of its own."""
+        if need_m is not None:
+            self.needs_m[len(self.numbers)] = need_m
+        self.numbers.append((first, second))
+
+    def built(self) -> CheckedPairs:
+        """What is checked; nothing may be added any more."""
+        return CheckedPairs(self, self._robot)
+
+
+class CheckedPairs:
+    """Pairs of shapes whose distances count in one situation.
+
+    Attributes:
+        geometry: all shapes, without pairs.
+        covers: simple shapes around them.
+        numbers: the shapes of every pair, shape (n, 2).
+        needs_m: what the distance of a pair must exceed where that is not the margin, shape (n,);
+            NaN for all others.
+        padding_m: what is subtracted from the distance of a pair, shape (n,), because its shapes
+            count as thicker than they are.
+        distances: of the pairs, less the padding.
+    """
+
+    def __init__(self, built: ShapePairs, robot: RobotShapes) -> None:
+        self.geometry, self._made = built.geometry, tuple(built.made)
+        added = [shape.geometry for shape in built.made[len(robot.made) :]]
+        self.covers: Covers = robot.covers.with_those_of(added)
+        self.numbers: Indices = np.array(built.numbers, dtype=np.intp).reshape(-1, 2)
+        self.needs_m: Vector = np.full(len(self.numbers), np.nan)
+        self.needs_m[list(built.needs_m)] = list(built.needs_m.values())
+        outside, thicker = (
+            np.array([getattr(each, name) for each in built.made])[self.numbers].sum(axis=1)
+            for name in ("margin_m", "padding_m")
+        )
+        self.padding_m: Vector = outside + np.where(self.is_contact, 0.0, thicker)
+        self.distances = Distances(
+            self.geometry,
+            [each.enclosure for each in built.made],
+            robot.pieces,
+            built.numbers,
+            self.padding_m.tolist(),
+        )
+
+    @property
+    def is_contact(self) -> NDArray[np.bool_]:
+        """Whether a pair need not keep a margin, shape (n,)."""
+        return ~np.isnan(self.needs_m)
+
+    def needed_m(self, margin_m: float) -> Vector:
+        """What the distance of every pair must exceed when a margin is asked for, shape (n,)."""
+        return np.where(self.is_contact, self.needs_m, margin_m)
+
+    def gaps_m(self, poses: Vector, number: Indices, pair: Indices) -> Vector:
+        """Lower bounds on distances, less the padding, shape (k,), m.
+
+        Args:
+            poses: of all shapes in base, shape (m, n, 4, 4).
+            number: which of the m, shape (k,).
+            pair: which pair there, shape (k,).
+        """
+        return self.covers.gaps_m(poses, number, *self.numbers[pair].T) - self.padding_m[pair]
+
+    def between(self, pair: int, distance_m: float, time_s: float | None = None) -> Clearance:
+        """A distance of a pair, by its names."""
+        first, second = (self._made[number].link for number in self.numbers[pair])
+        return Clearance(float(distance_m), first, second, time_s)

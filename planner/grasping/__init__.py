@@ -1,0 +1,1 @@
+"""Hands, what they hold, and how their fingers travel."""

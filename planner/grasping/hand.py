@@ -1,0 +1,333 @@
+"""The hand: two fingers that close on things, of the shapes that the robot's body has there.
+
+The closing axis is y of the gripper frame. The left finger slides along +y by the finger position
+`x`, 0 .. stroke, the right one mirrors it. Every shape of a finger moves along; the pads are the
+finger tips. The model of closing, and its limits, are on `planner.grasping.grasp`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import Arm, Baxter
+from baxter_kin.arrays import finite_scalar
+from baxter_kin.description.calibration import finger_joints
+from baxter_kin.display import OneLine
+from baxter_kin.errors import ConfigurationError, expect, millimetres_hint
+from baxter_kin.fields import Checked
+from baxter_kin.frames import PoseLike, checked_pose
+from planner.collision.robot_shapes import RobotShapes
+from planner.errors import SceneError
+from planner.grasping.grasp import LEAST_PAD_M, Grasp, Miss, MissKind, Overlap, centre_off_m, extent
+from planner.scene.bodies import Body, Part
+from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m, travel_to_contact
+
+__all__ = ["Grasp", "Hand"]
+
+ROUNDING_M = 1e-9
+"""How far a finger position may be outside 0 .. stroke by rounding."""
+
+NO_FINGER_M = 0.5
+"""From here on a finger position is taken to be in millimetres, or the per cent of the gripper."""
+
+CLOSING_AXIS = np.array([0.0, 1.0, 0.0])
+"""Along which the fingers move, seen from the tip."""
+
+MOST_OFF_RAD = 1e-4
+"""How far off that axis a finger may slide: 2 um at the end of its stroke."""
+
+AS_NEAR_M = 1e-4
+"""Parts this much farther from each other than the nearest touch too; pads are of rubber, and as
+near to their mesh as this."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Hand(Checked, OneLine, error=SceneError):
+    """Fingers of one arm.
+
+    Attributes:
+        side: "left" or "right".
+        joint_names: finger joints, the one that opens along +y first.
+        stroke_m: finger position when fully open.
+        closed_gap_m: distance between the pads when fully closed.
+        pads: the shapes of both finger tips, seen from the tip with the fingers closed, those of
+            the +y one first.
+        fingers: all shapes of both fingers, likewise, those of the tips first.
+        palm_z_m: how far whatever of the hand is above a body between the pads reaches along z of
+            the tip: the hand itself, and what of the fingers stands further in than the pads.
+    """
+
+    side: str
+    joint_names: tuple[str, str]
+    stroke_m: float
+    closed_gap_m: float
+    pads: tuple[tuple[Part, ...], tuple[Part, ...]]
+    fingers: tuple[tuple[Part, ...], tuple[Part, ...]]
+    palm_z_m: float
+
+    @classmethod
+    def of(cls, robot: Baxter, arm: Arm, shapes: RobotShapes) -> Hand:
+        """The hand of an arm, measured on the robot's shapes.
+
+        Raises:
+            SceneError: when an argument is of another class, or that arm has no fingers, or they
+                do not slide along y of its gripper frame.
+        """
+        expect(robot, Baxter, "robot", SceneError)
+        expect(shapes, RobotShapes, "shapes", SceneError)
+        expect(arm, Arm, "arm", SceneError)
+        names = finger_joints(arm.side)
+        if not cls.is_on(robot, arm.side):
+            raise SceneError(
+                f"the {arm.side} hand of this robot has no fingers: its URDF lacks {names[0]}; "
+                f"mount some: hands={{{arm.side!r}: ElectricGripper()}} or --{arm.side}-hand narrow"
+            )
+        _check_axes(robot, arm, names)
+        index = robot.indices(names)[0]
+        stroke = float(robot.model.upperPositionLimit[index])
+        pads = shapes.of_pads(arm)
+        left, right = (
+            tuple(shapes.part_at_tip(i, arm) for i in sorted(finger, key=lambda i: i not in pads))
+            for finger in shapes.finger_pieces(arm)
+        )
+        counts = [sum(i in pads for i in finger) for finger in shapes.finger_pieces(arm)]
+        left_pad, right_pad = left[: counts[0]], right[: counts[1]]
+        inner = min(extent(p, 1)[0] for p in left_pad), max(extent(p, 1)[1] for p in right_pad)
+        further_in = [part for part in left if extent(part, 1)[0] < inner[0] - AS_NEAR_M]
+        further_in += [part for part in right if extent(part, 1)[1] > inner[1] + AS_NEAR_M]
+        palm = [extent(part, 2)[1] for part in further_in]
+        palm += [shapes.highest_at_tip_m(i, arm) for i in shapes.of_palm(arm)]
+        fingers, gap = (left, right), inner[0] - inner[1]
+        return cls(arm.side, names, stroke, gap, (left_pad, right_pad), fingers, max(palm))
+
+    @staticmethod
+    def is_on(robot: Baxter, side: str) -> bool:
+        """Whether a robot has fingers on that side.
+
+        Raises:
+            SceneError: when `robot` is none.
+            UnknownNameError: when `side` is neither "left" nor "right".
+        """
+        arm = expect(robot, Baxter, "robot", SceneError).arm(side)
+        return set(finger_joints(arm.side)) <= set(robot.joint_names)
+
+    @property
+    def open_gap_m(self) -> float:
+        """Distance between the pads when fully open."""
+        return self.closed_gap_m + 2 * self.stroke_m
+
+    def finger_joints(self, finger_m: float) -> dict[str, float]:
+        """Both finger joints, m, for a finger position; Pinocchio does not couple them.
+
+        Raises:
+            ConfigurationError: when the position is outside 0 .. stroke.
+        """
+        self._check_finger(finger_m)
+        first, second = self.joint_names
+        return {first: finger_m, second: -finger_m}
+
+    def percent(self, finger_m: float) -> float:
+        """Finger position as the robot reports it: 0 closed .. 100 open.
+
+        Raises:
+            ConfigurationError: when the position is outside 0 .. stroke.
+        """
+        self._check_finger(finger_m)
+        return 100.0 * finger_m / self.stroke_m
+
+    def width_across_m(self, T_base_tip: PoseLike, body: Body) -> float:
+        """How much of the closing axis a body covers where it is.
+
+        Raises:
+            PoseError: when the pose is none.
+        """
+        closing_axis = checked_pose(T_base_tip).rotation[:, 1]
+        low, high = expect(body, Body, "body", SceneError).extent_m(closing_axis)
+        return high - low
+
+    def grasp(self, T_base_tip: PoseLike, body: Body, finger_m: float) -> Grasp | None:
+        """The grasp that `close_on` leads to, or None for a miss.
+
+        Raises:
+            PoseError: when the pose is none.
+            ConfigurationError: when the finger position is outside 0 .. stroke.
+        """
+        found = self.close_on(T_base_tip, body, finger_m)
+        return found if isinstance(found, Grasp) else None
+
+    def close_on(self, T_base_tip: PoseLike, body: Body, finger_m: float) -> Grasp | Miss:
+        """What happens when the fingers close from `finger_m` around a body that can slide.
+
+        The pad that touches first pushes the body along the closing axis until the other touches;
+        the body keeps its orientation. A miss when they close without both touching it, when less
+        than `LEAST_PAD_M` of a pad is on it, or when it does not fit between them: it is too wide,
+        or reaches into a pad by more than `PRESSING_TOLERANCE_M` before they close.
+
+        Raises:
+            PoseError: when the pose is none.
+            ConfigurationError: when the finger position is outside 0 .. stroke.
+        """
+        self._check_finger(finger_m)
+        width, opening = self.width_across_m(T_base_tip, body), self.closed_gap_m + 2 * finger_m
+        T_tip_body = checked_pose(T_base_tip).inverse() * body.T_base_body
+        seen = body.at(T_tip_body)
+        if width > opening:
+            return _misfit(MissKind.TOO_WIDE, body.name, width, opening)
+        travels = self._travels(seen, finger_m)
+        if isinstance(travels, Miss):
+            return travels
+        first_m, second_m = travels
+        push = (first_m - second_m) / 2
+        moved = seen.at(_along_y(push) * T_tip_body)
+        closed_m = finger_m - (first_m + second_m) / 2
+        return self._held(moved, closed_m, push)
+
+    def _facts(self) -> tuple[str, ...]:
+        return self.side, f"opens {1e3 * self.closed_gap_m:.1f} .. {1e3 * self.open_gap_m:.1f} mm"
+
+    def _travels(self, seen: Body, finger_m: float) -> tuple[float, float] | Miss:
+        """How far each pad moves until it touches a body seen from the tip."""
+        parts = seen.placed_parts
+        room = 2 * finger_m
+        first, second = self._pads_at(finger_m)
+        first_m, second_m = _travel(first, -1.0, parts, room), _travel(second, +1.0, parts, room)
+        if any(m is not None and m <= -PRESSING_TOLERANCE_M for m in (first_m, second_m)):
+            text = f"{seen.name} reaches into a finger before they close"
+            return Miss(MissKind.NOT_BETWEEN, text, seen.name)
+        if first_m is None or second_m is None or first_m + second_m > room:
+            return self._untouched(seen)
+        return first_m, second_m
+
+    def _untouched(self, seen: Body) -> Miss:
+        """Why the pads do not touch a body seen from the tip: too thin for them, or beside them."""
+        width = sum(seen.extent_m(sign * CLOSING_AXIS)[1] for sign in (1, -1))
+        is_between = centre_off_m(self._pads_at(0.0), seen) == 0.0 and width < self.closed_gap_m
+        return (
+            _misfit(MissKind.TOO_THIN, seen.name, width, self.closed_gap_m)
+            if is_between
+            else _beside(seen)
+        )
+
+    def _held(self, moved: Body, finger_m: float, push_m: float) -> Grasp | Miss:
+        """The grasp of a body, seen from the tip, that both pads touch, if they hold it."""
+        pads = self._pads_at(finger_m)
+        overlaps = [_overlap(pad, moved.placed_parts) for pad in pads]
+        worst = min(overlaps, key=lambda overlap: overlap.least_m)
+        if not all(overlap.is_enough for overlap in overlaps):
+            return _slips(moved.name, worst.least_m)
+        return Grasp(
+            finger_m=finger_m,
+            T_tip_body=moved.T_base_body,
+            width_m=self.closed_gap_m + 2 * finger_m,
+            push_m=push_m,
+            pad_m=worst.least_m,
+            centre_off_m=centre_off_m(pads, moved),
+            is_near_edge=any(overlap.is_near_edge for overlap in overlaps),
+        )
+
+    def _pads_at(self, finger_m: float) -> tuple[list[Part], list[Part]]:
+        """Both pads where they are at a finger position."""
+        first, second = self.pads
+        return [_shifted(p, finger_m) for p in first], [_shifted(p, -finger_m) for p in second]
+
+    def pads_at(self, T_base_tip: PoseLike, finger_m: float) -> tuple[Part, ...]:
+        """The shapes of both pads where they are, seen from base.
+
+        Raises:
+            PoseError: when the pose is not a valid one.
+            ConfigurationError: when the finger position is outside 0 .. stroke.
+        """
+        self._check_finger(finger_m)
+        T = checked_pose(T_base_tip)
+        first, second = self._pads_at(finger_m)
+        return tuple(part.at(T * part.T_body_part) for part in (*first, *second))
+
+    def _check_finger(self, finger_m: float) -> None:
+        x = finite_scalar(finger_m, "finger position", ConfigurationError)
+        if not -ROUNDING_M <= x <= self.stroke_m + ROUNDING_M:
+            hint = "; give metres, not millimetres or per cent" if x >= NO_FINGER_M else ""
+            raise ConfigurationError(
+                f"finger position {1e3 * x:.3f} mm of the {self.side} hand is outside "
+                f"0 .. {1e3 * self.stroke_m:.3f} mm{hint}"
+            )
+
+
+def _check_axes(robot: Baxter, arm: Arm, names: tuple[str, str]) -> None:
+    """The fingers must slide along the closing axis of the gripper frame."""
+    model = robot.model
+    data, tip = model.createData(), model.frames[model.getFrameId(arm.gripper_frame)].placement
+    for name in names:
+        joint = model.getJointId(name)
+        along = model.jointPlacements[joint].rotation @ np.asarray(data.joints[joint].S).ravel()[:3]
+        off = float(np.linalg.norm(np.cross(tip.rotation.T @ along, CLOSING_AXIS)))
+        if off > MOST_OFF_RAD:
+            raise SceneError(
+                f"{name} slides {1e3 * off:.2g} mrad off y of {arm.gripper_frame}, which hands are "
+                f"modelled to close along; allowed are {1e3 * MOST_OFF_RAD:g} mrad"
+            )
+
+
+def _travel(
+    pad: Sequence[Part], direction: float, parts: Sequence[Part], room_m: float
+) -> float | None:
+    """How far a pad moves along y of the gripper until it touches a part; None if it does not.
+
+    It may begin inside one, by no more than a contact may press; its travel is negative then.
+    """
+    along = np.array([0.0, direction, 0.0])
+    begin = [_shifted(piece, -direction * PRESSING_TOLERANCE_M) for piece in pad]
+    room_m += PRESSING_TOLERANCE_M
+    hits = [travel_to_contact(piece, along, part, room_m) for piece in begin for part in parts]
+    least = min((hit for hit in hits if hit is not None), default=None)
+    return None if least is None else least - PRESSING_TOLERANCE_M
+
+
+def _overlap(pad: Sequence[Part], parts: Sequence[Part]) -> Overlap:
+    """How much of a pad is on what it touches: the nearest parts, and those that are as near."""
+    gaps = {(p, q): gap_m(pad[p], parts[q]) for p in range(len(pad)) for q in range(len(parts))}
+    least = min(gaps.values())
+    touching = {pair for pair, gap in gaps.items() if gap <= least + AS_NEAR_M}
+    pieces = [pad[p] for p in sorted({p for p, _ in touching})]
+    return Overlap.of(pieces, [parts[q] for q in sorted({q for _, q in touching})])
+
+
+def _misfit(kind: MissKind, name: str, width_m: float, gap_m: float) -> Miss:
+    """Of what is too wide for the open hand, or too thin for the closed one."""
+    pads = "whose closed pads" if kind is MissKind.TOO_THIN else "whose pads"
+    text = (
+        f"{name} measures {1e3 * width_m:.1f} mm across the hand, {pads} are {1e3 * gap_m:.1f} mm "
+        "apart"
+    )
+    return Miss(kind, text, name, width_m)
+
+
+def _beside(seen: Body) -> Miss:
+    x, y, z = seen.centre_base
+    across = float(np.hypot(x, y))
+    is_hinted = millimetres_hint(x, y, z) != ""
+    hint = "; was its place given in millimetres? Lengths are in metres" if is_hinted else ""
+    text = (
+        f"{seen.name} is {1e3 * across:.0f} mm beside the tip and {1e3 * z:.0f} mm ahead of it, "
+        f"not between the pads{hint}"
+    )
+    return Miss(MissKind.NOTHING, text, seen.name, across)
+
+
+def _slips(name: str, pad_m: float) -> Miss:
+    text = (
+        f"only {1e3 * pad_m:.1f} mm of a pad on {name}; less than {1e3 * LEAST_PAD_M:.1f} mm "
+        "slip off"
+    )
+    return Miss(MissKind.EDGE, text, name, pad_m)
+
+
+def _along_y(y: float) -> pin.SE3:
+    return pin.SE3(np.eye(3), np.array([0.0, y, 0.0]))
+
+
+def _shifted(pad: Part, y: float) -> Part:
+    return pad.at(_along_y(y) * pad.T_body_part)

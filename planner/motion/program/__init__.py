@@ -1,0 +1,1 @@
+"""The motion program: its phases, unknowns, constraints and derivatives."""

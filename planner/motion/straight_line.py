@@ -1,0 +1,208 @@
+"""StraightLine: poses from one to another, along a line and the shortest rotation.
+
+And LineTolerance: how far a tip that follows one may be off it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from baxter_kin.arrays import Vector, finite_array, finite_scalar, float_array
+from baxter_kin.copying import Frozen
+from baxter_kin.display import OneLine, millimetres, position
+from baxter_kin.errors import expect, millimetres_hint
+from baxter_kin.frames import PoseLike, angle_between, chain_poses, checked_pose
+from planner.errors import MotionError, StraightMoveError
+from planner.scene.bodies import FARTHEST_M
+
+LEAST_LENGTH = 1e-9
+"""A line shorter than this, in m and rad together, is a point: positions are known no better."""
+
+LEAST_TRAVEL_M = 1e-6
+"""A turn whose tip travels less is one on the spot."""
+
+HALF_TURN_MARGIN_RAD = 1e-6
+"""Rotations closer to half a turn than this have no shortest way: either sense is as good."""
+
+
+FARTHEST = 1e6
+"""How many times its length a line may be followed, either way; beyond, turns lose digits."""
+
+
+LEAST_M, LEAST_RAD = 2e-6, 1e-5
+"""Of a tolerance: poses at the ends of lines are exact within a hundredth of that."""
+
+STRICT_M, STRICT_RAD = 1e-4, math.radians(0.02)
+"""How far a tip may be off its line unless said otherwise."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class LineTolerance(OneLine):
+    """How far a tip may be off its line: 0.1 mm and 0.02 deg unless said otherwise.
+
+    Attributes:
+        position_m: from the line; from `LEAST_M` on.
+        rotation_rad: from the orientation that belongs to the nearest point of it; from `LEAST_RAD`
+            on, below half a turn.
+
+    Raises:
+        MotionError: when one is no such number.
+    """
+
+    position_m: float = STRICT_M
+    rotation_rad: float = STRICT_RAD
+
+    def __post_init__(self) -> None:
+        ranges = ("position_m", LEAST_M, FARTHEST_M), ("rotation_rad", LEAST_RAD, math.pi)
+        for name, least, most in ranges:
+            value = finite_scalar(getattr(self, name), f"line tolerance {name}", MotionError)
+            if not least <= value < most:
+                raise MotionError(
+                    f"line tolerance {name} must be from {least:g} to below {most:g}, got {value:g}"
+                )
+            object.__setattr__(self, name, value)
+
+    def _facts(self) -> tuple[str, ...]:
+        return f"{1e3 * self.position_m:g} mm", f"{math.degrees(self.rotation_rad):g} deg"
+
+
+STRICT = LineTolerance()
+"""What is kept unless said otherwise."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StraightLine(Frozen, OneLine):
+    """The poses between two, by the fraction s of the way, 0..1.
+
+    The position is on the line between both, the orientation on the shortest rotation between them
+    (slerp: Shoemake, "Animating rotation with quaternion curves", 1985), at the same fraction.
+
+    Attributes:
+        T_base_start: the first pose of the tip.
+        T_base_goal: the last one.
+        twist: of the tip per unit of s, shape (6,): m, then rad, along the axes of base. It is the
+            same all along.
+    """
+
+    T_base_start: pin.SE3
+    T_base_goal: pin.SE3
+    twist: Vector = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Check both poses and compute the twist.
+
+        Raises:
+            PoseError: when one is no pose.
+            MotionError: when one is farther away than `FARTHEST_M`.
+            StraightMoveError: when the rotation is half a turn.
+        """
+        start, goal = (_orthonormal(T) for T in (self.T_base_start, self.T_base_goal))
+        angle = angle_between(start.rotation, goal.rotation)
+        if angle > math.pi - HALF_TURN_MARGIN_RAD:
+            raise StraightMoveError(
+                0.0,
+                f"the goal is turned by {math.degrees(angle):.6f} deg, half a turn, which has two "
+                "shortest ways: go by an orientation between",
+            )
+        turn = start.rotation @ pin.log3(start.rotation.T @ goal.rotation)
+        twist = np.concatenate([goal.translation - start.translation, turn])
+        twist.setflags(write=False)
+        for name, value in (("T_base_start", start), ("T_base_goal", goal), ("twist", twist)):
+            object.__setattr__(self, name, value)
+
+    @property
+    def length_m(self) -> float:
+        """How far the tip travels."""
+        return float(np.linalg.norm(self.twist[:3]))
+
+    @property
+    def angle_rad(self) -> float:
+        """How much it turns, below half a turn."""
+        return float(np.linalg.norm(self.twist[3:]))
+
+    @property
+    def is_point(self) -> bool:
+        """Whether it is shorter than `LEAST_LENGTH`."""
+        return bool(np.linalg.norm(self.twist) < LEAST_LENGTH)
+
+    def at(self, s: float) -> pin.SE3:
+        """The pose at a fraction of the way; beyond 0..1 the line goes on, to `FARTHEST`.
+
+        Raises:
+            MotionError: when `s` is no number, or farther.
+        """
+        s = finite_scalar(s, "s", MotionError)
+        if abs(s) > FARTHEST:
+            raise MotionError(f"s is a fraction of the way, to {FARTHEST:g} times it; got {s:g}")
+        R = pin.exp3(s * self.twist[3:]) @ self.T_base_start.rotation
+        return pin.SE3(R, self.T_base_start.translation + s * self.twist[:3])
+
+    def nearest(self, T_base_tip: pin.SE3) -> float:
+        """The fraction of the way whose position is nearest; of a turn on the spot, whose turn is.
+
+        Not bounded by 0..1; 0 where the line is a point.
+
+        Raises:
+            MotionError: when the pose is no SE3.
+        """
+        T, start = expect(T_base_tip, pin.SE3, "T_base_tip", MotionError), self.T_base_start
+        way, turn = np.split(self.twist, 2)
+        if self.length_m < LEAST_TRAVEL_M and self.angle_rad > LEAST_LENGTH:
+            return float(turn @ pin.log3(T.rotation @ start.rotation.T) / (turn @ turn))
+        return float(way @ (T.translation - start.translation) / max(way @ way, LEAST_LENGTH**2))
+
+    def off(self, T_base_tips: ArrayLike) -> tuple[Vector, Vector]:
+        """How far tips, shape (m, 4, 4), are off its nearest points: m and rad, shape (m,) each.
+
+        Raises:
+            MotionError: when the tips have another shape or are not finite.
+        """
+        given = float_array(T_base_tips, "T_base_tips", MotionError)
+        T = finite_array(given, (given.size // 16, 4, 4), "T_base_tips", MotionError)
+        (way, turn), away = np.split(self.twist, 2), T[:, :3, 3] - self.T_base_start.translation
+        s = away @ way / max(way @ way, LEAST_LENGTH**2)
+        if self.length_m < LEAST_TRAVEL_M:  # by the turns of the tips
+            s = np.array([self.nearest(pin.SE3(tip)) for tip in T])
+        axis = turn / max(self.angle_rad, LEAST_LENGTH)
+        turns = chain_poses(np.eye(4)[None], axis[None], s[:, None] * self.angle_rad)[:, 0, :3, :3]
+        R = (turns @ self.T_base_start.rotation).swapaxes(1, 2) @ T[:, :3, :3]
+        sines = [R[:, i, j] - R[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))]
+        cosines = np.trace(R, axis1=1, axis2=2) - 1.0
+        off_rad: Vector = np.arctan2(np.linalg.norm(sines, axis=0), cosines)
+        return np.linalg.norm(away - s[:, None] * way, axis=1), off_rad
+
+    def error(self, s: float, T_base_tip: pin.SE3) -> Vector:
+        """The twist from a pose to the one at s, shape (6,), m and rad, along the axes of base.
+
+        Raises:
+            MotionError: when `s` is no such fraction, or the pose no SE3.
+        """
+        R = expect(T_base_tip, pin.SE3, "T_base_tip", MotionError).rotation
+        wanted = self.at(s)
+        turn = R @ pin.log3(R.T @ wanted.rotation)
+        return np.concatenate([wanted.translation - T_base_tip.translation, turn])
+
+    def _facts(self) -> tuple[str, ...]:
+        way = f"from {position(self.T_base_start)} to {position(self.T_base_goal)}"
+        return way, millimetres(self.length_m), f"{round(self.angle_rad, 6):g} rad"
+
+
+def _orthonormal(pose: PoseLike) -> pin.SE3:
+    """The pose with the rotation nearest to its own, which may be off by rounded digits.
+
+    The orthogonal factor of the polar decomposition (Higham, 1986).
+    """
+    T = checked_pose(pose)
+    farthest = float(np.abs(T.translation).max())
+    if farthest > FARTHEST_M:
+        raise MotionError(
+            f"a line leads to {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
+            f"{millimetres_hint(farthest)}"
+        )
+    U, _, Vt = np.linalg.svd(T.rotation)
+    return pin.SE3(U @ Vt, T.translation)

@@ -1,0 +1,158 @@
+"""Corners of a way around obstacles, in joint space (OMPL enters here).
+
+RRT-Connect (Kuffner and LaValle 2000) grows a tree from each end until they meet. OMPL has traps:
+
+- It checks an edge at steps that are a fraction of the space's extent, by default so long that a
+  quarter of the paths cross an obstacle. Here the step is a distance.
+- It calls a path that does not reach its goal a solution too, an approximate one.
+- Nothing stops it within an edge, and a time limit of 1e300 s is over at once.
+- What it asks must answer with a `bool` and no other type of Python or NumPy.
+- It logs to stdout, and its random numbers start from one seed of the process, which it claims
+  cannot be set twice. It can: what is created after that is drawn from the new seed.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import ArrayLike
+from ompl import base, geometric, util
+
+from baxter_kin import JointLimits
+from baxter_kin.arrays import Vector, positive_scalar
+from baxter_kin.errors import expect
+from planner.collision.sampling import IsFree
+from planner.errors import MotionError
+
+EDGE_STEP_RAD = 0.02
+"""Distance in joint space between two collision checks of an edge, a sixth of OMPL's default; with
+some mm of margin, none of 100 walls was crossed."""
+
+LONGEST_EDGE_RAD = 0.75
+"""Longest edge of a tree. OMPL would choose a fifth of the arm's extent, 2.5; between the boards of
+a shelf such edges are blocked."""
+
+FINEST_FRACTION, COARSEST_FRACTION = 1e-9, 0.01
+"""Bounds of a step as a fraction of the extent: what OMPL can count, and what makes sense."""
+
+_OMPL = threading.RLock()
+"""One search at a time, because OMPL's seed and log level belong to the process."""
+
+
+def search_corners(
+    q_start: ArrayLike,
+    q_goal: ArrayLike,
+    limits: JointLimits,
+    is_free: IsFree,
+    *,
+    rng: np.random.Generator,
+    timeout_s: float,
+    step_rad: float = EDGE_STEP_RAD,
+) -> Vector | None:
+    """Corners from start to goal, the straight lines between them free at samples.
+
+    Args:
+        q_start: shape (n,), rad, inside the limits.
+        q_goal: shape (n,), rad, inside the limits.
+        limits: of those n joints; their positions bound the search.
+        is_free: whether a configuration is free. What it raises ends the search.
+        rng: seeds the search; the same numbers find the same corners, unless time is up.
+        timeout_s: when to give up.
+        step_rad: distance between two samples, Euclidean in joint space.
+
+    Returns:
+        Shape (m, n), rad, start and goal included; None when nothing was found in that time, or
+        start or goal is not free.
+
+    Raises:
+        ConfigurationError: when start or goal has another shape, is not finite or outside the
+            limits.
+        MotionError: when another argument makes no sense, or the limits are too wide to search.
+    """
+    expect(limits, JointLimits, "limits", MotionError)
+    ends = limits.check(q_start, "q_start"), limits.check(q_goal, "q_goal")
+    deadline_s = time.monotonic() + positive_scalar(timeout_s, "timeout_s", MotionError)
+    fraction = _fraction(limits, positive_scalar(step_rad, "step_rad", MotionError))
+    seed = int(expect(rng, np.random.Generator, "rng", MotionError).integers(1, 2**31))
+    with _quiet_and_seeded(seed):
+        space = _space(limits, _until(deadline_s, is_free), fraction)
+        path = _solution(space, ends, deadline_s)
+    if path is None:
+        return None
+    path[0], path[-1] = ends
+    return path
+
+
+def _fraction(limits: JointLimits, step_rad: float) -> float:
+    with np.errstate(over="ignore"):
+        extent = float(np.linalg.norm(limits.q_max - limits.q_min))
+    if step_rad < FINEST_FRACTION * extent:
+        raise MotionError(
+            f"the position limits span {extent:.3g} rad; that is too wide to search in steps of "
+            f"{step_rad:g} rad: give narrower ones"
+        )
+    return min(step_rad / extent, COARSEST_FRACTION)
+
+
+def _until(deadline_s: float, is_free: IsFree) -> IsFree:
+    """As long as there is time; then nothing is free, which ends an edge in the middle."""
+    return lambda q: time.monotonic() < deadline_s and bool(is_free(q))
+
+
+@contextmanager
+def _quiet_and_seeded(seed: int) -> Iterator[None]:
+    with _OMPL:
+        level = util.getLogLevel()
+        util.setLogLevel(util.LogLevel.LOG_NONE)
+        try:
+            util.RNG.setSeed(seed)
+            yield
+        finally:
+            util.setLogLevel(level)
+
+
+def _space(limits: JointLimits, is_free: IsFree, fraction: float) -> base.SpaceInformation:
+    joints = len(limits.names)
+    bounds = base.RealVectorBounds(joints)
+    for i in range(joints):
+        bounds.setLow(i, float(limits.q_min[i]))
+        bounds.setHigh(i, float(limits.q_max[i]))
+    states = base.RealVectorStateSpace(joints)
+    states.setBounds(bounds)
+    space = base.SpaceInformation(states)
+    space.setStateValidityChecker(lambda state: is_free(_vector(state, joints)))
+    space.setStateValidityCheckingResolution(fraction)
+    space.setup()
+    return space
+
+
+def _solution(
+    space: base.SpaceInformation, ends: tuple[Vector, Vector], deadline_s: float
+) -> Vector | None:
+    """The corners that RRT-Connect finds, shape (m, n), if they reach the goal."""
+    problem = base.ProblemDefinition(space)
+    states = [_state(space, q) for q in ends]
+    problem.setStartAndGoalStates(*states)
+    search = geometric.RRTConnect(space)
+    search.setRange(LONGEST_EDGE_RAD)
+    search.setProblemDefinition(problem)
+    search.setup()
+    search.solve(base.PlannerTerminationCondition(lambda: time.monotonic() >= deadline_s))
+    if not problem.hasExactSolution():
+        return None
+    return np.array([_vector(s, ends[0].size) for s in problem.getSolutionPath().getStates()])
+
+
+def _state(space: base.SpaceInformation, q: Vector) -> base.State:
+    state = space.allocState()
+    for i, angle in enumerate(q.tolist()):
+        state[i] = angle
+    return state
+
+
+def _vector(state: base.State, joints: int) -> Vector:
+    return np.array([state[i] for i in range(joints)])

@@ -1,0 +1,1 @@
+"""From a pick and a place to a checked plan."""

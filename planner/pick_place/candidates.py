@@ -1,0 +1,178 @@
+"""Candidates: which IK solutions at pick and place are tried, and in which order.
+
+Solutions all over both solution sets are compared by the times of direct motions from rest to
+rest, in closed form: from the start to the pick, on to the place, and up from there. What fails
+teaches which pairs not to try.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import IKService, JointLimits
+from baxter_kin.arrays import Indices, Vector
+from baxter_kin.errors import expect
+from baxter_kin.ik import sample_solutions
+from planner.collision.context import CollisionContext
+from planner.errors import MotionError
+from planner.motion.free_move import MARGIN_M
+from planner.motion.joint_move import rest_to_rest_s
+from planner.pick_place.cycle import PICK_LINES, PLACE_LINES
+from planner.pick_place.plan_builder import NoSolutionError
+from planner.pick_place.request import PlanRequest
+from planner.pick_place.summary import Tally
+from planner.pick_place.task import PickAndPlace
+from planner.plan import PlanFailure
+
+BOUND_TURNS = 192
+"""Angles of s0 for a bound: four times as many as for a choice, 0.02 rad apart."""
+
+NEIGHBOURHOOD_RAD = 0.15
+"""Solutions nearer to each other than this in every joint collide alike: two steps of the samples
+in the angle of s0."""
+
+
+class Pair(NamedTuple):
+    """A solution at the pick and one at the place, shape (7,) both, rad."""
+
+    q_pick: Vector
+    q_place: Vector
+
+
+class Solutions:
+    """Solutions of one waypoint, in the situation there.
+
+    Attributes:
+        stage: label of the move that ends there.
+        qs: shape (n, 7), rad.
+        is_free: whether the one of a number is.
+        has_room: whether it also keeps the distance that searches for a way around keep; what has
+            is free.
+    """
+
+    def __init__(self, stage: str, qs: Vector, context: CollisionContext) -> None:
+        self.stage, self.qs, self._context = stage, qs, context
+        roomy = context.with_margin(context.margin_m + MARGIN_M)
+        self.is_free = cache(lambda index: context.is_free(qs[index]))
+        self.has_room = cache(lambda index: roomy.is_free(qs[index]))
+
+    def near(self, index: int) -> Indices:
+        """Which of them are near one, itself among them."""
+        return np.flatnonzero(np.abs(self.qs - self.qs[index]).max(axis=1) < NEIGHBOURHOOD_RAD)
+
+    def tally(self) -> Tally:
+        """How many collide, and with what."""
+        return Tally.of(self.stage, self.qs, self._context)
+
+    def refuse_none_free(self) -> None:
+        """Stop when all of them collide.
+
+        Raises:
+            NoSolutionError: then.
+        """
+        if not len(self.qs):
+            raise NoSolutionError.at(
+                self.stage, "no solution leads on to where the cycle ends", is_certain=True
+            )
+        each = range(len(self.qs))
+        if not any(map(self.has_room, each)) and not any(map(self.is_free, each)):
+            tally = self.tally()
+            raise NoSolutionError(
+                PlanFailure(self.stage, str(tally), is_certain=True, tallies=(tally,))
+            )
+
+
+class Candidates:
+    """Pairs of solutions, in the order of the times that they promise.
+
+    Attributes:
+        picks: solutions at the pick, shape (n, 7), rad.
+        places: solutions at the place from which the end is reached, shape (m, 7), rad.
+        order: numbers of a pick and a place, shape (n * m, 2).
+    """
+
+    def __init__(self, request: PlanRequest, task: PickAndPlace) -> None:
+        """All pairs of samples of both solution sets."""
+        ik, limits = request.manipulator.ik, request.manipulator.limits
+        self.picks, places = (_samples(ik, T) for T in (task.T_base_pick, task.T_base_place))
+        self.places, q_ends = _leading_to(ik, places, task.T_base_end)
+        there = rest_to_rest_s(self.picks - request.q_start, limits)[:, None]
+        across = rest_to_rest_s(self.places[None] - self.picks[:, None], limits)
+        away = rest_to_rest_s(q_ends - self.places, limits)[None]
+        times = there + across + away
+        ranked = np.argsort(times, axis=None, kind="stable")
+        self.order: Indices = np.stack(np.unravel_index(ranked, times.shape), axis=1)
+        self._closed = np.zeros(times.shape, dtype=np.bool_)
+
+    def pair(self, pick: int, place: int) -> Pair:
+        """One pair by its numbers."""
+        return Pair(self.picks[pick], self.places[place])
+
+    def open_ones(self, picks: Solutions, places: Solutions) -> Iterator[tuple[int, int]]:
+        """Those worth trying by what is known when each is asked for.
+
+        Those with room around them come first, among them the fastest.
+        """
+        closed, pairs = self._closed, self.order.tolist()
+        has_room = cache(lambda i, j: picks.has_room(i) and places.has_room(j))
+        yield from ((i, j) for i, j in pairs if not closed[i, j] and has_room(i, j))
+        for i, j in pairs:
+            if not (closed[i, j] or has_room(i, j)) and picks.is_free(i) and places.is_free(j):
+                yield i, j
+
+    def close(self, picks: Indices, places: Indices, stage: str) -> bool:
+        """Give up what is like a pair that failed at a stage; True if it failed sideways.
+
+        Args:
+            picks: numbers of the solutions near that of the pair.
+            places: likewise.
+            stage: a line up or down speaks against its solution, the others against the pair.
+        """
+        if stage in PICK_LINES:
+            self._closed[picks] = True
+        elif stage in PLACE_LINES:
+            self._closed[:, places] = True
+        else:
+            self._closed[np.ix_(picks, places)] = True
+        return stage not in PICK_LINES + PLACE_LINES
+
+
+def transfer_bound_s(
+    ik: IKService, limits: JointLimits, T_base_pick: pin.SE3, T_base_place: pin.SE3
+) -> float:
+    """The time of the fastest direct motion from any solution of one pose to any of the other.
+
+    From rest to rest, over samples of both solution sets: no way from pick to place is faster, but
+    for what lies between the samples. Infinite where a pose has no solution.
+
+    Raises:
+        PoseError: when a pose is not a valid one.
+        RequestError: when `ik` is no service.
+        MotionError: when `limits` are none, or of another number of joints.
+    """
+    expect(limits, JointLimits, "limits", MotionError)
+    picks, places = (
+        sample_solutions(ik, T, turns=BOUND_TURNS) for T in (T_base_pick, T_base_place)
+    )
+    times = rest_to_rest_s(places[None] - picks[:, None], limits)
+    return float(times.min(initial=np.inf))
+
+
+def _samples(ik: IKService, T_base_tip: pin.SE3) -> Vector:
+    """Samples; where all of them miss a small solution set, the one that the service finds."""
+    samples = sample_solutions(ik, T_base_tip)
+    found = ik.solve(T_base_tip)
+    return found.q[None] if not len(samples) and found.is_valid else samples
+
+
+def _leading_to(ik: IKService, qs: Vector, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
+    """Those configurations from which the search reaches a pose, and where it arrives."""
+    if not len(qs):
+        return qs, qs
+    found = ik.search.search(qs, np.repeat(T_base_tip.homogeneous[None], len(qs), axis=0))
+    return qs[found.is_valid], found.q[found.is_valid]

@@ -1,0 +1,281 @@
+"""Search for the shortest cycle of a pick and place that is free of collision.
+
+Pairs of IK solutions at pick and place are tried in the order of the times that they promise; those
+that collide where they stand are left out. From the first few the six motions are planned as one
+program (`CycleProgram`), which hardly depends on the pair, and led around what they meet sideways.
+Where that fails, a cycle is sought that stops above pick and place, with free moves in between.
+What fails teaches which pairs not to try: a line up or down speaks against its solution
+and the neighbours of that, a sideways motion against the neighbours of the pair. What was found so
+is the guess for the same program, whose motion takes its place where that is clear and faster.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import islice
+
+import numpy as np
+import pinocchio as pin
+
+from planner.pick_place.candidates import Candidates, Pair, Solutions
+from planner.pick_place.cycle import SIDEWAYS, STAGES, Cycle, StoppingCycles
+from planner.pick_place.cycle_program import CycleProgram
+from planner.pick_place.hand_lines import refuse_blocked_hand
+from planner.pick_place.phases import PhaseMaker
+from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder, proven, refuse_blocked
+from planner.pick_place.request import PlanRequest
+from planner.pick_place.task import PickAndPlace
+from planner.plan import GripperAction, Plan, PlanFailure
+from planner.trajectory import Trajectory
+
+MOST_OPTIMISED = 4
+"""Pairs whose cycles are planned as one program, before others are tried."""
+
+DIFFERENT_RAD = 0.4
+"""By how much some joint differs between two of these."""
+
+SAME_S, SAME_RAD = 2e-3, 0.02
+"""Cycles that differ by less are the same optimum."""
+
+MOST_TRIED, MOST_SIDEWAYS = 16, 3
+"""Pairs that are tried one motion at a time, and those of them whose sideways motions fail."""
+
+PROVEN_FIRST = (
+    "pick: descend",
+    "place: descend",
+    "place: retract",
+    "pick: approach",
+    "place: approach",
+)
+"""The order in which motions are proven: those first that rule out most others."""
+
+
+class CycleSearch:
+    """One search; situations and lines are shared by all pairs that are tried."""
+
+    def __init__(self, request: PlanRequest, task: PickAndPlace) -> None:
+        self._request, self._task = request, task
+        self._missed: list[_Miss] = []
+
+    @cached_property
+    def _program(self) -> CycleProgram:
+        """Made once the waypoints are known to be within reach."""
+        return CycleProgram(self._request, self._task)
+
+    @cached_property
+    def _candidates(self) -> Candidates:
+        return Candidates(self._request, self._task)
+
+    def shortest(self) -> Plan:
+        """The plan of the shortest cycle that was found, or why there is none."""
+        try:
+            self._refuse_unreachable()
+            self._make_phases()
+            self._look()
+        except NoSolutionError as stop:
+            return PlanBuilder(self._request).plan(stop.failure)
+        for plan in self._fastest():
+            if plan.failure is None:
+                return plan
+        for plan in self._stopping():
+            if plan.failure is None:
+                return self._improved(plan)
+            if plan.failure.is_certain:
+                return plan
+        return self._nearest_miss()
+
+    def _refuse_unreachable(self) -> None:
+        """Whether every waypoint can be reached at all.
+
+        Raises:
+            NoSolutionError: when one cannot.
+        """
+        q, task = self._request.q_start, self._task
+        for label, T_base_tip in (
+            ("pick: approach", task.T_base_above_pick),
+            ("pick: descend", task.T_base_pick),
+            ("place: approach", task.T_base_above_place),
+            ("place: descend", task.T_base_place),
+            ("place: retract", task.T_base_end),
+        ):
+            ik = self._request.manipulator.ik.solve(T_base_tip, current=q)
+            if not ik.is_valid:
+                raise NoSolutionError(PlanFailure(label, str(ik.failure), ik, is_certain=True))
+            q = ik.q
+
+    def _make_phases(self) -> None:
+        """Find the situations.
+
+        Raises:
+            NoSolutionError: when there is none: that the hand cannot be there, before that it
+                would not hold.
+        """
+        maker = PhaseMaker(self._request, self._task)
+        try:
+            self._phases = maker.made()
+        except NoSolutionError as stop:
+            if stop.failure.stage == "pick: close":
+                context = maker.reaching(self._request.manipulator.hand.stroke_m)
+                Solutions("pick: descend", self._candidates.picks, context).refuse_none_free()
+            raise
+        self._contexts = self._phases.contexts
+
+    def _look(self) -> None:
+        """Look whether some solutions are free, at pick and place, and the hand on its lines.
+
+        Raises:
+            NoSolutionError: when one of these does not hold.
+        """
+        contexts, found = self._contexts, self._candidates
+        refuse_blocked(
+            "pick: approach", self._request.q_start, contexts["pick: approach"], "where it stands"
+        )
+        self._picks = Solutions("pick: descend", found.picks, contexts["pick: descend"])
+        self._picks.refuse_none_free()
+        self._places = Solutions("place: descend", found.places, contexts["place: descend"])
+        self._places.refuse_none_free()
+        self._phases.refuse_impossible()
+        refuse_blocked_hand(self._task, contexts)
+
+    def _fastest(self) -> Iterator[Plan]:
+        """Cycles whose six motions are one program, from the first few pairs that differ.
+
+        The first one that collides sideways is led around what is there. Their failures speak
+        against no pairs: the program leaves the solutions that it begins from.
+        """
+        tried: list[Cycle] = []
+        for pair in islice(self._different(), MOST_OPTIMISED):
+            cycle = self._program.of(pair)
+            if cycle is None or any(_are_alike(cycle, other) for other in tried):
+                continue
+            tried.append(cycle)
+            plan = self._along(cycle)
+            yield plan
+            if plan.failure is not None and plan.failure.stage in SIDEWAYS:
+                yield from map(self._along, self._program.around(cycle, self._contexts))
+                return
+
+    def _different(self) -> Iterator[Pair]:
+        """Open pairs in order, but for those too near to one before."""
+        chosen: list[Pair] = []
+        open_ones = self._candidates.open_ones(self._picks, self._places)
+        for pair in (self._candidates.pair(*each) for each in open_ones):
+            if all(np.abs(np.subtract(pair, other)).max() > DIFFERENT_RAD for other in chosen):
+                chosen.append(pair)
+                yield pair
+
+    def _improved(self, plan: Plan) -> Plan:
+        """The fastest cycle near a plan's, where that is shorter and proven; else the plan."""
+        cycle = Cycle(*(move.trajectory for move in plan.moves))
+        for faster in self._faster(cycle):
+            if faster.duration_s < plan.motion_time_s:
+                improved = self._along(faster)
+                if improved.is_valid:
+                    return improved
+        return plan
+
+    def _faster(self, cycle: Cycle) -> Iterator[Cycle]:
+        near = self._program.near(cycle)
+        if near is not None:
+            yield near
+        yield from self._program.around(cycle, self._contexts)
+
+    def _stopping(self) -> Iterator[Plan]:
+        """Cycles that stop above pick and place; a pair that fails closes others like it."""
+        cycles = StoppingCycles(self._request, self._task, self._contexts)
+        sideways = 0
+        for i, j in islice(self._candidates.open_ones(self._picks, self._places), MOST_TRIED):
+            try:
+                plan = self._along(cycles.of(*self._candidates.pair(i, j)))
+            except NoSolutionError as stop:
+                plan = self._missing(PlanBuilder(self._request), stop.failure)
+            yield plan
+            if plan.failure is not None:
+                alike = self._picks.near(i), self._places.near(j)
+                sideways += self._candidates.close(*alike, plan.failure.stage)
+            if sideways == MOST_SIDEWAYS:
+                break
+
+    def _along(self, cycle: Cycle) -> Plan:
+        """The plan of a cycle up to the stage that fails; no steps where a move does."""
+        builder = PlanBuilder(self._request)
+        try:
+            for stage in PROVEN_FIRST:
+                proven(stage, cycle.by_stage[stage], self._contexts[stage])
+            self._add(cycle, builder)
+        except NoSolutionError as stop:
+            return self._missing(builder, stop.failure)
+        return builder.plan()
+
+    def _add(self, cycle: Cycle, builder: PlanBuilder) -> None:
+        """Add every step, each proven clear.
+
+        Raises:
+            NoSolutionError: when one is not.
+        """
+        phases, task = self._phases, self._task
+
+        def move(label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
+            context, is_straight = self._contexts[label], label not in SIDEWAYS
+            builder.add_move(label, trajectory, context, T_base_tip, is_straight=is_straight)
+
+        builder.add_open("pick: open", phases.opening_m)
+        move("pick: approach", cycle.to_pick, task.T_base_above_pick)
+        move("pick: descend", cycle.down_to_pick, task.T_base_pick)
+        builder.add_grip("pick: close", GripperAction.CLOSE, phases.closing, task.body)
+        move("pick: retract", cycle.up_from_pick, task.T_base_above_pick)
+        move("place: approach", cycle.to_place, task.T_base_above_place)
+        move("place: descend", cycle.down_to_place, task.T_base_place)
+        builder.add_grip("place: open", GripperAction.OPEN, phases.releasing, task.body)
+        move("place: retract", cycle.up_from_place, task.T_base_end)
+
+    def _missing(self, builder: PlanBuilder, failure: PlanFailure) -> Plan:
+        """The plan of what there is, which is remembered as a miss."""
+        plan = builder.plan(failure)
+        self._missed.append(_Miss(plan, failure))
+        return plan
+
+    def _nearest_miss(self) -> Plan:
+        """What there is of the plan that gets farthest, with what came of the others."""
+        best = max(self._missed, key=_Miss.nearness)
+        failures = tuple(miss.failure for miss in self._missed)
+        tallies = tuple(
+            tally for tally in (self._picks.tally(), self._places.tally()) if tally.colliding
+        )
+        told = [_told(failures), *(f"{tally.stage}: {tally}" for tally in tallies)]
+        reason = f"{best.failure.reason} ({'; '.join(told)})"
+        failure = replace(best.failure, reason=reason, tried=failures, tallies=tallies)
+        return replace(best.plan, failure=failure)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Miss:
+    """What there is of a plan that failed, and why."""
+
+    plan: Plan
+    failure: PlanFailure
+
+    def nearness(self) -> tuple[int, float]:
+        """How far it got, and how little was missing: greater is nearer to a plan."""
+        contact = self.failure.contact
+        distance_m = -np.inf if contact is None else contact.nearest.distance_m
+        return STAGES.index(self.failure.stage), distance_m
+
+
+def _told(failures: tuple[PlanFailure, ...]) -> str:
+    """How many ways failed where."""
+    stages = Counter(failure.stage for failure in failures)
+    if len(stages) == 1:
+        return f"the nearest miss of {len(failures)} ways that were tried, all of which end there"
+    counts = ", ".join(f"{count} at {stage!r}" for stage, count in stages.most_common())
+    return f"the nearest miss of {len(failures)} ways that were tried: {counts}"
+
+
+def _are_alike(one: Cycle, other: Cycle) -> bool:
+    """Whether two cycles came to the same optimum."""
+    return abs(one.duration_s - other.duration_s) < SAME_S and bool(
+        np.abs(one.q_pick - other.q_pick).max() < SAME_RAD
+    )

@@ -1,0 +1,274 @@
+"""Phases of a pick and place: what stands where, what the hand holds, and what it may touch.
+
+They follow from the task and the scene alone, whichever way the arm takes, and are found once:
+
+```
+label              stands still           in the hand         may come near, or touch
+pick: approach     everything             -                   -
+pick: descend      everything             -                   the hand its body
+pick: close        all but what is pushed (pushed)            the pads their body
+pick: retract      all but the body       the body            the body what it stands on
+place: approach    all but the body       the body            -
+place: descend     all but the body       the body            the body what it will stand on
+place: open        everything             -                   the pads their body
+place: retract     everything             -                   the hand its body
+```
+
+The fingers open as far as the stroke goes, or, where something stands in their way at the pick or
+at the place, as far as is free. What is in the way of the hand alone, along its lines up and down,
+is in its way for every solution of the arm, and is said at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeAlias
+
+import numpy as np
+import pinocchio as pin
+
+from planner.clearance import SweptContact, SweptResult
+from planner.collision.context import CollisionContext
+from planner.collision.continuous import RESOLUTION_M
+from planner.collision.shape_pairs import Held
+from planner.grasping.finger_travel import FingerTravel, closing_travel, combined, travel_check
+from planner.grasping.grasp import Grasp, Miss
+from planner.pick_place.plan_builder import NoSolutionError, blocked_fingers
+from planner.pick_place.request import PlanRequest
+from planner.pick_place.task import PickAndPlace
+from planner.plan import GripperAction, PlanFailure
+from planner.scene.bodies import Body, Scene
+from planner.scene.contact import gap_m, touching
+from planner.scene.support import Landing, land, levelled
+
+LONGEST_DROP_M = 0.01
+"""From how high above its support a body may be let go."""
+
+LEAST_ROOM_M = 3e-4
+"""Fingers that cannot open all the way leave at least so much room between pads and body."""
+
+OPENING_STEP_M = 1e-4
+"""How closely the farthest free opening is sought."""
+
+_SAME_PLACE_M = 1e-9
+
+_Opening: TypeAlias = tuple[float, tuple[FingerTravel, ...], tuple[PlanFailure, ...]]
+"""A finger position, the fingers' way from or to it, and what is in their way however far."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Phases:
+    """The situations of one pick and place.
+
+    Attributes:
+        body: what is carried, as it stands before.
+        opening_m: finger position with which the hand comes down to it.
+        leaving_m: finger position with which the hand rises from it again.
+        closing: the fingers' way at the pick.
+        releasing: the fingers' way at the place.
+        contexts: the situation of every move, by its label.
+        refusals: why it cannot be done though each pose is free: what stands in the way of the
+            fingers however far they open, or that the body would fall.
+    """
+
+    body: Body
+    opening_m: float
+    leaving_m: float
+    closing: tuple[FingerTravel, ...]
+    releasing: tuple[FingerTravel, ...]
+    contexts: Mapping[str, CollisionContext]
+    refusals: tuple[PlanFailure, ...] = ()
+
+    def refuse_impossible(self) -> None:
+        """Stop when there is such a reason.
+
+        Raises:
+            NoSolutionError: then.
+        """
+        for failure in self.refusals:
+            raise NoSolutionError(failure)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PhaseMaker:
+    """Finds the phases of a task.
+
+    Attributes:
+        request: the arm and its hand, all bodies before it, and the distance to keep.
+        task: what goes where.
+    """
+
+    request: PlanRequest
+    task: PickAndPlace
+
+    def made(self) -> Phases:
+        """All of them.
+
+        Raises:
+            NoSolutionError: when the body does not fit into the hand, or cannot be held.
+        """
+        body, task = self.request.scene[self.task.body], self.task
+        self._refuse_wide(body)
+        grasp = self._grasp(body)
+        opening_m, closing, blocked_closing = self._at_pick(grasp)
+        carried = self._carried(body, grasp)
+        landing, no_rest = self._landing(body, grasp)
+        after = self.request.scene.without(self.task.body).with_body(landing.body)
+        leaving_m, releasing, blocked_opening = self._at_place(body, grasp, landing)
+        return Phases(
+            body,
+            opening_m,
+            leaving_m,
+            closing,
+            releasing,
+            {
+                "pick: approach": self._context(self.request.scene, finger_m=opening_m),
+                "pick: descend": self.reaching(opening_m),
+                **carried,
+                "place: retract": self._near(after, leaving_m, task.T_base_place),
+            },
+            (*blocked_closing, *no_rest, *blocked_opening),
+        )
+
+    def _refuse_wide(self, body: Body) -> None:
+        hand = self.request.manipulator.hand
+        width = hand.width_across_m(self.task.T_base_pick, body)
+        if width > hand.open_gap_m:
+            raise NoSolutionError.at(
+                "pick: open",
+                f"{body.name} measures {1e3 * _least_width_m(body):.1f} mm, "
+                f"{1e3 * width:.1f} mm across the hand as it lies, but the {hand.side} hand opens "
+                f"only {1e3 * hand.open_gap_m:.1f} mm",
+                is_certain=True,
+            )
+
+    def _grasp(self, body: Body) -> Grasp:
+        hand = self.request.manipulator.hand
+        grasp = hand.close_on(self.task.T_base_pick, body, hand.stroke_m)
+        if isinstance(grasp, Miss):
+            reason = f"the fingers would miss: {grasp}"
+            raise NoSolutionError.at("pick: close", reason, is_certain=True)
+        return grasp
+
+    def _at_pick(self, grasp: Grasp) -> _Opening:
+        scene, name = self.request.scene, self.task.body
+        return self._widest(
+            lambda opening_m: closing_travel(scene, name, opening_m, grasp),
+            self.task.T_base_pick,
+            ("pick: close", GripperAction.CLOSE),
+            grasp.finger_m + abs(grasp.push_m),
+        )
+
+    def _at_place(self, body: Body, grasp: Grasp, landing: Landing) -> _Opening:
+        return self._widest(
+            lambda opening_m: self._releasing(body, grasp, landing, opening_m),
+            self.task.T_base_place,
+            ("place: open", GripperAction.OPEN),
+            grasp.finger_m,
+        )
+
+    def _widest(
+        self,
+        travels: Callable[[float], tuple[FingerTravel, ...]],
+        T_base_tip: pin.SE3,
+        step: tuple[str, GripperAction],
+        least_m: float,
+    ) -> _Opening:
+        """The greatest opening for which the fingers' way is clear; or all, and why there is none.
+
+        It is told only when the pose itself is free: what is in its way may be what is in theirs.
+        """
+
+        def proven(way: tuple[FingerTravel, ...]) -> SweptResult:
+            checks = (travel_check(self.request.manipulator, travel) for travel in way)
+            return combined(check.above(T_base_tip, self.request.margin_m) for check in checks)
+
+        widest_m, least_m = self.request.manipulator.hand.stroke_m, least_m + LEAST_ROOM_M
+        whole = travels(widest_m)
+        if proven(whole).is_clear:
+            return widest_m, whole, ()
+        result = proven(travels(min(least_m, widest_m)))
+        if isinstance(result, SweptContact):
+            return widest_m, whole, (blocked_fingers(*step, result, is_certain=True),)
+        while widest_m - least_m > OPENING_STEP_M:
+            middle_m = (least_m + widest_m) / 2
+            if proven(travels(middle_m)).is_clear:
+                least_m = middle_m
+            else:
+                widest_m = middle_m
+        return least_m, travels(least_m), ()
+
+    def _releasing(
+        self, body: Body, grasp: Grasp, landing: Landing, opening_m: float
+    ) -> tuple[FingerTravel, ...]:
+        """The fingers open beside the body where it is let go, and where it has fallen to."""
+        let_go = body.at(self.task.T_base_place * grasp.T_tip_body)
+        places = [let_go]
+        if not landing.body.T_base_body.isApprox(let_go.T_base_body, _SAME_PLACE_M):
+            places.append(landing.body)
+        others = self.request.scene.without(self.task.body)
+        return tuple(
+            FingerTravel(
+                others.with_body(place), grasp.finger_m, opening_m, touchable=self.task.body
+            )
+            for place in places
+        )
+
+    def _carried(self, body: Body, grasp: Grasp) -> dict[str, CollisionContext]:
+        """The situations with the body in the hand: on its supports, and free of them."""
+        others = self.request.scene.without(self.task.body)
+        placed = body.at(self.task.T_base_place * grasp.T_tip_body)
+        stood, will_stand = touching(body, self.request.scene), touching(placed, others)
+        lifted, free, lowered = (
+            self._context(
+                others, finger_m=grasp.finger_m, held=Held(body, grasp.T_tip_body, supports)
+            )
+            for supports in (stood, frozenset[str](), will_stand)
+        )
+        return {"pick: retract": lifted, "place: approach": free, "place: descend": lowered}
+
+    def reaching(self, opening_m: float) -> CollisionContext:
+        """The situation on the line down to the pick, the fingers so far open."""
+        return self._near(self.request.scene, opening_m, self.task.T_base_pick)
+
+    def _landing(self, body: Body, grasp: Grasp) -> tuple[Landing, tuple[PlanFailure, ...]]:
+        """Where the body comes to rest when it is let go; why it must not, where it must not."""
+        let_go = body.at(self.task.T_base_place * grasp.T_tip_body)
+        landing = land(levelled(let_go), self.request.scene.without(self.task.body))
+        on, way = " and ".join(landing.supports), landing.beside
+        reason = None
+        if landing.drop_m > LONGEST_DROP_M:
+            reason = (
+                f"{body.name} would fall: nothing is within {1e3 * LONGEST_DROP_M:.0f} mm below "
+                f"it, and {on} is {1e3 * landing.drop_m:.0f} mm below"
+            )
+        elif way is not None:
+            beside_mm = 1e3 * float(np.linalg.norm(way))
+            reason = f"{body.name} would tip: its centre is {beside_mm:.1f} mm beside {on}"
+        if reason is None:
+            return landing, ()
+        return landing, (PlanFailure("place: open", reason, is_certain=True),)
+
+    def _near(self, scene: Scene, finger_m: float, T_base_tip: pin.SE3) -> CollisionContext:
+        """The open hand around its body; the pads touch it only where they cannot but."""
+        body, hand = scene[self.task.body], self.request.manipulator.hand
+        pads = hand.pads_at(T_base_tip, finger_m)
+        room_m = min(gap_m(pad, part) for pad in pads for part in body.placed_parts)
+        may_press = room_m <= RESOLUTION_M
+        return self._context(
+            scene, finger_m=finger_m, touchable=self.task.body, may_press=may_press
+        )
+
+    @property
+    def _context(self) -> Callable[..., CollisionContext]:
+        """Makes the situation of some bodies, by the opening of the fingers and what is allowed."""
+        request = self.request
+        return partial(CollisionContext.of, request.manipulator, margin_m=request.margin_m)
+
+
+def _least_width_m(body: Body) -> float:
+    """The narrowest of the body's three extents along its own axes."""
+    spans = [body.extent_m(axis) for axis in body.T_base_body.rotation.T]
+    return min(high - low for low, high in spans)

@@ -1,0 +1,222 @@
+"""PlanBuilder: a plan while it is being made, step by step, each proven before it is added."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pinocchio as pin
+
+from baxter_kin.arrays import Vector
+from baxter_kin.frames import raised
+from planner.clearance import SweptContact, SweptProof
+from planner.collision.context import CollisionContext
+from planner.errors import MotionError
+from planner.grasping.finger_travel import FingerTravel, prove_travel
+from planner.manipulator import Manipulator
+from planner.motion.free_move import MARGIN_M, TIMEOUT_S, plan_free_move
+from planner.motion.straight_move import plan_straight_move
+from planner.pick_place.request import PlanRequest
+from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
+from planner.situation import Situation
+from planner.trajectory import Trajectory
+
+
+class NoSolutionError(Exception):
+    """Ends the making of a plan; becomes `Plan.failure`."""
+
+    def __init__(self, failure: PlanFailure) -> None:
+        self.failure = failure
+        super().__init__(str(failure))
+
+    @classmethod
+    def at(cls, stage: str, reason: str, *, is_certain: bool = False) -> NoSolutionError:
+        """For a reason that is only words; `is_certain` says that no other way is worth trying."""
+        return cls(PlanFailure(stage, reason, is_certain=is_certain))
+
+
+class PlanBuilder:
+    """The steps of a plan so far.
+
+    Attributes:
+        steps: what was added.
+    """
+
+    def __init__(self, request: PlanRequest) -> None:
+        self.steps: list[Step] = []
+        self._request, self._manipulator = request, request.manipulator
+        self._start = Situation.of(request.manipulator, request.scene, request.held)
+
+    @property
+    def q(self) -> Vector:
+        """Where the arm stands after the steps so far, shape (7,), rad."""
+        moves = [step for step in self.steps if isinstance(step, Move)]
+        return moves[-1].trajectory.q_goal if moves else self._request.q_start
+
+    def plan(self, failure: PlanFailure | None = None) -> Plan:
+        """The plan of the steps so far, or why it ends there."""
+        request, arm = self._request, self._manipulator
+        return Plan(
+            arm.arm.side,
+            request.q_start,
+            tuple(self.steps),
+            failure,
+            self._start,
+            arm.identity,
+            request.line_tolerance,
+        )
+
+    def add_move(
+        self,
+        label: str,
+        trajectory: Trajectory,
+        context: CollisionContext,
+        T_base_tip: pin.SE3 | None = None,
+        *,
+        is_straight: bool = False,
+    ) -> None:
+        """Add a move.
+
+        Args:
+            label: stage and waypoint.
+            trajectory: from where the arm stands.
+            context: the situation meanwhile.
+            T_base_tip: the pose that it ends at; None for a move in joint angles.
+            is_straight: whether the tip moves along a straight line.
+
+        Raises:
+            NoSolutionError: when it is not proven clear.
+        """
+        proof, ik = proven(label, trajectory, context), None
+        if T_base_tip is not None:
+            ik = self._manipulator.ik.solve(T_base_tip, current=trajectory.q_start)
+        move = Move(label, trajectory, T_base_tip, ik, proof.nearest, proof, is_straight)
+        self.steps.append(move)
+
+    def add_free_move(self, label: str, q_goal: Vector, context: CollisionContext) -> None:
+        """Add a move to a configuration, around what is in the way.
+
+        Raises:
+            NoSolutionError: when an end is blocked, or there is no way between them.
+        """
+        refuse_blocked(label, self.q, context, "where it stands")
+        refuse_blocked(label, q_goal, context, "where it shall go")
+        self.add_move(
+            label, free_motion(label, (self.q, q_goal), self._manipulator, context), context
+        )
+
+    def add_rise(self, label: str, height_m: float, context: CollisionContext) -> None:
+        """Add a straight move up from where the arm stands.
+
+        Raises:
+            NoSolutionError: when there is none, or it is not proven clear.
+        """
+        refuse_blocked(label, self.q, context, "where it stands")
+        arm, limits = self._manipulator.arm, self._manipulator.limits
+        T_base_goal = raised(arm.T_base_tip(self.q), height_m)
+        try:
+            trajectory = plan_straight_move(
+                arm, self.q, T_base_goal, limits, line_tolerance=self._request.line_tolerance
+            )
+        except MotionError as cause:
+            raise NoSolutionError.at(label, str(cause)) from cause
+        self.add_move(label, trajectory, context, T_base_goal, is_straight=True)
+
+    def add_grip(
+        self, label: str, action: GripperAction, travels: Sequence[FingerTravel], body: str
+    ) -> None:
+        """Add the closing of the fingers on a body, or their opening around it.
+
+        Args:
+            label: stage and action.
+            action: open or close.
+            travels: the fingers' way, at least one stretch.
+            body: name of the body.
+
+        Raises:
+            NoSolutionError: when the way is not proven clear.
+        """
+        proof = self._proven(label, action, travels)
+        opening_m = self._told(travels[-1].end_m) if action is GripperAction.OPEN else None
+        self.steps.append(Grip(label, action, body, opening_m, proof))
+
+    def add_open(self, label: str, opening_m: float) -> None:
+        """Add the opening of the empty hand before anything else has moved a body.
+
+        Raises:
+            NoSolutionError: when something stands in the way of the fingers.
+        """
+        travel = FingerTravel(self._start.scene, self._manipulator.finger_m, opening_m)
+        proof = self._proven(label, GripperAction.OPEN, (travel,))
+        self.steps.append(Grip(label, GripperAction.OPEN, None, self._told(opening_m), proof))
+
+    def _told(self, opening_m: float) -> float | None:
+        """A finger position as a step says it: None for all the way."""
+        return opening_m if opening_m < self._manipulator.hand.stroke_m else None
+
+    def _proven(
+        self, label: str, action: GripperAction, travels: Sequence[FingerTravel]
+    ) -> SweptProof:
+        result = prove_travel(self._manipulator, travels, self.q, margin_m=self._request.margin_m)
+        if isinstance(result, SweptContact):
+            raise NoSolutionError(blocked_fingers(label, action, result))
+        return result
+
+
+def proven(label: str, motion: Trajectory, context: CollisionContext) -> SweptProof:
+    """The proof that a motion is clear.
+
+    Raises:
+        NoSolutionError: when there is none; says what is in its way.
+    """
+    result = context.prove(motion)
+    if isinstance(result, SweptContact):
+        raise NoSolutionError(PlanFailure(label, str(result), contact=result))
+    return result
+
+
+def free_motion(
+    label: str,
+    ends: tuple[Vector, Vector],
+    manipulator: Manipulator,
+    context: CollisionContext,
+    timeout_s: float = TIMEOUT_S,
+) -> Trajectory:
+    """A motion from one configuration to another around what is in the way, proven clear.
+
+    Raises:
+        NoSolutionError: when there is none.
+    """
+    try:
+        return plan_free_move(
+            *ends,
+            manipulator.limits,
+            context,
+            timeout_s=timeout_s,
+            margin_m=context.margin_m + MARGIN_M,
+        )
+    except MotionError as cause:
+        raise NoSolutionError.at(label, str(cause)) from cause
+
+
+def refuse_blocked(label: str, q: Vector, context: CollisionContext, where: str) -> None:
+    """Stop when the arm is too close to something at a configuration.
+
+    Raises:
+        NoSolutionError: then.
+    """
+    if context.is_free(q):
+        return
+    near = context.clearance(q)
+    reason = f"the arm is blocked {where}: {near.too_near(context.margin_m)}"
+    if near.distance_m > 0.0 and {near.first, near.second} <= set(context.checker.shapes.links):
+        reason += "; the robot's own body cannot keep that there"
+    raise NoSolutionError.at(label, reason, is_certain=True)
+
+
+def blocked_fingers(
+    label: str, action: GripperAction, contact: SweptContact, *, is_certain: bool = False
+) -> PlanFailure:
+    """What stands in the way of fingers that open or close."""
+    too_near = contact.nearest.too_near(contact.needed_m)
+    reason = f"while the fingers {action.value}, {too_near}"
+    return PlanFailure(label, reason, contact=contact, is_certain=is_certain)

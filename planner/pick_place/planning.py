@@ -1,0 +1,174 @@
+"""Pick and place as stages, planned into one checked `Plan`.
+
+```
+pick    open - approach - descend - close - retract
+place   approach - descend - open - retract
+```
+
+The tip comes down to a pose and rises from it along a straight line, and moves sideways only
+`clear_m` above it and higher; there it does not stop, it passes. On the way between both it is, at
+the knots of the motion, above the lower of these two heights. It stops to grasp, to release, and
+`hover_m` above the place, where the cycle ends. While it is moved sideways, what is carried may
+touch nothing, its supports included. Each move is proven free of collision at every instant
+(`planner.collision.continuous`). The motions of a cycle are one nonlinear program, and as fast
+together as the limits and lines allow (`planner.motion`); where they collide, they are led around
+what is there, and where that fails, other pairs of IK solutions are tried, with a stop above both
+and free moves in between, which keep no height (`planner.pick_place.cycle_search`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from baxter_kin.errors import expect
+from planner.collision.context import CollisionContext
+from planner.errors import TaskError
+from planner.manipulator import Manipulator
+from planner.motion.straight_line import STRICT, LineTolerance
+from planner.pick_place.cycle_search import CycleSearch
+from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder
+from planner.pick_place.request import PlanRequest
+from planner.pick_place.task import PickAndPlace, checked_height_m
+from planner.plan import Plan
+from planner.scene.bodies import Scene
+from planner.situation import Holding
+
+__all__ = ["PickAndPlace", "plan_pick_and_place", "plan_retract", "plan_start_move"]
+
+
+def plan_pick_and_place(
+    task: PickAndPlace,
+    manipulator: Manipulator,
+    scene: Scene,
+    q_start: ArrayLike,
+    *,
+    margin_m: float = 0.0,
+    held: Sequence[Holding] = (),
+    line_tolerance: LineTolerance = STRICT,
+) -> Plan:
+    """Every step from `q_start` until the arm has retracted from the placed body.
+
+    Args:
+        task: what goes where.
+        manipulator: the arm and its hand.
+        scene: all bodies, the one to carry among them.
+        q_start: where the arm stands, shape (7,), rad.
+        margin_m: distance that is proven to be kept from everything at all times, contacts on
+            purpose left out, the hand from what it grasps, and links up to two joints apart; not
+            negative.
+        held: what the other hand holds, as `World.held` says.
+        line_tolerance: how far the tip may be off its straight lines, for which `verify` judges the
+            plan by it: 0.1 mm and 0.02 deg when not given.
+
+    Returns:
+        A plan; when a step has no solution, an invalid one that says which and why.
+
+    Raises:
+        SceneError: when the body is not in the scene.
+        TaskError: when it cannot be moved.
+        ConfigurationError: when `q_start` is malformed or outside the limits.
+        MotionError: when the margin is not a number, or negative.
+    """
+    expect(task, PickAndPlace, "task", TaskError)
+    request = PlanRequest(manipulator, scene, q_start, margin_m, held, line_tolerance)
+    if not scene[task.body].is_movable:
+        raise TaskError(f"{task.body!r} is not movable, so it cannot be picked")
+    return CycleSearch(request, task).shortest()
+
+
+def plan_start_move(
+    manipulator: Manipulator,
+    scene: Scene,
+    q_now: ArrayLike,
+    q_start: ArrayLike | None = None,
+    *,
+    margin_m: float = 0.0,
+    held: Sequence[Holding] = (),
+) -> Plan:
+    """The way to where a task starts, around what is in the way, then an open gripper.
+
+    Args:
+        manipulator: the arm and its hand, which is empty.
+        scene: all bodies.
+        q_now: where the arm stands, shape (7,), rad.
+        q_start: where it shall stand; every joint at zero when not given.
+        margin_m: distance that is proven to be kept from everything, links up to two joints apart
+            left out; not negative.
+        held: what the other hand holds, as `World.held` says.
+
+    Returns:
+        A plan; when there is no way, an invalid one that says what is in it.
+
+    Raises:
+        ConfigurationError: when a configuration is malformed or outside the limits.
+        MotionError: when the margin is not a number, or negative.
+    """
+    request = PlanRequest(manipulator, scene, q_now, margin_m, held, q_name="q_now")
+    goal = manipulator.arm.limits.check(np.zeros(7) if q_start is None else q_start, "q_start")
+
+    def add_steps(builder: PlanBuilder) -> None:
+        context = CollisionContext.of(manipulator, scene, margin_m=request.margin_m)
+        builder.add_free_move("move to start", goal, context)
+        builder.add_open("open", manipulator.hand.stroke_m)
+
+    return _built(request, add_steps)
+
+
+def plan_retract(
+    manipulator: Manipulator,
+    scene: Scene,
+    q_now: ArrayLike,
+    height_m: float,
+    *,
+    margin_m: float = 0.0,
+    held: Sequence[Holding] = (),
+    line_tolerance: LineTolerance = STRICT,
+) -> Plan:
+    """Open the fingers, and rise straight up from where the arm stands.
+
+    After a miss, say: leave the body that was missed out of the scene, as nobody knows where it is.
+
+    Args:
+        manipulator: the arm and its hand, which is empty.
+        scene: all bodies that must not be touched.
+        q_now: where the arm stands, shape (7,), rad.
+        height_m: how far to rise, above zero.
+        margin_m: distance that is proven to be kept from everything, links up to two joints apart
+            left out; not negative.
+        held: what the other hand holds, as `World.held` says.
+        line_tolerance: how far the tip may be off its straight lines, for which `verify` judges the
+            plan by it: 0.1 mm and 0.02 deg when not given.
+
+    Returns:
+        A plan; when there is no way up, an invalid one that says why.
+
+    Raises:
+        ConfigurationError: when `q_now` is malformed or outside the limits.
+        TaskError: when the height is not a number above zero, or is beyond `FARTHEST_M`.
+        MotionError: when the margin is not a number, or negative, or a tolerance is none.
+    """
+    request = PlanRequest(manipulator, scene, q_now, margin_m, held, line_tolerance, "q_now")
+    rise_m = checked_height_m(height_m, "height_m", TaskError)
+    opening_m = manipulator.hand.stroke_m
+
+    def add_steps(builder: PlanBuilder) -> None:
+        builder.add_open("open", opening_m)
+        context = CollisionContext.of(
+            manipulator, scene, finger_m=opening_m, margin_m=request.margin_m
+        )
+        builder.add_rise("retract", rise_m, context)
+
+    return _built(request, add_steps)
+
+
+def _built(request: PlanRequest, add_steps: Callable[[PlanBuilder], None]) -> Plan:
+    """The plan of some steps, or of those before the first that has no solution."""
+    builder = PlanBuilder(request)
+    try:
+        add_steps(builder)
+    except NoSolutionError as stop:
+        return builder.plan(stop.failure)
+    return builder.plan()

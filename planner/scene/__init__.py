@@ -1,0 +1,1 @@
+"""Bodies and their shapes, what touches what, and what stands on what."""

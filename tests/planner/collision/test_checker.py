@@ -1,0 +1,489 @@
+"""Clearances against distances computed pair by pair."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from baxter_kin import Arm, Baxter, ConfigurationError, PoseError
+from planner import (
+    Body,
+    Box,
+    Clearance,
+    ClearanceChecker,
+    Manipulator,
+    Part,
+    RobotShapes,
+    Scene,
+    SceneError,
+    Sphere,
+)
+from planner.clearance import least
+from planner.collision.robot_body import RobotBody
+from planner.collision.shape_pairs import Held
+from planner.scene.contact import PRESSING_TOLERANCE_M, coal_shape, convex, surface
+from planner.scene.mesh import Mesh
+from tests.bodies import CORNERS, SIDES
+from tests.conftest import at, overhead
+from tests.planner.conftest import distance, mesh_of
+
+DISTANCE_TOLERANCE_M = 2e-6
+"""Two runs of GJK on the same pair; its default tolerance is 1e-6."""
+
+X, Y, Z = np.eye(3)
+PIECES_OUTSIDE_M = 3e-5
+"""How far the pieces of a finger may be outside of what they contain, where it is convex."""
+
+ORIGIN = at(0.0, 0.0, 0.0)
+CUBE = Box((0.05, 0.05, 0.05))
+Vector = NDArray[np.float64]
+
+seeds = st.integers(0, 2**32 - 1)
+metres = st.floats(0.01, 0.1)
+
+
+@pytest.fixture(scope="module")
+def shapes(robot: Baxter) -> RobotShapes:
+    return RobotShapes(robot)
+
+
+def ball(name: str, x: float, y: float, z: float, radius_m: float = 0.02) -> Body:
+    return Body(name, (Part(Sphere(radius_m), ORIGIN),), at(x, y, z))
+
+
+def full(robot: Baxter, arm: Arm, q: Any) -> Vector:
+    """A configuration of the whole robot, the fingers of the arm open."""
+    joints = arm.joints(q)
+    letter = arm.side[0]
+    joints |= {f"{letter}_gripper_l_finger_joint": 0.02, f"{letter}_gripper_r_finger_joint": -0.02}
+    return robot.configuration(joints)
+
+
+class Independent:
+    """Distances of one arm's links, one pair after the other, of the arrays of the stored body."""
+
+    def __init__(self, robot: Baxter, arm: Arm, q: Vector) -> None:
+        body, data = RobotBody.load(), robot.model.createData()
+        pin.framesForwardKinematics(robot.model, data, q)
+        self._skipped = body.skipped_pairs
+        self._links = {name: link for name, link in body.links.items() if ":" not in name}
+        for finger in "lr":  # the stock robot has paddles on both sides
+            paddle = self._links[f"l_gripper_{finger}_finger_tip"]
+            self._links[f"r_gripper_{finger}_finger_tip"] = paddle
+        self._shapes = {
+            name: [surface(*link.surface)]
+            if len(link.surface.triangles)
+            else [convex(*piece) for piece in link.pieces]
+            for name, link in self._links.items()
+        }
+        self._margins = {name: link.margin_m for name, link in self._links.items()}
+        self._poses = {link: data.oMf[robot.model.getFrameId(link)] for link in self._shapes}
+        self._joints = {
+            link: robot.model.frames[robot.model.getFrameId(link)].parentJoint
+            for link in self._shapes
+        }
+        urdf = robot.description.stock.urdf
+        self._arm = _links_below(urdf, f"{arm.side}_s0") & self._shapes.keys()
+        self._hand = _links_below(urdf, f"{arm.side}_w2") & self._shapes.keys()
+
+    def least(self, scene: Scene) -> float:
+        return min(*self.to_itself(), *(self._to(body) for body in scene))
+
+    def lowest_m(self, part: str) -> float:
+        """The lowest point of the arm's links with that in their names, in base."""
+        return min(
+            float(self._poses[link].act(vertex)[2]) - self._margins[link]
+            for link in self._arm
+            if part in link
+            for vertex in self._links[link].surface.vertices
+        )
+
+    def to_itself(self) -> Iterator[float]:
+        for one in self._arm:
+            for other in self._shapes:
+                is_rigid = self._joints[one] == self._joints[other]
+                is_skipped = frozenset((one, other)) in self._skipped
+                if not (is_rigid or is_skipped or {one, other} <= self._hand):
+                    yield from (
+                        distance(first, self._poses[one], second, self._poses[other])
+                        - self._margins[one]
+                        - self._margins[other]
+                        for first in self._shapes[one]
+                        for second in self._shapes[other]
+                    )
+
+    def _to(self, body: Body) -> float:
+        return min(
+            distance(
+                shape,
+                self._poses[link],
+                coal_shape(part.shape),
+                body.T_base_body * part.T_body_part,
+            )
+            - self._margins[link]
+            for link in self._arm
+            for shape in self._shapes[link]
+            for part in body.parts
+        )
+
+
+def _links_below(urdf: Any, joint_name: str) -> set[str]:
+    joints = [
+        (joint.get("name"), joint.find("parent"), joint.find("child"))
+        for joint in ET.parse(urdf).getroot().findall("joint")
+    ]
+    children: dict[str | None, list[str]] = {}
+    found: list[str] = []
+    for name, parent, child in joints:
+        assert parent is not None
+        assert child is not None
+        children.setdefault(parent.get("link"), []).append(str(child.get("link")))
+        if name == joint_name:
+            found.append(str(child.get("link")))
+    for link in found:
+        found.extend(children.get(link, []))
+    return set(found)
+
+
+@settings(max_examples=4)
+@given(seeds)
+def test_clearance_is_the_least_of_all_pairs_computed_one_by_one(
+    robot: Baxter, arm: Arm, shapes: RobotShapes, scene: Scene, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    q = full(robot, arm, arm.random_configuration(rng))
+    found = ClearanceChecker(shapes, arm, scene).clearance(q)
+    expected = Independent(robot, arm, q).least(scene)
+    if expected > 0.0:
+        assert found.distance_m == pytest.approx(expected, abs=DISTANCE_TOLERANCE_M)
+    else:
+        assert found.distance_m <= 0.0
+
+
+def test_clearance_in_neutral_is_that_of_all_pairs(
+    robot: Baxter, arm: Arm, shapes: RobotShapes
+) -> None:
+    q = full(robot, arm, arm.neutral)
+    found = ClearanceChecker(shapes, arm, Scene.of()).clearance(q)
+    expected = min(Independent(robot, arm, q).to_itself())
+    assert found.distance_m == pytest.approx(expected, abs=DISTANCE_TOLERANCE_M)
+    assert found.distance_m > 0.0
+
+
+@pytest.mark.parametrize("gap", [0.001, 0.01, -0.003])
+def test_clearance_to_a_slab_under_the_lowest_finger_point_is_known_by_hand(
+    robot: Baxter, manipulator: Manipulator, shapes: RobotShapes, gap: float
+) -> None:
+    arm = manipulator.arm
+    q = manipulator.ik.solve(overhead(0.70, 0.15, 0.1)).q
+    lowest = Independent(robot, arm, full(robot, arm, q)).lowest_m("finger")
+    slab = Body("slab", (Part(Box((1.0, 1.0, 0.02)), ORIGIN),), at(0.9, 0.0, lowest - gap - 0.01))
+    found = ClearanceChecker(shapes, arm, Scene.of([slab])).clearance(full(robot, arm, q))
+    deeper_m = 0.0 if gap > 0.0 else PIECES_OUTSIDE_M  # how deep is known of the pieces alone
+    assert gap - deeper_m - DISTANCE_TOLERANCE_M <= found.distance_m <= gap + DISTANCE_TOLERANCE_M
+    assert "slab" in (found.first, found.second)
+    assert "finger" in found.first + found.second
+
+
+def test_a_body_far_away_changes_nothing(robot: Baxter, left: Arm, shapes: RobotShapes) -> None:
+    q = full(robot, left, left.neutral)
+    alone = ClearanceChecker(shapes, left, Scene.of()).clearance(q)
+    with_ball = ClearanceChecker(shapes, left, Scene.of([ball("far", 9, 9, 9)])).clearance(q)
+    assert with_ball.distance_m == pytest.approx(alone.distance_m, abs=DISTANCE_TOLERANCE_M)
+
+
+def test_a_body_inside_a_link_gives_a_negative_clearance_that_names_both(
+    robot: Baxter, left: Arm, shapes: RobotShapes
+) -> None:
+    tip = left.T_base_tip(left.neutral).act(np.array([0.0, 0.0, -0.13]))
+    scene = Scene.of([ball("intruder", *tip)])
+    found = ClearanceChecker(shapes, left, scene).clearance(full(robot, left, left.neutral))
+    assert found.distance_m < 0.0
+    assert found.second == "intruder"
+    assert found.first.startswith(("left_", "l_"))
+
+
+class TestAllowedContacts:
+    """Fingers and the body they grasp; a held body and what it stands on."""
+
+    @pytest.fixture
+    def shapes(self, robot: Baxter, plain: RobotBody) -> RobotShapes:
+        """With boxes for pads."""
+        return RobotShapes(robot, plain)
+
+    @pytest.fixture
+    def manipulator(self, robot: Baxter, plain: RobotBody) -> Manipulator:
+        """With boxes for pads."""
+        return Manipulator.of(robot, "left", body=plain)
+
+    @pytest.fixture
+    def q(self, robot: Baxter, left: Arm) -> Vector:
+        return full(robot, left, left.neutral)
+
+    def at_left_pad(self, manipulator: Manipulator, left: Arm, depth_m: float) -> Body:
+        """A ball between the fingers, pressed into the +y pad by some depth."""
+        radius = 0.01
+        inner_face = manipulator.hand.closed_gap_m / 2 + 0.02
+        point_tip = np.array([0.0, inner_face - radius + depth_m, -0.015])
+        x, y, z = left.T_base_tip(left.neutral).act(point_tip)
+        return ball("ball", x, y, z, radius)
+
+    def test_the_fingers_may_touch_the_touchable_body(
+        self, manipulator: Manipulator, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        touching = Scene.of([self.at_left_pad(manipulator, left, 0.0)])
+        counted = ClearanceChecker(shapes, left, touching).clearance(q)
+        allowed = ClearanceChecker(shapes, left, touching, touchable="ball").clearance(q)
+        assert counted.distance_m == pytest.approx(0.0, abs=DISTANCE_TOLERANCE_M)
+        assert allowed.distance_m > 0.01
+
+    def test_the_fingers_must_not_press_into_it(
+        self, manipulator: Manipulator, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        for depth, is_allowed in (
+            (0.8 * PRESSING_TOLERANCE_M, True),
+            (1.2 * PRESSING_TOLERANCE_M, False),
+        ):
+            pressed = Scene.of([self.at_left_pad(manipulator, left, depth)])
+            found = ClearanceChecker(shapes, left, pressed, touchable="ball").clearance(q)
+            assert (found.distance_m > 0.0) is is_allowed
+
+    def test_other_bodies_stay_forbidden_to_the_fingers(
+        self, manipulator: Manipulator, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        ball_body = self.at_left_pad(manipulator, left, 1e-4)
+        scene = Scene.of([ball_body, ball("target", 5, 5, 5)])
+        found = ClearanceChecker(shapes, left, scene, touchable="target").clearance(q)
+        assert found.distance_m < 0.0
+
+    def test_the_rest_of_the_arm_must_not_touch_the_touchable_body(
+        self, robot: Baxter, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        data = robot.model.createData()
+        pin.framesForwardKinematics(robot.model, data, q)
+        elbow = data.oMf[robot.model.getFrameId("left_lower_elbow")].translation
+        scene = Scene.of([ball("ball", *elbow)])
+        found = ClearanceChecker(shapes, left, scene, touchable="ball").clearance(q)
+        assert found.distance_m < 0.0
+
+    def test_a_held_body_is_not_checked_against_the_hand(
+        self, block: Body, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        held = Held(block, at(-0.025, -0.025, -0.025))
+        found = ClearanceChecker(shapes, left, Scene.of(), held=held).clearance(q)
+        assert found.distance_m > 0.01
+
+    @pytest.mark.parametrize(("gap", "is_allowed"), [(0.0, True), (-1e-4, True), (-1e-3, False)])
+    def test_a_held_body_may_stand_on_something_but_not_in_it(
+        self, manipulator: Manipulator, block: Body, gap: float, is_allowed: bool
+    ) -> None:
+        left, robot = manipulator.arm, manipulator.robot
+        held = Held(block, at(-0.025, -0.025, -0.025), frozenset({"slab"}))
+        T_base_tip = left.T_base_tip(left.neutral)
+        low = block.at(T_base_tip * held.T_tip_body).extent_m(Z)[0]
+        x, y, _ = T_base_tip.translation
+        slab = Body("slab", (Part(Box((0.1, 0.1, 0.02)), ORIGIN),), at(x, y, low - gap - 0.01))
+        checker = ClearanceChecker(manipulator.shapes, left, Scene.of([slab]), held=held)
+        found = checker.clearance(full(robot, left, left.neutral))
+        assert (found.distance_m > 0.0) is is_allowed
+
+    def test_a_held_body_must_not_touch_what_it_does_not_stand_on(
+        self, manipulator: Manipulator, block: Body
+    ) -> None:
+        left, robot = manipulator.arm, manipulator.robot
+        held = Held(block, at(-0.025, -0.025, -0.025), frozenset({"table"}))
+        T_base_tip = left.T_base_tip(left.neutral)
+        low = block.at(T_base_tip * held.T_tip_body).extent_m(Z)[0]
+        x, y, _ = T_base_tip.translation
+        shelf = Body("shelf", (Part(Box((0.1, 0.1, 0.02)), ORIGIN),), at(x, y, low - 0.001 - 0.01))
+        checker = ClearanceChecker(manipulator.shapes, left, Scene.of([shelf]), held=held)
+        found = checker.clearance(full(robot, left, left.neutral))
+        assert (found.first, found.second) == ("block", "shelf")
+        assert found.distance_m == pytest.approx(0.001, abs=DISTANCE_TOLERANCE_M)
+
+    def test_a_held_body_counts_against_the_robot(
+        self, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        tip = left.T_base_tip(left.neutral)
+        huge = Body("huge", (Part(Sphere(float(np.linalg.norm(tip.translation))), ORIGIN),), ORIGIN)
+        found = ClearanceChecker(shapes, left, Scene.of(), held=Held(huge, ORIGIN)).clearance(q)
+        assert found.distance_m < 0.0
+        assert "huge" in (found.first, found.second)
+
+    def test_a_body_named_like_a_link_excuses_no_contact_with_the_link(
+        self, left: Arm, shapes: RobotShapes, q: Vector
+    ) -> None:
+        names = {str(shape.name).rsplit("_", 1)[0] for shape in shapes.model.geometryObjects}
+        tip = left.T_base_tip(left.neutral)
+        reach = float(np.linalg.norm(tip.translation)) - 0.3
+        huge = Body("huge", (Part(Sphere(reach), ORIGIN),), ORIGIN)
+        held = Held(huge, ORIGIN)
+        without = ClearanceChecker(shapes, left, Scene.of(), held=held).clearance(q)
+        like_links = Scene.of(ball(name, 9, 9, 9) for name in sorted(names))
+        with_names = ClearanceChecker(shapes, left, like_links, held=held).clearance(q)
+        assert with_names.distance_m == pytest.approx(without.distance_m, abs=DISTANCE_TOLERANCE_M)
+
+    def test_an_unknown_touchable_body_is_refused(
+        self, left: Arm, shapes: RobotShapes, scene: Scene
+    ) -> None:
+        with pytest.raises(SceneError, match="no body 'brick' in the scene"):
+            ClearanceChecker(shapes, left, scene, touchable="brick")
+
+    def test_a_held_body_that_also_stands_in_the_scene_is_refused(
+        self, left: Arm, shapes: RobotShapes, scene: Scene
+    ) -> None:
+        with pytest.raises(SceneError, match="'block' is in the hand"):
+            ClearanceChecker(shapes, left, scene, held=Held(scene["block"], ORIGIN))
+
+
+def test_two_checkers_do_not_disturb_each_other(
+    robot: Baxter, left: Arm, shapes: RobotShapes, scene: Scene
+) -> None:
+    q = full(robot, left, left.neutral)
+    first = ClearanceChecker(shapes, left, scene)
+    before = first.clearance(q)
+    ClearanceChecker(shapes, left, Scene.of([ball("b", 0.7, 0.2, 0.1)])).clearance(q)
+    after = first.clearance(q)
+    assert (after.first, after.second) == (before.first, before.second)
+    assert after.distance_m == pytest.approx(before.distance_m, abs=DISTANCE_TOLERANCE_M)
+
+
+@pytest.mark.parametrize(
+    "q", [None, "q", [], [0.0] * 7, [0.0] * 18, [np.nan] * 19, [np.inf] * 19, ["0"] * 19, 1.0]
+)
+def test_a_malformed_configuration_is_refused(
+    left: Arm, shapes: RobotShapes, scene: Scene, q: Any
+) -> None:
+    with pytest.raises(ConfigurationError, match="q"):
+        ClearanceChecker(shapes, left, scene).clearance(q)
+
+
+@pytest.mark.parametrize("position", [0, 1, 2])
+@pytest.mark.parametrize("bad", [None, "left", 5])
+def test_a_checker_of_something_else_is_refused(
+    left: Arm, shapes: RobotShapes, scene: Scene, position: int, bad: Any
+) -> None:
+    parts: list[Any] = [shapes, left, scene]
+    parts[position] = bad
+    with pytest.raises(SceneError, match="must be of class"):
+        ClearanceChecker(*parts)
+
+
+@pytest.mark.parametrize("pose", [None, np.eye(3), np.full((4, 4), np.nan)])
+def test_a_body_cannot_be_held_at_no_pose(block: Body, pose: Any) -> None:
+    with pytest.raises(PoseError):
+        Held(block, pose)
+
+
+@pytest.mark.parametrize("body", [None, "block", 5])
+def test_nothing_cannot_be_held(body: Any) -> None:
+    with pytest.raises(SceneError):
+        Held(body, ORIGIN)
+
+
+def test_the_least_of_clearances_is_the_smallest_and_of_none_is_none() -> None:
+    far, near = Clearance(0.2, "a", "b"), Clearance(-0.1, "c", "d")
+    assert least([far, near, far]) is near
+    assert least([]) is None
+
+
+class TestMeshes:
+    """Meshes stand in for the boxes that they are the surface of."""
+
+    @pytest.fixture
+    def q(self, robot: Baxter, left: Arm) -> Vector:
+        return full(robot, left, left.neutral)
+
+    @pytest.fixture(params=["solid", "open"])
+    def slab(self, request: pytest.FixtureRequest) -> Mesh:
+        """200 x 200 x 20 mm; when open, one triangle at its side is missing."""
+        corners = CORNERS * [0.1, 0.1, 0.01]
+        return mesh_of(corners, SIDES if request.param == "solid" else SIDES[1:])
+
+    @pytest.mark.parametrize("gap", [0.2, 0.02, 0.001])
+    def test_an_obstacle_is_as_far_away_as_the_box(
+        self, left: Arm, shapes: RobotShapes, q: Vector, slab: Mesh, gap: float
+    ) -> None:
+        place = left.T_base_tip(left.neutral) * at(0.0, 0.0, 0.05 + gap)
+        found = [
+            ClearanceChecker(shapes, left, Scene.of([Body("slab", (part,), place)])).clearance(q)
+            for part in (Part(slab, ORIGIN), Part(Box((0.2, 0.2, 0.02)), ORIGIN))
+        ]
+        assert found[0].distance_m == pytest.approx(found[1].distance_m, abs=DISTANCE_TOLERANCE_M)
+
+    @pytest.mark.parametrize(("gap", "is_allowed"), [(0.0, True), (-1e-4, True), (-1e-3, False)])
+    def test_a_held_body_may_stand_on_a_mesh_but_not_in_it(
+        self, manipulator: Manipulator, q: Vector, slab: Mesh, gap: float, is_allowed: bool
+    ) -> None:
+        cube = Body("cube", (Part(CUBE, at(0.025, 0.025, 0.025)),), ORIGIN)
+        found = self.clearance_on(manipulator, cube, q, slab, gap)
+        assert (found.distance_m > 0.0) is is_allowed
+
+    def test_a_held_mesh_may_stand_on_something(
+        self, manipulator: Manipulator, q: Vector, slab: Mesh
+    ) -> None:
+        cube = mesh_of(0.025 * CORNERS, slab.triangles)
+        held = Body("held", (Part(cube, at(0.025, 0.025, 0.025)),), ORIGIN)
+        assert self.clearance_on(manipulator, held, q, slab, 0.0).distance_m > 0.0
+        assert self.clearance_on(manipulator, held, q, slab, -0.001).distance_m < 0.0
+
+    def clearance_on(
+        self, manipulator: Manipulator, body: Body, q: Vector, slab: Mesh, gap: float
+    ) -> Clearance:
+        """A body in the neutral hand, so far above the slab that it may touch."""
+        left = manipulator.arm
+        held = Held(body, at(-0.025, -0.025, -0.025), frozenset({"slab"}))
+        T_base_tip = left.T_base_tip(left.neutral)
+        low = body.at(T_base_tip * held.T_tip_body).extent_m(Z)[0]
+        x, y, _ = T_base_tip.translation
+        support = Body("slab", (Part(slab, ORIGIN),), at(x, y, low - gap - 0.01))
+        scene = Scene.of([support])
+        return ClearanceChecker(manipulator.shapes, left, scene, held=held).clearance(q)
+
+
+def test_shapes_whose_depth_coal_does_not_find_count_as_inside_each_other(
+    robot: Baxter, left: Arm, shapes: RobotShapes
+) -> None:
+    tip = left.T_base_tip(left.neutral)
+    sail = mesh_of([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.0, 0.1, 0.0]], [[0, 1, 2]])
+    held = Held(ball("ball", 0, 0, 0), ORIGIN, frozenset({"sail"}))
+    scene = Scene.of([Body("sail", (Part(sail, ORIGIN),), at(*tip.translation))])
+    found = ClearanceChecker(shapes, left, scene, held=held, touchable="sail").clearance(
+        full(robot, left, left.neutral)
+    )
+    assert -1.0 < found.distance_m < -PRESSING_TOLERANCE_M
+
+
+@pytest.mark.parametrize("joint", [0, 8, 10, 18])
+@pytest.mark.parametrize("value", [-1001.0, 1e9, 1e300])
+def test_a_joint_too_far_away_to_be_measured_is_refused(
+    robot: Baxter, left: Arm, shapes: RobotShapes, joint: int, value: float
+) -> None:
+    q = np.array(robot.configuration())
+    q[joint] = value
+    with pytest.raises(ConfigurationError, match="up to 1000 is measured"):
+        ClearanceChecker(shapes, left, Scene.of()).clearance(q)
+
+
+def test_a_clearance_of_no_motion_has_no_time(
+    robot: Baxter, left: Arm, shapes: RobotShapes
+) -> None:
+    checker = ClearanceChecker(shapes, left, Scene.of())
+    assert checker.clearance(full(robot, left, left.neutral)).time_s is None
+
+
+def test_distances_of_pairs_are_those_that_clearance_is_the_least_of(
+    robot: Baxter, left: Arm, shapes: RobotShapes
+) -> None:
+    checker, q = ClearanceChecker(shapes, left, Scene.of()), full(robot, left, left.neutral)
+    found = checker.distances_m(q, range(len(checker.pairs)))
+    least_m = checker.clearance(q).distance_m
+    assert min(found) == pytest.approx(least_m, abs=DISTANCE_TOLERANCE_M)

@@ -1,0 +1,273 @@
+"""The fast yes or no of a collision check against distances computed pair by pair."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from baxter_kin import ConfigurationError
+from planner import (
+    Body,
+    ClearanceChecker,
+    Manipulator,
+    MotionError,
+    Scene,
+    SceneError,
+    plan_joint_move,
+)
+from planner.collision.context import CollisionContext, Touches
+from planner.collision.sampling import SCREENING_STEP_RAD, looks_clear
+from planner.collision.shape_pairs import Held
+from planner.scene.contact import PRESSING_TOLERANCE_M, has_depth
+from tests.conftest import at, overhead
+from tests.planner.walls import Room, wall
+
+Vector = NDArray[np.float64]
+seeds = st.integers(0, 2**32 - 1)
+
+DISTANCE_TOLERANCE_M = 2e-6
+"""Two runs of GJK on the same pair; its default tolerance is 1e-6."""
+
+MARGIN_M = 0.03
+
+
+@pytest.fixture(scope="module")
+def room(manipulator: Manipulator, scene: Scene) -> Room:
+    return Room.of(manipulator, scene.with_body(wall()))
+
+
+@pytest.fixture(scope="module")
+def space(room: Room) -> CollisionContext:
+    return room.space
+
+
+def near(room: Room, seed: int) -> Vector:
+    """A random configuration, every other one near the table, the wall and the block."""
+    rng = np.random.default_rng(seed)
+    arm = room.manipulator.arm
+    if rng.random() < 0.5:
+        return arm.random_configuration(rng)
+    low, high = arm.limits.q_min, arm.limits.q_max
+    return np.clip(room.beside(0.15) + rng.normal(0.0, 0.1, 7), low, high)
+
+
+@settings(max_examples=60)
+@given(seeds)
+def test_a_configuration_is_free_exactly_where_its_clearance_is_above_zero(
+    room: Room, space: CollisionContext, seed: int
+) -> None:
+    q = near(room, seed)
+
+    assert space.is_free(q) == (room.distance_m(q) > 0.0)
+
+
+@settings(max_examples=60)
+@given(seeds, st.sampled_from([0.0, 0.002, 0.03]))
+def test_a_margin_is_kept_exactly_where_the_clearance_is_above_it(
+    room: Room, space: CollisionContext, seed: int, margin_m: float
+) -> None:
+    q = near(room, seed)
+    distance = room.distance_m(q)
+
+    if abs(distance - margin_m) > DISTANCE_TOLERANCE_M:
+        assert space.with_margin(margin_m).is_free(q) == (distance > margin_m)
+
+
+@settings(max_examples=60)
+@given(seeds, st.sampled_from([-PRESSING_TOLERANCE_M, -0.02]))
+def test_below_a_margin_of_zero_shapes_may_be_so_deep_inside_each_other(
+    room: Room, seed: int, margin_m: float
+) -> None:
+    full = next(room.manipulator.configurations(near(room, seed)[None], 0.02))
+    checker = ClearanceChecker(room.manipulator.shapes, room.manipulator.arm, Scene.of([wall()]))
+    shapes = checker.geometry.geometryObjects
+    distances = np.array(checker.distances_m(full, range(len(checker.pairs))))
+    deep = [
+        distance < (margin_m if all(has_depth(shapes[i].geometry) for i in pair) else 0.0)
+        for distance, pair in zip(distances, checker.pairs.tolist(), strict=True)
+    ]
+    if np.abs(distances[:, None] - [margin_m, 0.0]).min() > DISTANCE_TOLERANCE_M:
+        assert Touches(checker, margin_m)(full) == any(deep)
+
+
+@settings(max_examples=30)
+@given(seeds, seeds)
+def test_free_ends_stay_free_under_any_margin(
+    room: Room, space: CollisionContext, seed: int, other: int
+) -> None:
+    ends = [q for q in (near(room, seed), near(room, other)) if space.is_free(q)]
+    guarded = space.with_margin(0.05, *ends)
+
+    assert all(guarded.is_free(q) for q in ends)
+
+
+@settings(max_examples=30)
+@given(seeds, seeds)
+def test_what_keeps_a_margin_with_ends_is_free(
+    room: Room, space: CollisionContext, seed: int, other: int
+) -> None:
+    end, q = near(room, seed), near(room, other)
+
+    if space.is_free(end) and space.with_margin(0.02, end).is_free(q):
+        assert space.is_free(q)
+
+
+def nearing(room: Room, body: str, within_m: float) -> Vector:
+    """A configuration near that body and farther from all others."""
+    ends = {"wall": ((0.2, 0.1), (0.0, 0.1)), "table": ((0.3, -0.1), (0.3, -0.18))}
+    for y, z in np.linspace(*ends[body], 80):
+        q = room.beside(y, z)
+        if 0.0 < room.distance_m(q) < within_m:
+            assert room.checker.clearance(room.full(q)).second == body
+            return q
+    raise AssertionError(f"the hand comes near no {body}")
+
+
+def test_an_end_weakens_the_margin_only_to_what_is_near_it(
+    room: Room, space: CollisionContext
+) -> None:
+    near_table, near_wall = nearing(room, "table", 0.01), nearing(room, "wall", 0.01)
+    guarded = space.with_margin(0.02, near_table)
+
+    assert not space.with_margin(0.02).is_free(near_table)
+    assert guarded.is_free(near_table)
+    assert not guarded.is_free(near_wall)
+    assert space.with_margin(0.02, near_table, near_wall).is_free(near_wall)
+
+
+def test_clearance_is_that_of_the_checker(room: Room, space: CollisionContext) -> None:
+    q = room.beside(0.0)
+    found, expected = space.clearance(q), room.checker.clearance(room.full(q))
+
+    assert (found.first, found.second) == (expected.first, expected.second)
+    assert found.distance_m == pytest.approx(expected.distance_m, abs=DISTANCE_TOLERANCE_M)
+    assert found.distance_m < 0.0
+    assert found.second == "wall"
+
+
+def test_spaces_on_one_checker_do_not_disturb_each_other(room: Room) -> None:
+    qs = [near(room, seed) for seed in range(100)]
+    first = room.space
+    before = [first.is_free(q) for q in qs]
+    others = [room.space.with_margin(0.05) for _ in range(3)]
+    for q in qs:
+        room.distance_m(q)
+        assert not any(other.is_free(q) and not first.is_free(q) for other in others)
+
+    assert [first.is_free(q) for q in qs] == before
+
+
+def test_fingers_may_touch_what_they_grasp_but_not_press_into_it(
+    manipulator: Manipulator, scene: Scene, block: Body
+) -> None:
+    grasp = manipulator.ik.solve(overhead(0.7, 0.15, -0.129)).q
+    checker = ClearanceChecker(manipulator.shapes, manipulator.arm, scene, touchable="block")
+    for finger_m in np.linspace(0.0, manipulator.hand.stroke_m, 40):
+        full = next(manipulator.configurations(grasp[None], finger_m))
+        space = CollisionContext(checker, full)
+        assert space.is_free(grasp) == (checker.clearance(full).distance_m > 0.0)
+
+
+@pytest.mark.parametrize(
+    "gap", [2 * PRESSING_TOLERANCE_M, 0.0, -PRESSING_TOLERANCE_M / 2, -2 * PRESSING_TOLERANCE_M]
+)
+def test_a_held_body_may_touch_its_support_but_not_press_into_it(
+    manipulator: Manipulator, table: Body, block: Body, gap: float
+) -> None:
+    T_base_tip = overhead(0.7, 0.15, -0.125)
+    low = block.extent_m([0.0, 0.0, 1.0])[0]
+    lift = table.extent_m([0.0, 0.0, 1.0])[1] - low + gap
+    raised = block.at(at(0.0, 0.0, lift) * block.T_base_body)
+    held = Held(raised, T_base_tip.inverse() * raised.T_base_body, frozenset({"table"}))
+    context = CollisionContext.of(
+        manipulator, Scene.of([table]), finger_m=0.0208, held=held, margin_m=0.003
+    )
+    q = manipulator.ik.solve(T_base_tip).q
+
+    assert context.is_free(q) == (gap > -PRESSING_TOLERANCE_M)
+
+
+@pytest.mark.parametrize(
+    "q",
+    [
+        np.zeros(6),
+        np.full(7, np.nan),
+        np.full(7, np.inf),
+        np.full(7, 1e9),
+        np.full(7, 1e300),
+        np.full(7, 1j),
+        np.full(7, "1"),
+        [0.0] * 8,
+        "abcdefg",
+        None,
+    ],
+)
+def test_refuses_what_is_no_configuration(space: CollisionContext, q: Any) -> None:
+    for ask in (space.is_free, space.clearance, space.with_margin(0.01).is_free):
+        with pytest.raises(ConfigurationError):
+            ask(q)
+    with pytest.raises(ConfigurationError):
+        space.with_margin(0.01, q)
+
+
+def test_takes_a_list_for_an_array(room: Room, space: CollisionContext) -> None:
+    q = room.beside(0.0)
+
+    assert space.is_free(q.tolist()) == space.is_free(q)
+
+
+@pytest.mark.parametrize("margin", [-0.001, float("nan"), "1", None])
+def test_refuses_a_margin_that_is_none(
+    manipulator: Manipulator, space: CollisionContext, margin: Any
+) -> None:
+    for ask in (
+        lambda: space.with_margin(margin),
+        lambda: space.obstacles(margin, np.zeros(7)),
+        lambda: CollisionContext.of(manipulator, Scene.of(), margin_m=margin),
+    ):
+        with pytest.raises(MotionError, match="margin"):
+            ask()
+
+
+def test_refuses_fingers_beyond_their_stroke(manipulator: Manipulator) -> None:
+    with pytest.raises(ConfigurationError):
+        CollisionContext.of(manipulator, Scene.of(), finger_m=1.0)
+
+
+def test_refuses_what_is_no_situation(room: Room) -> None:
+    bad: Any = "left"
+    with pytest.raises(SceneError, match="checker"):
+        CollisionContext(bad, room.full(np.zeros(7)))
+    with pytest.raises(SceneError, match="manipulator"):
+        CollisionContext.of(bad, Scene.of())
+    with pytest.raises(ConfigurationError):
+        CollisionContext(room.checker, np.zeros(7))
+
+
+def test_free_is_what_keeps_the_margin(manipulator: Manipulator, scene: Scene) -> None:
+    walled = CollisionContext.of(manipulator, scene.with_body(wall()), margin_m=MARGIN_M)
+    rng = np.random.default_rng(3)
+    qs = [manipulator.arm.random_configuration(rng) for _ in range(200)]
+    distances = [walled.clearance(q).distance_m for q in qs]
+    assert any(0.0 < distance < MARGIN_M for distance in distances)
+    for q, distance in zip(qs, distances, strict=True):
+        assert walled.is_free(q) == (distance > MARGIN_M)
+
+
+@given(seed=seeds)
+@settings(max_examples=15)
+def test_what_is_clear_is_proven_so(manipulator: Manipulator, table: Body, seed: int) -> None:
+    bodies = Scene.of([table, wall()])
+    context = CollisionContext.of(manipulator, bodies, margin_m=MARGIN_M)
+    rng = np.random.default_rng(seed)
+    start, goal = (manipulator.arm.random_configuration(rng) for _ in range(2))
+    motion = plan_joint_move(start, goal, manipulator.limits)
+    proof = context.prove(motion)
+    assert context.is_clear(motion) == proof.is_clear
+    if proof.is_clear:
+        assert looks_clear(motion, context.is_free, SCREENING_STEP_RAD)

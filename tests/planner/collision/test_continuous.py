@@ -1,0 +1,395 @@
+"""Swept proofs against dense sampling, and against what sampling does not see."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from baxter_kin import Arm, Baxter, ConfigurationError
+from planner import (
+    Body,
+    Box,
+    ClearanceChecker,
+    MotionError,
+    Part,
+    RobotShapes,
+    Scene,
+    SceneError,
+    Trajectory,
+    TrajectoryError,
+    plan_joint_move,
+)
+from planner.clearance import SweptContact, SweptProof, SweptResult
+from planner.collision import continuous as module
+from planner.collision.continuous import ACCURACY_M, RESOLUTION_M, SLACK_M, TIGHTNESS, prove_clear
+from planner.collision.shape_pairs import Held
+from planner.scene.bodies import Shape
+from planner.scene.contact import PRESSING_TOLERANCE_M
+from tests.bodies import CORNERS, SIDES
+from tests.conftest import at
+from tests.planner.conftest import mesh_of
+
+Vector = NDArray[np.float64]
+
+ORIGIN = at(0.0, 0.0, 0.0)
+SLAB = Box((0.06, 0.06, 0.01))
+
+SAME_DISTANCE_M = 2e-6
+"""Two runs of GJK on the same pair; its tolerance is 1e-6."""
+
+SAMPLES = 120
+seeds = st.integers(0, 2**32 - 1)
+
+
+class Stage:
+    """One arm of the robot among some bodies."""
+
+    def __init__(self, robot: Baxter, arm: Arm, shapes: RobotShapes, *bodies: Body) -> None:
+        self.robot, self.arm = robot, arm
+        self.checker = ClearanceChecker(shapes, arm, Scene.of(bodies))
+
+    def full(self, q: Vector, finger_m: float = 0.0) -> Vector:
+        letter = self.arm.side[0]
+        fingers = {
+            f"{letter}_gripper_l_finger_joint": finger_m,
+            f"{letter}_gripper_r_finger_joint": -finger_m,
+        }
+        return self.robot.configuration(self.arm.joints(q) | fingers)
+
+    def prove(
+        self, motion: Trajectory, margin_m: float = 0.0, finger_m: float = 0.0
+    ) -> SweptResult:
+        q = self.full(np.zeros(7), finger_m)
+        return prove_clear(self.checker, motion, q, margin_m=margin_m)
+
+    def sampled(self, motion: Trajectory, times: Any, finger_m: float = 0.0) -> list[float]:
+        full = (self.full(q, finger_m) for q in motion.sample(times).q)
+        return [self.checker.clearance(q).distance_m for q in full]
+
+    def distance(self, motion: Trajectory, time_s: float) -> float:
+        return self.sampled(motion, [time_s])[0]
+
+
+@pytest.fixture(scope="module")
+def shapes(robot: Baxter) -> RobotShapes:
+    return RobotShapes(robot)
+
+
+@pytest.fixture(scope="module")
+def free(robot: Baxter, left: Arm, shapes: RobotShapes) -> Stage:
+    return Stage(robot, left, shapes)
+
+
+@pytest.fixture
+def swing(left: Arm) -> Trajectory:
+    """The outstretched arm swings sideways and flicks its wrist, faster than 2 m/s."""
+    q_start, q_goal = (
+        [s0, -0.3, 0.0, 0.0, 1.57, w1, 1.57] for s0, w1 in [(-0.6, -1.5), (1.6, 1.9)]
+    )
+    return plan_joint_move(q_start, q_goal, left.limits)
+
+
+def plate_at(T_base_tip: pin.SE3) -> Body:
+    """100 x 60 x 2 mm across the way of the finger tips."""
+    T_base_plate = T_base_tip * at(0.0, 0.0, 0.02)
+    return Body("plate", (Part(Box((0.1, 0.002, 0.06)), ORIGIN),), T_base_plate)
+
+
+def random_bodies(rng: np.random.Generator, T_base_tip: pin.SE3) -> list[Body]:
+    bodies = []
+    for number in range(rng.integers(0, 4)):
+        quat = rng.normal(size=4)
+        R = pin.Quaternion(*(quat / np.linalg.norm(quat))).matrix()
+        x, y, z = rng.uniform(0.002, 0.3, size=3).tolist()
+        pose = pin.SE3(R, T_base_tip.translation + 0.3 * rng.normal(size=3))
+        bodies.append(Body(f"box {number}", (Part(Box((x, y, z)), ORIGIN),), pose))
+    return bodies
+
+
+def random_stage(
+    robot: Baxter, arm: Arm, shapes: RobotShapes, seed: int
+) -> tuple[Stage, Trajectory, float]:
+    """Boxes around a random move, and a margin."""
+    rng = np.random.default_rng(seed)
+    q_start = rng.uniform(0.7 * arm.limits.q_min, 0.7 * arm.limits.q_max)
+    step = rng.normal(size=7) * rng.choice([0.03, 0.1, 0.4])
+    q_goal = np.clip(q_start + step, arm.limits.q_min, arm.limits.q_max)
+    bodies = random_bodies(rng, arm.T_base_tip(q_start))
+    motion = plan_joint_move(q_start, q_goal, arm.limits)
+    return Stage(robot, arm, shapes, *bodies), motion, float(rng.choice([0.0, 0.005]))
+
+
+@settings(max_examples=12)
+@given(seeds)
+def test_no_sample_comes_closer_than_proven(
+    robot: Baxter, left: Arm, shapes: RobotShapes, seed: int
+) -> None:
+    stage, motion, margin_m = random_stage(robot, left, shapes, seed)
+    result = stage.prove(motion, margin_m)
+    if isinstance(result, SweptProof):
+        samples = stage.sampled(motion, np.linspace(0.0, motion.duration, SAMPLES))
+        assert margin_m < result.proven_m <= min(samples)
+
+
+@settings(max_examples=40)
+@given(seed=seeds)
+@example(seed=38)  # several shapes deep in one box, whose bounds are all below zero
+@example(seed=511)  # nothing at the end is nearer than what was found at the start
+def test_a_contact_is_there_at_its_time(
+    robot: Baxter, left: Arm, shapes: RobotShapes, seed: int
+) -> None:
+    stage, motion, margin_m = random_stage(robot, left, shapes, seed)
+    result = stage.prove(motion, margin_m)
+    if isinstance(result, SweptContact) and result.is_found:
+        distance_m = stage.distance(motion, result.nearest.time_s or 0.0)
+        assert distance_m <= margin_m
+        assert distance_m == pytest.approx(result.nearest.distance_m, abs=SAME_DISTANCE_M)
+
+
+@settings(max_examples=25)
+@given(seeds)
+def test_proves_most_of_the_least_distance_found(
+    robot: Baxter, left: Arm, shapes: RobotShapes, seed: int
+) -> None:
+    stage, motion, _ = random_stage(robot, left, shapes, seed)
+    result = stage.prove(motion)
+    if isinstance(result, SweptProof):
+        least_m = result.nearest.distance_m
+        assert result.proven_m >= min(TIGHTNESS * least_m, least_m - SLACK_M)
+        assert result.proven_m <= least_m
+
+
+def test_samples_do_not_see_a_thin_plate_between_them(
+    robot: Baxter, left: Arm, shapes: RobotShapes, swing: Trajectory
+) -> None:
+    stage = Stage(robot, left, shapes, plate_at(left.T_base_tip(swing.sample(1.33).q)))
+    every_10_ms = np.arange(0.0, swing.duration, 0.01)
+    assert min(stage.sampled(swing, every_10_ms, finger_m=0.0175)) > 0.001
+
+
+def test_the_proof_finds_a_thin_plate_between_samples(
+    robot: Baxter, left: Arm, shapes: RobotShapes, swing: Trajectory
+) -> None:
+    stage = Stage(robot, left, shapes, plate_at(left.T_base_tip(swing.sample(1.33).q)))
+    result = stage.prove(swing, finger_m=0.0175)
+    assert isinstance(result, SweptContact)
+    assert result.is_found
+    assert {result.nearest.first, result.nearest.second} & {"plate"}
+    assert result.nearest.time_s == pytest.approx(1.33, abs=0.03)
+    assert stage.sampled(swing, [result.nearest.time_s], finger_m=0.0175)[0] <= 0.0
+
+
+def test_the_same_swing_without_the_plate_is_clear(free: Stage, swing: Trajectory) -> None:
+    assert free.prove(swing, finger_m=0.0175).is_clear
+
+
+def test_says_how_much_it_looked_at(free: Stage, swing: Trajectory) -> None:
+    result = free.prove(swing)
+    assert isinstance(result, SweptProof)
+    assert result.intervals >= module.FIRST_INTERVALS
+    assert result.evaluations > 0
+
+
+def test_a_margin_that_is_not_kept_is_a_contact(free: Stage, swing: Trajectory) -> None:
+    clear = free.prove(swing)
+    margin_m = clear.nearest.distance_m + 0.001
+    result = free.prove(swing, margin_m)
+    assert isinstance(result, SweptContact)
+    assert result.needed_m == margin_m
+    assert result.is_found
+
+
+def test_a_margin_that_is_kept_is_proven(free: Stage, swing: Trajectory) -> None:
+    margin_m = free.prove(swing).nearest.distance_m - 3 * RESOLUTION_M
+    result = free.prove(swing, margin_m)
+    assert isinstance(result, SweptProof)
+    assert result.proven_m > margin_m
+
+
+def test_what_cannot_be_told_apart_is_not_proven(free: Stage, swing: Trajectory) -> None:
+    margin_m = free.prove(swing).nearest.distance_m - RESOLUTION_M / 2
+    result = free.prove(swing, margin_m)
+    assert isinstance(result, SweptContact)
+    assert not result.is_found
+    assert "not proven" in str(result)
+
+
+def test_gives_up_after_too_many_distances(
+    free: Stage, swing: Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "MOST_EVALUATIONS", 3)
+    result = free.prove(swing)
+    assert isinstance(result, SweptContact)
+    assert not result.is_found
+
+
+def test_a_motion_of_no_duration_is_proven(free: Stage, left: Arm) -> None:
+    result = free.prove(Trajectory.stay(left.neutral, left.limits))
+    assert isinstance(result, SweptProof)
+    least_m = free.checker.clearance(free.full(left.neutral)).distance_m
+    assert result.nearest.distance_m == pytest.approx(least_m, abs=2 * ACCURACY_M)
+    assert TIGHTNESS * least_m <= result.proven_m <= least_m
+
+
+def test_a_tiny_move_is_proven(free: Stage, left: Arm) -> None:
+    motion = plan_joint_move(left.neutral, left.neutral + 1e-9, left.limits)
+    assert free.prove(motion).is_clear
+
+
+def test_a_start_in_collision_is_found_at_time_zero(
+    robot: Baxter, left: Arm, shapes: RobotShapes, swing: Trajectory
+) -> None:
+    wall = Body("wall", (Part(Box((0.02, 0.02, 0.02)), ORIGIN),), left.T_base_tip(swing.q_start))
+    result = Stage(robot, left, shapes, wall).prove(swing)
+    assert isinstance(result, SweptContact)
+    assert result.nearest.time_s == 0.0
+    assert result.fraction == 0.0
+
+
+def test_a_goal_in_collision_is_found_at_the_end(
+    robot: Baxter, left: Arm, shapes: RobotShapes, swing: Trajectory
+) -> None:
+    wall = Body("wall", (Part(Box((0.02, 0.02, 0.02)), ORIGIN),), left.T_base_tip(swing.q_goal))
+    result = Stage(robot, left, shapes, wall).prove(swing)
+    assert isinstance(result, SweptContact)
+    assert result.fraction == 1.0
+
+
+def test_a_contact_is_a_sentence(
+    robot: Baxter, left: Arm, shapes: RobotShapes, swing: Trajectory
+) -> None:
+    wall = Body("wall", (Part(Box((0.02, 0.02, 0.02)), ORIGIN),), left.T_base_tip(swing.q_goal))
+    sentence = str(Stage(robot, left, shapes, wall).prove(swing))
+    assert "mm inside wall at 2.710 s (100 % of the motion)" in sentence
+
+
+class Carry:
+    """A cube in the neutral hand, on a support that it may touch or not."""
+
+    def __init__(self, robot: Baxter, left: Arm, shapes: RobotShapes) -> None:
+        self._left, self._shapes, self._q = left, shapes, robot.configuration()
+
+    def prove(
+        self,
+        bend_rad: float,
+        depth_m: float = 0.0,
+        *,
+        allowed: bool = True,
+        margin_m: float = 0.0,
+        shape: Shape = SLAB,
+    ) -> SweptResult:
+        """The shoulder bends; above zero it lowers the cube."""
+        left, T_base_tip = self._left, self._left.T_base_tip(self._left.neutral)
+        under = T_base_tip.translation - [0.0, 0.0, 0.025 + 0.005 - depth_m]
+        support = Body("support", (Part(shape, ORIGIN),), at(*under))
+        cube = Body("cube", (Part(Box((0.05, 0.05, 0.05)), ORIGIN),), at(*T_base_tip.translation))
+        supports = frozenset({"support"} if allowed else ())
+        held = Held(cube, T_base_tip.inverse() * cube.T_base_body, supports)
+        scene = Scene.of([support])
+        checker = ClearanceChecker(self._shapes, left, scene, held=held, touchable="support")
+        goal = left.neutral + bend_rad * np.eye(7)[1]
+        motion = plan_joint_move(left.neutral, goal, left.limits)
+        return prove_clear(checker, motion, self._q, margin_m=margin_m)
+
+
+@pytest.fixture(scope="module")
+def carry(robot: Baxter, left: Arm, shapes: RobotShapes) -> Carry:
+    return Carry(robot, left, shapes)
+
+
+@pytest.mark.parametrize("depth_m", [0.0, 0.5 * PRESSING_TOLERANCE_M])
+def test_an_allowed_contact_may_press_in_a_little(carry: Carry, depth_m: float) -> None:
+    assert carry.prove(-0.2, depth_m).is_clear
+
+
+def test_an_allowed_contact_that_presses_in_too_far_is_found(carry: Carry) -> None:
+    result = carry.prove(-0.2, 1.2 * PRESSING_TOLERANCE_M)
+    assert isinstance(result, SweptContact)
+    assert result.needed_m == -PRESSING_TOLERANCE_M
+    assert result.nearest.distance_m == pytest.approx(-1.2 * PRESSING_TOLERANCE_M, abs=ACCURACY_M)
+
+
+def test_an_allowed_contact_that_presses_in_on_the_way_is_found(carry: Carry) -> None:
+    result = carry.prove(0.01)
+    assert isinstance(result, SweptContact)
+    assert result.fraction > 0.0
+
+
+def test_the_same_contact_is_found_when_it_is_not_allowed(carry: Carry) -> None:
+    result = carry.prove(-0.2, 1e-5, allowed=False)
+    assert isinstance(result, SweptContact)
+    assert {result.nearest.first, result.nearest.second} == {"cube", "support"}
+
+
+def test_an_allowed_contact_keeps_no_margin(carry: Carry) -> None:
+    assert carry.prove(-0.2, margin_m=0.002).is_clear
+
+
+def sheet_at(T_base_tip: pin.SE3) -> Body:
+    """A single triangle across the way of the finger tips."""
+    sheet = mesh_of([[-0.05, 0.0, -0.01], [0.05, 0.0, -0.01], [0.0, 0.0, 0.05]], [[0, 1, 2]])
+    return Body("sheet", (Part(sheet, ORIGIN),), T_base_tip)
+
+
+def test_a_mesh_without_any_thickness_is_found(
+    robot: Baxter, left: Arm, shapes: RobotShapes, swing: Trajectory
+) -> None:
+    sheet = sheet_at(left.T_base_tip(swing.sample(1.33).q))
+    result = Stage(robot, left, shapes, sheet).prove(swing, finger_m=0.0175)
+    assert isinstance(result, SweptContact)
+    assert {result.nearest.first, result.nearest.second} & {"sheet"}
+
+
+@pytest.mark.parametrize("triangles", [SIDES, SIDES[1:]])
+def test_a_body_in_the_hand_is_proven_to_lift_off_a_mesh(carry: Carry, triangles: Any) -> None:
+    assert carry.prove(-0.2, shape=mesh_of(CORNERS * [0.03, 0.03, 0.005], triangles)).is_clear
+    assert not carry.prove(0.01, shape=mesh_of(CORNERS * [0.03, 0.03, 0.005], triangles)).is_clear
+
+
+def test_the_arm_in_the_full_configuration_is_not_used(
+    robot: Baxter, left: Arm, shapes: RobotShapes, swing: Trajectory
+) -> None:
+    results = []
+    for q in (np.zeros(7), np.full(7, 0.5)):
+        stage = Stage(robot, left, shapes)  # one that has measured before need not measure as much
+        results.append(prove_clear(stage.checker, swing, stage.full(q)))
+    assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("margin_m", [-1e-9, np.nan, np.inf, "wide", None, True])
+def test_refuses_a_margin_that_is_none(free: Stage, swing: Trajectory, margin_m: Any) -> None:
+    with pytest.raises(MotionError, match="margin"):
+        free.prove(swing, margin_m)
+
+
+@pytest.mark.parametrize("q", [np.zeros(7), np.full(19, np.nan), np.full(19, 1e9), None, "q"])
+def test_refuses_a_configuration_that_is_none(free: Stage, swing: Trajectory, q: Any) -> None:
+    with pytest.raises(ConfigurationError):
+        prove_clear(free.checker, swing, q)
+
+
+def test_refuses_the_motion_of_the_other_arm(free: Stage, robot: Baxter) -> None:
+    right = robot.arm("right")
+    with pytest.raises(TrajectoryError, match="the situation is the left arm's"):
+        free.prove(Trajectory.stay(right.neutral, right.limits))
+
+
+def test_refuses_a_motion_beyond_all_measure(free: Stage, left: Arm) -> None:
+    with pytest.raises(TrajectoryError, match="1e\\+09 rad"):
+        free.prove(Trajectory.stay(np.full(7, 1e9), left.limits))
+
+
+def test_refuses_what_is_no_situation(free: Stage, swing: Trajectory) -> None:
+    with pytest.raises(SceneError, match="ClearanceChecker"):
+        prove_clear(None, swing, free.full(np.zeros(7)))  # type: ignore[arg-type]
+
+
+def test_refuses_what_is_no_motion(free: Stage) -> None:
+    with pytest.raises(TrajectoryError, match="Trajectory"):
+        prove_clear(free.checker, None, free.full(np.zeros(7)))  # type: ignore[arg-type]

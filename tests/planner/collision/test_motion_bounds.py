@@ -1,0 +1,150 @@
+"""Bounds on motion and distance, against points of the shapes and coal's distances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from baxter_kin import Arm, Baxter
+from planner import RobotShapes
+from planner.collision.motion_bounds import MotionBounds
+from tests.planner.conftest import distance
+
+Vector = NDArray[np.float64]
+
+ROUNDING_M = 1e-12
+
+GJK_TOLERANCE_M = 1e-6
+"""Coal's default."""
+
+CAPSULE_PLAY = 1.6
+"""A short shape close to the axis is the worst: its capsule is that much farther out."""
+
+seeds = st.integers(0, 2**32 - 1)
+sizes = st.sampled_from([1e-3, 0.1, 1.0])
+
+
+class Rig:
+    """The left arm's lever arms, and where Pinocchio says that its shapes are."""
+
+    def __init__(self, robot: Baxter, arm: Arm) -> None:
+        shapes = RobotShapes(robot)
+        self.arm, self.shapes = arm, shapes.model.geometryObjects
+        self.covers = shapes.covers
+        self.bounds = MotionBounds(robot.model, shapes.model, arm, self.covers)
+        self.q_others = robot.configuration()
+        self._robot = robot
+
+    def poses(self, q: Vector) -> list[Any]:
+        """Of every shape, in base."""
+        data = self._robot.model.createData()
+        full = self._robot.configuration(self.arm.joints(q))
+        pin.forwardKinematics(self._robot.model, data, full)
+        return [data.oMi[s.parentJoint] * s.placement for s in self.shapes]
+
+    def moving(self) -> Iterator[tuple[int, Any]]:
+        """The shapes of the arm with their numbers."""
+        return ((i, self.shapes[i].geometry) for i in np.flatnonzero(self.bounds.depth).tolist())
+
+    def bound(self, q: Vector, turns: Vector) -> Vector:
+        """What is under test, shape (shapes, 8)."""
+        where = self.bounds.place(self.q_others, q[None])
+        found: Vector = self.bounds.motions_m(
+            where, turns[None], np.arange(len(self.bounds.depth))
+        )[0]
+        return found
+
+    def random_turn(self, seed: int, size: float) -> tuple[Vector, Vector, Vector]:
+        """A configuration, greatest turns, and one that is so far away."""
+        rng = np.random.default_rng(seed)
+        q, turns = self.arm.random_configuration(rng), rng.uniform(0.0, size, size=7)
+        return q, turns, q + turns * rng.choice([-1.0, 1.0], size=7)
+
+
+@pytest.fixture(scope="module")
+def rig(robot: Baxter, left: Arm) -> Rig:
+    return Rig(robot, left)
+
+
+def surface(geometry: Any) -> Vector:
+    """The extreme points of a shape of the arm."""
+    if isinstance(geometry, coal.Convex):
+        return np.array([geometry.point(i) for i in range(geometry.num_points)])
+    return np.asarray(geometry.vertices())
+
+
+def acted(T: pin.SE3, geometry: Any) -> Vector:
+    """Its extreme points where it is placed, shape (n, 3)."""
+    return np.asarray(surface(geometry) @ T.rotation.T + T.translation)
+
+
+def test_every_shape_of_the_arm_moves_and_no_other(rig: Rig) -> None:
+    names = [str(shape.name) for shape in rig.shapes]
+    moved = {names[i] for i in np.flatnonzero(rig.bounds.depth)}
+    assert moved == {name for name in names if name.startswith(("left_", "l_gripper"))}
+
+
+@settings(max_examples=25)
+@given(seeds)
+def test_poses_are_those_of_pinocchio(rig: Rig, seed: int) -> None:
+    limits = rig.arm.limits
+    qs = np.random.default_rng(seed).uniform(limits.q_min, limits.q_max, size=(3, 7))
+    found = rig.bounds.place(rig.q_others, qs).shapes
+    for q, poses in zip(qs, found, strict=True):
+        wanted = [T.homogeneous for T in rig.poses(q)]
+        assert np.allclose(poses, wanted, atol=ROUNDING_M)
+
+
+@settings(max_examples=25)
+@given(seeds, sizes)
+def test_no_point_of_a_shape_moves_farther(rig: Rig, seed: int, size: float) -> None:
+    q, turns, q_after = rig.random_turn(seed, size)
+    before, after, bound = rig.poses(q), rig.poses(q_after), rig.bound(q, turns)
+    for i, geometry in rig.moving():
+        moved = acted(before[i], geometry) - acted(after[i], geometry)
+        assert np.linalg.norm(moved, axis=1).max() <= bound[i, 0] + ROUNDING_M
+
+
+@settings(max_examples=15)
+@given(seeds, sizes)
+def test_nor_seen_from_another_link(rig: Rig, seed: int, size: float) -> None:
+    q, turns, q_after = rig.random_turn(seed, size)
+    before, after, bound = rig.poses(q), rig.poses(q_after), rig.bound(q, turns)
+    depth = rig.bounds.depth
+    for (i, geometry), (k, _) in product(rig.moving(), rig.moving()):
+        if depth[k] <= depth[i]:
+            was, now = before[k].actInv(before[i]), after[k].actInv(after[i])
+            moved = acted(was, geometry) - acted(now, geometry)
+            assert np.linalg.norm(moved, axis=1).max() <= bound[i, depth[k]] + ROUNDING_M
+
+
+def test_one_joint_alone_comes_near_the_bound(rig: Rig) -> None:
+    q, turns = np.zeros(7), np.array([0.0, 1e-4, 0.0, 0.0, 0.0, 0.0, 0.0])
+    before, after, bound = rig.poses(q), rig.poses(q + turns), rig.bound(q, turns)
+    for i, geometry in rig.moving():
+        moved = acted(before[i], geometry) - acted(after[i], geometry)
+        farthest = np.linalg.norm(moved, axis=1).max()
+        assert bound[i, 0] <= CAPSULE_PLAY * farthest
+
+
+@settings(max_examples=25)
+@given(seeds)
+def test_gaps_are_below_the_distances_of_coal(rig: Rig, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    q = rig.arm.random_configuration(rng)
+    first, second = rng.integers(len(rig.shapes), size=(2, 40))
+    placed = rig.bounds.place(rig.q_others, q[None]).shapes
+    gaps = rig.covers.gaps_m(placed, np.zeros(40, dtype=np.intp), first, second)
+    poses, shapes = rig.poses(q), [shape.geometry for shape in rig.shapes]
+    for i, k, gap in zip(first.tolist(), second.tolist(), gaps, strict=True):
+        apart = distance(shapes[i], poses[i], shapes[k], poses[k]) if i != k else 0.0
+        assert gap <= max(apart, 0.0) + GJK_TOLERANCE_M

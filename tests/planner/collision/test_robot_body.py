@@ -1,0 +1,361 @@
+"""The stored body against the files of the meshes: what is missing of them, and what is added.
+
+The files are read by `verify`'s reader, which the builder does not use, and placed by Pinocchio.
+Distances of convex sets are convex, so a triangle whose corners are all near one other triangle is
+near it everywhere; where no single one is near all corners, the triangle is halved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.ndimage import maximum_filter
+from scipy.spatial import ConvexHull, cKDTree
+
+from baxter_kin import Baxter
+from baxter_kin.arrays import Vector
+from planner.collision.distances import Enclosure
+from planner.collision.robot_body import LinkBody, RobotBody
+from planner.verification.body.collada import read_collada
+
+ROUNDING_M = 1e-9
+"""Subtracted from what must be kept: a million times the rounding of these numbers."""
+
+MARGIN_M = 0.5e-3
+"""The most that a link's triangles may deviate from its mesh."""
+
+FINGERS_MARGIN_M = 0.1e-3
+"""The same of fingers and their tips."""
+
+SPACING_M = 5e-3
+"""Of points by which near triangles are found."""
+
+EDGE_M = 1e-3
+"""How much of a pad's edge is left out, and how far along it its highest point is looked for."""
+
+MOST_HALVINGS = 24
+
+INSTEAD = {"extended_narrow": "extended_wide"}
+"""What may be mounted in place of a mesh."""
+
+Corners = Vector
+"""Of triangles, shape (n, 3, 3), m."""
+
+
+@pytest.fixture(scope="module")
+def body() -> RobotBody:
+    return RobotBody.load()
+
+
+@pytest.fixture(scope="module")
+def meshes(robot: Baxter) -> Mapping[str, Corners]:
+    """The triangles of the links that have a mesh, in the frame of the link."""
+    files = robot.description.stock
+    shapes = pin.buildGeomFromUrdf(
+        robot.model,
+        str(files.urdf),
+        pin.GeometryType.VISUAL,
+        package_dirs=[str(files.package_dir)],
+    )
+    read: dict[str, Corners] = {}
+    found: dict[str, Corners] = {}
+    for shape in shapes.geometryObjects:
+        if not shape.meshPath.endswith(".DAE"):
+            continue
+        if shape.meshPath not in read:
+            vertices, triangles = read_collada(Path(shape.meshPath))
+            read[shape.meshPath] = vertices[triangles]
+        frame = robot.model.frames[shape.parentFrame]
+        T = frame.placement.inverse() * shape.placement
+        found[str(frame.name)] = read[shape.meshPath] @ T.rotation.T + T.translation
+        other = INSTEAD.get(Path(shape.meshPath).stem)
+        if other is not None and str(frame.name).startswith("l_gripper"):
+            vertices, triangles = read_collada(Path(shape.meshPath).with_name(f"{other}.DAE"))
+            found[f"{frame.name}:{other}"] = vertices[triangles] @ T.rotation.T + T.translation
+    return found
+
+
+def different(links: Mapping[str, LinkBody]) -> Iterator[LinkBody]:
+    """One of the links that share a mesh."""
+    return iter({link.mesh: link for link in links.values() if link.mesh}.values())
+
+
+def test_each_link_with_a_mesh_has_a_body(
+    body: RobotBody, meshes: Mapping[str, Corners], robot: Baxter
+) -> None:
+    assert {name for name, link in body.links.items() if link.mesh} == set(meshes)
+    without = {name.removeprefix("left_") for name, link in body.links.items() if not link.mesh}
+    assert without >= {"hand_link", "hand_camera_link", "hand_range_link", "sonar_ring", "display"}
+    for name in body.links:
+        assert robot.model.existFrame(name.partition(":")[0])
+
+
+def test_no_triangle_of_a_mesh_is_outside_the_margin(
+    body: RobotBody, meshes: Mapping[str, Corners]
+) -> None:
+    for link in different(body.links):
+        assert link.margin_m <= (FINGERS_MARGIN_M if link.is_touching else MARGIN_M)
+        surface = link.surface.vertices[link.surface.triangles]
+        assert deviates(meshes[link.name], surface, link.margin_m - ROUNDING_M) is None, link.name
+
+
+def test_links_of_one_mesh_are_alike(body: RobotBody, meshes: Mapping[str, Corners]) -> None:
+    """So that it is enough to look at one of them."""
+    seen: dict[str, tuple[Corners, Corners]] = {}
+    for name, corners in meshes.items():
+        link = body.links[name]
+        points = np.concatenate([link.surface.vertices, *(p.vertices for p in link.pieces)])
+        first = seen.setdefault(link.mesh, (corners, points))
+        R, p = fitted(first[0].reshape(-1, 3), corners.reshape(-1, 3))
+        np.testing.assert_allclose(first[0] @ R.T + p, corners, atol=1e-9)
+        np.testing.assert_allclose(first[1] @ R.T + p, points, atol=1e-9)
+
+
+def test_hardly_more_than_the_mesh_is_there(body: RobotBody, meshes: Mapping[str, Corners]) -> None:
+    """At samples; what is there more is no danger, it only costs room."""
+    for link in different(body.links):
+        surface = link.surface.vertices[link.surface.triangles]
+        samples = surface[:: max(1, len(surface) // 40)].mean(axis=1)
+        for point in samples:
+            near = distance_m(point[None].repeat(len(meshes[link.name]), axis=0), meshes[link.name])
+            assert near.min() <= MARGIN_M, link.name
+
+
+def test_each_triangle_is_whole_in_a_piece(body: RobotBody) -> None:
+    for link in different(body.links):
+        if link.is_touching:  # shown below
+            continue
+        surface = link.surface.vertices[link.surface.triangles]
+        inside = np.zeros(len(surface), dtype=bool)
+        for piece in link.pieces:
+            planes = planes_of(piece.vertices)
+            heights = surface @ planes[:, :3].T + planes[:, 3]
+            inside |= heights.max(axis=(1, 2)) <= -ROUNDING_M
+        assert inside.all(), link.name
+
+
+def test_pieces_are_convex_and_turned_outwards(body: RobotBody) -> None:
+    for link in body.links.values():
+        for vertices, triangles in link.pieces:
+            a, b, c = vertices[triangles].swapaxes(0, 1)
+            normals = np.cross(b - a, c - a)
+            area = np.linalg.norm(normals, axis=1, keepdims=True)
+            heights = (normals / area) @ vertices.T - np.einsum("ij,ij->i", normals / area, a)[
+                :, None
+            ]
+            assert heights.max() < 1e-6
+
+
+def test_enclosures_are_closed(body: RobotBody) -> None:
+    for link in different(body.links):
+        triangles = link.enclosure.triangles
+        edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+        there = np.unique(edges, axis=0, return_counts=True)
+        back = np.unique(edges[:, ::-1], axis=0, return_counts=True)
+        np.testing.assert_array_equal(there[0], back[0])
+        np.testing.assert_array_equal(there[1], back[1])
+
+
+def test_what_is_enclosed_is_found(body: RobotBody, meshes: Mapping[str, Corners]) -> None:
+    """The covers themselves are inside."""
+    for link in different(body.links):
+        enclosure = Enclosure(*link.enclosure)
+        points = meshes[link.name].reshape(-1, 3)
+        points = points[:: max(1, len(points) // 60)]
+        corners = link.enclosure.vertices[link.enclosure.triangles]
+        near = cKDTree(divided(corners, 2e-3)[0].mean(axis=1))
+        for point, gap_m in zip(points, near.query(points)[0], strict=True):
+            assert enclosure.winds_about(point) or gap_m < 2 * MARGIN_M, (link.name, point)
+
+
+def test_fingers_and_tips_are_covered_by_their_pieces(
+    body: RobotBody, meshes: Mapping[str, Corners]
+) -> None:
+    for link in different(body.links):
+        if not link.is_touching:
+            continue
+        pieces = [planes_of(piece.vertices) for piece in link.pieces]
+        for triangle in meshes[link.name]:
+            assert not uncovered([triangle], pieces), link.name
+
+
+def test_pads_stand_on_the_ribs_of_the_meshes(
+    body: RobotBody, meshes: Mapping[str, Corners]
+) -> None:
+    """A paddle's ribs are 0.2 mm high, 1.8 mm apart and uneven; holes and what is between are full.
+
+    So along the closing axis its pieces are near the highest point of the mesh within a millimetre.
+    """
+    for tip, usual_m, most_m in (
+        ("l_gripper_l_finger_tip", 0.15e-3, 0.22e-3),
+        ("r_gripper_l_finger_tip", 0.01e-3, 0.03e-3),
+    ):
+        corners = meshes[tip][..., [0, 2, 1]] * [1.0, 1.0, -1.0]  # it closes towards -y
+        low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        beside = (np.arange(low[i] + EDGE_M, high[i] - EDGE_M, EDGE_M / 3) for i in (0, 1))
+        columns = np.stack(np.meshgrid(*beside, indexing="ij"), axis=-1)
+        highest = maximum_filter(tops_m(corners, columns), size=(1, 7))
+        pieces = [p.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0] for p in body.links[tip].pieces]
+        over_m = np.max([piece_tops_m(points, columns) for points in pieces], axis=0) - highest
+        usual, nearly_all = np.quantile(over_m, [0.5, 0.9])
+        assert 0.0 <= usual <= usual_m
+        assert nearly_all <= most_m
+
+
+def tops_m(corners: Corners, columns: Vector) -> Vector:
+    """The greatest z of triangles over points x, y, shape (n, m, 2); -1 where there is none."""
+    tops = np.full(columns.shape[:2], -1.0)
+    for a, b, c in corners:
+        (ux, uy, uz), (vx, vy, vz) = b - a, c - a
+        area = ux * vy - uy * vx
+        if area == 0.0:
+            continue
+        x, y = (columns - a[:2]).transpose(2, 0, 1)
+        s, t = (x * vy - y * vx) / area, (ux * y - uy * x) / area
+        is_over = (s >= 0.0) & (t >= 0.0) & (s + t <= 1.0)
+        tops[is_over] = np.maximum(tops, a[2] + s * uz + t * vz)[is_over]
+    return tops
+
+
+def piece_tops_m(points: Vector, columns: Vector) -> Vector:
+    """The greatest z of the hull of points over points x, y; -1 where it is not."""
+    planes = planes_of(points)
+    nz, d = planes[:, 2], planes[:, 3]
+    beside = columns @ planes[:, :2].T + d
+    with np.errstate(divide="ignore", invalid="ignore"):
+        heights = -beside / nz
+    upper = np.where(nz > 1e-9, heights, np.inf).min(axis=2)
+    lower = np.where(nz < -1e-9, heights, -np.inf).max(axis=2)
+    is_over = (upper >= lower) & (np.where(np.abs(nz) <= 1e-9, beside, -1.0) <= 0.0).all(axis=2)
+    tops: Vector = np.where(is_over, upper, -1.0)
+    return tops
+
+
+def deviates(corners: Corners, others: Corners, margin_m: float) -> Corners | None:
+    """A part of a triangle that is not shown to be near others; None when all are."""
+    pieces, owners = divided(others, SPACING_M)
+    tree = cKDTree(pieces.mean(axis=1))
+
+    def far(corners: Corners, points: Vector, count: int) -> Corners:
+        """Those not near one of the triangles around points of theirs, shape (n, k, 3)."""
+        ranked = (
+            tree.query(points, k=count)[1]
+            .swapaxes(1, 2)
+            .reshape(len(corners), count * points.shape[1])
+        )
+        is_near = np.zeros(len(corners), dtype=bool)
+        for column in owners[ranked].T:
+            left = np.flatnonzero(~is_near)
+            if not len(left):
+                break
+            triangles = others[column[left]]
+            farthest = np.max([distance_m(corners[left, k], triangles) for k in range(3)], axis=0)
+            is_near[left] = farthest <= margin_m
+        return corners[~is_near]
+
+    for _ in range(MOST_HALVINGS):
+        corners = far(corners, np.concatenate([corners, centres(corners)], axis=1), 3)
+        is_small = edges_m(corners).max(axis=1) < SPACING_M
+        small, large = corners[is_small], corners[~is_small]
+        corners = np.concatenate([large, far(small, centres(small), 60)])
+        if not len(corners):
+            return None
+        corners = halved(corners)
+    return corners
+
+
+def centres(corners: Corners) -> Vector:
+    """The middle of each triangle, shape (n, 1, 3)."""
+    return np.asarray(corners.mean(axis=1, keepdims=True))
+
+
+def edges_m(corners: Corners) -> Vector:
+    """The length of each edge, from each corner on, shape (n, 3)."""
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2))
+
+
+def halved(corners: Corners) -> Corners:
+    """Each triangle as two, cut across its longest edge."""
+    turned = (np.arange(3) + edges_m(corners).argmax(axis=1)[:, None]) % 3
+    a, b, c = np.take_along_axis(corners, turned[:, :, None], axis=1).swapaxes(0, 1)
+    middle = (a + b) / 2
+    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+
+
+def distance_m(points: Vector, triangles: Corners) -> Vector:
+    """Of points (n, 3) to a triangle each (n, 3, 3): to its plane if above it, else to an edge."""
+    a, b, c = triangles.swapaxes(0, 1)
+    normal = np.cross(b - a, c - a)
+    to_edges = []
+    is_above = np.ones(len(points), dtype=bool)
+    for start, end in ((a, b), (b, c), (c, a)):
+        along, away = end - start, points - start
+        length = np.einsum("ij,ij->i", along, along)
+        share = np.clip(np.einsum("ij,ij->i", away, along) / np.maximum(length, 1e-30), 0.0, 1.0)
+        to_edges.append(np.linalg.norm(away - share[:, None] * along, axis=1))
+        is_above &= np.einsum("ij,ij->i", np.cross(along, away), normal) >= 0.0
+    size = np.linalg.norm(normal, axis=1)
+    is_above &= size > 1e-15
+    height = np.abs(np.einsum("ij,ij->i", points - a, normal)) / np.maximum(size, 1e-30)
+    return np.asarray(np.where(is_above, height, np.min(to_edges, axis=0)))
+
+
+def divided(corners: Corners, longest_m: float) -> tuple[Corners, Vector]:
+    """Triangles halved until no edge is longer, and the number of the triangle each is of."""
+    owners, done = np.arange(len(corners)), []
+    while len(corners):
+        is_done = edges_m(corners).max(axis=1) <= longest_m
+        done.append((corners[is_done], owners[is_done]))
+        corners, owners = halved(corners[~is_done]), np.tile(owners[~is_done], 2)
+    return np.concatenate([c for c, _ in done]), np.concatenate([o for _, o in done])
+
+
+def planes_of(vertices: Vector) -> Vector:
+    """The planes around convex points, shape (n, 4): outside where the height is positive."""
+    return np.asarray(ConvexHull(vertices).equations)
+
+
+def uncovered(polygons: list[Vector], pieces: list[Vector]) -> list[Vector]:
+    """What convex polygons have outside of all pieces, each shrunk by `ROUNDING_M`."""
+    for planes in pieces:
+        polygons = [rest for polygon in polygons for rest in outside(polygon, planes)]
+    return polygons
+
+
+def outside(polygon: Vector, planes: Vector) -> list[Vector]:
+    """The parts of a convex polygon outside a convex piece."""
+    heights = polygon @ planes[:, :3].T + planes[:, 3] + ROUNDING_M
+    if (heights > 0.0).all(axis=0).any():
+        return [polygon]
+    rests = []
+    for plane in planes[(heights > 0.0).any(axis=0)]:
+        height = polygon @ plane[:3] + plane[3] + ROUNDING_M
+        rests.append(cut(polygon, height))
+        polygon = cut(polygon, -height)
+        if len(polygon) < 3:
+            break
+    return [rest for rest in rests if len(rest) >= 3]
+
+
+def cut(polygon: Vector, height: Vector) -> Vector:
+    """What of a polygon is above, given the height of each corner."""
+    corners = []
+    for i, j in zip(range(len(polygon)), [*range(1, len(polygon)), 0], strict=True):
+        if height[i] >= 0.0:
+            corners.append(polygon[i])
+        if height[i] * height[j] < 0.0:
+            share = height[i] / (height[i] - height[j])
+            corners.append(polygon[i] + share * (polygon[j] - polygon[i]))
+    return np.array(corners).reshape(-1, 3) if (height > 0.0).any() else np.zeros((0, 3))
+
+
+def fitted(points: Vector, others: Vector) -> tuple[Vector, Vector]:
+    """The rotation and translation that bring points to others (Kabsch's)."""
+    middle, target = points.mean(axis=0), others.mean(axis=0)
+    U, _, Vt = np.linalg.svd((others - target).T @ (points - middle))
+    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    return R, target - R @ middle

@@ -1,0 +1,375 @@
+"""The hands and what they can grasp: numbers of the real ones, laws of some with plain fingers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from baxter_kin import Baxter, ConfigurationError, PoseError, UnknownNameError
+from planner import Body, Box, Cylinder, Grasp, Hand, Manipulator, Part, RobotShapes, SceneError
+from planner.collision.robot_body import RobotBody
+from planner.scene.bodies import Shape, Sphere
+from planner.verification.body.robot_body import robot_body
+from tests.conftest import at, overhead
+from tests.planner.conftest import hands_of
+
+GAP_TOLERANCE_M = 5e-6
+"""The gaps are given in mm with two decimals."""
+
+SEED_TOLERANCE_MM = 2e-2
+"""What is known of the demo's pick is given in mm with two decimals, doubled for its rounding."""
+
+CONTACT_TOLERANCE_M = 1e-7
+"""Contacts of boxes, cylinders and balls are found to 1e-8, and two of them add up."""
+
+ORIGIN = at(0.0, 0.0, 0.0)
+PAD_Z_M = -0.015
+"""Middle of the pads, seen from the tip."""
+
+PICK = overhead(0.70, 0.15, -0.129)
+
+
+@pytest.fixture(scope="module")
+def real_hands(drawn: Baxter) -> dict[str, Hand]:
+    """With paddles on the left and half-round tips on the right."""
+    return hands_of(drawn)
+
+
+@pytest.fixture(scope="module")
+def real_hand(real_hands: dict[str, Hand]) -> Hand:
+    """The left one."""
+    return real_hands["left"]
+
+
+@pytest.fixture(scope="module")
+def hands(drawn: Baxter, plain: RobotBody) -> dict[str, Hand]:
+    return hands_of(drawn, plain)
+
+
+@pytest.fixture(scope="module")
+def hand(hands: dict[str, Hand]) -> Hand:
+    """The left one, whose pads are boxes."""
+    return hands["left"]
+
+
+def thing(shape: Shape, x: float = 0.0, y: float = 0.0, z: float = PAD_Z_M) -> Body:
+    """A body somewhere between the pads of a hand whose tip is at the origin of base."""
+    return Body("thing", (Part(shape, ORIGIN),), at(x, y, z), is_movable=True)
+
+
+def cube(edge: float) -> Box:
+    return Box((edge, edge, edge))
+
+
+def grasped(hand: Hand, body: Body, finger_m: float | None = None) -> Grasp:
+    grasp = hand.grasp(ORIGIN, body, hand.stroke_m if finger_m is None else finger_m)
+    assert grasp is not None
+    return grasp
+
+
+@pytest.mark.parametrize(
+    ("side", "closed_mm", "open_mm"), [("left", 15.298, 56.964), ("right", 11.028, 52.694)]
+)
+def test_the_gap_between_the_pads_is_that_of_the_meshes(
+    drawn: Baxter, real_hands: dict[str, Hand], side: str, closed_mm: float, open_mm: float
+) -> None:
+    data = drawn.model.createData()
+    pin.framesForwardKinematics(drawn.model, data, drawn.configuration())
+    T_tip_base = data.oMf[drawn.model.getFrameId(drawn.arm(side).tip_frame)].inverse()
+    pads = {s.name: s for s in robot_body(drawn.description).solids if s.name[0] == side[0]}
+    left, right = (
+        [
+            (T_tip_base * data.oMi[pad.joint] * pad.T_joint_shape).act(vertex)[1]
+            for vertex in pad.shape.vertices()
+        ]
+        for pad in (pads[f"{side[0]}_gripper_{finger}_finger_tip"] for finger in "lr")
+    )
+    gap, hand = min(left) - max(right), real_hands[side]
+    assert hand.closed_gap_m == pytest.approx(gap, abs=GAP_TOLERANCE_M)
+    assert hand.closed_gap_m == pytest.approx(1e-3 * closed_mm, abs=GAP_TOLERANCE_M)
+    assert hand.open_gap_m == pytest.approx(1e-3 * open_mm, abs=GAP_TOLERANCE_M)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("finger_m", [0.0, 0.01, 0.020833])
+def test_the_gap_is_what_pinocchio_says_for_the_finger_joints(
+    drawn: Baxter, plain: RobotBody, hands: dict[str, Hand], side: str, finger_m: float
+) -> None:
+    hand, of_robot = hands[side], RobotShapes(drawn, plain)
+    first, second = sorted(of_robot.of_pads(drawn.arm(side)))
+    shapes = of_robot.model
+    shapes.removeAllCollisionPairs()
+    shapes.addCollisionPair(pin.CollisionPair(first, second))
+    data, geometry = drawn.model.createData(), shapes.createData()
+    q = drawn.configuration(hand.finger_joints(finger_m))
+    pin.computeDistances(drawn.model, data, shapes, geometry, q)
+    gap = geometry.distanceResults[0].min_distance
+    assert gap == pytest.approx(hand.closed_gap_m + 2 * finger_m, abs=1e-6)  # GJK's tolerance
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_stroke_is_that_of_the_urdf(hands: dict[str, Hand], side: str) -> None:
+    assert hands[side].stroke_m == pytest.approx(0.020833, abs=1e-9)
+
+
+def test_the_second_finger_mirrors_the_first(hand: Hand) -> None:
+    assert hand.finger_joints(0.01) == {
+        "l_gripper_l_finger_joint": 0.01,
+        "l_gripper_r_finger_joint": -0.01,
+    }
+
+
+def test_per_cent_run_from_closed_to_open(hand: Hand) -> None:
+    percents = [hand.percent(share * hand.stroke_m) for share in (0.0, 0.5, 1.0)]
+    assert percents == pytest.approx([0.0, 50.0, 100.0], abs=1e-9)
+
+
+@given(st.floats(0.018, 0.057))
+def test_a_cube_between_the_pads_is_held_by_its_edge(hand: Hand, edge: float) -> None:
+    grasp = grasped(hand, thing(cube(edge)))
+    assert grasp.width_m == pytest.approx(edge, abs=CONTACT_TOLERANCE_M)
+    assert grasp.finger_m == pytest.approx((edge - hand.closed_gap_m) / 2, abs=CONTACT_TOLERANCE_M)
+
+
+@given(st.floats(0.01, 0.028))
+def test_a_ball_and_a_rod_are_held_by_their_diameter(hand: Hand, radius: float) -> None:
+    for shape in (Sphere(radius), Cylinder(radius, 0.1)):
+        grasp = grasped(hand, thing(shape))
+        assert grasp.width_m == pytest.approx(2 * radius, abs=CONTACT_TOLERANCE_M)
+
+
+@given(st.floats(-0.0035, 0.0035))
+def test_closing_pushes_a_body_into_the_middle(hand: Hand, offset: float) -> None:
+    grasp = grasped(hand, thing(cube(0.05), 0.0, offset))
+    assert grasp.push_m == pytest.approx(-offset, abs=CONTACT_TOLERANCE_M)
+    assert grasp.T_tip_body.translation == pytest.approx([0.0, 0.0, PAD_Z_M], abs=1e-7)
+
+
+@given(st.floats(-0.003, 0.003), st.floats(-0.01, 0.01), st.floats(-0.2, 0.2), st.floats(-0.1, 0.1))
+def test_a_body_once_grasped_is_centred_and_grasping_again_changes_nothing(
+    hand: Hand, y: float, x: float, yaw: float, roll: float
+) -> None:
+    R = pin.rpy.rpyToMatrix(roll, 0.0, yaw)
+    body = thing(cube(0.045)).at(pin.SE3(R, np.array([x, y, PAD_Z_M])))
+    first = hand.grasp(ORIGIN, body, hand.stroke_m)
+    assume(first is not None)
+    assert first is not None
+    again = grasped(hand, body.at(first.T_tip_body))
+    assert again.push_m == pytest.approx(0.0, abs=CONTACT_TOLERANCE_M)
+    assert again.width_m == pytest.approx(first.width_m, abs=CONTACT_TOLERANCE_M)
+
+
+@given(st.floats(-0.003, 0.003), st.floats(-0.2, 0.2))
+def test_a_grasp_turns_and_lifts_nothing(hand: Hand, y: float, yaw: float) -> None:
+    T = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([0.004, y, PAD_Z_M]))
+    body = thing(cube(0.04)).at(T)
+    held = grasped(hand, body).T_tip_body
+    assert held.rotation == pytest.approx(T.rotation, abs=1e-12)
+    assert held.translation[[0, 2]] == pytest.approx(T.translation[[0, 2]], abs=1e-12)
+
+
+@given(st.floats(0.0145, 0.020833))
+def test_a_grasp_does_not_depend_on_where_the_fingers_start(hand: Hand, finger_m: float) -> None:
+    body = thing(cube(0.04), 0.001, 0.002)
+    wide, here = grasped(hand, body), grasped(hand, body, finger_m)
+    assert here.width_m == pytest.approx(wide.width_m, abs=CONTACT_TOLERANCE_M)
+    assert here.finger_m == pytest.approx(wide.finger_m, abs=CONTACT_TOLERANCE_M)
+    assert here.push_m == pytest.approx(wide.push_m, abs=CONTACT_TOLERANCE_M)
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+def test_a_grasp_does_not_depend_on_where_the_hand_is(
+    hand: Hand, x: float, y: float, yaw: float, pitch: float
+) -> None:
+    T = pin.SE3(pin.rpy.rpyToMatrix(0.0, pitch, yaw), np.array([x, y, 0.3]))
+    body = thing(cube(0.04), 0.001, 0.002)
+    there = hand.grasp(T, body.at(T * body.T_base_body), hand.stroke_m)
+    assert there is not None
+    assert there.width_m == pytest.approx(grasped(hand, body).width_m, abs=CONTACT_TOLERANCE_M)
+
+
+def beside_mm(hand: Hand, body: Body) -> list[float]:
+    """How much room the demo's pick leaves beside a body, on either side."""
+    grasp = hand.grasp(PICK, body, hand.stroke_m)
+    assert grasp is not None
+    both = hand.open_gap_m - grasp.width_m
+    return sorted(1e3 * gap for gap in (both / 2 + grasp.push_m, both / 2 - grasp.push_m))
+
+
+def test_the_demos_pick_leaves_089_and_420_mm_beside_the_block_by_the_urdf(
+    hand: Hand, block: Body
+) -> None:
+    assert beside_mm(hand, block) == pytest.approx([0.89, 4.20], abs=SEED_TOLERANCE_MM)
+
+
+def test_and_063_and_389_mm_by_the_meshes(real_hand: Hand, block: Body) -> None:
+    assert beside_mm(real_hand, block) == pytest.approx([0.63, 3.89], abs=SEED_TOLERANCE_MM)
+
+
+@pytest.mark.parametrize(("of", "finger_m"), [("hand", 0.0170), ("real_hand", 0.017351)])
+def test_a_block_that_lies_straight_closes_the_fingers_to_where_its_faces_are(
+    request: pytest.FixtureRequest, of: str, finger_m: float
+) -> None:
+    found = grasped(request.getfixturevalue(of), thing(cube(0.05))).finger_m
+    assert found == pytest.approx(finger_m, abs=GAP_TOLERANCE_M)
+
+
+def test_the_demos_block_lies_askew_and_keeps_the_fingers_a_little_wider(
+    real_hand: Hand, block: Body
+) -> None:
+    grasp = real_hand.grasp(PICK, block, real_hand.stroke_m)
+    assert grasp is not None
+    across = real_hand.width_across_m(PICK, block)
+    assert 0.017351 < grasp.finger_m < (across - real_hand.closed_gap_m) / 2
+
+
+def test_the_lowest_finger_point_of_the_demos_pick_is_222_mm_above_the_table(
+    manipulator: Manipulator, table: Body
+) -> None:
+    hand = manipulator.hand
+    lows = [
+        Body("part", (part,), PICK * at(0.0, sign * hand.stroke_m, 0.0)).extent_m((0, 0, 1))[0]
+        for finger, sign in zip(hand.fingers, (1.0, -1.0), strict=True)
+        for part in finger
+    ]
+    above = min(lows) - table.extent_m((0, 0, 1))[1]
+    assert above == pytest.approx(22.2e-3, abs=0.05e-3)
+
+
+def test_a_body_as_wide_as_the_open_hand_fits(hand: Hand) -> None:
+    assert hand.grasp(ORIGIN, thing(cube(0.0576)), hand.stroke_m) is not None
+
+
+def test_a_body_wider_than_the_open_hand_does_not_fit(hand: Hand) -> None:
+    assert hand.grasp(ORIGIN, thing(cube(0.0577)), hand.stroke_m) is None
+
+
+def test_the_real_hands_hold_what_is_a_little_narrower_than_their_gaps(
+    real_hands: dict[str, Hand],
+) -> None:
+    for hand in real_hands.values():
+        for edge, fits in ((hand.open_gap_m - 1e-4, True), (hand.open_gap_m + 1e-4, False)):
+            grasp = hand.grasp(ORIGIN, thing(cube(edge)), hand.stroke_m)
+            assert (grasp is not None) == fits
+
+
+def test_the_right_hand_of_the_urdf_cannot_hold_the_block(hands: dict[str, Hand]) -> None:
+    assert hands["right"].grasp(ORIGIN, thing(cube(0.05)), hands["right"].stroke_m) is None
+    assert hands["right"].grasp(ORIGIN, thing(cube(0.048)), hands["right"].stroke_m) is not None
+
+
+def test_a_body_wider_than_the_fingers_stand_does_not_fit(hand: Hand) -> None:
+    assert hand.grasp(ORIGIN, thing(cube(0.05)), 0.01) is None
+
+
+@pytest.mark.parametrize(("side", "edge"), [("left", 0.0155), ("right", 0.006)])
+def test_the_closed_hand_does_not_reach_a_thin_body(
+    hands: dict[str, Hand], side: str, edge: float
+) -> None:
+    assert hands[side].grasp(ORIGIN, thing(cube(edge)), hands[side].stroke_m) is None
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "z"), [(0.06, 0.0, 0.0), (-0.06, 0.0, 0.0), (0, 0, 0.06), (0, 0, -0.09), (0, 0.2, 0)]
+)
+def test_a_body_beside_the_pads_is_missed(hand: Hand, x: float, y: float, z: float) -> None:
+    assert hand.grasp(ORIGIN, thing(cube(0.04), x, y, z), hand.stroke_m) is None
+
+
+def test_a_body_that_reaches_into_a_pad_before_the_fingers_close_is_not_between_them(
+    hand: Hand,
+) -> None:
+    assert hand.grasp(ORIGIN, thing(cube(0.05), 0.0, 0.010), hand.stroke_m) is None
+
+
+def test_a_body_pressed_lightly_by_one_pad_is_still_centred(hand: Hand) -> None:
+    offset = 0.0288335 - 0.025 + 0.0003  # where the open pad is, and as deep as a contact may be
+    grasp = grasped(hand, thing(cube(0.05), 0.0, offset))
+    assert grasp.width_m == pytest.approx(0.05, abs=CONTACT_TOLERANCE_M)
+    assert grasp.push_m == pytest.approx(-offset, abs=CONTACT_TOLERANCE_M)
+
+
+def test_a_body_that_only_one_pad_can_touch_is_missed(hand: Hand) -> None:
+    assert hand.grasp(ORIGIN, thing(cube(0.02), 0.0, 0.045), hand.stroke_m) is None
+
+
+def test_of_several_parts_the_outermost_touch_the_pads(hand: Hand) -> None:
+    parts = (Part(cube(0.01), at(0.0, 0.02, 0.0)), Part(cube(0.01), at(0.0, -0.01, 0.0)))
+    body = Body("pair", parts, at(0.0, 0.0, PAD_Z_M), is_movable=True)
+    grasp = grasped(hand, body)
+    assert grasp.width_m == pytest.approx(0.04, abs=CONTACT_TOLERANCE_M)
+    assert grasp.push_m == pytest.approx(-0.005, abs=CONTACT_TOLERANCE_M)
+
+
+@given(st.floats(-3.1, 3.1))
+def test_width_across_is_the_extent_along_the_closing_axis(hand: Hand, yaw: float) -> None:
+    T = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.zeros(3))
+    expected = 0.05 * (abs(np.sin(yaw)) + abs(np.cos(yaw)))
+    assert hand.width_across_m(T, thing(cube(0.05))) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("finger_m", [-1e-6, 0.0209, np.nan, np.inf, None, "open", [0.01], True])
+def test_a_finger_position_that_is_none_is_refused(hand: Hand, finger_m: Any) -> None:
+    for use in (
+        hand.finger_joints,
+        hand.percent,
+        lambda x: hand.grasp(ORIGIN, thing(cube(0.04)), x),
+    ):
+        with pytest.raises(ConfigurationError, match="finger position"):
+            use(finger_m)
+
+
+def test_a_finger_position_out_of_range_is_refused_with_both_numbers(hand: Hand) -> None:
+    with pytest.raises(
+        ConfigurationError, match=r"25\.000 mm of the left hand .* 0 \.\. 20\.833 mm"
+    ):
+        hand.finger_joints(0.025)
+
+
+@pytest.mark.parametrize("pose", [None, "here", np.eye(3), np.full((4, 4), np.nan)])
+def test_a_pose_that_is_none_is_refused(hand: Hand, pose: Any) -> None:
+    with pytest.raises(PoseError):
+        hand.grasp(pose, thing(cube(0.04)), 0.02)
+    with pytest.raises(PoseError):
+        hand.width_across_m(pose, thing(cube(0.04)))
+
+
+@pytest.mark.parametrize("body", [None, "block", cube(0.04)])
+def test_a_body_that_is_none_is_refused(hand: Hand, body: Any) -> None:
+    with pytest.raises(SceneError):
+        hand.grasp(ORIGIN, body, 0.02)
+
+
+@pytest.mark.parametrize("finger_m", [15.0, 100.0])
+def test_fingers_in_millimetres_or_per_cent_are_asked_for_in_metres(
+    hand: Hand, finger_m: float
+) -> None:
+    with pytest.raises(ConfigurationError, match="; give metres, not millimetres or per cent"):
+        hand.percent(finger_m)
+    with pytest.raises(ConfigurationError, match=r"20.833 mm$"):
+        hand.percent(0.021)
+
+
+def test_a_body_placed_in_millimetres_is_asked_about(hand: Hand) -> None:
+    missed = hand.close_on(ORIGIN, thing(cube(0.04), x=700.0), hand.stroke_m)
+    assert "was its place given in millimetres? Lengths are in metres" in str(missed)
+    missed = hand.close_on(ORIGIN, thing(cube(0.04), x=0.7), hand.stroke_m)
+    assert str(missed).endswith("not between the pads")
+
+
+@pytest.mark.parametrize("side", ["middle", None, [], 3])
+def test_fingers_are_looked_for_on_a_side(robot: Baxter, side: Any) -> None:
+    assert Hand.is_on(robot, "left")
+    with pytest.raises(UnknownNameError, match="unknown limb"):
+        Hand.is_on(robot, side)
+
+
+def test_fingers_are_looked_for_on_a_robot() -> None:
+    nothing: Any = None
+    with pytest.raises(SceneError, match="robot must be of class Baxter"):
+        Hand.is_on(nothing, "left")

@@ -1,0 +1,388 @@
+"""The fastest motion between two states, and every trap of the library that computes it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import planner.motion.joint_move
+from baxter_kin import Arm, ConfigurationError, JointLimits
+from planner import MotionError, Trajectory, plan_joint_move
+from planner.motion.joint_move import LONGEST_MOTION_S, POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
+
+TIME_TOLERANCE_S = 1e-9
+"""Ruckig solves polynomials of degree six; its times are good to about 1e-12 of some seconds."""
+
+ROUNDING_RAD = 1e-9
+
+seeds = st.integers(0, 2**32 - 1)
+Vector = NDArray[np.float64]
+
+
+def least_time_s(distance: float, v: float, a: float, j: float) -> float:
+    """Shortest time of one joint from rest to rest, in closed form.
+
+    Acceleration rises, holds and falls; so does deceleration, with a cruise between them if the
+    distance is long enough. See Biagiotti and Melchiorri 2008, section 3.4 (double S profile).
+    """
+    d = abs(distance)
+    ramp_s = 2 * math.sqrt(v / j) if v * j < a * a else v / a + a / j
+    if d >= v * ramp_s:
+        return 2 * ramp_s + (d - v * ramp_s) / v
+    if d >= 2 * a**3 / j**2:
+        return a / j + math.sqrt((a / j) ** 2 + 4 * d / a)
+    return float(4 * (d / (2 * j)) ** (1 / 3))
+
+
+def slowest_joint_s(q_start: Vector, q_goal: Vector, limits: JointLimits) -> float:
+    rows = zip(q_goal - q_start, limits.v_max, limits.a_max, limits.j_max, strict=True)
+    return max(least_time_s(*map(float, row)) for row in rows)
+
+
+def inside(limits: JointLimits, rng: np.random.Generator, margin: float = 0.0) -> Vector:
+    span = limits.q_max - limits.q_min
+    return rng.uniform(limits.q_min + margin * span, limits.q_max - margin * span)
+
+
+def with_rates(limits: JointLimits, v: Any, a: Any, j: Any) -> JointLimits:
+    return JointLimits(limits.names, limits.q_min, limits.q_max, v, a, j)
+
+
+def one_joint(v: float = 1.0, a: float = 2.0, j: float = 20.0) -> JointLimits:
+    q_max, v_max, a_max, j_max = (np.array([x]) for x in (3.0, v, a, j))
+    return JointLimits(("elbow",), -q_max, q_max, v_max, a_max, j_max)
+
+
+def assert_within_limits(motion: Trajectory) -> None:
+    assert max(motion.peak_ratios()) <= 1.0 + RATIO_TOLERANCE
+    low, high = motion.position_extrema()
+    assert (low >= motion.limits.q_min - POSITION_TOLERANCE_RAD).all()
+    assert (high <= motion.limits.q_max + POSITION_TOLERANCE_RAD).all()
+
+
+@given(seeds)
+def test_any_move_from_rest_to_rest_keeps_every_limit(arm: Arm, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    assert_within_limits(
+        plan_joint_move(inside(arm.limits, rng), inside(arm.limits, rng), arm.limits)
+    )
+
+
+@given(seeds)
+def test_any_move_starts_and_ends_exactly_where_asked_at_rest(left: Arm, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    q_start, q_goal = inside(left.limits, rng), inside(left.limits, rng)
+    motion = plan_joint_move(q_start, q_goal, left.limits)
+    for t, q in ((0.0, q_start), (motion.duration, q_goal)):
+        state = motion.sample(t)
+        assert state.q.tolist() == q.tolist()
+        assert not state.v.any()
+        assert not state.a.any()
+
+
+@given(seeds)
+def test_duration_is_the_least_time_of_the_slowest_joint(left: Arm, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    q_start, q_goal = inside(left.limits, rng), inside(left.limits, rng)
+    motion = plan_joint_move(q_start, q_goal, left.limits)
+    expected = slowest_joint_s(q_start, q_goal, left.limits)
+    assert motion.duration == pytest.approx(expected, abs=TIME_TOLERANCE_S)
+
+
+@given(seeds)
+def test_duration_is_least_under_any_limits(left: Arm, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    v, a, j = 10.0 ** rng.uniform(-1.5, 1.5, (3, 7))
+    limits = with_rates(left.limits, v, a, j)
+    q_start, q_goal = inside(limits, rng), inside(limits, rng)
+    motion = plan_joint_move(q_start, q_goal, limits)
+    expected = slowest_joint_s(q_start, q_goal, limits)
+    assert motion.duration == pytest.approx(expected, rel=TIME_TOLERANCE_S)
+    assert_within_limits(motion)
+
+
+@pytest.mark.parametrize("distance", [2.0, 0.3, 0.001])
+def test_one_joint_takes_its_closed_form_time(distance: float) -> None:
+    motion = plan_joint_move([-distance / 2], [distance / 2], one_joint())
+    expected = least_time_s(distance, 1.0, 2.0, 20.0)
+    assert motion.duration == pytest.approx(expected, abs=TIME_TOLERANCE_S)
+
+
+@given(seeds)
+def test_the_way_back_takes_as_long(left: Arm, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = inside(left.limits, rng), inside(left.limits, rng)
+    there, back = (plan_joint_move(*ends, left.limits) for ends in ((a, b), (b, a)))
+    assert there.duration == pytest.approx(back.duration, abs=TIME_TOLERANCE_S)
+
+
+@given(seeds)
+def test_with_equal_limits_the_joints_move_along_a_straight_line(left: Arm, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    limits = with_rates(left.limits, np.full(7, 1.5), np.full(7, 2.0), np.full(7, 20.0))
+    q_start, q_goal = inside(limits, rng), inside(limits, rng)
+    motion = plan_joint_move(q_start, q_goal, limits)
+    q = motion.sample(np.linspace(0.0, motion.duration, 101)).q
+    way = q_goal - q_start
+    share = (q - q_start) @ way / (way @ way)
+    assert q == pytest.approx(q_start + share[:, None] * way, abs=ROUNDING_RAD)
+
+
+@given(seeds)
+def test_a_joint_with_nowhere_to_go_does_not_move(left: Arm, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    q_start, q_goal = inside(left.limits, rng), inside(left.limits, rng)
+    still = rng.random(7) < 0.5
+    still[rng.integers(7)] = True
+    q_goal[still] = q_start[still]
+    motion = plan_joint_move(q_start, q_goal, left.limits)
+    low, high = motion.position_extrema()
+    assert low[still] == pytest.approx(q_start[still], abs=1e-15)
+    assert high[still] == pytest.approx(q_start[still], abs=1e-15)
+
+
+@given(seeds)
+def test_a_move_from_rest_to_rest_never_overshoots(left: Arm, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    q_start, q_goal = inside(left.limits, rng), inside(left.limits, rng)
+    low, high = plan_joint_move(q_start, q_goal, left.limits).position_extrema()
+    assert low == pytest.approx(np.minimum(q_start, q_goal), abs=ROUNDING_RAD)
+    assert high == pytest.approx(np.maximum(q_start, q_goal), abs=ROUNDING_RAD)
+
+
+@given(seeds, st.floats(-17.0, -2.0))
+def test_tiny_moves_keep_every_limit_and_end_exactly(left: Arm, seed: int, power: float) -> None:
+    rng = np.random.default_rng(seed)
+    q_start = inside(left.limits, rng, margin=0.1)
+    q_goal = q_start + 10.0**power * rng.uniform(-1.0, 1.0, 7)
+    motion = plan_joint_move(q_start, q_goal, left.limits)
+    assert_within_limits(motion)
+    assert motion.q_goal.tolist() == q_goal.tolist()
+
+
+@pytest.mark.parametrize("distance", [1e-9, 1e-12])
+def test_a_tiny_move_takes_its_closed_form_time(left: Arm, distance: float) -> None:
+    motion = plan_joint_move(np.zeros(7), np.full(7, distance), left.limits)
+    expected = slowest_joint_s(np.zeros(7), np.full(7, distance), left.limits)
+    assert motion.duration == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("distance", [1e-15, 1e-18, 1e-100, 1e-300, 5e-324])
+def test_a_move_smaller_than_rounding_takes_no_time(left: Arm, distance: float) -> None:
+    motion = plan_joint_move(np.zeros(7), np.full(7, distance), left.limits)
+    assert motion.duration == 0.0
+    assert motion.q_goal.tolist() == [distance] * 7
+
+
+def test_a_move_to_where_the_arm_is_takes_no_time(arm: Arm) -> None:
+    motion = plan_joint_move(arm.neutral, arm.neutral, arm.limits)
+    assert motion.duration == 0.0
+    assert motion.q_goal.tolist() == arm.neutral.tolist()
+    assert motion.peak_ratios() == (0.0, 0.0, 0.0)
+
+
+def test_a_state_in_motion_that_is_its_own_goal_takes_no_time(left: Arm) -> None:
+    v = np.full(7, 0.1)
+    motion = plan_joint_move(left.neutral, left.neutral, left.limits, v_start=v, v_goal=v)
+    assert motion.duration == 0.0
+    assert motion.sample(0.0).v.tolist() == v.tolist()
+
+
+def test_corner_to_corner_of_the_limits_keeps_them(arm: Arm) -> None:
+    assert_within_limits(plan_joint_move(arm.limits.q_min, arm.limits.q_max, arm.limits))
+
+
+@given(seeds, st.floats(-3.0, 0.0))
+def test_scaling_the_speed_keeps_every_limit(left: Arm, seed: int, power: float) -> None:
+    rng = np.random.default_rng(seed)
+    limits = left.limits.scaled(10.0**power)
+    q_start, q_goal = inside(limits, rng), inside(limits, rng)
+    motion = plan_joint_move(q_start, q_goal, limits)
+    assert_within_limits(motion)
+    expected = slowest_joint_s(q_start, q_goal, limits)
+    assert motion.duration == pytest.approx(expected, rel=TIME_TOLERANCE_S)
+
+
+@given(seeds, st.sampled_from([1.0, 0.5, 0.1, 1e-3, 1e-9]))
+def test_states_in_motion_meet_every_limit_or_are_refused(
+    left: Arm, seed: int, scale: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    limits = left.limits
+    q_start, q_goal = (inside(limits, rng, margin=0.2) for _ in range(2))
+    v_start, v_goal = (scale * rng.uniform(-1, 1, 7) * limits.v_max for _ in range(2))
+    a_start, a_goal = (scale * rng.uniform(-1, 1, 7) * limits.a_max for _ in range(2))
+    try:
+        motion = plan_joint_move(
+            q_start, q_goal, limits, v_start=v_start, a_start=a_start, v_goal=v_goal, a_goal=a_goal
+        )
+    except MotionError:
+        return
+    assert_within_limits(motion)
+    first, last = motion.sample(0.0), motion.sample(motion.duration)
+    for state, expected in (
+        (first, (q_start, v_start, a_start)),
+        (last, (q_goal, v_goal, a_goal)),
+    ):
+        assert [values.tolist() for values in state] == [values.tolist() for values in expected]
+
+
+@given(seeds)
+def test_slow_states_in_motion_well_inside_the_limits_are_always_joined(
+    left: Arm, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    limits = left.limits
+    q_start, q_goal = (inside(limits, rng, margin=0.3) for _ in range(2))
+    v_start, v_goal = (0.2 * rng.uniform(-1, 1, 7) * limits.v_max for _ in range(2))
+    assert_within_limits(plan_joint_move(q_start, q_goal, limits, v_start=v_start, v_goal=v_goal))
+
+
+def test_a_start_at_full_speed_is_allowed(left: Arm) -> None:
+    v = np.zeros(7)
+    v[0] = left.limits.v_max[0]
+    motion = plan_joint_move(np.zeros(7), left.neutral, left.limits, v_start=v)
+    assert_within_limits(motion)
+
+
+def test_two_parts_of_a_motion_are_as_fast_as_the_whole(left: Arm) -> None:
+    whole = plan_joint_move([-1.0], [1.0], one_joint())
+    q, v, a = whole.sample(0.4 * whole.duration)
+    rest = plan_joint_move(q, [1.0], one_joint(), v_start=v, a_start=a)
+    assert rest.duration == pytest.approx(0.6 * whole.duration, abs=TIME_TOLERANCE_S)
+
+
+def test_leaving_the_position_limits_on_the_way_is_refused_naming_the_joint() -> None:
+    with pytest.raises(MotionError, match=r"joint limits: elbow = 3\.\d+ rad is outside -3 \.\. 3"):
+        plan_joint_move([2.95], [0.0], one_joint(), v_start=[1.0])
+
+
+def test_a_goal_speed_towards_a_limit_that_needs_a_run_up_beyond_it_is_refused() -> None:
+    with pytest.raises(MotionError, match="elbow"):
+        plan_joint_move([-3.0], [-2.99], one_joint(), v_goal=[0.9])
+
+
+def test_a_state_that_must_overshoot_the_speed_limit_is_refused() -> None:
+    with pytest.raises(MotionError, match=r"elbow|velocity 1\.\d+ x"):
+        plan_joint_move([0.0], [1.0], one_joint(), v_start=[1.0], a_start=[2.0])
+
+
+@pytest.mark.parametrize("which", ["v_start", "v_goal"])
+def test_a_speed_a_hair_above_the_limit_is_refused_naming_the_joint(left: Arm, which: str) -> None:
+    v = np.zeros(7)
+    v[3] = left.limits.v_max[3] * (1 + 1e-12)
+    with pytest.raises(MotionError, match=f"{which} asks 1.5 of left_e1, whose limit is 1.5"):
+        plan_joint_move(left.neutral, left.neutral, left.limits, **{which: v})
+
+
+@pytest.mark.parametrize("which", ["a_start", "a_goal"])
+def test_an_acceleration_above_the_limit_is_refused_naming_the_joint(left: Arm, which: str) -> None:
+    a = np.zeros(7)
+    a[5] = -2.5
+    with pytest.raises(MotionError, match=f"{which} asks -2.5 of left_w1, whose limit is 2"):
+        plan_joint_move(left.neutral, left.neutral, left.limits, **{which: a})
+
+
+@pytest.mark.parametrize("which", ["v_start", "a_start", "v_goal", "a_goal"])
+@pytest.mark.parametrize(
+    "bad",
+    [[0.0] * 6, [0.0] * 8, [[0.0] * 7], [np.nan] * 7, [np.inf] * 7, "fast", [], 0.0, [None] * 7],
+)
+def test_malformed_rates_are_refused_by_name(left: Arm, which: str, bad: Any) -> None:
+    with pytest.raises(MotionError, match=which):
+        plan_joint_move(left.neutral, left.start, left.limits, **{which: bad})
+
+
+@pytest.mark.parametrize("which", ["q_start", "q_goal"])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        None,
+        [0.0] * 6,
+        [0.0] * 8,
+        [],
+        [np.nan] * 7,
+        [np.inf] * 7,
+        "home",
+        ["0"] * 7,
+        [1j] * 7,
+        [10**400] * 7,
+    ],
+)
+def test_malformed_positions_are_refused_by_name(left: Arm, which: str, bad: Any) -> None:
+    ends = {"q_start": left.neutral, "q_goal": left.start} | {which: bad}
+    with pytest.raises(ConfigurationError, match=which):
+        plan_joint_move(limits=left.limits, **ends)
+
+
+@pytest.mark.parametrize("which", ["q_start", "q_goal"])
+def test_positions_outside_the_limits_are_refused_naming_joint_and_range(
+    left: Arm, which: str
+) -> None:
+    outside = np.array(left.neutral)
+    outside[3] = 2.7
+    ends: dict[str, Any] = {"q_start": left.neutral, "q_goal": left.start} | {which: outside}
+    with pytest.raises(ConfigurationError, match=r"left_e1 = 2.7 rad is outside -0.05 \.\. 2.618"):
+        plan_joint_move(limits=left.limits, **ends)
+
+
+@pytest.mark.parametrize("limits", [None, "limits", 5, [], {}])
+def test_limits_that_are_none_are_refused(left: Arm, limits: Any) -> None:
+    with pytest.raises(MotionError, match="limits"):
+        plan_joint_move(left.neutral, left.start, limits)
+
+
+def test_states_of_another_arm_size_than_the_limits_are_refused(left: Arm) -> None:
+    with pytest.raises(ConfigurationError, match=r"shape \(7,\); it must have shape \(1,\)"):
+        plan_joint_move(left.neutral, left.start, one_joint())
+
+
+def test_a_move_that_takes_hours_is_refused_naming_joint_and_time() -> None:
+    with pytest.raises(MotionError, match=r"elbow needs at least 2e\+04 s at 0\.0001 rad/s"):
+        plan_joint_move([-1.0], [1.0], one_joint(v=1e-4))
+
+
+def test_a_move_that_accelerates_for_hours_is_refused() -> None:
+    with pytest.raises(MotionError, match=f"longer than {LONGEST_MOTION_S:g} s"):
+        plan_joint_move([-1.0], [1.0], one_joint(a=1e-9))
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e-100, 1e-10, 1e10, 1e100, 1e300])
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_absurd_limits_are_kept_or_refused(left: Arm, scale: float, which: int) -> None:
+    rates = [left.limits.v_max, left.limits.a_max, left.limits.j_max]
+    rates[which] = scale * rates[which]
+    try:
+        motion = plan_joint_move(left.neutral, left.start, with_rates(left.limits, *rates))
+    except MotionError:
+        return
+    assert_within_limits(motion)
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_the_refusal_of_absurd_limits_is_one_line_naming_the_joint(left: Arm, which: int) -> None:
+    rates = [left.limits.v_max, left.limits.a_max, left.limits.j_max]
+    rates[which] = 1e-300 * rates[which]
+    with pytest.raises(MotionError, match=r"^[^\n]*left_[^\n]*$"):
+        plan_joint_move(left.neutral, left.start, with_rates(left.limits, *rates))
+
+
+def test_no_waypoints_are_ever_handed_to_ruckig_which_would_post_them_to_a_server() -> None:
+    source = Path(planner.motion.joint_move.__file__).read_text(encoding="utf-8")
+    assert "intermediate_positions" not in source
+
+
+@given(seeds)
+def test_the_same_states_give_the_same_motion(left: Arm, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    q_start, q_goal = inside(left.limits, rng), inside(left.limits, rng)
+    first, second = (plan_joint_move(q_start, q_goal, left.limits) for _ in range(2))
+    for name in ("knots_s", "q", "v", "a", "j"):
+        assert getattr(first, name).tolist() == getattr(second, name).tolist()

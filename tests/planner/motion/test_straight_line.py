@@ -1,0 +1,151 @@
+"""Poses along a line: slerp, and every way of not being a line."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baxter_kin import PoseError
+from baxter_kin.frames import checked_pose
+from planner import MotionError, StraightLine, StraightMoveError
+from planner.motion.straight_line import FARTHEST, HALF_TURN_MARGIN_RAD, LEAST_LENGTH
+
+ROUNDING = 1e-9
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def random_line(seed: int) -> StraightLine:
+    rng = np.random.default_rng(seed)
+    turn = rng.normal(size=3)
+    turn *= rng.uniform(0.0, math.pi - 0.01) / np.linalg.norm(turn)
+    start = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+    return StraightLine(
+        start, pin.SE3(start.rotation @ pin.exp3(turn), start.translation + rng.normal(size=3))
+    )
+
+
+@given(seeds, st.floats(0.0, 1.0))
+def test_positions_are_on_the_line_and_orientations_on_the_slerp(seed: int, s: float) -> None:
+    line = random_line(seed)
+    start, goal, T = line.T_base_start, line.T_base_goal, line.at(s)
+    np.testing.assert_allclose(
+        T.translation, (1.0 - s) * start.translation + s * goal.translation, atol=ROUNDING
+    )
+    slerp = pin.Quaternion(start.rotation).slerp(s, pin.Quaternion(goal.rotation))
+    assert slerp.angularDistance(pin.Quaternion(T.rotation)) < 1e-7  # an arc cosine near zero
+
+
+@given(seeds)
+def test_both_ends_are_the_poses_given(seed: int) -> None:
+    line = random_line(seed)
+    assert line.at(0.0).isApprox(line.T_base_start, ROUNDING)
+    assert line.at(1.0).isApprox(line.T_base_goal, ROUNDING)
+
+
+@given(seeds, st.floats(0.0, 1.0))
+def test_the_error_of_a_pose_on_the_line_is_zero(seed: int, s: float) -> None:
+    line = random_line(seed)
+    assert np.linalg.norm(line.error(s, line.at(s))) < ROUNDING
+
+
+@given(seeds)
+def test_the_twist_is_the_derivative_of_the_pose(seed: int) -> None:
+    line, ds = random_line(seed), 1e-5
+    change = line.error(0.5 + ds, line.at(0.5 - ds)) / (2.0 * ds)
+    np.testing.assert_allclose(change, line.twist, atol=1e-6)
+
+
+def test_length_and_angle_are_those_of_the_way() -> None:
+    goal = pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.5])), np.array([0.0, 3.0, 4.0]))
+    line = StraightLine(pin.SE3.Identity(), goal)
+    assert line.length_m == pytest.approx(5.0)
+    assert line.angle_rad == pytest.approx(0.5)
+
+
+def test_a_line_shorter_than_the_least_is_a_point() -> None:
+    short, long = (
+        StraightLine(pin.SE3.Identity(), pin.SE3(np.eye(3), np.array([0.0, 0.0, length])))
+        for length in (0.5 * LEAST_LENGTH, 2.0 * LEAST_LENGTH)
+    )
+    assert short.is_point
+    assert not long.is_point
+
+
+def test_half_a_turn_is_refused() -> None:
+    goal = pin.SE3(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
+    with pytest.raises(StraightMoveError, match=r"half a turn.*go by an orientation between"):
+        StraightLine(pin.SE3.Identity(), goal)
+
+
+def test_a_little_less_than_half_a_turn_is_a_line() -> None:
+    turn = math.pi - 2.0 * HALF_TURN_MARGIN_RAD
+    goal = pin.SE3(pin.exp3(np.array([0.0, turn, 0.0])), np.zeros(3))
+    assert StraightLine(pin.SE3.Identity(), goal).angle_rad == pytest.approx(turn, abs=1e-8)
+
+
+def test_a_rotation_of_rounded_digits_is_made_orthonormal() -> None:
+    R = np.eye(3) + 2e-7
+    line = StraightLine(pin.SE3.Identity(), pin.SE3(R, np.ones(3)))
+    goal = line.T_base_goal.rotation
+    np.testing.assert_allclose(goal.T @ goal, np.eye(3), atol=1e-14)
+
+
+def test_a_pose_that_is_none_is_refused() -> None:
+    with pytest.raises(PoseError):
+        StraightLine(pin.SE3.Identity(), np.zeros((4, 4)))
+
+
+def test_a_line_cannot_be_changed() -> None:
+    line = random_line(0)
+    with pytest.raises(ValueError, match="read-only"):
+        line.twist[0] = 1.0
+
+
+@pytest.mark.parametrize("s", [math.nan, math.inf, 1e308, "0.5", None, np.zeros(2)], ids=str)
+def test_what_is_no_fraction_is_no_place_on_the_line(s: Any) -> None:
+    start = pin.SE3.Identity()
+    line = StraightLine(start, pin.SE3(pin.exp3(np.ones(3)), np.ones(3)))
+    with pytest.raises(MotionError, match="s "):
+        line.at(s)
+    with pytest.raises(MotionError, match="s "):
+        line.error(s, start)
+
+
+@given(st.floats(-FARTHEST, FARTHEST))
+def test_every_place_on_the_line_is_a_pose(s: float) -> None:
+    line = StraightLine(pin.SE3.Identity(), pin.SE3(pin.exp3(np.ones(3)), np.ones(3)))
+    checked_pose(line.at(s))
+
+
+@pytest.mark.parametrize("far_m", [1001.0, 1e308])
+def test_no_line_leads_farther_than_is_measured(far_m: float) -> None:
+    far = pin.SE3(np.eye(3), np.array([far_m, 0.0, 0.0]))
+    for ends in ((pin.SE3.Identity(), far), (far, pin.SE3.Identity())):
+        with pytest.raises(MotionError, match="up to 1000 m can be measured"):
+            StraightLine(*ends)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_how_far_tips_are_off_is_told_for_many_at_once(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    start, goal, *tips = (
+        pin.SE3(pin.exp3(scale * rng.normal(size=3)), scale * rng.normal(size=3))
+        for scale in (0.3, 0.3, 1e-6, 1e-3, 0.1, 1.0)
+    )
+    line = StraightLine(start, goal)
+    off_m, off_rad = line.off(np.array([(start * tip).homogeneous for tip in tips]))
+    for tip, metres, radians in zip(tips, off_m, off_rad, strict=True):
+        there = line.at(line.nearest(start * tip))
+        assert metres == pytest.approx(
+            np.linalg.norm((start * tip).translation - there.translation), abs=1e-12
+        )
+        assert radians == pytest.approx(
+            np.linalg.norm(pin.log3(there.rotation.T @ (start * tip).rotation)), abs=1e-12
+        )

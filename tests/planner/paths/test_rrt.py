@@ -1,0 +1,271 @@
+"""Corners around obstacles, and every trap of the library that finds them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from ompl import util
+
+from baxter_kin import ConfigurationError, JointLimits
+from planner import MotionError
+from planner.paths.rrt import EDGE_STEP_RAD, LONGEST_EDGE_RAD, search_corners
+from tests.planner.toy_world import (
+    AROUND_DISC,
+    DISC,
+    LEFT,
+    LIMITS,
+    RIGHT,
+    Ring,
+    ToySpace,
+    along,
+    least_distance,
+)
+
+Vector = NDArray[np.float64]
+seeds = st.integers(0, 2**32 - 1)
+
+CHORD_DEPTH = (EDGE_STEP_RAD / 2) ** 2 / DISC.radius
+"""How deep a chord of the disc, one step long, is inside; twice what it is to first order."""
+
+ENCLOSED = ToySpace((Ring(RIGHT[0], RIGHT[1], 0.3, 0.1),))
+
+
+def everywhere(_q: Vector) -> bool:
+    return True
+
+
+def nowhere(_q: Vector) -> bool:
+    return False
+
+
+def search(space: ToySpace = AROUND_DISC, seed: int = 1, **options: Any) -> Vector | None:
+    arguments: dict[str, Any] = {"timeout_s": 5.0, "rng": np.random.default_rng(seed)}
+    arguments |= options
+    is_free = arguments.pop("is_free", space.is_free)
+    return search_corners(LEFT, RIGHT, arguments.pop("limits", LIMITS), is_free, **arguments)
+
+
+def found(space: ToySpace = AROUND_DISC, seed: int = 1, **options: Any) -> Vector:
+    corners = search(space, seed, **options)
+    assert corners is not None
+    return corners
+
+
+@given(seeds)
+@settings(max_examples=15)
+def test_the_lines_between_corners_cut_no_more_of_a_disc_than_a_chord(seed: int) -> None:
+    points = along(found(seed=seed))
+
+    assert least_distance(AROUND_DISC, points) > -CHORD_DEPTH
+
+
+@given(seeds)
+@settings(max_examples=15)
+def test_corners_start_and_end_exactly_where_asked(seed: int) -> None:
+    corners = found(seed=seed)
+
+    assert np.array_equal(corners[0], LEFT)
+    assert np.array_equal(corners[-1], RIGHT)
+
+
+@given(seeds)
+@settings(max_examples=15)
+def test_corners_are_inside_the_limits(seed: int) -> None:
+    assert all(not LIMITS.violations(q) for q in found(seed=seed))
+
+
+@given(seeds)
+@settings(max_examples=10)
+def test_the_same_seed_finds_the_same_corners_whatever_was_searched_before(seed: int) -> None:
+    first = found(seed=seed)
+    found(seed=seed + 1)
+
+    assert np.array_equal(found(seed=seed), first)
+
+
+def test_another_process_finds_the_same_corners() -> None:
+    code = (
+        "from tests.planner.paths.test_rrt import found\n"
+        "print(','.join(x.hex() for x in found(seed=5).ravel().tolist()))"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
+    )
+
+    assert out.stdout.strip() == ",".join(x.hex() for x in found(seed=5).ravel().tolist())
+    assert out.stderr == ""
+
+
+def test_seeds_matter() -> None:
+    assert len({found(seed=seed).tobytes() for seed in range(5)}) == 5
+
+
+def test_a_path_that_does_not_reach_an_enclosed_goal_is_none() -> None:
+    assert search(ENCLOSED, timeout_s=0.2) is None
+
+
+def test_a_ring_of_a_tenth_of_ompls_default_step_is_not_jumped() -> None:
+    extent = float(np.linalg.norm(LIMITS.q_max - LIMITS.q_min))
+    wall = 0.01 * extent / 10  # OMPL steps by 1 % of the extent
+    ring = ToySpace((Ring(RIGHT[0], RIGHT[1], 0.3, wall),))
+
+    assert search(ring, timeout_s=0.2, step_rad=wall / 2) is None
+
+
+def test_a_start_in_collision_is_none() -> None:
+    assert search(is_free=lambda q: bool(np.any(q != LEFT))) is None
+
+
+def test_time_that_is_up_ends_an_edge_in_its_middle(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now_s[0])
+
+    def slow(q: Vector) -> bool:
+        now_s[0] += 1.0
+        return True
+
+    assert search(is_free=slow, timeout_s=20.0) is None
+    assert now_s[0] == pytest.approx(20.0)
+
+
+def test_a_time_limit_of_ages_is_not_over_at_once() -> None:
+    assert search(timeout_s=1e300) is not None
+
+
+def test_what_a_check_raises_reaches_the_caller_and_the_next_search_works() -> None:
+    def broken(q: Vector) -> bool:
+        raise RuntimeError("no shapes")
+
+    with pytest.raises(RuntimeError, match="no shapes"):
+        search(is_free=broken)
+
+    assert search() is not None
+
+
+def test_an_interrupt_in_a_check_reaches_the_caller() -> None:
+    def interrupted(q: Vector) -> bool:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        search(is_free=interrupted)
+
+
+def test_an_answer_of_numpy_is_understood() -> None:
+    answers: Any = {"is_free": lambda q: np.bool_(AROUND_DISC.is_free(q))}
+
+    assert np.array_equal(found(**answers), found())
+
+
+def test_a_search_within_a_search_does_not_wait_for_itself() -> None:
+    inner: list[Vector | None] = []
+
+    def nested(q: Vector) -> bool:
+        if not inner:
+            inner.append(None)
+            inner[0] = search()
+        return True
+
+    assert search(is_free=nested) is not None
+    assert inner[0] is not None
+
+
+def test_searches_in_threads_find_what_they_find_alone() -> None:
+    alone = [found(seed=seed) for seed in range(4)]
+    together: dict[int, Vector] = {}
+    threads = [
+        threading.Thread(target=lambda seed=seed: together.update({seed: found(seed=seed)}))
+        for seed in range(4)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+    assert all(np.array_equal(together[seed], alone[seed]) for seed in range(4))
+
+
+def test_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
+    search()
+    search(is_free=nowhere)
+
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_log_level_of_others_is_put_back() -> None:
+    level = util.getLogLevel()
+    try:
+        util.setLogLevel(util.LogLevel.LOG_ERROR)
+        search()
+        assert util.getLogLevel() == util.LogLevel.LOG_ERROR
+    finally:
+        util.setLogLevel(level)
+
+
+def test_no_edge_is_longer_than_the_longest() -> None:
+    wide = with_range(LIMITS, 50.0)
+
+    lengths = np.linalg.norm(np.diff(found(limits=wide), axis=0), axis=1)
+    assert lengths.max() <= LONGEST_EDGE_RAD + 1e-9
+
+
+def with_range(limits: JointLimits, reach: float) -> JointLimits:
+    q_max = np.full(2, reach)
+    return JointLimits(limits.names, -q_max, q_max, limits.v_max, limits.a_max, limits.j_max)
+
+
+@pytest.mark.parametrize("reach", [1e9, 1e308])
+def test_refuses_limits_too_wide_to_count_steps_in(reach: float) -> None:
+    with pytest.raises(MotionError, match="too wide to search in steps of"):
+        search(limits=with_range(LIMITS, reach))
+
+
+def test_searches_limits_narrower_than_a_step() -> None:
+    limits = with_range(LIMITS, 1e-4)
+    start, goal = np.full(2, -1e-4), np.full(2, 1e-4)
+
+    corners = search_corners(
+        start, goal, limits, everywhere, rng=np.random.default_rng(1), timeout_s=5.0
+    )
+
+    assert corners is not None
+    assert np.array_equal(corners[-1], goal)
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("timeout_s", 0.0),
+        ("timeout_s", float("nan")),
+        ("timeout_s", float("inf")),
+        ("timeout_s", "5"),
+        ("step_rad", 0.0),
+        ("step_rad", float("nan")),
+        ("rng", 7),
+        ("limits", None),
+    ],
+)
+def test_refuses_an_option_that_makes_no_sense(option: str, value: Any) -> None:
+    options: dict[str, Any] = {option: value}
+    with pytest.raises(MotionError):
+        search(**options)
+
+
+@pytest.mark.parametrize("q", [[0.0], [0.0, float("nan")], [0.0, 2.1], "ab", None])
+def test_refuses_an_end_that_is_no_configuration_inside_the_limits(q: Any) -> None:
+    rng = np.random.default_rng(1)
+
+    with pytest.raises(ConfigurationError):
+        search_corners(LEFT, q, LIMITS, everywhere, rng=rng, timeout_s=1.0)
+    with pytest.raises(ConfigurationError):
+        search_corners(q, RIGHT, LIMITS, everywhere, rng=rng, timeout_s=1.0)

@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from baxter_kin import RequestError
+from planner import Manipulator, MotionError, PickAndPlace, Scene, transfer_bound_s
+from planner.pick_place.candidates import Candidates
+from planner.pick_place.request import PlanRequest
+from tests.conftest import at, overhead
+
+TASK = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
+
+REACHED_M = 1e-6
+
+
+def candidates(manipulator: Manipulator, task: PickAndPlace = TASK) -> Candidates:
+    return Candidates(PlanRequest(manipulator, Scene.of(), manipulator.arm.start), task)
+
+
+def test_pairs_reach_both_poses_inside_the_limits(manipulator: Manipulator) -> None:
+    arm, found = manipulator.arm, candidates(manipulator)
+    assert len(found.order) > 100
+    for pair in (found.pair(*numbers) for numbers in found.order[::50]):
+        for q, T in ((pair.q_pick, TASK.T_base_pick), (pair.q_place, TASK.T_base_place)):
+            assert np.linalg.norm(arm.T_base_tip(q).translation - T.translation) <= REACHED_M
+            assert not arm.limits.violations(q)
+
+
+def test_the_same_request_is_answered_the_same(manipulator: Manipulator) -> None:
+    first, again = (candidates(manipulator) for _ in range(2))
+    for name in ("picks", "places", "order"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_pose_out_of_reach_leaves_no_pair(manipulator: Manipulator, swapped: bool) -> None:
+    far = at(2.0, 0.0, 0.0)
+    poses = (far, TASK.T_base_place) if swapped else (TASK.T_base_pick, far)
+    assert not len(candidates(manipulator, PickAndPlace("block", *poses)).order)
+
+
+def test_a_bound_is_of_a_service_and_limits(manipulator: Manipulator) -> None:
+    T = overhead(0.7, 0.15, -0.1)
+    with pytest.raises(RequestError, match="ik must be of class IKService, got int"):
+        transfer_bound_s(5, manipulator.limits, T, T)  # type: ignore[arg-type]
+    with pytest.raises(MotionError, match="limits must be of class JointLimits, got int"):
+        transfer_bound_s(manipulator.ik, 5, T, T)  # type: ignore[arg-type]

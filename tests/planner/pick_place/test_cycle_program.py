@@ -1,0 +1,158 @@
+"""The motions of a pick and place as one program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from baxter_kin import Arm
+from planner import Body, Box, Manipulator, Part, PickAndPlace, Scene
+from planner.collision.context import CollisionContext
+from planner.pick_place.candidates import Candidates, Pair
+from planner.pick_place.cycle import Cycle, StoppingCycles
+from planner.pick_place.cycle_program import CycleProgram
+from planner.pick_place.phases import PhaseMaker
+from planner.pick_place.request import PlanRequest
+from tests.conftest import at, overhead
+
+PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.00, -0.129)
+TASK = PickAndPlace("block", PICK, PLACE)
+HAND_OVER = 1e-8
+"""Of states, from one motion to the next: what certificates allow."""
+
+
+def request_of(manipulator: Manipulator, *bodies: Body) -> PlanRequest:
+    return PlanRequest(manipulator, Scene.of(bodies), manipulator.arm.start)
+
+
+def pair_of(manipulator: Manipulator, task: PickAndPlace = TASK) -> Pair:
+    found = Candidates(request_of(manipulator), task)
+    return found.pair(*found.order[0])
+
+
+@pytest.fixture(scope="module")
+def cycle(manipulator: Manipulator) -> Cycle:
+    found = program_of(manipulator).of(pair_of(manipulator))
+    assert found is not None
+    return found
+
+
+def program_of(manipulator: Manipulator, task: PickAndPlace = TASK) -> CycleProgram:
+    return CycleProgram(request_of(manipulator), task)
+
+
+def test_motions_go_on_as_the_ones_before_ended(cycle: Cycle) -> None:
+    motions = cycle
+    for before, after in pairwise(motions):
+        for name in ("q", "v", "a"):
+            jump = np.abs(getattr(before, name)[-1] - getattr(after, name)[0]).max()
+            assert jump <= HAND_OVER, name
+
+
+def test_it_rests_only_to_grasp_to_release_and_at_the_end(cycle: Cycle) -> None:
+    ends = [np.abs(motion.v[-1]).max() for motion in cycle]
+    assert [end == 0.0 for end in ends] == [False, True, False, False, True, True]
+
+
+def test_every_limit_is_kept(cycle: Cycle, left: Arm) -> None:
+    for motion in cycle:
+        assert max(motion.peak_ratios()) <= 1.0 + 1e-12
+        low, high = motion.position_extrema()
+        assert (low >= left.limits.q_min).all()
+        assert (high <= left.limits.q_max).all()
+
+
+@pytest.fixture(scope="module")
+def stopping(manipulator: Manipulator, scene: Scene) -> Cycle:
+    """The same, one motion at a time."""
+    request = request_of(manipulator, *scene)
+    contexts = PhaseMaker(request, TASK).made().contexts
+    return StoppingCycles(request, TASK, contexts).of(*pair_of(manipulator))
+
+
+def test_it_is_faster_than_the_parts_one_by_one(cycle: Cycle, stopping: Cycle) -> None:
+    assert cycle.duration_s < 0.85 * stopping.duration_s
+
+
+def test_the_guess_hardly_matters(cycle: Cycle, stopping: Cycle, manipulator: Manipulator) -> None:
+    near = program_of(manipulator).near(stopping)
+    assert near is not None
+    assert near.duration_s == pytest.approx(cycle.duration_s, rel=3e-3)
+
+
+def test_a_grid_twice_as_fine_gains_less_than_a_hundredth(
+    cycle: Cycle, manipulator: Manipulator
+) -> None:
+    finer = CycleProgram(request_of(manipulator), TASK, fineness=2)
+    found = finer.of(pair_of(manipulator))
+    assert found is not None
+    assert cycle.duration_s <= 1.01 * found.duration_s
+
+
+def test_between_the_lines_the_tip_stays_above_their_upper_ends(cycle: Cycle, left: Arm) -> None:
+    least_m = min(T.translation[2] for T in (PICK, PLACE)) + TASK.clear_m
+    heights = [left.T_base_tip(q).translation[2] for q in cycle.to_place.q]
+    assert min(heights) >= least_m - 1e-8
+
+
+@pytest.mark.parametrize(("clear_m", "hover_m"), [(0.001, 0.001), (0.02, 0.3), (0.05, 0.05)])
+def test_other_heights_will_do(manipulator: Manipulator, clear_m: float, hover_m: float) -> None:
+    task = PickAndPlace("block", PICK, PLACE, hover_m=hover_m, clear_m=clear_m)
+    found = program_of(manipulator, task).of(pair_of(manipulator, task))
+    assert found is not None
+    end = manipulator.arm.T_base_tip(found.up_from_place.q_goal).translation
+    above = PLACE.translation + np.array([0.0, 0.0, hover_m])
+    np.testing.assert_allclose(end, above, atol=1e-8)
+
+
+def test_a_line_that_cannot_be_followed_is_told_by_none(manipulator: Manipulator) -> None:
+    task = PickAndPlace("block", PICK, PLACE, hover_m=0.8)
+    assert program_of(manipulator, task).of(pair_of(manipulator)) is None
+
+
+@pytest.fixture(scope="module")
+def walled(manipulator: Manipulator, scene: Scene) -> Mapping[str, CollisionContext]:
+    """A wall between pick and place, which the fastest cycle runs through."""
+    wall = Body("wall", (Part(Box((0.3, 0.02, 0.2)), at(0, 0, 0)),), at(0.72, 0.075, -0.055))
+    return PhaseMaker(request_of(manipulator, *scene, wall), TASK).made().contexts
+
+
+@pytest.fixture(scope="module")
+def led(
+    manipulator: Manipulator, cycle: Cycle, walled: Mapping[str, CollisionContext]
+) -> list[Cycle]:
+    """The cycles around that wall."""
+    return program_of(manipulator).around(cycle, walled)
+
+
+def test_what_is_led_around_a_wall_is_proven_clear_of_it(
+    cycle: Cycle, led: list[Cycle], walled: Mapping[str, CollisionContext]
+) -> None:
+    def is_clear(each: Cycle) -> bool:
+        return all(walled[s].prove(motion).is_clear for s, motion in each.by_stage.items())
+
+    assert not is_clear(cycle)
+    assert is_clear(led[0])
+
+
+def test_of_the_ways_around_the_fastest_comes_first(cycle: Cycle, led: list[Cycle]) -> None:
+    durations = [each.duration_s for each in led]
+    assert durations[0] <= 1.01 * min(durations)
+    assert cycle.duration_s < durations[0] < 1.05 * cycle.duration_s
+
+
+def test_ways_around_keep_every_limit(led: list[Cycle]) -> None:
+    for motion in led[0]:
+        assert max(motion.peak_ratios()) <= 1.0 + 1e-12
+
+
+def test_nothing_comes_of_a_place_that_is_covered(
+    manipulator: Manipulator, cycle: Cycle, scene: Scene
+) -> None:
+    x, y, z = PLACE.translation.tolist()
+    lid = Body("lid", (Part(Box((0.4, 0.4, 0.02)), at(0, 0, 0)),), at(x, y, z + 0.2))
+    maker = PhaseMaker(request_of(manipulator, *scene, lid), TASK)
+    assert not program_of(manipulator).around(cycle, maker.made().contexts)

@@ -1,0 +1,144 @@
+"""Coal's distances, which planner and certificate share, against distances known by construction.
+
+Take any direction u, the point a of one convex shape that is farthest along u, and the point b of
+another that is farthest against it. Move the second shape so that b = a + g u. The plane through a
+across u has all of the first shape behind it, the plane through b all of the second in front, so
+nothing is nearer than g, and a and b are that near: the distance is g, without any computation that
+could be wrong the same way. Directions are random, across faces, along axes, so that corners,
+edges, faces, rims and mantles all come to be nearest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin.arrays import Vector
+from planner.scene.bodies import Box, Cylinder, Shape, Sphere
+from planner.scene.contact import coal_shape
+from planner.scene.mesh import Mesh
+from planner.verification.body.solid import ACCURACY_M, distance_request
+from tests.bodies import CORNERS, SIDES
+from tests.planner.conftest import hull
+
+PAIRS = 100_000
+LEAST_M, GREATEST_M = 1e-6, 10.0
+"""Distances, evenly many in each power of ten."""
+
+SMALLEST_M, LARGEST_M = 0.01, 1.0
+"""Half the size of shapes."""
+
+POOL = 24
+"""Shapes of each kind."""
+
+Support = Callable[[Vector], Vector]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A shape, and its point that is farthest along a direction in its own frame."""
+
+    kind: str
+    geometry: coal.CollisionGeometry
+    farthest: Support
+    normals: Vector
+
+
+def corner_farthest(vertices: Vector) -> Support:
+    def farthest(u: Vector) -> Vector:
+        point: Vector = vertices[int(np.argmax(vertices @ u))]
+        return point
+
+    return farthest
+
+
+def rim_farthest(radius: float, length: float) -> Support:
+    def farthest(u: Vector) -> Vector:
+        across = np.hypot(u[0], u[1])
+        side = radius * u[:2] / across if across > 0.0 else np.zeros(2)
+        return np.array([*side, np.sign(u[2]) * length / 2])
+
+    return farthest
+
+
+def mesh(vertices: Vector, triangles: object) -> Mesh:
+    return Mesh(vertices, np.array(triangles))
+
+
+def drawn(kind: str, rng: np.random.Generator) -> Sample:
+    half = np.exp(rng.uniform(np.log(SMALLEST_M), np.log(LARGEST_M), 3))
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    corners = CORNERS * half
+    shape: Shape
+    if kind == "sphere":
+        radius = float(half[0])
+        return Sample(kind, coal_shape(Sphere(radius)), lambda u: radius * u, axes)
+    if kind == "cylinder":
+        shape = Cylinder(float(half[0]), float(2 * half[1]))
+        return Sample(kind, coal_shape(shape), rim_farthest(half[0], 2 * half[1]), axes)
+    if kind == "box":
+        shape = Box((2 * half[0], 2 * half[1], 2 * half[2]))
+        return Sample(kind, coal_shape(shape), corner_farthest(corners), axes)
+    if kind == "hull":
+        shape = hull(rng.normal(size=(20, 3)) * half / 2)
+        a, b, c = shape.vertices[shape.triangles].swapaxes(0, 1)
+        normals = np.cross(b - a, c - a)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        return Sample(kind, coal_shape(shape), corner_farthest(shape.vertices), normals)
+    open_box = mesh(corners, SIDES[:-1])  # a face lacks half, so it is a surface
+    return Sample(kind, coal_shape(open_box), corner_farthest(corners), np.zeros((0, 3)))
+
+
+def random_rotation(rng: np.random.Generator) -> Vector:
+    q = rng.normal(size=4)
+    rotation: Vector = pin.Quaternion(*(q / np.linalg.norm(q))).toRotationMatrix()
+    return rotation
+
+
+def direction(first: Sample, R: Vector, rng: np.random.Generator) -> Vector:
+    """Across a face of the first shape or along its axis, one time in three; else any."""
+    if len(first.normals) and rng.random() < 1 / 3:
+        across: Vector = R @ first.normals[rng.integers(len(first.normals))]
+        return across
+    u = rng.normal(size=3)
+    free: Vector = u / np.linalg.norm(u)
+    return free
+
+
+def error_m(first: Sample, second: Sample, rng: np.random.Generator) -> float:
+    """How far coal's distance is from the one that is known."""
+    known = float(np.exp(rng.uniform(np.log(LEAST_M), np.log(GREATEST_M))))
+    R_first, R_second = random_rotation(rng), random_rotation(rng)
+    at_first = rng.uniform(-1.0, 1.0, 3)
+    u = direction(first, R_first, rng)
+    a = at_first + R_first @ first.farthest(R_first.T @ u)
+    at_second = a + known * u - R_second @ second.farthest(-R_second.T @ u)
+    found = coal.distance(
+        first.geometry,
+        coal.Transform3s(R_first, at_first),
+        second.geometry,
+        coal.Transform3s(R_second, at_second),
+        distance_request(),
+        coal.DistanceResult(),
+    )
+    return float(found) - known
+
+
+KINDS = ("box", "cylinder", "sphere", "hull", "surface")
+
+
+@pytest.fixture(scope="module")
+def errors() -> Vector:
+    rng = np.random.default_rng(20)
+    pool = [drawn(kind, rng) for kind in KINDS for _ in range(POOL)]
+    pairs = rng.integers(len(pool), size=(PAIRS, 2))
+    return np.array([error_m(pool[i], pool[k], rng) for i, k in pairs.tolist()])
+
+
+def test_coals_distances_are_right_to_what_planner_and_certificate_allow(errors: Vector) -> None:
+    assert np.abs(errors).max() < ACCURACY_M
