@@ -15,10 +15,14 @@ from baxter_kin.description import RobotIdentity
 from baxter_kin.display import OneLine, millimetres
 from baxter_kin.errors import expect
 from baxter_kin.fields import check_fields
+from planner.collision.checker import ClearanceChecker
+from planner.collision.context import CollisionContext
 from planner.collision.robot_body import RobotBody, identity_of
 from planner.collision.robot_shapes import RobotShapes
+from planner.collision.shape_pairs import Held
 from planner.errors import TaskError
 from planner.grasping.hand import Hand
+from planner.scene.bodies import Scene
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -112,6 +116,39 @@ class Manipulator(Frozen, OneLine):
         for q in finite_array(qs, (count, 7), "qs", ConfigurationError):
             full[where] = q
             yield full.copy()
+
+    def context(
+        self,
+        scene: Scene,
+        *,
+        finger_m: float | None = None,
+        touchable: str | None = None,
+        may_press: bool = False,
+        held: Held | None = None,
+        margin_m: float = 0.0,
+    ) -> CollisionContext:
+        """The arm in a situation: among bodies, with what it holds and may touch.
+
+        Args:
+            scene: bodies that stand still.
+            finger_m: how far its fingers are open; as `q_others` says when not given.
+            touchable: name of a body that the hand may come near, to grasp it.
+            may_press: whether its pads may touch that body.
+            held: what the hand carries.
+            margin_m: distance to keep from everything else, not negative.
+
+        Raises:
+            SceneError: when an argument is of another class, the touchable body is not in the
+                scene, or the held one is.
+            ConfigurationError: when the fingers are outside their stroke.
+            MotionError: when the margin is not a number, or negative.
+        """
+        checker = ClearanceChecker(
+            self.shapes, self.arm, scene, touchable=touchable, may_press=may_press, held=held
+        )
+        opening_m = self.finger_m if finger_m is None else finger_m
+        q_full = next(self.configurations(self.arm.neutral[None], opening_m))
+        return CollisionContext(checker, q_full, margin_m=margin_m)
 
     def _facts(self) -> tuple[str, ...]:
         opening = f"hand opens {millimetres(self.hand.open_gap_m)}"

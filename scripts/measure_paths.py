@@ -107,7 +107,7 @@ def _past_wall(manipulator: Manipulator, rng: np.random.Generator) -> Problem | 
     parts = (Part(Box(size), pin.SE3.Identity()),)
     wall = Body("wall", parts, pin.SE3(np.eye(3), centre))
     scene = Scene.of([*demo_bodies("left"), wall])
-    context = CollisionContext.of(manipulator, scene, finger_m=manipulator.hand.stroke_m)
+    context = manipulator.context(scene, finger_m=manipulator.hand.stroke_m)
     start, goal = (_beside(manipulator, context, y, side, rng) for side in (1, -1))
     if start is None or goal is None:
         return None
@@ -123,7 +123,7 @@ def _in_shelf(manipulator: Manipulator, rng: np.random.Generator) -> Problem | N
         for name, at in (("lower", (middle, y, low)), ("upper", (middle, y, low + SHELF_GAP_M)))
     ]
     opening_m = manipulator.hand.stroke_m
-    context = CollisionContext.of(manipulator, Scene.of(boards), finger_m=opening_m)
+    context = manipulator.context(Scene.of(boards), finger_m=opening_m)
     depth, aside = rng.uniform(SHELF_REACH_M, 0.3), rng.uniform(-0.2, 0.2)
     goal_m = np.array([front + depth, y + aside, low + SHELF_GAP_M / 2 + rng.uniform(-0.04, 0.04)])
     turn = pin.utils.rotate("z", rng.uniform(-0.4, 0.4)) @ pin.utils.rotate("y", np.pi / 2)

@@ -35,7 +35,6 @@ from baxter_kin import (
 from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import CopyError
 from planner import (
-    CollisionContext,
     Manipulator,
     PickAndPlace,
     Plan,
@@ -88,7 +87,7 @@ def everything(
     for body in SCENE:
         simulation.spawn(body)
     outcome = simulation.execute(plan)
-    space = CollisionContext.of(manipulator, SCENE, finger_m=0.01)
+    space = manipulator.context(SCENE, finger_m=0.01)
     refused = PickAndPlace("block", FAR, overhead(0.75, 0.0, -0.129))
     return {
         "robot": robot,

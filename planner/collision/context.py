@@ -21,12 +21,9 @@ from baxter_kin.errors import ConfigurationError, expect
 from planner.clearance import Clearance, SweptResult
 from planner.collision.checker import ClearanceChecker
 from planner.collision.continuous import checked_margin_m, prove_clear
+from planner.collision.obstacles import KEPT_SHARE, Obstacles
 from planner.collision.sampling import SCREENING_STEP_RAD, looks_clear
-from planner.collision.shape_pairs import Held
 from planner.errors import SceneError
-from planner.manipulator import Manipulator
-from planner.motion.obstacles import KEPT_SHARE, Obstacles
-from planner.scene.bodies import Scene
 from planner.scene.contact import has_depth
 from planner.trajectory import Trajectory
 
@@ -67,43 +64,6 @@ class CollisionContext(OneLine):
         self._q_full = self.checker.configuration(q_others).copy()
         self._where = np.array(checker.shapes.robot.indices(checker.arm.joint_names))
         self._proven: tuple[Trajectory | None, SweptResult | None] = None, None  # asked for twice
-
-    @classmethod
-    def of(
-        cls,
-        manipulator: Manipulator,
-        scene: Scene,
-        *,
-        finger_m: float | None = None,
-        touchable: str | None = None,
-        may_press: bool = False,
-        held: Held | None = None,
-        margin_m: float = 0.0,
-    ) -> CollisionContext:
-        """That of a manipulator among bodies.
-
-        Args:
-            manipulator: the arm that moves, and where all other joints stand.
-            scene: bodies that stand still.
-            finger_m: how far its fingers are open; as the manipulator says when not given.
-            touchable: name of a body that the hand may come near, to grasp it.
-            may_press: whether its pads may touch that body.
-            held: what the hand carries.
-            margin_m: distance to keep from everything else, not negative.
-
-        Raises:
-            SceneError: when an argument is of another class, the touchable body is not in the
-                scene, or the held one is.
-            ConfigurationError: when the fingers are outside their stroke.
-            MotionError: when the margin is not a number, or negative.
-        """
-        arm = expect(manipulator, Manipulator, "manipulator", SceneError).arm
-        checker = ClearanceChecker(
-            manipulator.shapes, arm, scene, touchable=touchable, may_press=may_press, held=held
-        )
-        opening_m = manipulator.finger_m if finger_m is None else finger_m
-        q_full = next(manipulator.configurations(arm.neutral[None], opening_m))
-        return cls(checker, q_full, margin_m=margin_m)
 
     @property
     def q_others(self) -> Vector:

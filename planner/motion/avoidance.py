@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
-from planner.motion.obstacles import LinearBounds, Obstacles
+from planner.collision.obstacles import LinearBounds, Obstacles
 from planner.motion.program.motion_program import Clearances
-from planner.motion.program.splines import Sketch
+from planner.splines import Sketch
 from planner.trajectory import Trajectory
 
 LED_CLEAR_M, SHORT_OF_M = 0.005, 0.002

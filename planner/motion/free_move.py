@@ -22,16 +22,15 @@ from baxter_kin.arrays import Vector, positive_scalar
 from baxter_kin.errors import expect
 from planner.collision.context import CollisionContext
 from planner.collision.continuous import checked_margin_m
+from planner.collision.obstacles import JOINTS, Obstacles
 from planner.collision.sampling import SCREENING_STEP_RAD, IsFree, looks_clear
 from planner.errors import FreeMoveError, MotionError
 from planner.motion.avoidance import led_around
 from planner.motion.joint_move import plan_joint_move, rest_to_rest_s, stopping_at
-from planner.motion.obstacles import Obstacles
 from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.phases import MotionTask, Phase
-from planner.motion.program.splines import Sketch
-from planner.motion.program.unknowns import JOINTS
 from planner.paths.rrt import EDGE_STEP_RAD, search_corners
+from planner.splines import Sketch
 from planner.trajectory import Trajectory
 
 MARGIN_M = 0.005

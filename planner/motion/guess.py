@@ -10,8 +10,8 @@ import numpy as np
 from baxter_kin import Arm, JointLimits
 from baxter_kin.arrays import Vector
 from planner.motion.joint_move import rest_to_rest_s
-from planner.motion.program.splines import Sketch, trajectory_of
 from planner.motion.straight_line import StraightLine
+from planner.splines import Sketch, trajectory_of
 
 STRIDE_RAD, LEAST_STRIDE = 0.1, 1e-6
 """Farthest that a joint goes in one step along a line, and the least fraction of the line that a

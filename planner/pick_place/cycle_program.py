@@ -12,13 +12,13 @@ from planner.motion.avoidance import LED_CLEAR_M, Motions, led_around
 from planner.motion.guess import Followed, Way, along, backwards, between
 from planner.motion.program.motion_program import Clearances, MotionProgram
 from planner.motion.program.phases import MotionTask, Phase
-from planner.motion.program.splines import Sketch
 from planner.motion.straight_line import StraightLine
 from planner.motion.straight_move import at_knots, intervals_on, is_on_line
 from planner.pick_place.candidates import Pair
 from planner.pick_place.cycle import MOVES, Cycle
 from planner.pick_place.request import PlanRequest
 from planner.pick_place.task import PickAndPlace
+from planner.splines import Sketch
 
 ENTRY, ACROSS = 14, 20
 """Intervals on the way to the first line, and between both lines."""

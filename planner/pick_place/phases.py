@@ -265,7 +265,7 @@ class PhaseMaker:
     def _context(self) -> Callable[..., CollisionContext]:
         """Makes the situation of some bodies, by the opening of the fingers and what is allowed."""
         request = self.request
-        return partial(CollisionContext.of, request.manipulator, margin_m=request.margin_m)
+        return partial(request.manipulator.context, margin_m=request.margin_m)
 
 
 def _least_width_m(body: Body) -> float:

@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect
-from planner.collision.context import CollisionContext
 from planner.errors import TaskError
 from planner.manipulator import Manipulator
 from planner.motion.straight_line import STRICT, LineTolerance
@@ -110,7 +109,7 @@ def plan_start_move(
     goal = manipulator.arm.limits.check(np.zeros(7) if q_start is None else q_start, "q_start")
 
     def add_steps(builder: PlanBuilder) -> None:
-        context = CollisionContext.of(manipulator, scene, margin_m=request.margin_m)
+        context = manipulator.context(scene, margin_m=request.margin_m)
         builder.add_free_move("move to start", goal, context)
         builder.add_open("open", manipulator.hand.stroke_m)
 
@@ -156,9 +155,7 @@ def plan_retract(
 
     def add_steps(builder: PlanBuilder) -> None:
         builder.add_open("open", opening_m)
-        context = CollisionContext.of(
-            manipulator, scene, finger_m=opening_m, margin_m=request.margin_m
-        )
+        context = manipulator.context(scene, finger_m=opening_m, margin_m=request.margin_m)
         builder.add_rise("retract", rise_m, context)
 
     return _built(request, add_steps)

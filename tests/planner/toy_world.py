@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from baxter_kin import JointLimits
 from planner import Clearance
 from planner.collision.context import CollisionContext
-from planner.motion.obstacles import REACH_M, LinearBounds, Obstacles
-from planner.motion.program.splines import weights_at
-from planner.motion.program.unknowns import JOINTS, PAIRS
+from planner.collision.obstacles import JOINTS, PAIRS, REACH_M, LinearBounds, Obstacles
+from planner.splines import weights_at
 
 Vector = NDArray[np.float64]
 

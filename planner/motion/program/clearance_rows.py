@@ -12,9 +12,10 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
+from planner.collision.obstacles import JOINTS, PAIRS
 from planner.motion.program.phases import Phase
 from planner.motion.program.sparse import Rows, SparseSum, constant
-from planner.motion.program.unknowns import JOINTS, PAIRS, Numbers, Unknowns
+from planner.motion.program.unknowns import Numbers, Unknowns
 
 
 def clearance_rows(

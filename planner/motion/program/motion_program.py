@@ -2,7 +2,7 @@
 
 Each phase is a uniform cubic B-spline in joint space over a duration of its own, so that jerk is
 constant in each interval, and the limits of velocity, acceleration and jerk hold everywhere where
-the controls keep them (`planner.motion.program.splines`). The sum of the durations is least. From
+the controls keep them (`planner.splines`). The sum of the durations is least. From
 phase to phase position, velocity and acceleration go on without a jump, or the arm rests. On a line
 the tip is within a tolerance of it at every knot, and exactly on it where a phase begins and ends;
 elsewhere it stays above a height at the knots. Of all configurations of a pose any will do.
@@ -25,14 +25,14 @@ import numpy as np
 
 from baxter_kin import Arm, JointLimits
 from baxter_kin.arrays import Vector
-from planner.motion.obstacles import LinearBounds
+from planner.collision.obstacles import LinearBounds
 from planner.motion.program.clearance_rows import clearance_rows
 from planner.motion.program.phases import MotionTask, Phase
 from planner.motion.program.sparse import Rows
 from planner.motion.program.spline_rows import spline_rows
-from planner.motion.program.splines import Sketch, trajectory_of
 from planner.motion.program.tip_rows import height_rows, line_rows, speed_rows
 from planner.motion.program.unknowns import Numbers, Unknowns, ends_of, numbers_of
+from planner.splines import Sketch, trajectory_of
 from planner.trajectory import Trajectory
 
 SHORTEST, LONGEST = 1e-3, 1e3

@@ -13,11 +13,12 @@ import casadi as ca
 import numpy as np
 
 from baxter_kin.arrays import Indices, Vector
+from planner.collision.obstacles import JOINTS
 from planner.motion.program.nodes import NodeFunctions, above, moving, on_line
 from planner.motion.program.phases import Phase
 from planner.motion.program.sparse import Rows, SparseSum, constant
-from planner.motion.program.splines import AT_KNOT
-from planner.motion.program.unknowns import JOINTS, Numbers, Unknowns
+from planner.motion.program.unknowns import Numbers, Unknowns
+from planner.splines import AT_KNOT
 
 
 class _Knot(NamedTuple):

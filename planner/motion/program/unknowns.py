@@ -10,6 +10,7 @@ import numpy as np
 
 from baxter_kin import Arm, JointLimits
 from baxter_kin.arrays import Indices, Vector
+from planner.collision.obstacles import JOINTS, PAIRS
 from planner.motion.program.nodes import (
     GEOMETRY_NUMBERS,
     LINE_NUMBERS,
@@ -18,13 +19,8 @@ from planner.motion.program.nodes import (
 )
 from planner.motion.program.phases import MotionTask, Phase
 
-JOINTS = 7
-
 GIVEN = 2 * JOINTS
 """Angles of start and goal."""
-
-PAIRS = 6
-"""Of shapes, whose distances are bounded at one time: the nearest ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -184,9 +184,7 @@ def test_a_held_body_may_touch_its_support_but_not_press_into_it(
     lift = table.extent_m([0.0, 0.0, 1.0])[1] - low + gap
     raised = block.at(at(0.0, 0.0, lift) * block.T_base_body)
     held = Held(raised, T_base_tip.inverse() * raised.T_base_body, frozenset({"table"}))
-    context = CollisionContext.of(
-        manipulator, Scene.of([table]), finger_m=0.0208, held=held, margin_m=0.003
-    )
+    context = manipulator.context(Scene.of([table]), finger_m=0.0208, held=held, margin_m=0.003)
     q = manipulator.ik.solve(T_base_tip).q
 
     assert context.is_free(q) == (gap > -PRESSING_TOLERANCE_M)
@@ -228,7 +226,7 @@ def test_refuses_a_margin_that_is_none(
     for ask in (
         lambda: space.with_margin(margin),
         lambda: space.obstacles(margin, np.zeros(7)),
-        lambda: CollisionContext.of(manipulator, Scene.of(), margin_m=margin),
+        lambda: manipulator.context(Scene.of(), margin_m=margin),
     ):
         with pytest.raises(MotionError, match="margin"):
             ask()
@@ -236,21 +234,19 @@ def test_refuses_a_margin_that_is_none(
 
 def test_refuses_fingers_beyond_their_stroke(manipulator: Manipulator) -> None:
     with pytest.raises(ConfigurationError):
-        CollisionContext.of(manipulator, Scene.of(), finger_m=1.0)
+        manipulator.context(Scene.of(), finger_m=1.0)
 
 
 def test_refuses_what_is_no_situation(room: Room) -> None:
     bad: Any = "left"
     with pytest.raises(SceneError, match="checker"):
         CollisionContext(bad, room.full(np.zeros(7)))
-    with pytest.raises(SceneError, match="manipulator"):
-        CollisionContext.of(bad, Scene.of())
     with pytest.raises(ConfigurationError):
         CollisionContext(room.checker, np.zeros(7))
 
 
 def test_free_is_what_keeps_the_margin(manipulator: Manipulator, scene: Scene) -> None:
-    walled = CollisionContext.of(manipulator, scene.with_body(wall()), margin_m=MARGIN_M)
+    walled = manipulator.context(scene.with_body(wall()), margin_m=MARGIN_M)
     rng = np.random.default_rng(3)
     qs = [manipulator.arm.random_configuration(rng) for _ in range(200)]
     distances = [walled.clearance(q).distance_m for q in qs]
@@ -263,7 +259,7 @@ def test_free_is_what_keeps_the_margin(manipulator: Manipulator, scene: Scene) -
 @settings(max_examples=15)
 def test_what_is_clear_is_proven_so(manipulator: Manipulator, table: Body, seed: int) -> None:
     bodies = Scene.of([table, wall()])
-    context = CollisionContext.of(manipulator, bodies, margin_m=MARGIN_M)
+    context = manipulator.context(bodies, margin_m=MARGIN_M)
     rng = np.random.default_rng(seed)
     start, goal = (manipulator.arm.random_configuration(rng) for _ in range(2))
     motion = plan_joint_move(start, goal, manipulator.limits)

@@ -25,9 +25,7 @@ def post(name: str, x: float, y: float) -> Body:
 @pytest.fixture
 def posts(manipulator: Manipulator, scene: Scene) -> CollisionContext:
     crowded = scene.with_body(post("front", 0.45, 0.25)).with_body(post("side", 0.6, 0.42))
-    return CollisionContext.of(
-        manipulator, crowded, finger_m=manipulator.hand.stroke_m, touchable="block"
-    )
+    return manipulator.context(crowded, finger_m=manipulator.hand.stroke_m, touchable="block")
 
 
 def test_counts_are_those_of_a_check_pair_by_pair(
@@ -63,8 +61,8 @@ def test_only_the_most_frequent_are_named() -> None:
 
 
 def test_of_a_margin_it_tells_the_distance(manipulator: Manipulator, scene: Scene) -> None:
-    around = CollisionContext.of(
-        manipulator, scene, finger_m=manipulator.hand.stroke_m, touchable="block", margin_m=0.05
+    around = manipulator.context(
+        scene, finger_m=manipulator.hand.stroke_m, touchable="block", margin_m=0.05
     )
     text = str(Tally.of("pick: descend", sample_solutions(manipulator.ik, PICK), around))
     assert "finger_tip with table, at best 22.1 mm apart" in text

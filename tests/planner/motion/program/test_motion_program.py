@@ -20,9 +20,9 @@ from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.phases import MotionTask, Phase
 from planner.motion.program.sparse import Rows
 from planner.motion.program.spline_rows import spline_rows
-from planner.motion.program.splines import Sketch
 from planner.motion.program.tip_rows import height_rows, line_rows, speed_rows
 from planner.motion.program.unknowns import Numbers, Unknowns
+from planner.splines import Sketch
 from tests.conftest import overhead
 
 PHASES = (Phase(4), Phase(5, 0, (1.0, 0.0), rests=True), Phase(4, 0), Phase(6, 1, rests=True))

@@ -8,9 +8,8 @@ import pytest
 from baxter_kin.arrays import Vector
 from planner import Body, Box, Manipulator, Mesh, Part, Scene
 from planner.collision.context import CollisionContext
-from planner.motion.obstacles import LOOKS, REACH_M, Obstacles
-from planner.motion.program.splines import weights_at
-from planner.motion.program.unknowns import JOINTS
+from planner.collision.obstacles import JOINTS, LOOKS, REACH_M, Obstacles
+from planner.splines import weights_at
 from tests.conftest import at
 
 MARGIN_M, STEP_RAD, INTERVALS = 0.005, 1e-5, 6
@@ -23,7 +22,7 @@ def around(manipulator: Manipulator) -> CollisionContext:
     T = manipulator.arm.T_base_tip(manipulator.arm.start)
     x, y, z = T.translation.tolist()
     box = Body("box", (Part(Box((0.1, 0.1, 0.1)), at(0.0, 0.0, 0.0)),), at(x + 0.13, y, z))
-    return CollisionContext.of(manipulator, Scene.of([box]), finger_m=manipulator.finger_m)
+    return manipulator.context(Scene.of([box]), finger_m=manipulator.finger_m)
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +113,7 @@ def test_meshes_that_are_flat_or_hollow_have_bounds_too(
     x, y, z = T.translation.tolist()
     mesh = Mesh(np.array(corners), np.array(triangles))
     body = Body("sheet", (Part(mesh, at(0.0, 0.0, 0.0)),), at(x + 0.1, y, z))
-    around = CollisionContext.of(manipulator, Scene.of([body]), finger_m=manipulator.finger_m)
+    around = manipulator.context(Scene.of([body]), finger_m=manipulator.finger_m)
     first, second = (obstacles_of(around, NONE, MARGIN_M).bounds(controls) for _ in range(2))
     assert 0.0 < first.excess_m < 0.1
     np.testing.assert_array_equal(first.numbers, second.numbers)

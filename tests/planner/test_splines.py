@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm
 from planner import plan_joint_move
-from planner.motion.program.splines import Sketch, trajectory_of
+from planner.splines import Sketch, trajectory_of
 
 ROUNDING = 1e-9
 

@@ -18,9 +18,13 @@ from baxter_kin.arrays import Indices, Vector
 from planner.collision.checker import ClearanceChecker
 from planner.collision.distances import NO_DISTANCE_M, UNKNOWN_DEPTH_M
 from planner.collision.motion_bounds import Placed
-from planner.motion.program.splines import weights_at
-from planner.motion.program.unknowns import JOINTS, PAIRS
 from planner.scene.contact import DISTANCE_TOLERANCE_M, hull
+from planner.splines import weights_at
+
+JOINTS = 7
+
+PAIRS = 6
+"""Of shapes, whose distances are bounded at one time: the nearest ones."""
 
 REACH_M = 0.15
 """Farther pairs are not bounded: none comes so near from one solution to the next."""
