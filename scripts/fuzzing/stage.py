@@ -291,7 +291,7 @@ class _Lasting:
 
     @cached_property
     def CollisionContext(self) -> p.CollisionContext:
-        return p.self.Manipulator.context(self.Scene, finger_m=0.01)
+        return self.Manipulator.context(self.Scene, finger_m=0.01)
 
     @cached_property
     def SweptProof(self) -> p.SweptProof:
