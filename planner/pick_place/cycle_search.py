@@ -75,11 +75,13 @@ class CycleSearch:
             self._refuse_unreachable()
             self._make_phases()
             self._look()
+            for plan in self._fastest():
+                if plan.failure is None:
+                    return plan
+            if not self._missed:
+                refuse_blocked_hand(self._task, self._contexts)
         except NoSolutionError as stop:
             return PlanBuilder(self._request).plan(stop.failure)
-        for plan in self._fastest():
-            if plan.failure is None:
-                return plan
         for plan in self._stopping():
             if plan.failure is None:
                 return self._improved(plan)
@@ -124,7 +126,7 @@ class CycleSearch:
         self._contexts = self._phases.contexts
 
     def _look(self) -> None:
-        """Look whether some solutions are free, at pick and place, and the hand on its lines.
+        """Look whether some solutions are free, at pick and place.
 
         Raises:
             NoSolutionError: when one of these does not hold.
@@ -138,7 +140,6 @@ class CycleSearch:
         self._places = Solutions("place: descend", found.places, contexts["place: descend"])
         self._places.refuse_none_free()
         self._phases.refuse_impossible()
-        refuse_blocked_hand(self._task, contexts)
 
     def _fastest(self) -> Iterator[Plan]:
         """Cycles whose six motions are one program, from the first few pairs that differ.
@@ -153,6 +154,8 @@ class CycleSearch:
                 continue
             tried.append(cycle)
             plan = self._along(cycle)
+            if plan.failure is not None and len(tried) == 1:
+                refuse_blocked_hand(self._task, self._contexts)  # and so for all other pairs
             yield plan
             if plan.failure is not None and plan.failure.stage in SIDEWAYS:
                 yield from map(self._along, self._program.around(cycle, self._contexts))
