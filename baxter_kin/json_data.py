@@ -83,8 +83,8 @@ def shown(value: object) -> str:
 
 def _told(cause: Exception, what: str) -> str:
     """The first of what `cattrs` found, as a sentence that begins with where it is."""
-    said, _, where = transform_error(cause, what, _said)[0].rpartition(" @ ")
-    return f"{shortened(where)}{'' if said.startswith(':') else ' '}{said}"
+    said, _, where = transform_error(cause, what, _said)[0].partition(f" @ {what}")
+    return f"{shortened(what + where)}{'' if said.startswith(':') else ' '}{said}"
 
 
 def _said(cause: BaseException, _: object = None) -> str:

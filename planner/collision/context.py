@@ -61,7 +61,8 @@ class CollisionContext(OneLine):
         """
         self.checker = expect(checker, ClearanceChecker, "checker", SceneError)
         self.margin_m = checked_margin_m(margin_m)
-        self._q_full = self.checker.configuration(q_others).copy()
+        q_full = finite_array(q_others, (checker.robot.nq,), "q_others", ConfigurationError)
+        self._q_full = self.checker.configuration(q_full).copy()
         self._where = np.array(checker.shapes.robot.indices(checker.arm.joint_names))
         self._proven: tuple[Trajectory | None, SweptResult | None] = None, None  # asked for twice
 

@@ -125,11 +125,6 @@ class _Tasks:
         interval = np.repeat(np.arange(count), len(pairs))
         return cls(starts_s, ends_s, interval, np.tile(pairs, count))
 
-    @classmethod
-    def at(cls, times_s: Vector, number: int, pairs: list[int]) -> _Tasks:
-        """Some pairs at one of some times."""
-        return cls(times_s, times_s, np.full(len(pairs), number), np.array(pairs, dtype=np.int64))
-
     @property
     def middles_s(self) -> Vector:
         """Middles of the intervals, shape (m,)."""
@@ -307,15 +302,15 @@ class _Search:
         Raises:
             _NotClearError: when one is too small, or there are too many.
         """
-        found, distances = np.array(gaps), self._checked.distances
+        found, distances, exact = np.array(gaps), self._checked.distances, list[int]()
         most_needed_m = float(self._too_close_m.max(initial=RESOLUTION_M))
+        refined_m = (1.0 if is_end else REFINED) * self._nearest.distance_m
         numbers, begins = np.unique(tasks.interval, return_index=True)
         parts = np.split(np.arange(len(gaps)), begins[1:])
         for number, each in zip(numbers, parts, strict=False):  # no numbers, one empty part
             distances.place(poses[number])
             farthest_m = max(float(within_m[each].max()), most_needed_m)
             for task in each[np.argsort(gaps[each], kind="stable")].tolist():
-                refined_m = REFINED * self._nearest.distance_m
                 if gaps[task] >= max(farthest_m, refined_m):
                     break
                 pair = int(tasks.pair[task])
@@ -329,12 +324,22 @@ class _Search:
                 if is_end and found[task] > 0.0 and distances.is_within(pair):
                     found[task] = UNKNOWN_DEPTH_M
                 if found[task] < exact_m and not self._touch[pair]:
-                    self._nearest = self._found(tasks, found, task)
-        excess = found - self._needed_m[tasks.pair]
-        is_too_close = (found <= self._too_close_m[tasks.pair]).any()
-        if is_too_close or (found.size and self._evaluations > MOST_EVALUATIONS):
-            self._stop(tasks, found, int(excess.argmin()))
+                    exact.append(task)
+                    refined_m = min(refined_m, float(found[task])) if is_end else refined_m
+            if is_end:
+                self._refuse_too_close(tasks, found, each)
+        self._refuse_too_close(tasks, found, np.arange(len(found)))
+        least = min(exact, key=lambda task: float(found[task]), default=-1)
+        if least >= 0 and found[least] < self._nearest.distance_m:
+            self._nearest = self._found(tasks, found, least)
         return found
+
+    def _refuse_too_close(self, tasks: _Tasks, found: Vector, each: Indices) -> None:
+        pairs = tasks.pair[each]
+        is_too_close = (found[each] <= self._too_close_m[pairs]).any()
+        if is_too_close or (len(each) and self._evaluations > MOST_EVALUATIONS):
+            excess = found[each] - self._needed_m[pairs]
+            self._stop(tasks, found, int(each[excess.argmin()]))
 
     def _found(self, tasks: _Tasks, distances: Vector, task: int) -> Clearance:
         time_s = float(tasks.middles_s[tasks.interval[task]])

@@ -67,7 +67,7 @@ def closing_travel(
     scene: Scene, name: str, opening_m: float, grasp: Grasp
 ) -> tuple[FingerTravel, ...]:
     """The stretches on which a hand that is so far open closes on a body, by its name."""
-    touch_m = grasp.finger_m + abs(grasp.push_m)
+    touch_m = min(opening_m, grasp.finger_m + abs(grasp.push_m))  # may begin pressed in a little
     coming = FingerTravel(scene, opening_m, touch_m, name)
     if abs(grasp.push_m) <= NO_PUSH_M:
         return (coming,)
@@ -121,7 +121,7 @@ class TravelCheck:
     ) -> SweptResult:
         travel = self._travel
         poses[1, self._pushed, :3, 3] += travel.pushed_m * T_base_tip.rotation[:, 1]
-        length_m = abs(travel.end_m - travel.begin_m)
+        length_m = max(abs(travel.end_m - travel.begin_m), abs(travel.pushed_m))
         motion = FingerMotion(poses, length_m, self._rates, self._checked)
         return prove_motion(self._checked, motion, margin_m, np.flatnonzero(counts))
 

@@ -63,9 +63,7 @@ class Phases:
     """The situations of one pick and place.
 
     Attributes:
-        body: what is carried, as it stands before.
-        opening_m: finger position with which the hand comes down to it.
-        leaving_m: finger position with which the hand rises from it again.
+        opening_m: finger position with which the hand comes down to the body.
         closing: the fingers' way at the pick.
         releasing: the fingers' way at the place.
         contexts: the situation of every move, by its label.
@@ -73,9 +71,7 @@ class Phases:
             fingers however far they open, or that the body would fall.
     """
 
-    body: Body
     opening_m: float
-    leaving_m: float
     closing: tuple[FingerTravel, ...]
     releasing: tuple[FingerTravel, ...]
     contexts: Mapping[str, CollisionContext]
@@ -118,9 +114,7 @@ class PhaseMaker:
         after = self.request.scene.without(self.task.body).with_body(landing.body)
         leaving_m, releasing, blocked_opening = self._at_place(body, grasp, landing)
         return Phases(
-            body,
             opening_m,
-            leaving_m,
             closing,
             releasing,
             {

@@ -69,7 +69,8 @@ def plan_pick_and_place(
         SceneError: when the body is not in the scene.
         TaskError: when it cannot be moved.
         ConfigurationError: when `q_start` is malformed or outside the limits.
-        MotionError: when the margin is not a number, or negative.
+        MotionError: when the margin is not a number, or negative, or `line_tolerance` is not a
+            `LineTolerance`.
     """
     expect(task, PickAndPlace, "task", TaskError)
     request = PlanRequest(manipulator, scene, q_start, margin_m, held, line_tolerance)

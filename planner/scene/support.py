@@ -113,11 +113,12 @@ def touched_area(above: Part, below: Part) -> Vector:
     bottom, top = _slice(above, -1.0), _slice(below, +1.0)
     if abs(float(bottom[0, 2] - top[0, 2])) <= 2 * SLICE_M:
         lower, upper = _hull(top), _hull(bottom)
-        if not upper.intersects(lower):  # by rounding, where edges meet
-            lower = lower.buffer(EDGE_M, join_style="mitre")
-        overlap: Vector = shapely.get_coordinates(upper.intersection(lower))
-        if len(overlap):
-            return overlap
+        overlap = upper.intersection(lower)
+        if overlap.area <= EDGE_M * overlap.length:  # edges meet, by rounding or not
+            overlap = upper.intersection(lower.buffer(EDGE_M, join_style="mitre"))
+        corners: Vector = shapely.get_coordinates(overlap)
+        if len(corners):
+            return corners
     return contact_point(above, below)[None, :2]
 
 

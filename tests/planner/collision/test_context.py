@@ -6,18 +6,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import ConfigurationError
 from planner import (
     Body,
+    Box,
     ClearanceChecker,
     Manipulator,
     MotionError,
+    Part,
     Scene,
     SceneError,
+    SweptProof,
     plan_joint_move,
 )
 from planner.collision.context import CollisionContext, Touches
@@ -267,3 +270,24 @@ def test_what_is_clear_is_proven_so(manipulator: Manipulator, table: Body, seed:
     assert context.is_clear(motion) == proof.is_clear
     if proof.is_clear:
         assert looks_clear(motion, context.is_free, SCREENING_STEP_RAD)
+
+
+@given(seed=seeds)
+@settings(max_examples=40)
+def test_the_nearest_of_a_proof_is_the_clearance_at_its_time(
+    manipulator: Manipulator, seed: int
+) -> None:
+    rng, arm = np.random.default_rng(seed), manipulator.arm
+    sizes, places = rng.uniform(0.02, 0.3, (3, 3)), rng.uniform(-0.6, 1.0, (3, 3))
+    bodies = [
+        Body(f"box {i}", (Part(Box((x, y, z)), at(0.0, 0.0, 0.0)),), at(*place))
+        for i, ((x, y, z), place) in enumerate(zip(sizes.tolist(), places.tolist(), strict=True))
+    ]
+    context = manipulator.context(Scene.of(bodies))
+    start = arm.random_configuration(rng)
+    goal = np.clip(start + rng.normal(0.0, 0.3, 7), arm.limits.q_min, arm.limits.q_max)
+    motion = plan_joint_move(start, goal, manipulator.limits)
+    proof = context.prove(motion)
+    assume(isinstance(proof, SweptProof))
+    found = context.clearance(motion.sample(proof.nearest.time_s or 0.0).q)
+    assert proof.nearest.distance_m == pytest.approx(found.distance_m, abs=DISTANCE_TOLERANCE_M)

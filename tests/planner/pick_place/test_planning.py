@@ -920,3 +920,14 @@ def test_a_sheet_in_the_way_is_gone_around(manipulator: Manipulator, scene: Scen
     )
     assert plan.is_valid, str(plan.failure)
     assert verify(plan).is_valid
+
+
+@pytest.mark.parametrize("off_m", [0.0032, 0.0036, 0.0038, 0.0042])
+def test_a_body_that_a_finger_begins_inside_is_planned_for_or_refused(
+    manipulator: Manipulator, scene: Scene, off_m: float
+) -> None:
+    """Beside its middle by about as much as the open hand has room."""
+    x, y, _ = scene["block"].centre_base
+    task = PickAndPlace("block", overhead(x, y + off_m, -0.129), PLACE)
+    plan = plan_pick_and_place(task, manipulator, scene, manipulator.arm.start)
+    assert plan.failure is not None or verify(plan).is_valid

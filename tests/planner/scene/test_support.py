@@ -97,3 +97,22 @@ def test_a_point_on_a_line_is_above_it_and_one_beside_is_not() -> None:
     line = np.array([[0.0, 0.0], [1.0, 0.0]])
     assert beside(np.array([0.4, 0.0]), [line]) is None
     assert beside(np.array([0.4, 0.1]), [line]) == pytest.approx(np.array([0.0, 0.1]), abs=1e-9)
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-0.9, 0.9), st.floats(-0.9, 0.9))
+def test_edges_that_meet_touch_all_along_whatever_rounding_does(
+    yaw: float, x: float, y: float
+) -> None:
+    """A box whose lower edge lies on the upper edge of a wider one, turned together."""
+    T = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, 0.0]))
+    above, below = (
+        Part(Box(size), T * pin.SE3(np.eye(3), np.array(place)))
+        for size, place in (
+            ((0.06, 0.04, 0.04), (0.0, 0.0, 0.04)),
+            ((0.1, 0.06, 0.04), (0.08, 0.0, 0.0)),
+        )
+    )
+    area = touched_area(above, below)
+    ends = np.array([T.act(np.array([0.03, side, 0.0]))[:2] for side in (-0.02, 0.02)])
+    for end in ends:
+        assert np.linalg.norm(area - end, axis=1).min() < 5e-6
