@@ -40,21 +40,29 @@ def random_move(
     longest_m: float = 0.15,
     line_tolerance: LineTolerance = STRICT,
 ) -> tuple[Trajectory, StraightLine]:
-    """A straight move from anywhere, in any direction, with a turn or without, and its line.
+    """A drawn move; refused ones are left out."""
+    try:
+        return drawn_move(arm, seed, limits, longest_m, line_tolerance)
+    except StraightMoveError:
+        assume(False)
+        raise
 
-    Refused ones are left out.
-    """
+
+def drawn_move(
+    arm: Arm,
+    seed: int,
+    limits: JointLimits | None = None,
+    longest_m: float = 0.15,
+    line_tolerance: LineTolerance = STRICT,
+) -> tuple[Trajectory, StraightLine]:
+    """A straight move from anywhere, in any direction, with a turn or without, and its line."""
     rng = np.random.default_rng(seed)
     allowed = arm.limits if limits is None else limits
     span = allowed.q_max - allowed.q_min
     q = rng.uniform(allowed.q_min + 0.2 * span, allowed.q_max - 0.2 * span)
     goal = random_goal(arm, q, rng, longest_m)
-    try:
-        motion = plan_straight_move(arm, q, goal, allowed, line_tolerance=line_tolerance)
-        return motion, StraightLine(arm.T_base_tip(q), goal)
-    except StraightMoveError:
-        assume(False)
-        raise
+    motion = plan_straight_move(arm, q, goal, allowed, line_tolerance=line_tolerance)
+    return motion, StraightLine(arm.T_base_tip(q), goal)
 
 
 def random_goal(arm: Arm, q: Vector, rng: np.random.Generator, longest_m: float) -> pin.SE3:
