@@ -16,7 +16,7 @@ place: retract     everything             -                   the hand its body
 
 The fingers open as far as the stroke goes, or, where something stands in their way at the pick or
 at the place, as far as is free. What is in the way of the hand alone, along its lines up and down,
-is in its way for every solution of the arm, and is said at once.
+is in its way for every solution of the arm, and is said where the first cycle fails.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -34,15 +35,11 @@ def q_above(arm: Arm, height_m: float = DESCENT_M) -> Vector:
 
 
 def random_move(
-    arm: Arm,
-    seed: int,
-    limits: JointLimits | None = None,
-    longest_m: float = 0.15,
-    line_tolerance: LineTolerance = STRICT,
+    arm: Arm, seed: int, *given: Any, **options: Any
 ) -> tuple[Trajectory, StraightLine]:
-    """A drawn move; refused ones are left out."""
+    """What `drawn_move` gives; refused ones are left out."""
     try:
-        return drawn_move(arm, seed, limits, longest_m, line_tolerance)
+        return drawn_move(arm, seed, *given, **options)
     except StraightMoveError:
         assume(False)
         raise
