@@ -50,7 +50,7 @@ def along(arm: Arm, limits: JointLimits, q: Vector, way: Way) -> Sketch | Follow
         way: what to follow.
     """
     t = np.linspace(0.0, 1.0, 1 + way.intervals)
-    passed = t**3 * (10.0 - 15.0 * t + 6.0 * t**2) if way.ends_at_rest else t**2
+    passed = _eased(t) if way.ends_at_rest else t**2
     there = followed(arm, limits, q, way.line, passed[1:].tolist())
     if len(there.qs) < way.intervals:
         return there
@@ -64,6 +64,17 @@ def along(arm: Arm, limits: JointLimits, q: Vector, way: Way) -> Sketch | Follow
         duration_s *= SPEEDING
         v_ends[1] = 2.0 * (qs[-1] - qs[-2]) / (passed[-1] - passed[-2]) / duration_s
     return Sketch(qs, v_ends, duration_s)
+
+
+def drawn_to(sketch: Sketch, q_end: Vector, duration_s: float) -> Sketch:
+    """The same from rest to rest, but for an end elsewhere and another duration."""
+    share = _eased(np.linspace(0.0, 1.0, len(sketch.q)))[:, None]
+    return Sketch(sketch.q + share * (q_end - sketch.q[-1]), sketch.v_ends, duration_s)
+
+
+def _eased(t: Vector) -> Vector:
+    """From 0 to 1, at rest at both."""
+    return t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
 
 
 class Followed(NamedTuple):

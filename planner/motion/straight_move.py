@@ -9,14 +9,15 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin import Arm, JointLimits
+from baxter_kin import Arm, IKService, JointLimits
 from baxter_kin.arrays import Vector, finite_scalar, whole_scalar
 from baxter_kin.errors import expect, millimetres_hint
 from baxter_kin.frames import PoseLike
+from baxter_kin.ik import sample_solutions
 from baxter_kin.ik.reach import ReachBound
 from planner.errors import MotionError, StraightMoveError
-from planner.motion.guess import Followed, Way, along
-from planner.motion.joint_move import plan_joint_move, stopping_at
+from planner.motion.guess import Followed, Way, along, drawn_to
+from planner.motion.joint_move import plan_joint_move, rest_to_rest_s, stopping_at
 from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.phases import MotionTask, Phase
 from planner.motion.straight_line import STRICT, LineTolerance, StraightLine
@@ -42,6 +43,10 @@ shares of it."""
 
 TINY = 1e-7
 """Tolerances at knots, m, are no less, and turns, rad, count as no less."""
+
+OTHERS, TURNS, APART_RAD, GAIN = 4, 192, 0.12, 0.99
+"""How many other solutions of a goal guesses are drawn to, at most; from samples at so many angles
+of s0; how far apart they are in one joint at least; and what share of the time must suffice."""
 
 NEAR_LIMIT_RAD = 1e-6
 """A joint so near to a limit is at it."""
@@ -151,8 +156,47 @@ def _planned(
 ) -> Trajectory:
     """The motion of a checked task.
 
+    Optima are local. So where the arm could also end in another solution of the goal, were it free
+    to leave the line, before the motion that is known does, that is where the next guess ends.
+
     Raises:
         MotionError: when there is none.
+    """
+    (line,), is_at_rest = task.lines, not any(task.rates)
+    motion = _near(arm, limits, task, tolerance, fineness)
+    if motion is None:
+        told = "" if is_at_rest else " that has these speeds and accelerations at its ends"
+        raise MotionError(
+            "no motion inside the limits was found along the line of "
+            f"{1e3 * line.length_m:.3g} mm{told}"
+        )
+    if not is_at_rest or np.linalg.norm(line.twist) <= SHORT:
+        return motion
+    ends = sample_solutions(_service(arm), line.T_base_goal, turns=TURNS)
+    least_s, q_known = rest_to_rest_s(ends - task.q_start, limits), motion.q_goal
+    for _ in range(OTHERS):
+        least_s[np.abs(ends - q_known).max(axis=1) < APART_RAD] = np.inf
+        if least_s.min(initial=np.inf) >= GAIN * motion.duration:
+            break
+        q_known = ends[least_s.argmin()]
+        other = q_known, motion.duration
+        motion = _near(arm, limits, task, tolerance, fineness, other=other) or motion
+    return motion
+
+
+def _near(
+    arm: Arm,
+    limits: JointLimits,
+    task: MotionTask,
+    tolerance: LineTolerance,
+    fineness: int,
+    *,
+    other: tuple[Vector, float] | None = None,
+) -> Trajectory | None:
+    """What is found near steps of least norm; or near those drawn to another end, if it is faster.
+
+    Raises:
+        MotionError: when the arm cannot follow the line, or would be too fast at an end.
     """
     (line,), rates = task.lines, task.rates
     intervals, is_at_rest = fineness * intervals_on(line, tolerance, FEWEST), not any(rates)
@@ -167,21 +211,26 @@ def _planned(
                 return motion
         _refuse_too_fast(arm, limits, task, guess.q[-1])
         phase = Phase(intervals, 0, rests=not leaves, enters=enters, leaves=leaves)
+        if other is not None:
+            guess = drawn_to(guess, *other)
         found = _program(phase).solve([guess], task, arm, limits)
+        if other is not None and (found is None or found[0].duration >= other[1]):
+            return None
         if found is not None and is_on_line(arm, line, found[0], tolerance):
             return found[0]
         if found is None and not is_at_rest and intervals > fineness * FEWEST:
             break
         intervals *= 2
-    if is_at_rest:
+    if is_at_rest and other is None:
         motion = stopping_at(np.concatenate([task.q_start[None], guess.q[1:]]), limits)
         if is_on_line(arm, line, motion, tolerance):
             return motion
-    told = "" if is_at_rest else " that has these speeds and accelerations at its ends"
-    raise MotionError(
-        "no motion inside the limits was found along the line of "
-        f"{1e3 * line.length_m:.3g} mm{told}"
-    )
+    return None
+
+
+@lru_cache(maxsize=4)
+def _service(arm: Arm) -> IKService:
+    return IKService(arm)
 
 
 @lru_cache(maxsize=16)

@@ -88,21 +88,28 @@ def test_any_motion_is_from_rest_to_rest_and_ends_at_the_goal(arm: Arm, seed: in
     assert arm.T_base_tip(motion.q_goal).isApprox(line.T_base_goal, 1e-8)
 
 
-LOCAL_SEED = 81537329
-"""Of a line whose way back ends in another local optimum, which is 22 % slower."""
+NEAR_LEAST_NORM_S = 2.0342
+"""What the line of seed 354 takes where steps of least norm lead."""
+
+LOCAL_SEEDS = (3, 257, 354, 81537329)
+"""Of lines on which steps of least norm lead to another local optimum, forth or back; which was 2,
+2, 15 and 22 % slower."""
 
 
-def test_the_way_back_takes_no_longer_but_where_an_optimum_is_local(left: Arm) -> None:
+def test_the_way_back_takes_no_longer(left: Arm) -> None:
     """Always the same draws, as the program promises a local optimum; one in hundreds is worse."""
-    longer, count = [], 0
-    for seed in (*range(40), LOCAL_SEED):
+    count = 0
+    for seed in (*range(40), *LOCAL_SEEDS):
         with suppress(StraightMoveError):
             forth, line = drawn_move(left, seed)
             back = plan_straight_move(left, forth.q_goal, line.T_base_start, left.limits)
-            longer += [seed] if back.duration > (1.0 + SAME_TIME) * forth.duration else []
+            assert back.duration <= (1.0 + SAME_TIME) * forth.duration
             count += 1
     assert count > 30
-    assert set(longer) <= {LOCAL_SEED}
+
+
+def test_a_local_optimum_is_left_for_a_faster_one(left: Arm) -> None:
+    assert drawn_move(left, 354)[0].duration < 0.87 * NEAR_LEAST_NORM_S
 
 
 @settings(max_examples=4)
