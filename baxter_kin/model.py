@@ -24,7 +24,7 @@ from baxter_kin.errors import (
     shortened,
 )
 from baxter_kin.fields import Checked
-from baxter_kin.frames import chain_poses, checked_pose
+from baxter_kin.frames import JointChain, checked_pose
 from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, JointLimits
 
 LIMBS = ("left", "right")
@@ -61,6 +61,7 @@ class Arm:
         start: where the pick-and-place demo starts, shape (7,), rad.
         tip_frame: the frame whose pose is controlled; "<side>_gripper" unless made by `with_tip`.
         model: the arm alone as a `pinocchio.Model`; the rest of the robot is locked.
+        chain: its joints, mounted on base.
     """
 
     def __init__(self, side: str, robot_model: pin.Model) -> None:
@@ -76,6 +77,7 @@ class Arm:
         self._tip_id = self.model.getFrameId(self.tip_frame)
         self._hand_frames = _frames_of_hand(robot_model, self.joint_names[-1])
         self._workspace = _Workspace(self.model)
+        self.chain = _chain(self.model)
 
     def __repr__(self) -> str:
         tip = "" if self.tip_frame == self.gripper_frame else f", tip={self.tip_frame!r}"
@@ -148,11 +150,8 @@ class Arm:
         """
         given = float_array(qs, "qs", ConfigurationError)
         qs = finite_array(given, (given.size // 7, 7), "qs", ConfigurationError)
-        model, joints = self.model, range(1, 8)
-        placements = np.array([model.jointPlacements[j].homogeneous for j in joints])
-        axes = np.array([np.ravel(self._workspace.data.joints[j].S)[3:] for j in joints])
-        T_last_tip = model.frames[self._tip_id].placement.homogeneous
-        tips: Vector = chain_poses(placements, axes, qs)[:, -1] @ T_last_tip
+        T_last_tip = self.model.frames[self._tip_id].placement.homogeneous
+        tips: Vector = self.chain.poses(qs)[:, -1] @ T_last_tip
         return tips
 
     def jacobian(self, q: ArrayLike) -> Vector:
@@ -330,6 +329,12 @@ class _Workspace(threading.local):
 
     def __reduce__(self) -> tuple[type[_Workspace], tuple[pin.Model]]:
         return type(self), (self._model,)
+
+
+def _chain(model: pin.Model) -> JointChain:
+    placements = [T.homogeneous for T in model.jointPlacements[1:]]
+    axes = [np.ravel(joint.S)[3:] for joint in model.createData().joints[1:]]
+    return JointChain(np.array(placements), np.array(axes))
 
 
 def _known_limb(side: object) -> str:

@@ -13,6 +13,8 @@ import pinocchio as pin
 
 from baxter_kin import Baxter
 from baxter_kin.copying import FrozenMapping
+from baxter_kin.frames import PoseLike
+from planner import Body, Grasp, Hand
 from planner.collision.robot_body import LinkBody, RobotBody, Triangulated
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -70,3 +72,9 @@ def _surface(shape: Any) -> Triangulated:
     lids = [(0 * fan, fan + 1, fan), (0 * fan + ROUND, fan + ROUND, fan + 1 + ROUND)]
     triangles = np.concatenate([np.stack(side, axis=1) for side in (*around, *lids)])
     return Triangulated(np.concatenate(ends), triangles)
+
+
+def grasp_of(hand: Hand, T_base_tip: PoseLike, body: Body, finger_m: float) -> Grasp | None:
+    """What closing leads to; None for a miss."""
+    found = hand.close_on(T_base_tip, body, finger_m)
+    return found if isinstance(found, Grasp) else None

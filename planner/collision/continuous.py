@@ -19,7 +19,7 @@ distance that was found, or `SLACK_M` below it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, NoReturn, Protocol
 
@@ -216,18 +216,31 @@ def prove_motion(
     return _Search(checked, motion, margin_m, counted).run()
 
 
+def contact_of(
+    checked: CheckedPairs, motion: Motion, margin_m: float, pairs: Indices
+) -> SweptContact | None:
+    """What speaks against a motion, as `prove_motion` finds it; how near the nearest is, is not."""
+    result = _Search(checked, motion, margin_m, pairs, least_m=-np.inf).run()
+    return result if isinstance(result, SweptContact) else None
+
+
 class _Search:
     """The proof while it is being made."""
 
     def __init__(
-        self, checked: CheckedPairs, motion: Motion, margin_m: float, pairs: Indices
+        self,
+        checked: CheckedPairs,
+        motion: Motion,
+        margin_m: float,
+        pairs: Indices,
+        least_m: float = np.inf,
     ) -> None:
         self._checked, self._motion, self._margin_m, self._pairs = checked, motion, margin_m, pairs
         self._duration_s = motion.duration_s
-        self._touch = checked.is_contact
+        self._touch: NDArray[np.bool_] = checked.is_contact
         self._needed_m = checked.needed_m(margin_m)
-        self._too_close_m = self._needed_m + RESOLUTION_M
-        self._nearest = Clearance(np.inf, "", "")
+        self._too_close_m: Vector = np.nextafter(self._needed_m + RESOLUTION_M, np.inf)
+        self._nearest = Clearance(least_m, "", "")
         self._proven_m = np.inf
         self._intervals = self._evaluations = 0
 
@@ -246,11 +259,34 @@ class _Search:
         )
 
     def _look_at_ends(self) -> None:
-        """Measure the pairs at both ends, as long as they matter."""
+        """Measure the pairs at both ends, as long as they matter.
+
+        What is quickly measured comes first, and then the nearest: what is not nearer than the
+        least so far need not be known better. What is wholly inside a surface is looked for, too.
+        """
         ends_s = np.array([0.0, self._duration_s])
         tasks, around = _Tasks.of(ends_s, ends_s, self._pairs), self._motion.around(ends_s, ends_s)
-        gaps = around.gaps_m(tasks.interval, tasks.pair)
-        self._measured(tasks, around.poses, gaps, np.zeros(len(gaps)), is_end=True)
+        gaps, distances = around.gaps_m(tasks.interval, tasks.pair), self._checked.distances
+        columns = tasks.pair, gaps, self._too_close_m[tasks.pair], self._touch[tasks.pair]
+        order = np.lexsort((gaps, distances.is_slow[tasks.pair], tasks.interval))
+        found, nearest_m = np.array(gaps), self._nearest.distance_m
+        for end, each in enumerate(np.split(order, 2)):
+            distances.place(around.poses[end])
+            exact = []
+            given = (each.tolist(), *(x[each].tolist() for x in columns))
+            for task, pair, gap_m, told_m, is_contact in zip(*given, strict=True):
+                asked_m = told_m if is_contact else max(told_m, nearest_m)
+                if gap_m >= asked_m:
+                    continue
+                self._evaluations += 1
+                measured_m = distances.measure(pair, asked_m, asked_m)
+                if measured_m > 0.0 and distances.is_within(pair):
+                    measured_m = UNKNOWN_DEPTH_M
+                found[task] = measured_m
+                if measured_m < asked_m and not is_contact:
+                    exact.append(task)
+                    nearest_m = min(nearest_m, measured_m)
+            self._judge(tasks, found, each, exact)
 
     def _unproven(self, tasks: _Tasks) -> _Tasks:
         """Those of the tasks that need smaller intervals."""
@@ -278,68 +314,46 @@ class _Search:
         self._proven_m = min(self._proven_m, float(counted.min(initial=np.inf)))
         return ~enough
 
-    def _measured(
-        self,
-        tasks: _Tasks,
-        poses: Vector,
-        gaps: Vector,
-        within_m: Vector,
-        *,
-        is_end: bool = False,
-    ) -> Vector:
+    def _measured(self, tasks: _Tasks, poses: Vector, gaps: Vector, within_m: Vector) -> Vector:
         """Distances in the middle of the intervals, shape (k,), m, or lower bounds on them.
-
-        As far as they matter, the nearest first: one that is not within what is asked for, nor the
-        least, need not be known better.
 
         Args:
             tasks: the pairs and intervals.
             poses: of all shapes in the middles.
             gaps: lower bounds on the distances, shape (k,).
             within_m: what is to be told apart, shape (k,).
-            is_end: whether what is wholly inside a closed surface is looked for, too.
 
         Raises:
             _NotClearError: when one is too small, or there are too many.
         """
-        found, distances, exact = np.array(gaps), self._checked.distances, list[int]()
-        most_needed_m = float(self._too_close_m.max(initial=RESOLUTION_M))
-        refined_m = (1.0 if is_end else REFINED) * self._nearest.distance_m
-        numbers, begins = np.unique(tasks.interval, return_index=True)
-        parts = np.split(np.arange(len(gaps)), begins[1:])
-        for number, each in zip(numbers, parts, strict=False):  # no numbers, one empty part
-            distances.place(poses[number])
-            farthest_m = max(float(within_m[each].max()), most_needed_m)
-            for task in each[np.argsort(gaps[each], kind="stable")].tolist():
-                if gaps[task] >= max(farthest_m, refined_m):
-                    break
-                pair = int(tasks.pair[task])
-                counted_m = -np.inf if self._touch[pair] else refined_m
-                exact_m = np.nextafter(max(counted_m, float(self._too_close_m[pair])), np.inf)
-                least_m = max(float(within_m[task]), exact_m)
-                if gaps[task] >= least_m:
-                    continue
-                self._evaluations += 1
-                found[task] = distances.measure(pair, least_m, exact_m)
-                if is_end and found[task] > 0.0 and distances.is_within(pair):
-                    found[task] = UNKNOWN_DEPTH_M
-                if found[task] < exact_m and not self._touch[pair]:
-                    exact.append(task)
-                    refined_m = min(refined_m, float(found[task])) if is_end else refined_m
-            if is_end:
-                self._refuse_too_close(tasks, found, each)
-        self._refuse_too_close(tasks, found, np.arange(len(found)))
-        least = min(exact, key=lambda task: float(found[task]), default=-1)
-        if least >= 0 and found[least] < self._nearest.distance_m:
-            self._nearest = self._found(tasks, found, least)
+        found, distances = np.array(gaps), self._checked.distances
+        is_counted = ~self._touch[tasks.pair]
+        refined_m = np.where(is_counted, REFINED * self._nearest.distance_m, -np.inf)
+        exact_m = np.maximum(self._too_close_m[tasks.pair], refined_m)
+        asked_m = np.maximum(within_m, exact_m)
+        asked = np.flatnonzero(gaps < asked_m)
+        columns = (asked, *(x[asked] for x in (tasks.interval, tasks.pair, asked_m, exact_m)))
+        placed = None
+        for task, interval, *given in zip(*(x.tolist() for x in columns), strict=True):
+            if interval != placed:
+                distances.place(poses[interval])
+                placed = interval
+            found[task] = distances.measure(*given)
+        self._evaluations += len(asked)
+        exact = asked[is_counted[asked] & (found < exact_m)[asked]]
+        self._judge(tasks, found, np.arange(len(found)), exact.tolist())
         return found
 
-    def _refuse_too_close(self, tasks: _Tasks, found: Vector, each: Indices) -> None:
+    def _judge(self, tasks: _Tasks, found: Vector, each: Indices, exact: Sequence[int]) -> None:
+        """Stop where one of some is too near; and take over the nearest of those known exactly."""
         pairs = tasks.pair[each]
-        is_too_close = (found[each] <= self._too_close_m[pairs]).any()
+        is_too_close = (found[each] < self._too_close_m[pairs]).any()
         if is_too_close or (len(each) and self._evaluations > MOST_EVALUATIONS):
             excess = found[each] - self._needed_m[pairs]
             self._stop(tasks, found, int(each[excess.argmin()]))
+        least = min(exact, key=lambda task: float(found[task]), default=-1)
+        if least >= 0 and found[least] < self._nearest.distance_m:
+            self._nearest = self._found(tasks, found, least)
 
     def _found(self, tasks: _Tasks, distances: Vector, task: int) -> Clearance:
         time_s = float(tasks.middles_s[tasks.interval[task]])

@@ -21,6 +21,7 @@ from functools import cached_property
 import coal
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
 from planner.scene.contact import DISTANCE_TOLERANCE_M
@@ -81,7 +82,11 @@ class Enclosure:
 
 
 class Distances:
-    """Distances of pairs of shapes, at poses that are set; not to be shared between threads."""
+    """Distances of pairs of shapes, at poses that are set; not to be shared between threads.
+
+    Attributes:
+        is_slow: whether a pair has triangles, shape (pairs,).
+    """
 
     def __init__(
         self,
@@ -103,6 +108,8 @@ class Distances:
         self._pairs, self._padding_m, self._pieces = pairs, padding_m, pieces
         self._shapes = [shape.geometry for shape in geometry.geometryObjects]
         self._enclosures = list(enclosures)
+        is_slow = [any(enclosures[i] is not None for i in pair) for pair in pairs]
+        self.is_slow: NDArray[np.bool_] = np.array(is_slow, dtype=np.bool_)
         self._functors: dict[tuple[int, int], coal.ComputeDistance] = {}
         self._easy_m: dict[int, float] = {}
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from baxter_kin import Arm
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import expect
-from baxter_kin.frames import chain_poses
 from planner.errors import TrajectoryError
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
@@ -55,14 +54,10 @@ class MotionBounds:
     def __init__(
         self, robot: pin.Model, geometry: pin.GeometryModel, arm: Arm, covers: Covers
     ) -> None:
-        self._robot, self._data = robot, robot.createData()
+        self._robot, self._data, self._arm = robot, robot.createData(), arm.chain
         self._chain = [robot.getJointId(name) for name in arm.joint_names]
         self.q_index = np.array([robot.joints[joint].idx_q for joint in self._chain])
-        axes = [_axis(self._data, joint) for joint in self._chain]
-        self._axes = np.array(axes)
-        self._across = np.array([_across(axis) for axis in axes])
-        placements = [robot.jointPlacements[joint].homogeneous for joint in self._chain]
-        self._T_parent_joints = np.array(placements)
+        self._across = np.linalg.svd(self._arm.axes[:, None])[2][:, 1:]  # two units across each
         shapes = list(geometry.geometryObjects)
         self.joints = np.array([shape.parentJoint for shape in shapes])
         self._T_joint_shape = np.array([shape.placement.homogeneous for shape in shapes])
@@ -77,7 +72,7 @@ class MotionBounds:
         others[self.q_index] = 0.0
         if not np.array_equal(others, self._others):
             self._stand(others)
-        joints = self._T_base_parent @ chain_poses(self._T_parent_joints, self._axes, qs)
+        joints = self._arm.poses(qs)
         shapes = np.tile(self._standing, (len(qs), 1, 1, 1))
         shapes[:, self._moved] = joints[:, self.depth[self._moved] - 1] @ self._T_arm_shapes
         return Placed(joints, shapes)
@@ -86,7 +81,6 @@ class MotionBounds:
         """Take over where all shapes stand, those of the arm as they are on its joints."""
         pin.forwardKinematics(self._robot, self._data, others)
         joints = np.array([T.homogeneous for T in self._data.oMi])
-        self._T_base_parent = joints[self._robot.parents[self._chain[0]]]
         self._standing = joints[self.joints] @ self._T_joint_shape
         on = np.array(self._chain)[self.depth[self._moved] - 1]
         self._T_arm_shapes = np.linalg.inv(joints[on]) @ self._standing[self._moved]
@@ -94,7 +88,7 @@ class MotionBounds:
 
     def axes(self, placed: Placed) -> Vector:
         """The joints' axes at m configurations, in base, shape (m, 7, 3)."""
-        turned: Vector = (placed.joints[..., :3, :3] @ self._axes[:, :, None])[..., 0]
+        turned: Vector = (placed.joints[..., :3, :3] @ self._arm.axes[:, :, None])[..., 0]
         return turned
 
     def motions_m(self, placed: Placed, turns: Vector, shapes: Indices) -> Vector:
@@ -252,18 +246,6 @@ def _capsule(geometry: coal.CollisionGeometry, half: Vector) -> tuple[Vector, fl
 def _points(poses: Vector, points: Vector) -> Vector:
     """Points (n, k, 3) of the frames in `poses`, (m, n, 4, 4), as (m, n, k, 3) of base."""
     return points @ poses[..., :3, :3].swapaxes(-1, -2) + poses[..., None, :3, 3]
-
-
-def _axis(data: pin.Data, joint: int) -> Vector:
-    """The axis of a revolute joint in its own frame, shape (3,), unit."""
-    axis: Vector = np.asarray(data.joints[joint].S).reshape(-1)[3:]
-    return axis
-
-
-def _across(axis: Vector) -> Vector:
-    """Two unit vectors across a unit axis and each other, shape (2, 3)."""
-    across: Vector = np.linalg.svd(axis[None])[2][1:]
-    return across
 
 
 def _depths(robot: pin.Model, chain: list[int]) -> Indices:

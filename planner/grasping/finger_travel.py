@@ -14,17 +14,16 @@ part of the proof; that the fingers are clear of it before and after is.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from baxter_kin.arrays import Indices, Vector
 from planner.clearance import SweptContact, SweptProof, SweptResult
-from planner.collision.continuous import Around, prove_motion
+from planner.collision.continuous import Around, contact_of, prove_motion
 from planner.collision.shape_pairs import CheckedPairs, ShapePairs
 from planner.grasping.grasp import Grasp
 from planner.manipulator import Manipulator
@@ -103,27 +102,25 @@ class TravelCheck:
 
     def at(self, q: Vector, margin_m: float) -> SweptResult:
         """A proof for an arm that stands at `q`, shape (7,), rad, or what speaks against it."""
-        T_base_tip = self._manipulator.arm.T_base_tip(q)
-        return self._proven(self._poses(q), T_base_tip, margin_m, self._rates > 0.0)
+        motion = self._motion(self._poses(q), self._manipulator.arm.T_base_tip(q))
+        return prove_motion(self._checked, motion, margin_m, np.flatnonzero(self._rates > 0.0))
 
-    def above(self, T_base_tip: pin.SE3, margin_m: float) -> SweptResult:
-        """The same for a hand alone whose tip is there, among the bodies of the scene."""
+    def contact_above(self, T_base_tip: pin.SE3, margin_m: float) -> SweptContact | None:
+        """What speaks against it for a hand alone whose tip is there, among the scene's bodies."""
         arm = self._manipulator.arm
         hand = sorted(self._manipulator.shapes.of_hand(arm))
         poses = self._poses(arm.neutral)
         T = T_base_tip.homogeneous @ arm.T_base_tip(arm.neutral).inverse().homogeneous
         poses[:, hand] = T @ poses[:, hand]
         counts = np.isin(self._checked.numbers, [*hand, *self._scene]).all(axis=1)
-        return self._proven(poses, T_base_tip, margin_m, counts & (self._rates > 0.0))
+        motion, counts = self._motion(poses, T_base_tip), counts & (self._rates > 0.0)
+        return contact_of(self._checked, motion, margin_m, np.flatnonzero(counts))
 
-    def _proven(
-        self, poses: Vector, T_base_tip: pin.SE3, margin_m: float, counts: NDArray[np.bool_]
-    ) -> SweptResult:
+    def _motion(self, poses: Vector, T_base_tip: pin.SE3) -> FingerMotion:
         travel = self._travel
         poses[1, self._pushed, :3, 3] += travel.pushed_m * T_base_tip.rotation[:, 1]
         length_m = max(abs(travel.end_m - travel.begin_m), abs(travel.pushed_m))
-        motion = FingerMotion(poses, length_m, self._rates, self._checked)
-        return prove_motion(self._checked, motion, margin_m, np.flatnonzero(counts))
+        return FingerMotion(poses, length_m, self._rates, self._checked)
 
     def _poses(self, q: Vector) -> Vector:
         """Poses of all shapes with the fingers where they begin and end, shape (2, n, 4, 4)."""
@@ -196,11 +193,7 @@ def prove_travel(
         q: where the arm stands, shape (7,), rad.
         margin_m: distance that every pair shall keep, all but those of hand and grasped body.
     """
-    return combined(travel_check(manipulator, travel).at(q, margin_m) for travel in travels)
-
-
-def combined(results: Iterable[SweptResult]) -> SweptResult:
-    """The proof of several stretches together, or the first contact."""
+    results = (travel_check(manipulator, travel).at(q, margin_m) for travel in travels)
     proofs = []
     for result in results:
         if isinstance(result, SweptContact):

@@ -149,16 +149,6 @@ class Hand(Checked, OneLine, error=SceneError):
         low, high = expect(body, Body, "body", SceneError).extent_m(closing_axis)
         return high - low
 
-    def grasp(self, T_base_tip: PoseLike, body: Body, finger_m: float) -> Grasp | None:
-        """The grasp that `close_on` leads to, or None for a miss.
-
-        Raises:
-            PoseError: when the pose is none.
-            ConfigurationError: when the finger position is outside 0 .. stroke.
-        """
-        found = self.close_on(T_base_tip, body, finger_m)
-        return found if isinstance(found, Grasp) else None
-
     def close_on(self, T_base_tip: PoseLike, body: Body, finger_m: float) -> Grasp | Miss:
         """What happens when the fingers close from `finger_m` around a body that can slide.
 

@@ -80,17 +80,12 @@ def overhead_grasp(
 
 def _best_yaw(hand: Hand, body: Body, preferred: float) -> float:
     """The yaw of the narrowest side that fits, of several the one nearest to the preferred."""
-    yaws = [yaw + turn for yaw in _yaws(body, preferred) for turn in (0.0, math.pi)]
-    costs = [_cost(hand, body, yaw) for yaw in yaws]
-    least = min(costs)
-    best = (yaw for yaw, cost in zip(yaws, costs, strict=True) if _is_as_good(cost, least))
-    return min(best, key=lambda yaw: abs(math.remainder(yaw - preferred, math.tau)))
-
-
-def _yaws(body: Body, preferred: float) -> list[float]:
-    """Yaws worth trying: those at which pads lie flush on a side; any, where all is round."""
     sides = [yaw for part in body.parts for yaw in _sides(part, body.T_base_body.rotation)]
-    return sides or [preferred]
+    yaws = [yaw + turn for yaw in sides or [preferred] for turn in (0.0, math.pi)]
+    costs = np.array([_cost(hand, body, yaw) for yaw in yaws])
+    is_as_good = (costs <= np.array(min(costs.tolist())) + AS_NARROW_M).all(axis=1)
+    best = (yaws[i] for i in np.flatnonzero(is_as_good))
+    return min(best, key=lambda yaw: abs(math.remainder(yaw - preferred, math.tau)))
 
 
 def _sides(part: Part, R_base_body: Vector) -> Iterator[float]:
@@ -115,10 +110,6 @@ def _cost(hand: Hand, body: Body, yaw: float) -> tuple[float, float]:
     low, high = body.extent_m(_yawed(yaw)[:, 1])
     width = high - low
     return max(width - hand.open_gap_m, hand.closed_gap_m - width, 0.0), width
-
-
-def _is_as_good(cost: tuple[float, float], least: tuple[float, float]) -> bool:
-    return all(ours <= best + AS_NARROW_M for ours, best in zip(cost, least, strict=True))
 
 
 def _tip_z(hand: Hand, body: Body, clear_m: float) -> float:

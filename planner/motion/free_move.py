@@ -91,7 +91,7 @@ def plan_free_move(
     expect(limits, JointLimits, "limits", MotionError)
     seeds = np.random.default_rng(0) if rng is None else rng
     expect(seeds, np.random.Generator, "rng", MotionError)
-    clock = _Clock(positive_scalar(timeout_s, "timeout_s", MotionError))
+    deadline_s = time.monotonic() + positive_scalar(timeout_s, "timeout_s", MotionError)
     proven = expect(context, CollisionContext, "context", MotionError).is_clear
     judge: IsClear = proven if is_clear is None else is_clear
     if not callable(judge):
@@ -107,19 +107,17 @@ def plan_free_move(
     straight = plan_joint_move(ends[0], ends[1], limits)
     if looks_clear(straight, context.is_free, SCREENING_STEP_RAD) and judge(straight):
         return straight
-    return _Search(straight, limits, context, judge, margin_m, seeds, clock).fastest()
-
-
-class _Clock:
-    """How much of the time is left."""
-
-    def __init__(self, timeout_s: float) -> None:
-        self.timeout_s = timeout_s
-        self._deadline_s = time.monotonic() + timeout_s
-
-    @property
-    def left_s(self) -> float:
-        return self._deadline_s - time.monotonic()
+    found, refused = _Search(
+        straight, limits, context, judge, margin_m, seeds, deadline_s
+    ).fastest()
+    if found is not None:
+        return found
+    if refused:
+        raise FreeMoveError(f"{refused} ways around the obstacles were found, none proven clear")
+    raise FreeMoveError(
+        f"the straight line is blocked, and no way around was found in {timeout_s:g} s; allow more "
+        "time, or there is none"
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,14 +130,10 @@ class _Search:
     is_clear: IsClear
     margin_m: float
     rng: np.random.Generator
-    clock: _Clock
+    deadline_s: float
 
-    def fastest(self) -> Trajectory:
-        """The fastest motion that was found.
-
-        Raises:
-            FreeMoveError: when there is none.
-        """
+    def fastest(self) -> tuple[Trajectory | None, int]:
+        """The fastest motion that was found, and how many ways led to none that is clear."""
         ends = self.straight.q[[0, -1]]
         obstacles = self.context.obstacles(self.margin_m, ends)
         is_free = self.context.with_margin(self.margin_m, *ends).is_free
@@ -157,9 +151,7 @@ class _Search:
             there = [motion for motion in candidates if motion is not None]
             found = min(there, key=lambda motion: motion.duration, default=None)
             refused, closeness = refused + (found is None), 2.0 * closeness
-        if found is None:
-            raise _no_way(refused, self.clock)
-        return found
+        return found, refused
 
     def _is_enough(self, found: Trajectory | None) -> bool:
         return found is not None and found.duration <= ENOUGH * self.straight.duration
@@ -176,7 +168,7 @@ class _Search:
         return next((motion for (motion,) in motions if self.is_clear(motion)), None)
 
     def _corners(self, is_free: IsFree, step_rad: float) -> Vector | None:
-        left_s = self.clock.left_s
+        left_s = self.deadline_s - time.monotonic()
         if left_s <= 0.0:
             return None
         return search_corners(
@@ -202,12 +194,3 @@ def _through(corners: Vector, limits: JointLimits) -> Sketch:
     at = times[-1] * t**2 * (3.0 - 2.0 * t)
     q = np.stack([np.interp(at, times, joint) for joint in corners.T], axis=1)
     return Sketch(q, np.zeros((2, JOINTS)), float(times[-1]))
-
-
-def _no_way(refused: int, clock: _Clock) -> FreeMoveError:
-    if refused:
-        return FreeMoveError(f"{refused} ways around the obstacles were found, none proven clear")
-    return FreeMoveError(
-        f"the straight line is blocked, and no way around was found in {clock.timeout_s:g} s; "
-        "allow more time, or there is none"
-    )

@@ -9,8 +9,6 @@ ignored by the library, so the exact extrema of the result are compared with our
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +16,7 @@ import ruckig
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
-from baxter_kin.arrays import Indices, Vector, finite_array, float_array
+from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.errors import expect
 from planner.errors import MotionError, TrajectoryError
 from planner.trajectory import CONTINUITY_TOLERANCE, JointState, Trajectory, joined
@@ -213,12 +211,14 @@ def _trajectory(
 ) -> Trajectory:
     if profile.duration <= SHORTEST_SEGMENT_S:  # the states differ by rounding, if at all
         return _instant(goal, limits)
-    joints = [_Phases.of(joint, profile.duration) for joint in profile.profiles[0]]
-    knots = _merged([phases.times for phases in joints], profile.duration)
-    states = np.array([phases.at(knots) for phases in joints])  # joint, (q, v, a), knot
-    q, v, a = (states[:, i].T.copy() for i in range(3))
+    joints = [_phases(joint) for joint in profile.profiles[0]]
+    knots = _merged([begins for begins, _ in joints], profile.duration)
+    states = [profile.at_time(t) for t in knots.tolist()]
+    q, v, a = np.array(states).swapaxes(0, 1)
     middles = (knots[:-1] + knots[1:]) / 2
-    j = np.array([phases.jerk_at(middles) for phases in joints]).T
+    j = np.array(
+        [jerks[np.searchsorted(begins, middles, side="right") - 1] for begins, jerks in joints]
+    ).T
     miss = float(np.abs(q[-1] - goal.q).max())
     if miss > GOAL_TOLERANCE_RAD:
         raise MotionError(f"Ruckig's motion misses its goal by {miss:.3g} rad")
@@ -230,46 +230,14 @@ def _trajectory(
         raise MotionError(f"the limits leave no room for exact arithmetic: {cause}") from cause
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Phases:
-    """One joint's motion as phases of constant jerk: start times, states and jerks."""
+def _phases(profile: ruckig.Profile) -> tuple[Vector, Vector]:
+    """When each of one joint's phases of constant jerk begins, shape (10,), and that jerk.
 
-    times: Vector
-    states: Vector  # (q, v, a), phase
-    jerks: Vector
-
-    @classmethod
-    def of(cls, profile: ruckig.Profile, duration: float) -> _Phases:
-        rows = np.array([row for row in _rows(profile) if row[0] > SHORTEST_SEGMENT_S])
-        if not rows.size:  # a joint that has nowhere to go
-            rows = np.array([[duration, profile.p[0], profile.v[0], profile.a[0], 0.0]])
-        times = np.concatenate([[0.0], np.cumsum(rows[:-1, 0])])
-        return cls(times, rows[:, 1:4].T, rows[:, 4])
-
-    def at(self, t: Vector) -> Vector:
-        """q, v, a at times of shape (m,), shape (3, m)."""
-        i = self._index(t)
-        dt, (q, v, a), j = t - self.times[i], self.states[:, i], self.jerks[i]
-        return np.array(
-            [q + dt * (v + dt * (a / 2 + dt * j / 6)), v + dt * (a + dt * j / 2), a + dt * j]
-        )
-
-    def jerk_at(self, t: Vector) -> Vector:
-        """Jerks at times of shape (m,)."""
-        jerks: Vector = self.jerks[self._index(t)]
-        return jerks
-
-    def _index(self, t: Vector) -> Indices:
-        return np.maximum(np.searchsorted(self.times, t, side="right") - 1, 0)
-
-
-def _rows(profile: ruckig.Profile) -> Iterator[tuple[float, float, float, float, float]]:
-    """Duration, q, v, a, jerk of each phase; up to two to brake come before the seven."""
-    brake = profile.brake
-    for i in range(2):
-        yield brake.t[i], brake.p[i], brake.v[i], brake.a[i], brake.j[i]
-    for i in range(7):
-        yield profile.t[i], profile.p[i], profile.v[i], profile.a[i], profile.j[i]
+    Up to two to brake come before the seven; no jerk after the last.
+    """
+    lasting = [*profile.brake.t, *profile.t]
+    jerks = [*profile.brake.j, *profile.j, 0.0]
+    return np.cumsum([0.0, *lasting]), np.array(jerks)
 
 
 def _merged(times: list[Vector], duration: float) -> Vector:

@@ -16,7 +16,7 @@ from baxter_kin.arrays import Vector, finite_array, finite_scalar, float_array
 from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, millimetres, position
 from baxter_kin.errors import expect, millimetres_hint
-from baxter_kin.frames import PoseLike, angle_between, chain_poses, checked_pose
+from baxter_kin.frames import JointChain, PoseLike, angle_between, checked_pose
 from planner.errors import MotionError, StraightMoveError
 from planner.scene.bodies import FARTHEST_M
 
@@ -169,8 +169,8 @@ class StraightLine(Frozen, OneLine):
         if self.length_m < LEAST_TRAVEL_M:  # by the turns of the tips
             s = np.array([self.nearest(pin.SE3(tip)) for tip in T])
         axis = turn / max(self.angle_rad, LEAST_LENGTH)
-        turns = chain_poses(np.eye(4)[None], axis[None], s[:, None] * self.angle_rad)[:, 0, :3, :3]
-        R = (turns @ self.T_base_start.rotation).swapaxes(1, 2) @ T[:, :3, :3]
+        turns = JointChain(np.eye(4)[None], axis[None]).poses(s[:, None] * self.angle_rad)
+        R = (turns[:, 0, :3, :3] @ self.T_base_start.rotation).swapaxes(1, 2) @ T[:, :3, :3]
         sines = [R[:, i, j] - R[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))]
         cosines = np.trace(R, axis1=1, axis2=2) - 1.0
         off_rad: Vector = np.arctan2(np.linalg.norm(sines, axis=0), cosines)

@@ -29,11 +29,11 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from planner.clearance import SweptContact, SweptResult
+from planner.clearance import SweptContact
 from planner.collision.context import CollisionContext
 from planner.collision.continuous import RESOLUTION_M
 from planner.collision.shape_pairs import Held
-from planner.grasping.finger_travel import FingerTravel, closing_travel, combined, travel_check
+from planner.grasping.finger_travel import FingerTravel, closing_travel, travel_check
 from planner.grasping.grasp import Grasp, Miss
 from planner.pick_place.plan_builder import NoSolutionError, blocked_fingers
 from planner.pick_place.request import PlanRequest
@@ -175,20 +175,21 @@ class PhaseMaker:
         It is told only when the pose itself is free: what is in its way may be what is in theirs.
         """
 
-        def proven(way: tuple[FingerTravel, ...]) -> SweptResult:
+        def contact(way: tuple[FingerTravel, ...]) -> SweptContact | None:
             checks = (travel_check(self.request.manipulator, travel) for travel in way)
-            return combined(check.above(T_base_tip, self.request.margin_m) for check in checks)
+            found = (check.contact_above(T_base_tip, self.request.margin_m) for check in checks)
+            return next(filter(None, found), None)
 
         widest_m, least_m = self.request.manipulator.hand.stroke_m, least_m + LEAST_ROOM_M
         whole = travels(widest_m)
-        if proven(whole).is_clear:
+        if contact(whole) is None:
             return widest_m, whole, ()
-        result = proven(travels(min(least_m, widest_m)))
-        if isinstance(result, SweptContact):
-            return widest_m, whole, (blocked_fingers(*step, result, is_certain=True),)
+        blocked = contact(travels(min(least_m, widest_m)))
+        if blocked is not None:
+            return widest_m, whole, (blocked_fingers(*step, blocked, is_certain=True),)
         while widest_m - least_m > OPENING_STEP_M:
             middle_m = (least_m + widest_m) / 2
-            if proven(travels(middle_m)).is_clear:
+            if contact(travels(middle_m)) is None:
                 least_m = middle_m
             else:
                 widest_m = middle_m

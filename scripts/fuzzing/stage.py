@@ -250,7 +250,7 @@ class _Lasting:
 
     @cached_property
     def Grasp(self) -> Any:
-        return self.Hand.grasp(self.T_grasp, self.Body, self.Hand.stroke_m)
+        return self.Hand.close_on(self.T_grasp, self.Body, self.Hand.stroke_m)
 
     @cached_property
     def Miss(self) -> p.Miss:

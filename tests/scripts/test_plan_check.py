@@ -33,6 +33,7 @@ from planner import (
     plan_joint_move,
     plan_straight_move,
 )
+from tests.bodies import grasp_of
 from tests.conftest import at
 
 Vector = NDArray[np.float64]
@@ -351,7 +352,7 @@ def test_bodies_are_pushed_as_the_hand_says(
     q = grasp_q(m, body)
     T = m.arm.T_base_tip(q)
     pushed = body.at(pin.SE3(np.eye(3), off_m * T.rotation[:, 1]) * body.T_base_body)
-    said_by_hand = m.hand.grasp(T, pushed, m.hand.stroke_m)
+    said_by_hand = grasp_of(m.hand, T, pushed, m.hand.stroke_m)
     assert said_by_hand is not None
     stage = importlib.import_module("plan_check.stage").Stage
     robot = importlib.import_module("plan_check.urdf").load_robot()

@@ -14,6 +14,7 @@ from planner import Body, Grasp, Manipulator, MissKind, make_block
 from planner.collision.robot_body import RobotBody
 from sim import Closing, Gripper, World
 from sim.closing import closing_of
+from tests.bodies import grasp_of
 from tests.conftest import at, overhead
 
 CONTACT_M = 1e-6
@@ -164,7 +165,7 @@ class TestHolding:
         shared.spawn(standing("b", 0.15 + offset, yaw=yaw))
         try:
             T_base_tip, body = shared.T_base_tip("left"), shared.body("b")
-            predicted = hand.grasp(T_base_tip, body, hand.stroke_m)
+            predicted = grasp_of(hand, T_base_tip, body, hand.stroke_m)
             assume(predicted is not None)
             assert predicted is not None
             closing = close(shared)

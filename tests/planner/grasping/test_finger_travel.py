@@ -21,7 +21,7 @@ from planner import (
     Scene,
     plan_pick_and_place,
 )
-from planner.clearance import SweptContact, SweptProof
+from planner.clearance import SweptProof
 from planner.collision.robot_body import RobotBody
 from planner.grasping.finger_travel import FingerTravel, TravelCheck, closing_travel, prove_travel
 from planner.pick_place.phases import LEAST_ROOM_M
@@ -162,9 +162,9 @@ def test_no_sample_of_the_way_is_nearer_than_proven_and_contacts_are_there(
     R = pin.utils.rotate("z", turn)
     size = (edge, edge, 0.04)
     thing = Body("thing", (Part(Box(size), at(0, 0, 0)),), pin.SE3(R, T.act(np.array([x, y, 0.0]))))
-    result = TravelCheck(manipulator, FingerTravel(Scene.of([thing]), 0.0, hand.stroke_m)).above(
-        T, 0.0
-    )
+    check = TravelCheck(manipulator, FingerTravel(Scene.of([thing]), 0.0, hand.stroke_m))
+    result = check.at(manipulator.ik.solve(T).q, 0.0)
+    assert (check.contact_above(T, 0.0) is None) == result.is_clear
     part = thing.placed_parts[0]
     gaps = [
         gap_m(shape.at(T * at(0.0, sign * finger_m, 0.0) * shape.T_body_part), part)
@@ -195,11 +195,9 @@ def test_what_a_finger_pushes_hits_its_neighbour_or_not(
     assert isinstance(grasp, Grasp)
     scene, touch_m = Scene.of([body, rail]), grasp.finger_m + abs(grasp.push_m)
     pushing = closing_travel(scene, "cube", touch_m, grasp)[-1]
-    result = TravelCheck(manipulator, pushing).above(PICK, 0.0)
-    pair = {result.nearest.first, result.nearest.second}
-    assert (isinstance(result, SweptContact) and pair == {"cube", "rail"}) == (gap < 0.0) or (
-        abs(gap) < PROOF_M + ROUNDING_M
-    )
+    contact = TravelCheck(manipulator, pushing).contact_above(PICK, 0.0)
+    pair = set() if contact is None else {contact.nearest.first, contact.nearest.second}
+    assert (pair == {"cube", "rail"}) == (gap < 0.0) or abs(gap) < PROOF_M + ROUNDING_M
 
 
 def test_fingers_are_stopped_by_the_own_robot_too(manipulator: Manipulator) -> None:

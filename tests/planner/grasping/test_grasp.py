@@ -13,6 +13,7 @@ from planner import Body, Box, Grasp, Hand, Miss, MissKind, Part, RobotShapes, m
 from planner.collision.robot_body import RobotBody
 from planner.grasping.grasp import LEAST_PAD_M, NEAR_EDGE_M
 from planner.scene.bodies import Sphere
+from tests.bodies import grasp_of
 from tests.conftest import at
 
 ROUNDING_M = 1e-9
@@ -104,5 +105,5 @@ def test_a_grasp_is_what_closing_leads_to_and_none_is_a_miss(
 ) -> None:
     T = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([0.0, y, -0.015]))
     body = make_block("b", ORIGIN).at(T)
-    found, grasp = closed_on(hand, body), hand.grasp(ORIGIN, body, hand.stroke_m)
+    found, grasp = closed_on(hand, body), grasp_of(hand, ORIGIN, body, hand.stroke_m)
     assert isinstance(found, Miss) == (grasp is None)

@@ -15,6 +15,7 @@ from planner import Body, Box, Cylinder, Grasp, Hand, Manipulator, Part, RobotSh
 from planner.collision.robot_body import RobotBody
 from planner.scene.bodies import Shape, Sphere
 from planner.verification.body.robot_body import robot_body
+from tests.bodies import grasp_of
 from tests.conftest import at, overhead
 from tests.planner.conftest import hands_of
 
@@ -67,7 +68,7 @@ def cube(edge: float) -> Box:
 
 
 def grasped(hand: Hand, body: Body, finger_m: float | None = None) -> Grasp:
-    grasp = hand.grasp(ORIGIN, body, hand.stroke_m if finger_m is None else finger_m)
+    grasp = grasp_of(hand, ORIGIN, body, hand.stroke_m if finger_m is None else finger_m)
     assert grasp is not None
     return grasp
 
@@ -156,7 +157,7 @@ def test_a_body_once_grasped_is_centred_and_grasping_again_changes_nothing(
 ) -> None:
     R = pin.rpy.rpyToMatrix(roll, 0.0, yaw)
     body = thing(cube(0.045)).at(pin.SE3(R, np.array([x, y, PAD_Z_M])))
-    first = hand.grasp(ORIGIN, body, hand.stroke_m)
+    first = grasp_of(hand, ORIGIN, body, hand.stroke_m)
     assume(first is not None)
     assert first is not None
     again = grasped(hand, body.at(first.T_tip_body))
@@ -188,14 +189,14 @@ def test_a_grasp_does_not_depend_on_where_the_hand_is(
 ) -> None:
     T = pin.SE3(pin.rpy.rpyToMatrix(0.0, pitch, yaw), np.array([x, y, 0.3]))
     body = thing(cube(0.04), 0.001, 0.002)
-    there = hand.grasp(T, body.at(T * body.T_base_body), hand.stroke_m)
+    there = grasp_of(hand, T, body.at(T * body.T_base_body), hand.stroke_m)
     assert there is not None
     assert there.width_m == pytest.approx(grasped(hand, body).width_m, abs=CONTACT_TOLERANCE_M)
 
 
 def beside_mm(hand: Hand, body: Body) -> list[float]:
     """How much room the demo's pick leaves beside a body, on either side."""
-    grasp = hand.grasp(PICK, body, hand.stroke_m)
+    grasp = grasp_of(hand, PICK, body, hand.stroke_m)
     assert grasp is not None
     both = hand.open_gap_m - grasp.width_m
     return sorted(1e3 * gap for gap in (both / 2 + grasp.push_m, both / 2 - grasp.push_m))
@@ -222,7 +223,7 @@ def test_a_block_that_lies_straight_closes_the_fingers_to_where_its_faces_are(
 def test_the_demos_block_lies_askew_and_keeps_the_fingers_a_little_wider(
     real_hand: Hand, block: Body
 ) -> None:
-    grasp = real_hand.grasp(PICK, block, real_hand.stroke_m)
+    grasp = grasp_of(real_hand, PICK, block, real_hand.stroke_m)
     assert grasp is not None
     across = real_hand.width_across_m(PICK, block)
     assert 0.017351 < grasp.finger_m < (across - real_hand.closed_gap_m) / 2
@@ -242,11 +243,11 @@ def test_the_lowest_finger_point_of_the_demos_pick_is_222_mm_above_the_table(
 
 
 def test_a_body_as_wide_as_the_open_hand_fits(hand: Hand) -> None:
-    assert hand.grasp(ORIGIN, thing(cube(0.0576)), hand.stroke_m) is not None
+    assert grasp_of(hand, ORIGIN, thing(cube(0.0576)), hand.stroke_m) is not None
 
 
 def test_a_body_wider_than_the_open_hand_does_not_fit(hand: Hand) -> None:
-    assert hand.grasp(ORIGIN, thing(cube(0.0577)), hand.stroke_m) is None
+    assert grasp_of(hand, ORIGIN, thing(cube(0.0577)), hand.stroke_m) is None
 
 
 def test_the_real_hands_hold_what_is_a_little_narrower_than_their_gaps(
@@ -254,37 +255,37 @@ def test_the_real_hands_hold_what_is_a_little_narrower_than_their_gaps(
 ) -> None:
     for hand in real_hands.values():
         for edge, fits in ((hand.open_gap_m - 1e-4, True), (hand.open_gap_m + 1e-4, False)):
-            grasp = hand.grasp(ORIGIN, thing(cube(edge)), hand.stroke_m)
+            grasp = grasp_of(hand, ORIGIN, thing(cube(edge)), hand.stroke_m)
             assert (grasp is not None) == fits
 
 
 def test_the_right_hand_of_the_urdf_cannot_hold_the_block(hands: dict[str, Hand]) -> None:
-    assert hands["right"].grasp(ORIGIN, thing(cube(0.05)), hands["right"].stroke_m) is None
-    assert hands["right"].grasp(ORIGIN, thing(cube(0.048)), hands["right"].stroke_m) is not None
+    assert grasp_of(hands["right"], ORIGIN, thing(cube(0.05)), hands["right"].stroke_m) is None
+    assert grasp_of(hands["right"], ORIGIN, thing(cube(0.048)), hands["right"].stroke_m) is not None
 
 
 def test_a_body_wider_than_the_fingers_stand_does_not_fit(hand: Hand) -> None:
-    assert hand.grasp(ORIGIN, thing(cube(0.05)), 0.01) is None
+    assert grasp_of(hand, ORIGIN, thing(cube(0.05)), 0.01) is None
 
 
 @pytest.mark.parametrize(("side", "edge"), [("left", 0.0155), ("right", 0.006)])
 def test_the_closed_hand_does_not_reach_a_thin_body(
     hands: dict[str, Hand], side: str, edge: float
 ) -> None:
-    assert hands[side].grasp(ORIGIN, thing(cube(edge)), hands[side].stroke_m) is None
+    assert grasp_of(hands[side], ORIGIN, thing(cube(edge)), hands[side].stroke_m) is None
 
 
 @pytest.mark.parametrize(
     ("x", "y", "z"), [(0.06, 0.0, 0.0), (-0.06, 0.0, 0.0), (0, 0, 0.06), (0, 0, -0.09), (0, 0.2, 0)]
 )
 def test_a_body_beside_the_pads_is_missed(hand: Hand, x: float, y: float, z: float) -> None:
-    assert hand.grasp(ORIGIN, thing(cube(0.04), x, y, z), hand.stroke_m) is None
+    assert grasp_of(hand, ORIGIN, thing(cube(0.04), x, y, z), hand.stroke_m) is None
 
 
 def test_a_body_that_reaches_into_a_pad_before_the_fingers_close_is_not_between_them(
     hand: Hand,
 ) -> None:
-    assert hand.grasp(ORIGIN, thing(cube(0.05), 0.0, 0.010), hand.stroke_m) is None
+    assert grasp_of(hand, ORIGIN, thing(cube(0.05), 0.0, 0.010), hand.stroke_m) is None
 
 
 def test_a_body_pressed_lightly_by_one_pad_is_still_centred(hand: Hand) -> None:
@@ -295,7 +296,7 @@ def test_a_body_pressed_lightly_by_one_pad_is_still_centred(hand: Hand) -> None:
 
 
 def test_a_body_that_only_one_pad_can_touch_is_missed(hand: Hand) -> None:
-    assert hand.grasp(ORIGIN, thing(cube(0.02), 0.0, 0.045), hand.stroke_m) is None
+    assert grasp_of(hand, ORIGIN, thing(cube(0.02), 0.0, 0.045), hand.stroke_m) is None
 
 
 def test_of_several_parts_the_outermost_touch_the_pads(hand: Hand) -> None:
@@ -318,7 +319,7 @@ def test_a_finger_position_that_is_none_is_refused(hand: Hand, finger_m: Any) ->
     for use in (
         hand.finger_joints,
         hand.percent,
-        lambda x: hand.grasp(ORIGIN, thing(cube(0.04)), x),
+        lambda x: grasp_of(hand, ORIGIN, thing(cube(0.04)), x),
     ):
         with pytest.raises(ConfigurationError, match="finger position"):
             use(finger_m)
@@ -334,7 +335,7 @@ def test_a_finger_position_out_of_range_is_refused_with_both_numbers(hand: Hand)
 @pytest.mark.parametrize("pose", [None, "here", np.eye(3), np.full((4, 4), np.nan)])
 def test_a_pose_that_is_none_is_refused(hand: Hand, pose: Any) -> None:
     with pytest.raises(PoseError):
-        hand.grasp(pose, thing(cube(0.04)), 0.02)
+        grasp_of(hand, pose, thing(cube(0.04)), 0.02)
     with pytest.raises(PoseError):
         hand.width_across_m(pose, thing(cube(0.04)))
 
@@ -342,7 +343,7 @@ def test_a_pose_that_is_none_is_refused(hand: Hand, pose: Any) -> None:
 @pytest.mark.parametrize("body", [None, "block", cube(0.04)])
 def test_a_body_that_is_none_is_refused(hand: Hand, body: Any) -> None:
     with pytest.raises(SceneError):
-        hand.grasp(ORIGIN, body, 0.02)
+        grasp_of(hand, ORIGIN, body, 0.02)
 
 
 @pytest.mark.parametrize("finger_m", [15.0, 100.0])

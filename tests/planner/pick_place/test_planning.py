@@ -59,6 +59,7 @@ from planner.pick_place.phases import PhaseMaker
 from planner.pick_place.request import PlanRequest
 from planner.scene.contact import touching
 from planner.trajectory import CONTINUITY_TOLERANCE
+from tests.bodies import grasp_of
 from tests.conftest import at, overhead
 
 PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.00, -0.129)
@@ -106,7 +107,7 @@ def post_below_the_carried_block(
     plan: Plan, manipulator: Manipulator, scene: Scene, gap_m: float
 ) -> Body:
     """A post in the middle of the way to the place, a gap below the lowest block near it."""
-    grasp = manipulator.hand.grasp(PICK, scene["block"], manipulator.hand.stroke_m)
+    grasp = grasp_of(manipulator.hand, PICK, scene["block"], manipulator.hand.stroke_m)
     assert grasp is not None
     way = next(move for move in plan.moves if move.label == "place: approach").trajectory
     carried = [
@@ -283,7 +284,7 @@ def test_clearances_agree_with_a_check_ten_times_as_dense(
     plan: Plan, manipulator: Manipulator, scene: Scene
 ) -> None:
     hand, block = manipulator.hand, scene["block"]
-    grasp = hand.grasp(PICK, block, hand.stroke_m)
+    grasp = grasp_of(hand, PICK, block, hand.stroke_m)
     assert grasp is not None
     placed = scene.moved("block", PLACE * grasp.T_tip_body)
     held = Held(block, grasp.T_tip_body, touching(block, scene))
