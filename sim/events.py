@@ -12,11 +12,11 @@ import pinocchio as pin
 from baxter_kin.arrays import Vector, finite_array, finite_scalar, float_array
 from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, count, phrase, seconds
+from baxter_kin.errors import quoted
 from baxter_kin.fields import check_fields
 from baxter_kin.model import LIMBS
-from planner import Body, Grasp
+from planner import Body, Grasp, Move
 from planner.grasping.grasp import Miss
-from planner.plan import Step
 from sim.contacts import Contact
 from sim.errors import SimulationError
 from sim.falling import Rest
@@ -54,25 +54,34 @@ class Event(OneLine):
     Attributes:
         time_s: simulated time.
         kind: what.
-        text: one readable phrase.
-        step: the step of a plan that began, if that is what happened.
-        body: the body that appeared or disappeared, if that is what happened.
+        text: one readable phrase, which nothing reads but people.
+        side: "left" or "right", where it is about an arm or its gripper.
+        move: of a plan, that began, if that is what happened.
+        body: which it is about, where it stands then; of a hit, none.
         detail: the facts behind the text, where there are some.
 
     Raises:
-        SimulationError: when a value is of another class.
+        SimulationError: when a value is of another class, or there is no such side.
     """
 
     time_s: float
     kind: EventKind
     text: str
-    step: Step | None = None
+    side: str | None = None
+    move: Move | None = None
     body: Body | None = field(default=None, compare=False)
     detail: Detail | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         check_fields(self, SimulationError)
         finite_scalar(self.time_s, "time_s", SimulationError)
+        if self.side is not None and self.side not in LIMBS:
+            raise SimulationError(f"a side is {' or '.join(LIMBS)}, got {quoted(self.side)}")
+
+    @property
+    def is_about_shape(self) -> bool:
+        """Whether its body appeared or disappeared."""
+        return self.kind in (EventKind.SPAWNED, EventKind.DELETED)
 
     def _facts(self) -> tuple[str, ...]:
         return seconds(self.time_s), self.kind.value, phrase(self.text)

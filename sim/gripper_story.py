@@ -1,12 +1,12 @@
 """What the grippers do, in words that a viewer shows: open, closing, holding the block, missed.
 
-Positions alone do not say it: fingers at rest half open may hold something or not. Events do, but
-not of which hand; it is the one whose fingers moved last.
+Positions alone do not say it: fingers at rest half open may hold something or not. Events do. Those
+that do not say of which side they are, as recordings kept them at first, tell nothing here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -59,16 +59,9 @@ class GripperStory:
         phases: by side, what each gripper does now; empty before the first look.
     """
 
-    def __init__(self, bodies: Iterable[str] = ()) -> None:
-        """Nothing has been seen yet.
-
-        Args:
-            bodies: names of bodies there from the start; those that appear are heard of.
-        """
+    def __init__(self) -> None:
         self.phases: dict[str, GripperPhase] = {}
         self._percents: dict[str, float] = {}
-        self._bodies = set(bodies)
-        self._last_moved = LIMBS[0]
 
     def see(self, percents: Mapping[str, float]) -> None:
         """Look at the fingers.
@@ -79,33 +72,19 @@ class GripperStory:
         for side, percent in percents.items():
             change = percent - self._percents.get(side, percent)
             self._percents[side] = percent
-            if abs(change) > STILL_PERCENT:
-                self._last_moved = side
             self.phases[side] = _next_phase(self.phases.get(side), percent, change)
 
     def hear(self, event: Event) -> None:
         """Take note of something that happened."""
-        if event.kind is EventKind.SPAWNED and event.body is not None:
-            self._bodies.add(event.body.name)
-        elif event.kind is EventKind.GRASPED:
-            held = self._holding(event)
-            self.phases[self._last_moved] = GripperPhase(held, GripperMood.HOLDING)
+        if event.side is None:
+            return
+        if event.kind is EventKind.GRASPED and event.body is not None:
+            held = f"holding {event.body.name}"
+            self.phases[event.side] = GripperPhase(held, GripperMood.HOLDING)
         elif event.kind is EventKind.MISSED:
-            self.phases[self._last_moved] = GripperPhase("missed", GripperMood.MISSED)
+            self.phases[event.side] = GripperPhase("missed", GripperMood.MISSED)
         elif event.kind is EventKind.RELEASED:
-            self.phases[self._releasing(event)] = _OPENING
-
-    def _holding(self, event: Event) -> str:
-        """The words for holding what an event speaks of: of all names in its text the longest."""
-        named = (name for name in self._bodies if name in event.text)
-        return f"holding {max(named, key=len, default='')}".rstrip()
-
-    def _releasing(self, event: Event) -> str:
-        """The hand that lets go of what an event speaks of."""
-        words = self._holding(event)
-        holding = [side for side, phase in self.phases.items() if phase.is_holding]
-        of_that_name = [side for side in holding if self.phases[side].words == words]
-        return next(iter(of_that_name or holding), self._last_moved)
+            self.phases[event.side] = _OPENING
 
 
 _OPENING = GripperPhase("opening", GripperMood.MOVING)
@@ -117,7 +96,7 @@ def gripper_timelines(recording: Recording) -> dict[str, list[tuple[float, Gripp
 
     Of a recording that was cut, the beginning is told by the fingers' positions alone.
     """
-    story = GripperStory(recording.bodies)
+    story = GripperStory()
     timelines: dict[str, list[tuple[float, GripperPhase]]] = {side: [] for side in LIMBS}
     told = (event for event in recording.events if event.time_s >= recording.times_s[0])
     events = iter(sorted(told, key=lambda event: event.time_s))

@@ -75,8 +75,7 @@ class _Story:
         elif isinstance(value, Body):
             self.bodies[value.name] = value
         elif isinstance(value, StoredEvent):
-            body = self.bodies.get(value.body or "")
-            self.events.append(Event(value.time_s, value.kind, value.text, body=body))
+            self.events.append(value.event(self.bodies))
         elif isinstance(value, RecordedMove):
             self.moves.append(value)
         else:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from baxter_kin import IKResult
 from baxter_kin.arrays import Vector, finite_array, finite_rows, finite_scalar
 from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, count, phrase, seconds, side_of
@@ -36,8 +37,9 @@ class RecordedMove(OneLine):
 
     Attributes:
         start_s: when it began, in the recording's time.
-        label: what it was for, such as "cycle 1, pick: approach (IK: Current Joint Angles)".
+        label: what it was for, such as "cycle 1, pick: approach".
         trajectory: the exact motion; its limits name the joints.
+        ik: what inverse kinematics answered for where it ends; None where it was not asked.
 
     Raises:
         RecordingError: when a part is of another type, or the joints are not those of one arm.
@@ -46,12 +48,15 @@ class RecordedMove(OneLine):
     start_s: float
     label: str
     trajectory: Trajectory
+    ik: IKResult | None = None
 
     def __post_init__(self) -> None:
         start = finite_scalar(self.start_s, "start_s of a move", RecordingError)
         object.__setattr__(self, "start_s", start)
         expect(self.label, str, "the label of a move", RecordingError)
         expect(self.trajectory, Trajectory, "the trajectory of a move", RecordingError)
+        if self.ik is not None:
+            expect(self.ik, IKResult, "the ik of a move", RecordingError)
         if limb_of(self.trajectory) is None:
             names = ", ".join(self.joint_names)
             raise RecordingError(f"a move must be of the joints of one arm, got {names}")
@@ -65,6 +70,11 @@ class RecordedMove(OneLine):
     def joint_names(self) -> tuple[str, ...]:
         """The joints that it moves."""
         return self.trajectory.limits.names
+
+    @property
+    def move(self) -> Move:
+        """As in a plan; without the pose where it ends."""
+        return Move(self.label, self.trajectory, ik=self.ik)
 
     @property
     def end_s(self) -> float:
@@ -123,9 +133,9 @@ class ArmMotion(Frozen, OneLine):
 
 def recorded_move(event: Event) -> RecordedMove | None:
     """The move that began; None for other events, and for moves that name no arm's joints."""
-    if not isinstance(event.step, Move) or limb_of(event.step.trajectory) is None:
+    if event.move is None or limb_of(event.move.trajectory) is None:
         return None
-    return RecordedMove(event.time_s, event.text, event.step.trajectory)
+    return RecordedMove(event.time_s, event.text, event.move.trajectory, event.move.ik)
 
 
 def limb_of(trajectory: Trajectory) -> str | None:

@@ -73,7 +73,7 @@ class Recorder(Observer):
         """
         expect(event, Event, "event", RecordingError)
         self._events.append(event)
-        if event.body is not None:
+        if event.body is not None and event.is_about_shape:
             self._bodies[event.body.name] = event.body
         move = recorded_move(event)
         if move is not None:

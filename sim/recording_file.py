@@ -11,8 +11,8 @@ said otherwise:
   was, where that is known,
 - `sha256`: 32 bytes (uint8), the SHA-256 of the other entries' bytes in the order above.
 
-Kept is everything but the steps of a plan that events carry; a loaded event has the body of its
-name, as it is in `bodies`. Reading makes nothing but these values: no pickle is read, a file that
+Kept is everything but the moves that events carry; a loaded event has the body of its name, as it
+is in `bodies`. Reading makes nothing but these values: no pickle is read, a file that
 was truncated or edited is refused, and one array is never made larger than its bytes in the file.
 The same recording gives the same bytes. A file is replaced at once or not at all.
 """
@@ -39,7 +39,6 @@ from baxter_kin.json_text import as_text, from_text
 from planner import Body
 from sim.disk import checked_path, opened, replace_file
 from sim.errors import RecordingError
-from sim.events import Event
 from sim.recorded_motion import RecordedMove
 from sim.recording import Recording
 from sim.recording_codec import StoredEvent
@@ -148,9 +147,7 @@ def _recording(contents: Mapping[str, bytes]) -> Recording:
         bodies=bodies,
         body_poses=dict(zip(document.tracks, poses, strict=True)),
         captions=document.captions,
-        events=tuple(
-            Event(e.time_s, e.kind, e.text, body=bodies.get(e.body or "")) for e in document.events
-        ),
+        events=tuple(stored.event(bodies) for stored in document.events),
         moves=document.moves,
         robot=document.robot,
     )

@@ -6,8 +6,9 @@ Every line but the first has one entry that says what it is:
 - first `{"format": "baxter-kin log", "version": 1, "joint_names": [...], "robot": {...}}`, of which
   the last says which robot it is and may be missing,
 - `{"body": {...}}`: shapes and pose of a body, before it appears or disappears,
-- `{"event": {...}}`: time, kind, text, and the name of the body it is about,
-- `{"move": {...}}`: a command: when it starts, its label and its exact trajectory,
+- `{"event": {...}}`: time, kind, text, the name of the body and the side that it is about,
+- `{"move": {...}}`: a command: when it starts, its label, its exact trajectory, and what inverse
+  kinematics answered,
 - `{"snapshot": {...}}`: `time_s`, `q` and `gripper_percent`; `caption` where it changed; `poses`,
   x, y, z and quaternion x, y, z, w by name, of the bodies whose pose changed, null of one that is
   gone,
@@ -93,7 +94,7 @@ class LogRecorder(NotCopied, Observer):
             RecordingError: when it is no event, or the file cannot be written.
         """
         expect(event, Event, "event", RecordingError)
-        if event.body is not None:
+        if event.body is not None and event.is_about_shape:
             self._write_part("body", event.body, Body)
         self._write_part("event", StoredEvent.of(event), StoredEvent)
         move = recorded_move(event)

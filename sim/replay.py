@@ -10,7 +10,7 @@ from __future__ import annotations
 import base64
 import html
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import positive_scalar
@@ -206,6 +206,7 @@ def _story(
     active = [side for side in phases if side in moved or len(phases[side]) > 1]
     return {
         "captions": [[float(time) - start_s, text] for time, text in recording.captions],
+        "seeds": [[time_s - start_s, seed] for time_s, seed in _seeds(recording)],
         "grippers": {
             side: [[time - start_s, *phase.for_page()] for time, phase in phases[side]]
             for side in active or phases
@@ -221,3 +222,12 @@ def _story(
         ],
         "sides": active,
     }
+
+
+def _seeds(recording: Recording) -> Iterator[tuple[float, str]]:
+    """When which seed of inverse kinematics led to where the arm moves; none between moves."""
+    yield float(recording.times_s[0]), ""
+    for recorded in sorted(recording.moves, key=lambda recorded: recorded.start_s):
+        if recorded.ik is not None:
+            yield recorded.start_s, recorded.move.seed_label
+            yield recorded.end_s, ""

@@ -12,7 +12,6 @@ import pinocchio as pin
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
 from baxter_kin.model import LIMBS
-from planner import Move
 from sim.errors import RecordingError
 from sim.events import Event, EventKind, Observer, Snapshot
 from sim.gripper import GripperState
@@ -46,13 +45,14 @@ def retell(recording: Recording, observer: Observer) -> None:
 
 def _with_steps(recording: Recording) -> Iterator[Event]:
     """The events; those that began a move with that move, also when they were loaded without."""
-    moves = {(move.start_s, move.label): move for move in recording.moves}
+    moves = deque(recording.moves)
     for event in recording.events:
-        move = moves.get((event.time_s, event.text))
-        if event.step is None and event.kind is EventKind.MOVE_STARTED and move is not None:
-            yield replace(event, step=Move(move.label, move.trajectory))
-        else:
-            yield event
+        is_start = event.kind is EventKind.MOVE_STARTED
+        while is_start and moves and moves[0].start_s < event.time_s:
+            moves.popleft()
+        is_of = is_start and moves and moves[0].start_s == event.time_s
+        began = moves.popleft() if is_of and event.side in (None, moves[0].limb) else None
+        yield event if began is None or event.move else replace(event, move=began.move)
 
 
 def _snapshot(recording: Recording, row: int, caption: str) -> Snapshot:

@@ -196,14 +196,12 @@ class Simulation(OneLine):
         return self._open(limb, step)
 
     def _move(self, limb: str, move: Move) -> str | None:
-        if move.ik is not None:
-            self._caption += f" (IK: {move.seed_label})"
-        self._tell(EventKind.MOVE_STARTED, self._caption, move)
+        self._tell(EventKind.MOVE_STARTED, self._caption, limb, move=move)
         begin_s, end_s = self.time_s, move.trajectory.duration
         for contact in self._contacts(limb, move):
             end_s = contact.free_s if contact.stops else contact.time_s
             self._follow(limb, move, begin_s, end_s)
-            self._tell(EventKind.HIT, sentences.of_contact(contact, limb), detail=contact)
+            self._tell(EventKind.HIT, sentences.of_contact(contact, limb), limb, detail=contact)
             if contact.stops:
                 return f"{move.label}: {sentences.of_stop(contact, limb)}"
         self._follow(limb, move, begin_s, move.trajectory.duration)
@@ -230,7 +228,7 @@ class Simulation(OneLine):
         self._pushed(limb, closing)
         if closing.grasp is None:
             return self._missed(limb, grip, closing)
-        self._grasped(closing, gripper.state.percent)
+        self._grasped(limb, closing, gripper.state.percent)
         self.wait(self._dwell.after_grasp_s)
         if grip.body is not None and closing.body != grip.body:
             return f"{grip.label}: grasped {closing.body} instead of {grip.body}"
@@ -243,7 +241,8 @@ class Simulation(OneLine):
         """Tell what was pushed; what is not held comes to rest."""
         for push in closing.pushes:
             if push.distance_m > MOVED_M and not push.is_riding:
-                self._tell(EventKind.PUSHED, sentences.of_push(push, limb), detail=push)
+                text, body = sentences.of_push(push, limb), self.world.body(push.body)
+                self._tell(EventKind.PUSHED, text, limb, body=body, detail=push)
             if push.body != closing.body and not push.is_riding:
                 self._is_as_planned = False
                 self._settle(push.body)
@@ -255,18 +254,21 @@ class Simulation(OneLine):
             self._settled(name, rest)
 
     def _settled(self, name: str, rest: Rest) -> None:
-        self._tell(EventKind.SETTLED, sentences.of_rest(name, rest), detail=rest)
+        body = self.world.body(name)
+        self._tell(EventKind.SETTLED, sentences.of_rest(name, rest), body=body, detail=rest)
 
-    def _grasped(self, closing: Closing, percent: float) -> None:
+    def _grasped(self, limb: str, closing: Closing, percent: float) -> None:
         if closing.body is not None and closing.grasp is not None:
             self._is_as_planned &= not self.world.riders(closing.body)
             text = sentences.of_grasp(closing.body, closing.grasp, percent)
-            self._tell(EventKind.GRASPED, text, detail=closing.grasp)
+            body = self.world.body(closing.body)
+            self._tell(EventKind.GRASPED, text, limb, body=body, detail=closing.grasp)
 
     def _missed(self, limb: str, grip: Grip, closing: Closing) -> str:
         gap_m, is_closed = self.grippers[limb].gap_m, closing.finger_m == 0.0
         text = sentences.of_miss(closing.miss, grip.body, gap_m, is_closed=is_closed)
-        self._tell(EventKind.MISSED, text, detail=closing.miss)
+        body = None if grip.body is None else self.world.scene.bodies.get(grip.body)
+        self._tell(EventKind.MISSED, text, limb, body=body, detail=closing.miss)
         return f"{grip.label}: {text}"
 
     def _open(self, limb: str, grip: Grip) -> str | None:
@@ -275,9 +277,10 @@ class Simulation(OneLine):
         finger_m, failure = self._free_opening(limb, grip)
         if name is None:
             self._slide(limb, finger_m)
-            self._tell(EventKind.OPENED, sentences.of_opening(limb, gripper.state.percent))
+            self._tell(EventKind.OPENED, sentences.of_opening(limb, gripper.state.percent), limb)
         else:
-            self._tell(EventKind.RELEASED, f"{name} released")
+            body = self.world.body(name)
+            self._tell(EventKind.RELEASED, f"{name} released", limb, body=body)
             self._let_go(limb, name, finger_m)
         self.wait(self._dwell.after_release_s)
         return failure
@@ -289,7 +292,7 @@ class Simulation(OneLine):
         if self._is_as_planned or not self._checks:
             return end_m, None
         for contact in self._watch.of_fingers(limb, end_m, FINGER_SPEED_M_S):
-            self._tell(EventKind.HIT, sentences.of_contact(contact, limb), detail=contact)
+            self._tell(EventKind.HIT, sentences.of_contact(contact, limb), limb, detail=contact)
             if contact.stops:
                 way = contact.free_s * FINGER_SPEED_M_S
                 stop_m = begin_m + way if end_m > begin_m else begin_m - way
@@ -348,10 +351,12 @@ class Simulation(OneLine):
         self,
         kind: EventKind,
         text: str,
-        step: Step | None = None,
+        side: str | None = None,
+        *,
+        move: Move | None = None,
         body: Body | None = None,
         detail: Detail | None = None,
     ) -> None:
-        event = Event(self.time_s, kind, text, step, body, detail)
+        event = Event(self.time_s, kind, text, side, move, body, detail)
         for observer in self._observers:
             observer.on_event(event)

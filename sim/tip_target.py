@@ -144,10 +144,10 @@ class TipTarget:
         self._show_axes(is_reachable=self.result.is_valid)
         if self.result.is_valid:
             q[self._joints] = self.result.q
-            caption = f"{self._arm.side} tip at its target (IK: {self.result.label})"
+            caption = f"{self._arm.side} tip at its target"
         else:
             caption = f"{self._arm.side} tip: {self.result.failure}"
-        self._viewer.show(q, {}, caption)
+        self._viewer.show(q, {}, caption, seed=self.result.label if self.result.is_valid else "")
         return self.result
 
     def _show_axes(self, *, is_reachable: bool) -> None:

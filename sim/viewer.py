@@ -149,6 +149,7 @@ class Viewer(NotCopied, OneLine):
         T_base_bodies: Mapping[str, pin.SE3],
         caption: str = "",
         *,
+        seed: str = "",
         grippers: Mapping[str, GripperPhase] | None = None,
     ) -> None:
         """Show one frame: only what changed is sent, and nothing is waited for.
@@ -156,8 +157,8 @@ class Viewer(NotCopied, OneLine):
         Args:
             q: full configuration, shape (19,), rad and m.
             T_base_bodies: by name, the poses of bodies seen from base; others stay where they are.
-            caption: what is going on; an ending such as " (IK: Current Joint Angles)" is shown
-                apart, as the seed type.
+            caption: what is going on.
+            seed: which seed of inverse kinematics led there, such as "Current Joint Angles".
             grippers: by side, what each gripper does; None for no change.
 
         Raises:
@@ -170,7 +171,7 @@ class Viewer(NotCopied, OneLine):
         self._note_grippers({} if grippers is None else grippers)
         commands += self._trail_commands(configuration)
         shown = {side: phase.for_page() for side, phase in self._grippers.items()}
-        self._publish(commands, caption=caption, grippers=shown)
+        self._publish(commands, caption=caption, seed=seed, grippers=shown)
 
     def close(self) -> None:
         """Stop serving and free the port. A second call does nothing."""

@@ -29,6 +29,7 @@ class LiveView(Observer):
     def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer
         self._story = GripperStory()
+        self._seed, self._seed_until_s = "", 0.0
         self._zero_s: float | None = None
         self._last_s = 0.0
         self._next_frame_s = 0.0
@@ -41,6 +42,9 @@ class LiveView(Observer):
             self._viewer.add_body(event.body)
         elif event.body is not None and event.kind is EventKind.DELETED:
             self._viewer.remove_body(event.body.name)
+        elif event.move is not None:
+            self._seed = "" if event.move.ik is None else event.move.seed_label
+            self._seed_until_s = event.time_s + event.move.trajectory.duration
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
         """Wait until it is due, then show it."""
@@ -48,7 +52,11 @@ class LiveView(Observer):
         time.sleep(self._until(snapshot.time_s))
         if snapshot.time_s >= self._next_frame_s:
             self._viewer.show(
-                snapshot.q, snapshot.T_base_bodies, snapshot.caption, grippers=self._story.phases
+                snapshot.q,
+                snapshot.T_base_bodies,
+                snapshot.caption,
+                seed=self._seed if snapshot.time_s <= self._seed_until_s else "",
+                grippers=self._story.phases,
             )
             self._next_frame_s = snapshot.time_s + FRAME_S
         self._last_s = time.perf_counter()

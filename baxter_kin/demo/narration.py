@@ -38,8 +38,8 @@ class Narrator(Observer):
 
     def on_event(self, event: Event) -> None:
         """A line for a move; for other events only when verbose or when something happened."""
-        if isinstance(event.step, Move):
-            self.say(_row(event.step))
+        if event.move is not None:
+            self.say(_row(event.move))
         elif event.kind in _TOLD or self._verbosity > 1:
             self.say(f"  {event.text}")
 

@@ -242,4 +242,10 @@ def _ratio(time_s: float, bound_s: float) -> float | None:
 
 
 def _event(event: Event) -> Json:
-    return {"time_s": event.time_s, "kind": event.kind.value, "text": event.text}
+    return {
+        "time_s": event.time_s,
+        "kind": event.kind.value,
+        "text": event.text,
+        "side": event.side,
+        "body": None if event.body is None else event.body.name,
+    }

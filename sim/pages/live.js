@@ -1,6 +1,6 @@
 // Shows what the program sends. Binary messages are Meshcat's commands; text is for the page itself:
 // a topic and its value.
-const SHOW = { caption: showCaption, grippers: showGrippers };
+const SHOW = { caption: showCaption, seed: showSeed, grippers: showGrippers };
 const RETRY_MS = 1500;
 const url = `${location.protocol.replace("http", "ws")}//${location.host}/scene`;
 let viewer;

@@ -84,6 +84,7 @@ function showTime() {
   write(element("time"), `${replay.time.toFixed(1)} / ${replay.duration.toFixed(1)} s`);
   write(element("play"), replay.playing ? "Pause" : "Play");
   showCaption(recording.captions.length ? current(recording.captions, replay.time)[1] : "");
+  showSeed(current(recording.seeds, replay.time)[1]);
   const grippers = Object.entries(recording.grippers);
   showGrippers(Object.fromEntries(grippers.map(([side, phases]) => [side, current(phases, replay.time).slice(1)])));
 }

@@ -50,11 +50,12 @@ function showProblem(text) {
   document.body.classList.add("failed");
 }
 
-// "pick: descend (IK: User Provided Seed)" is a stage and the type of the seed that led to its end.
 function showCaption(text) {
-  const [, stage, seed] = text.match(/^(.*) \(IK: (.*)\)$/s) || [null, text, ""];
-  write(element("caption"), stage);
-  element("caption").classList.toggle("long", stage.length > LONG_CAPTION);
+  write(element("caption"), text);
+  element("caption").classList.toggle("long", text.length > LONG_CAPTION);
+}
+
+function showSeed(seed) {
   write(element("seed"), seed && `IK seed: ${seed}`);
 }
 

@@ -160,7 +160,7 @@ POSE = 1e-12
 
 
 def assert_same(found: Recording, wanted: Recording, pose: float = 0.0) -> None:
-    """Equal to the bit, but for the steps of events, and for body poses by no more than `pose`."""
+    """Equal to the bit, but for the moves of events, and for body poses by no more than `pose`."""
     assert found.joint_names == wanted.joint_names
     for name in ("times_s", "q", "gripper_percent"):
         assert getattr(found, name).tobytes() == getattr(wanted, name).tobytes()
@@ -176,6 +176,7 @@ def assert_same(found: Recording, wanted: Recording, pose: float = 0.0) -> None:
     assert [move.label for move in found.moves] == [move.label for move in wanted.moves]
     for ours, theirs in zip(found.moves, wanted.moves, strict=True):
         assert ours.start_s == theirs.start_s
+        assert ours.move.seed_label == theirs.move.seed_label
         for name in ("knots_s", "q", "v", "a", "j"):
             one, other = (getattr(move.trajectory, name) for move in (ours, theirs))
             assert one.tobytes() == other.tobytes()
@@ -183,7 +184,8 @@ def assert_same(found: Recording, wanted: Recording, pose: float = 0.0) -> None:
 
 def told(event: Event) -> tuple[Any, ...]:
     """What files keep of an event."""
-    return event.time_s, event.kind, event.text, event.body.name if event.body else None
+    body = event.body.name if event.body else None
+    return event.time_s, event.kind, event.text, event.side, body
 
 
 @pytest.fixture(scope="session")

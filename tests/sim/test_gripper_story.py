@@ -10,13 +10,17 @@ from sim.gripper_story import GripperMood, GripperStory, gripper_timelines
 from sim.recording import Recording
 
 
-def told(kind: EventKind, text: str, time_s: float = 0.0) -> Event:
-    return Event(time_s, kind, text)
+def told(kind: EventKind, side: str | None = "left", body: Body | None = None) -> Event:
+    return Event(0.0, kind, "the right pads hold block 2", side, body=body)
+
+
+def named(block: Body, name: str) -> Body:
+    return replace(block, name=name)
 
 
 def story_of(*percents: float, side: str = "left") -> GripperStory:
     """What is told of a gripper that was seen at those positions, the other one closed."""
-    story = GripperStory(["block", "block 2"])
+    story = GripperStory()
     other = {"left": "right", "right": "left"}[side]
     for percent in percents:
         story.see({side: percent, other: 0.0})
@@ -39,36 +43,25 @@ def test_positions_tell_what_the_fingers_do(percents: tuple[float, ...], words: 
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_the_hand_that_closed_has_grasped(side: str) -> None:
-    story = story_of(100.0, 60.0, side=side)
-    story.hear(told(EventKind.GRASPED, "block grasped, 40 mm between the pads"))
-    assert story.phases[side].words == "holding block"
+@pytest.mark.parametrize("name", ["block", "pads", "the right"])
+def test_hand_and_body_are_those_of_the_event(block: Body, side: str, name: str) -> None:
+    """Whatever its text says, and whichever fingers moved last."""
+    story = story_of(100.0, 60.0, side="right")
+    story.hear(told(EventKind.GRASPED, side, named(block, name)))
+    assert story.phases[side].words == f"holding {name}"
     assert [phase.is_holding for phase in story.phases.values()].count(True) == 1
 
 
-def test_it_holds_on_while_the_fingers_settle() -> None:
+def test_it_holds_on_while_the_fingers_settle(block: Body) -> None:
     story = story_of(100.0, 60.0)
-    story.hear(told(EventKind.GRASPED, "block grasped"))
+    story.hear(told(EventKind.GRASPED, body=block))
     story.see({"left": 59.0, "right": 0.0})
     assert story.phases["left"].mood is GripperMood.HOLDING
 
 
-def test_the_longest_name_in_the_text_is_meant() -> None:
-    story = story_of(100.0, 60.0)
-    story.hear(told(EventKind.GRASPED, "block 2 grasped"))
-    assert story.phases["left"].words == "holding block 2"
-
-
-def test_a_body_that_appears_is_known_by_name(block: Body) -> None:
-    story = GripperStory()
-    story.hear(Event(0.0, EventKind.SPAWNED, "block spawned", body=block))
-    story.hear(told(EventKind.GRASPED, "block grasped"))
-    assert story.phases["left"].words == "holding block"
-
-
 def test_a_miss_is_told_until_the_hand_opens() -> None:
     story = story_of(100.0, 10.0)
-    story.hear(told(EventKind.MISSED, "missed: the fingers closed fully"))
+    story.hear(told(EventKind.MISSED))
     story.see({"left": 0.0, "right": 0.0})
     story.see({"left": 0.0, "right": 0.0})
     assert story.phases["left"].mood is GripperMood.MISSED
@@ -76,15 +69,21 @@ def test_a_miss_is_told_until_the_hand_opens() -> None:
     assert story.phases["left"].words == "opening"
 
 
-def test_the_hand_that_holds_the_body_releases_it() -> None:
+def test_one_hand_lets_go_while_the_other_holds(block: Body) -> None:
     story = story_of(100.0, 60.0)
-    story.hear(told(EventKind.GRASPED, "block grasped"))
-    story.see({"left": 60.0, "right": 100.0})
+    story.hear(told(EventKind.GRASPED, body=block))
     story.see({"left": 60.0, "right": 60.0})
-    story.hear(told(EventKind.GRASPED, "block 2 grasped"))
-    story.hear(told(EventKind.RELEASED, "block released"))
+    story.hear(told(EventKind.GRASPED, "right", named(block, "block 2")))
+    story.hear(told(EventKind.RELEASED, body=block))
     assert story.phases["left"].words == "opening"
     assert story.phases["right"].words == "holding block 2"
+
+
+def test_an_event_of_no_side_tells_nothing(block: Body) -> None:
+    """As of recordings that kept none."""
+    story = story_of(100.0, 60.0)
+    story.hear(told(EventKind.GRASPED, None, block))
+    assert story.phases["left"].words == "closing"
 
 
 def test_the_timeline_of_a_pick_and_place_reads_as_it_should(executed: Recording) -> None:

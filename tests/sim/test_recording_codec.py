@@ -15,11 +15,17 @@ from sim import Event, EventKind, RecordingError
 from sim.recording_codec import StoredEvent
 
 
-@given(st.floats(-1e30, 1e30), st.sampled_from(EventKind), st.text(), st.none() | st.text())
+@given(
+    st.floats(-1e30, 1e30),
+    st.sampled_from(EventKind),
+    st.text(),
+    st.none() | st.text(),
+    st.sampled_from([None, "left", "right"]),
+)
 def test_an_event_comes_back_to_the_bit(
-    time_s: float, kind: EventKind, text: str, body: str | None
+    time_s: float, kind: EventKind, text: str, body: str | None, side: str | None
 ) -> None:
-    event = StoredEvent(time_s, kind, text, body)
+    event = StoredEvent(time_s, kind, text, body, side)
     line = as_text(to_json(event, StoredEvent, "event", RecordingError), RecordingError)
     assert line.isascii()
     assert "\n" not in line
@@ -28,8 +34,16 @@ def test_an_event_comes_back_to_the_bit(
 
 
 def test_of_a_body_the_name_is_kept(block: Body) -> None:
-    event = Event(1.0, EventKind.SPAWNED, "block spawned", body=block)
-    assert StoredEvent.of(event).body == "block"
+    event = Event(1.0, EventKind.GRASPED, "block grasped", "right", body=block)
+    stored = StoredEvent.of(event)
+    assert (stored.body, stored.side) == ("block", "right")
+    assert stored.event({"block": block}).body is block
+
+
+def test_an_event_kept_without_a_side_is_read() -> None:
+    data: Any = {"time_s": 1.0, "kind": "GRASPED", "text": "block grasped", "body": None}
+    read = from_json(data, StoredEvent, "event", RecordingError)
+    assert (read.side, read.body) == (None, None)
 
 
 @pytest.mark.parametrize("time_s", [float("nan"), float("inf"), "1", None, True])

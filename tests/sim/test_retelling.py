@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from baxter_kin import Baxter
-from planner import Move
 from sim import Event, EventKind, Observer, Recorder, Recording, RecordingError, Snapshot, retell
 from sim.recording_file import load_recording
 from tests.sim.conftest import POSE, assert_same
@@ -49,9 +49,19 @@ def test_moves_are_told_with_their_trajectories_also_after_loading(
     witness = Witness()
     retell(load_recording(tmp_path / "run.npz"), witness)
     begun = [i for i in witness.told if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED]
-    moves = [event.step for event in begun if isinstance(event.step, Move)]
+    moves = [event.move for event in begun if event.move is not None]
     durations = [move.trajectory.duration for move in moves]
     assert durations == [move.trajectory.duration for move in picked.moves]
+    assert [m.seed_label for m in moves] == [m.move.seed_label for m in picked.moves]
+
+
+def test_moves_are_found_by_time_and_arm_not_by_words(picked: Recording) -> None:
+    events = tuple(replace(event, move=None, text="") for event in picked.events)
+    witness = Witness()
+    retell(replace(picked, events=events), witness)
+    begun = [i for i in witness.told if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED]
+    trajectories = [event.move.trajectory for event in begun if event.move is not None]
+    assert trajectories == [move.trajectory for move in picked.moves]
 
 
 def test_grippers_and_bodies_are_told(picked: Recording) -> None:

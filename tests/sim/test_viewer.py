@@ -136,7 +136,7 @@ def test_shows_the_caption_as_text(shown: tuple[Viewer, Watched], robot: Baxter)
 
 def test_shows_the_seed_type_apart(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
     viewer, watched = shown
-    viewer.show(robot.configuration(), {}, "pick: descend (IK: User Provided Seed)")
+    viewer.show(robot.configuration(), {}, "pick: descend", seed="User Provided Seed")
     wait_for(watched, "element('seed').textContent === 'IK seed: User Provided Seed'")
     assert watched.page.inner_text("#caption") == "pick: descend"
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from baxter_kin import Baxter
+from baxter_kin import Baxter, IKService
 from baxter_kin.demo import live
 from baxter_kin.demo.live import FRAME_S, LATEST_S, PAUSE_S, LiveView
-from planner import Body
+from planner import Body, Move, plan_joint_move
 from sim import Event, EventKind, GripperState, Snapshot
 
 TICK_S = 0.01
@@ -35,8 +35,12 @@ class Screen:
         self.clock = clock
         self.shown: list[tuple[float, str, dict[str, str]]] = []
         self.bodies: list[str] = []
+        self.seeds: list[str] = []
 
-    def show(self, _q: Any, _poses: Any, caption: str, *, grippers: Mapping[str, Any]) -> None:
+    def show(
+        self, _q: Any, _poses: Any, caption: str, *, seed: str, grippers: Mapping[str, Any]
+    ) -> None:
+        self.seeds.append(seed)
         words = {side: phase.words for side, phase in grippers.items()}
         self.shown.append((self.clock.now_s, caption, words))
 
@@ -115,9 +119,23 @@ def test_tells_what_the_gripper_holds(
     view: LiveView, screen: Screen, robot: Baxter, block: Body
 ) -> None:
     view.on_event(Event(0.0, EventKind.SPAWNED, "block spawned", body=block))
-    view.on_event(Event(0.0, EventKind.GRASPED, "block grasped"))
+    view.on_event(Event(0.0, EventKind.GRASPED, "block grasped", "left", body=block))
     view.on_snapshot(snapshot(robot, 0))
     assert screen.shown[-1][2]["left"] == "holding block"
+
+
+def test_shows_the_seed_of_a_move_until_it_ends(
+    view: LiveView, screen: Screen, robot: Baxter
+) -> None:
+    arm = robot.arm("left")
+    answer = IKService(arm).solve(arm.T_base_tip(arm.start), current=arm.start)
+    motion = plan_joint_move(arm.neutral, arm.start, arm.limits)
+    move = Move("pick: approach", motion, ik=answer)
+    view.on_event(Event(0.0, EventKind.MOVE_STARTED, "pick: approach", "left", move))
+    last = int(motion.duration / TICK_S)
+    for tick in (0, last, last + 1):
+        view.on_snapshot(snapshot(robot, tick))
+    assert screen.seeds == [move.seed_label, move.seed_label, ""]
 
 
 def test_shows_bodies_while_they_are_there(view: LiveView, screen: Screen, block: Body) -> None:
