@@ -7,8 +7,9 @@ loaded.
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from baxter_kin.lazy import loader
 
 if TYPE_CHECKING:
     from baxter_kin.description import ElectricGripper, Tool
@@ -59,14 +60,6 @@ __all__ = [
 ]
 
 _MODULES = ("errors", "pinocchio_loading", "frames", "ik", "limits", "model", "description")
-"""Where they are, in the order of loading: what is missing is said before it is needed."""
+"""In the order of loading: what is missing is said before it is needed."""
 
-
-def __getattr__(name: str) -> object:
-    if name in __all__:
-        for module in _MODULES:
-            found = getattr(import_module(f"{__name__}.{module}"), name, None)
-            if found is not None:
-                globals()[name] = found
-                return found
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = loader(__name__, [f"{__name__}.{module}" for module in _MODULES])

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from baxter_kin import ElectricGripper
-from baxter_kin.demo.scene import overhead
 from examples.workbench import Workbench, on_table, play
 from planner import PickAndPlace, Plan, plan_pick_and_place
+from sim.demo.scene import overhead
 
 HALF_ROUND = ElectricGripper(tips="half_round")
 EDGE_M, TOO_WIDE_M = 0.04, 0.05

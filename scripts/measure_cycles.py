@@ -20,8 +20,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter, pose_from_quaternion
-from baxter_kin.demo.options import DEFAULT_POSES_M
-from baxter_kin.demo.scene import OVERHEAD_XYZW, demo_bodies, obstacles
 from planner import (
     Body,
     Box,
@@ -36,6 +34,8 @@ from planner import (
 from planner.pick_place.candidates import Candidates
 from planner.pick_place.cycle_program import CycleProgram
 from planner.pick_place.request import PlanRequest
+from sim.demo.options import DEFAULT_POSES_M
+from sim.demo.scene import OVERHEAD_XYZW, demo_bodies, obstacles
 
 SIZE_M, TABLE_Z_M = 0.045, -0.155
 NEAREST_M, FARTHEST_M, LEAST_APART_M = 0.55, 0.85, 0.12

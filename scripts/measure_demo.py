@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from baxter_kin import Baxter, pose_from_quaternion
-from baxter_kin.demo.options import DEFAULT_POSES_M
-from baxter_kin.demo.scene import OVERHEAD_XYZW, demo_bodies
 from planner import Manipulator, PickAndPlace, plan_pick_and_place, plan_start_move
 from sim import CsvRecorder, Recorder, Simulation, World
+from sim.demo.options import DEFAULT_POSES_M
+from sim.demo.scene import OVERHEAD_XYZW, demo_bodies
 
 DEMO = [sys.executable, "-m", "baxter_kin.demo", "--headless", "--quiet"]
 SIMULATED_S = 300.0

@@ -21,7 +21,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter, pose_from_quaternion
-from baxter_kin.demo.scene import OVERHEAD_XYZW, demo_bodies
 from planner import (
     Body,
     Box,
@@ -35,6 +34,7 @@ from planner import (
 from planner.collision.context import CollisionContext
 from planner.collision.sampling import looks_clear, sample_times
 from planner.motion.free_move import plan_free_move
+from sim.demo.scene import OVERHEAD_XYZW, demo_bodies
 
 DENSE_RAD = 0.005
 SHELVES, SHELF_GAP_M, BOARD_M, SHELF_DEPTH_M, SHELF_REACH_M = 20, 0.30, 0.02, 0.4, 0.2

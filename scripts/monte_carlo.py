@@ -33,11 +33,11 @@ from baxter_kin.command_line import (
     number_within,
     whole_number,
 )
-from baxter_kin.demo.options import DEFAULT_POSES_M
-from baxter_kin.demo.scene import BLOCK, centred_below, demo_bodies, overhead
 from baxter_kin.files import replace_file
 from planner import Manipulator
 from sim import ClosedLoop, Noise, NoisyPoses, Simulation, Transfer, TruePoses, World
+from sim.demo.options import DEFAULT_POSES_M
+from sim.demo.scene import BLOCK, centred_below, demo_bodies, overhead
 
 PLACED_WITHIN_M = 0.010
 """How far from its place the block may end; errors along the pads, which push nothing, remain."""

@@ -17,8 +17,8 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-from baxter_kin.demo import main as run_demo
 from baxter_kin.files import replace_file
+from sim.demo import main as run_demo
 
 TARGET = Path(__file__).parents[1] / "docs" / "demo.webp"
 PAGE_PX = (800, 520)

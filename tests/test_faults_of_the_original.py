@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm, Baxter, IKService, RequestError, SeedMode, SeedType
-from baxter_kin.demo import main
 from baxter_kin.frames import angle_between
 from planner import (
     Body,
@@ -25,6 +24,7 @@ from planner import (
     plan_start_move,
 )
 from sim import EventKind, Observer, Outcome, Simulation, World
+from sim.demo import main
 from sim.events import Event
 from tests.conftest import at, overhead
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 import types
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 
 import baxter_kin
-import baxter_kin.demo
 import baxter_kin.ik
 import planner
 import sim
+import sim.demo
 
 PACKAGES = [baxter_kin, baxter_kin.ik, planner, sim]
 
@@ -53,14 +56,24 @@ def test_all_lists_what_exists_in_order(package: types.ModuleType) -> None:
     assert all(getattr(package, name) is not None for name in package.__all__)
 
 
-@pytest.mark.parametrize("package", [planner, sim], ids=lambda package: package.__name__)
-def test_all_lists_every_name_that_is_imported(package: types.ModuleType) -> None:
+def test_all_lists_every_name_that_is_imported() -> None:
     public = {
         name
-        for name, value in vars(package).items()
+        for name, value in vars(planner).items()
         if not name.startswith("_") and not isinstance(value, types.ModuleType)
     }
-    assert public == set(package.__all__)
+    assert public == set(planner.__all__)
+
+
+@pytest.mark.parametrize("package", [baxter_kin, sim], ids=lambda package: package.__name__)
+def test_names_that_load_later_are_those_that_type_checkers_see(package: types.ModuleType) -> None:
+    tree = ast.parse(Path(str(package.__file__)).read_text(encoding="utf-8"))
+    (told,) = (node for node in tree.body if isinstance(node, ast.If))
+    imports = [node for node in told.body if isinstance(node, ast.ImportFrom)]
+    seen = {name.name: node.module for node in imports for name in node.names}
+    assert set(seen) == set(package.__all__)
+    for name, module in seen.items():
+        assert getattr(package, name) is getattr(import_module(str(module)), name)
 
 
 def test_unknown_name_is_an_attribute_error() -> None:

@@ -16,7 +16,7 @@ IMPORTS = [
     "from baxter_kin import Baxter",
     "from baxter_kin import pose_from_quaternion",
     "import planner",
-    "import sim",
+    "from sim import World",
     "import planner.verification",
 ]
 

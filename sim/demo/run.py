@@ -14,12 +14,6 @@ import pinocchio as pin
 
 from baxter_kin.arrays import Vector
 from baxter_kin.command_line import log_told
-from baxter_kin.demo.interrupt import Interrupt
-from baxter_kin.demo.narration import Narrator
-from baxter_kin.demo.options import Options
-from baxter_kin.demo.outputs import outputs
-from baxter_kin.demo.report import Json, Point, Report
-from baxter_kin.demo.scene import BLOCK, centred_below, demo_bodies, obstacles, overhead
 from baxter_kin.errors import BaxterError
 from baxter_kin.model import Baxter
 from planner import (
@@ -45,6 +39,12 @@ from sim import (
     TruePoses,
     World,
 )
+from sim.demo.interrupt import Interrupt
+from sim.demo.narration import Narrator
+from sim.demo.options import Options
+from sim.demo.outputs import outputs
+from sim.demo.report import Json, Point, Report
+from sim.demo.scene import BLOCK, centred_below, demo_bodies, obstacles, overhead
 
 
 def run_demo(options: Options, interrupt: Interrupt) -> int:

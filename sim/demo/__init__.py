@@ -10,9 +10,9 @@ import sys
 from collections.abc import Sequence
 
 from baxter_kin.command_line import EXIT_INTERRUPTED
-from baxter_kin.demo.interrupt import interruptible
-from baxter_kin.demo.options import parse_options
 from baxter_kin.errors import MissingLibraryError
+from sim.demo.interrupt import interruptible
+from sim.demo.options import parse_options
 
 __all__ = ["EXIT_INTERRUPTED", "main"]
 
@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             options = parse_options(argv)
             with interrupt.deferred():  # some libraries crash when they are interrupted loading
                 import baxter_kin.pinocchio_loading  # noqa: F401, PLC0415 - may be told as missing
-                from baxter_kin.demo.run import run_demo  # noqa: PLC0415 - loads every library
+                from sim.demo.run import run_demo  # noqa: PLC0415 - loads every library
             return run_demo(options, interrupt)
     except MissingLibraryError as error:
         print(f"baxter-demo: {error}", file=sys.stderr)

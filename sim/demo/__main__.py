@@ -3,7 +3,7 @@
 from typing import NoReturn
 
 from baxter_kin.command_line import run_process as run
-from baxter_kin.demo import main
+from sim.demo import main
 
 
 def run_process() -> NoReturn:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 
-from baxter_kin.demo.report import Totals
 from baxter_kin.frames import Frame
 from baxter_kin.ik import IKResult
 from planner import Move
 from sim import Event, EventKind, Observer
+from sim.demo.report import Totals
 
 _TABLE = "  {stage:<17} {seed:<40} {residual:<22} {duration}"
 

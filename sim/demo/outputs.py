@@ -7,11 +7,11 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from baxter_kin import Baxter
-from baxter_kin.demo.live import LiveView
-from baxter_kin.demo.narration import Narrator
-from baxter_kin.demo.options import Options
 from planner import RobotBody
 from sim import CsvRecorder, LogRecorder, McapRecorder, Observer, Recorder, World
+from sim.demo.live import LiveView
+from sim.demo.narration import Narrator
+from sim.demo.options import Options
 
 WAIT_FOR_BROWSER_S = 15.0
 REPLAY_SNAPSHOTS = 12_000

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from baxter_kin.demo.options import Options
 from baxter_kin.files import replace_file
 from baxter_kin.ik import IKResult
 from planner import GripperAction, Move, Plan
 from sim import Event, Observer, Outcome
+from sim.demo.options import Options
 
 KEPT_CYCLES, KEPT_EVENTS = 100, 1000
 """How many of the last ones a report keeps; a run with --forever soon has more."""

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.demo.report import Point
 from baxter_kin.frames import T_world_base, pose_from_quaternion
 from planner import Body, Box, Part, load_object
+from sim.demo.report import Point
 
 OVERHEAD_XYZW = (-0.0249590815779, 0.999649402929, 0.00737916180073, 0.00486450832011)
 """The original demo's tool orientation: pointing down, tilted by 1 degree."""

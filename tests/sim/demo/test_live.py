@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from baxter_kin import Baxter, IKService
-from baxter_kin.demo import live
-from baxter_kin.demo.live import FRAME_S, LATEST_S, PAUSE_S, LiveView
 from planner import Body, Move, plan_joint_move
 from sim import Event, EventKind, GripperState, Snapshot
+from sim.demo import live
+from sim.demo.live import FRAME_S, LATEST_S, PAUSE_S, LiveView
 
 TICK_S = 0.01
 
@@ -133,7 +133,7 @@ def test_shows_the_seed_of_a_move_until_it_ends(
     move = Move("pick: approach", motion, ik=answer)
     view.on_event(Event(0.0, EventKind.MOVE_STARTED, "pick: approach", "left", move))
     last = int(motion.duration / TICK_S)
-    for tick in (0, last, last + 1):
+    for tick in (0, last, last + 1 + int(FRAME_S / TICK_S)):
         view.on_snapshot(snapshot(robot, tick))
     assert screen.seeds == [move.seed_label, move.seed_label, ""]
 

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter
-from baxter_kin.demo import main
 from planner import Manipulator, load_plan, transfer_bound_s, verify
 from planner.plan import SHOWN_RAD
 from sim import Recording, read_log
+from sim.demo import main
 from tests.conftest import overhead
 
 RATIO = 1.0 + 1e-9
