@@ -31,7 +31,7 @@ from planner import (
     verify,
 )
 from sim import Recorder, Simulation, World
-from sim.replay import write_replay
+from sim.view.replay import write_replay
 
 TABLE_Z_M = -0.155
 """The table's top, in base."""

@@ -1,4 +1,4 @@
-"""Make `sim/appearance.npz`: what Baxter looks like, light enough for a web page.
+"""Make `sim/view/appearance.npz`: what Baxter looks like, light enough for a web page.
 
     python scripts/build_appearance.py [--out FILE]
 
@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from baxter_kin.description import StockFiles
 from baxter_kin.files import replace_file
 
-TARGET = Path(__file__).resolve().parent.parent / "sim" / "appearance.npz"
+TARGET = Path(__file__).resolve().parent.parent / "sim" / "view" / "appearance.npz"
 
 CREASE_COS = float(np.cos(np.deg2rad(38.0)))
 """Faces that meet at less than this angle share a normal; beyond it their edge stays sharp."""
@@ -106,7 +106,7 @@ def main() -> None:
 
 
 def build(description: StockFiles) -> dict[str, NDArray[Any]]:
-    """Every array of the asset, as `sim.appearance` documents them."""
+    """Every array of the asset, as `sim.view.appearance` documents them."""
     model = pin.buildModelFromUrdf(str(description.urdf))
     arrays: dict[str, NDArray[Any]] = {}
     parts: dict[str, list[tuple[str, str, Rgb, pin.SE3]]] = {"part": [], "spare": []}

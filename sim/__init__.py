@@ -10,29 +10,29 @@ from typing import TYPE_CHECKING
 from baxter_kin.lazy import loader
 
 if TYPE_CHECKING:
-    from sim.closed_loop import Attempt, ClosedLoop, LoopResult, Transfer
-    from sim.closing import Closing
-    from sim.contacts import Contact
     from sim.errors import RecordingError, SimulationError, ViewerError
     from sim.events import Event, EventKind, Observer, Snapshot
-    from sim.falling import Rest
-    from sim.gripper import Gripper, GripperState
-    from sim.log_reading import read_log
-    from sim.mcap_file import McapRecorder
-    from sim.noisy_poses import Noise, NoisyPoses
     from sim.outcome import Dwell, Outcome
-    from sim.pose_log import LoggedPoses, Look, ReplayedPoses, read_looks
-    from sim.pose_source import PoseSource, Sighting, TruePoses
-    from sim.recorded_motion import ArmMotion, RecordedMove
-    from sim.recorder import Recorder
-    from sim.recording import NotedRecording, Recording
-    from sim.recording_log import LogRecorder
-    from sim.retelling import retell
-    from sim.rsdk_csv import CsvRecorder
-    from sim.rsdk_reading import read_rsdk_csv
+    from sim.perception.closed_loop import Attempt, ClosedLoop, LoopResult, Transfer
+    from sim.perception.noisy_poses import Noise, NoisyPoses
+    from sim.perception.pose_log import LoggedPoses, Look, ReplayedPoses, read_looks
+    from sim.perception.pose_source import PoseSource, Sighting, TruePoses
+    from sim.recording.log_reading import read_log
+    from sim.recording.log_recorder import LogRecorder
+    from sim.recording.mcap_file import McapRecorder
+    from sim.recording.playback import retell
+    from sim.recording.recorded_motion import ArmMotion, RecordedMove
+    from sim.recording.recorder import Recorder
+    from sim.recording.recording import NotedRecording, Recording
+    from sim.recording.rsdk_csv import CsvRecorder
+    from sim.recording.rsdk_reading import read_rsdk_csv
     from sim.simulation import Simulation
-    from sim.squeeze import Push
-    from sim.world import World
+    from sim.world.contacts import Contact
+    from sim.world.falling import Rest
+    from sim.world.finger_closing import Closing
+    from sim.world.gripper import Gripper, GripperState
+    from sim.world.pushing import Push
+    from sim.world.world import World
 
 __all__ = [
     "ArmMotion",
@@ -82,28 +82,28 @@ __getattr__ = loader(
     __name__,
     (
         "baxter_kin.pinocchio_loading",
-        "sim.closed_loop",
-        "sim.closing",
-        "sim.contacts",
+        "sim.perception.closed_loop",
+        "sim.world.finger_closing",
+        "sim.world.contacts",
         "sim.errors",
         "sim.events",
-        "sim.falling",
-        "sim.gripper",
-        "sim.log_reading",
-        "sim.mcap_file",
-        "sim.noisy_poses",
+        "sim.world.falling",
+        "sim.world.gripper",
+        "sim.recording.log_reading",
+        "sim.recording.mcap_file",
+        "sim.perception.noisy_poses",
         "sim.outcome",
-        "sim.pose_log",
-        "sim.pose_source",
-        "sim.recorded_motion",
-        "sim.recorder",
-        "sim.recording",
-        "sim.recording_log",
-        "sim.retelling",
-        "sim.rsdk_csv",
-        "sim.rsdk_reading",
+        "sim.perception.pose_log",
+        "sim.perception.pose_source",
+        "sim.recording.recorded_motion",
+        "sim.recording.recorder",
+        "sim.recording.recording",
+        "sim.recording.log_recorder",
+        "sim.recording.playback",
+        "sim.recording.rsdk_csv",
+        "sim.recording.rsdk_reading",
         "sim.simulation",
-        "sim.squeeze",
-        "sim.world",
+        "sim.world.pushing",
+        "sim.world.world",
     ),
 )

@@ -17,11 +17,11 @@ from baxter_kin.fields import check_fields
 from baxter_kin.model import LIMBS
 from planner import Body, Grasp, Move
 from planner.grasping.grasp import Miss
-from sim.contacts import Contact
 from sim.errors import SimulationError
-from sim.falling import Rest
-from sim.gripper import GripperState
-from sim.squeeze import Push
+from sim.world.contacts import Contact
+from sim.world.falling import Rest
+from sim.world.gripper import GripperState
+from sim.world.pushing import Push
 
 JOINTS_OF_ROBOT = (15, 17, 19)
 """Of a full configuration: head, both arms, and the fingers of no hand, one or two."""

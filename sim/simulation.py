@@ -5,7 +5,7 @@ ticks, so nothing is rounded to the tick and the same plans give the same snapsh
 There are no blind waits: after a grasp the next step begins as soon as the pads are on the body,
 plus the dwell that was asked for.
 
-Moves and opening fingers are looked at for contacts (`sim.contacts`), whatever a plan says of
+Moves and opening fingers are looked at for contacts (`sim.world.contacts`), whatever a plan says of
 itself, unless a certificate of this very plan is at hand (`planner.verify`) and the world is as the
 plan has it: as its `situation` says before the first step, and changed since then only by grasps
 that went as planned. A release may let a body fall a little, so certificates count until then.
@@ -24,16 +24,16 @@ from baxter_kin.model import LIMBS
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan
 from planner.collision.robot_body import identity_of
 from planner.plan import Step
-from sim import sentences
+from sim import event_text
 from sim.clock import DEFAULT_TICK_S, SHORTEST_TICK_S, Clock
-from sim.closing import Closing
-from sim.contacts import Contact, ContactWatch, falls_as_planned, is_as_planned
 from sim.errors import SimulationError
 from sim.events import Detail, Event, EventKind, Observer, Snapshot
-from sim.falling import GRAVITY_M_S2, Rest
-from sim.gripper import FINGER_SPEED_M_S, NO_GRIPPER, Gripper
 from sim.outcome import Dwell, Outcome
-from sim.world import World
+from sim.world.contacts import Contact, ContactWatch, falls_as_planned, is_as_planned
+from sim.world.falling import GRAVITY_M_S2, Rest
+from sim.world.finger_closing import Closing
+from sim.world.gripper import FINGER_SPEED_M_S, NO_GRIPPER, Gripper
+from sim.world.world import World
 
 __all__ = ["DEFAULT_TICK_S", "GRAVITY_M_S2", "SHORTEST_TICK_S", "Dwell", "Outcome", "Simulation"]
 
@@ -201,9 +201,9 @@ class Simulation(OneLine):
         for contact in self._contacts(limb, move):
             end_s = contact.free_s if contact.stops else contact.time_s
             self._follow(limb, move, begin_s, end_s)
-            self._tell(EventKind.HIT, sentences.of_contact(contact, limb), limb, detail=contact)
+            self._tell(EventKind.HIT, event_text.of_contact(contact, limb), limb, detail=contact)
             if contact.stops:
-                return f"{move.label}: {sentences.of_stop(contact, limb)}"
+                return f"{move.label}: {event_text.of_stop(contact, limb)}"
         self._follow(limb, move, begin_s, move.trajectory.duration)
         return None
 
@@ -241,7 +241,7 @@ class Simulation(OneLine):
         """Tell what was pushed; what is not held comes to rest."""
         for push in closing.pushes:
             if push.distance_m > MOVED_M and not push.is_riding:
-                text, body = sentences.of_push(push, limb), self.world.body(push.body)
+                text, body = event_text.of_push(push, limb), self.world.body(push.body)
                 self._tell(EventKind.PUSHED, text, limb, body=body, detail=push)
             if push.body != closing.body and not push.is_riding:
                 self._is_as_planned = False
@@ -255,18 +255,18 @@ class Simulation(OneLine):
 
     def _settled(self, name: str, rest: Rest) -> None:
         body = self.world.body(name)
-        self._tell(EventKind.SETTLED, sentences.of_rest(name, rest), body=body, detail=rest)
+        self._tell(EventKind.SETTLED, event_text.of_rest(name, rest), body=body, detail=rest)
 
     def _grasped(self, limb: str, closing: Closing, percent: float) -> None:
         if closing.body is not None and closing.grasp is not None:
             self._is_as_planned &= not self.world.riders(closing.body)
-            text = sentences.of_grasp(closing.body, closing.grasp, percent)
+            text = event_text.of_grasp(closing.body, closing.grasp, percent)
             body = self.world.body(closing.body)
             self._tell(EventKind.GRASPED, text, limb, body=body, detail=closing.grasp)
 
     def _missed(self, limb: str, grip: Grip, closing: Closing) -> str:
         gap_m, is_closed = self.grippers[limb].gap_m, closing.finger_m == 0.0
-        text = sentences.of_miss(closing.miss, grip.body, gap_m, is_closed=is_closed)
+        text = event_text.of_miss(closing.miss, grip.body, gap_m, is_closed=is_closed)
         body = None if grip.body is None else self.world.scene.bodies.get(grip.body)
         self._tell(EventKind.MISSED, text, limb, body=body, detail=closing.miss)
         return f"{grip.label}: {text}"
@@ -277,7 +277,7 @@ class Simulation(OneLine):
         finger_m, failure = self._free_opening(limb, grip)
         if name is None:
             self._slide(limb, finger_m)
-            self._tell(EventKind.OPENED, sentences.of_opening(limb, gripper.state.percent), limb)
+            self._tell(EventKind.OPENED, event_text.of_opening(limb, gripper.state.percent), limb)
         else:
             body = self.world.body(name)
             self._tell(EventKind.RELEASED, f"{name} released", limb, body=body)
@@ -292,11 +292,11 @@ class Simulation(OneLine):
         if self._is_as_planned or not self._checks:
             return end_m, None
         for contact in self._watch.of_fingers(limb, end_m, FINGER_SPEED_M_S):
-            self._tell(EventKind.HIT, sentences.of_contact(contact, limb), limb, detail=contact)
+            self._tell(EventKind.HIT, event_text.of_contact(contact, limb), limb, detail=contact)
             if contact.stops:
                 way = contact.free_s * FINGER_SPEED_M_S
                 stop_m = begin_m + way if end_m > begin_m else begin_m - way
-                return stop_m, f"{grip.label}: {sentences.of_stop(contact, limb)}"
+                return stop_m, f"{grip.label}: {event_text.of_stop(contact, limb)}"
         return end_m, None
 
     def _let_go(self, limb: str, name: str, finger_m: float) -> None:

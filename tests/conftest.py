@@ -129,7 +129,7 @@ def small_disk(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 
     def leave(room: int) -> None:
         monkeypatch.setattr(
-            "sim.disk.open_to_write", lambda path: io.BufferedWriter(SmallDisk(path, room))
+            "sim.files.open_to_write", lambda path: io.BufferedWriter(SmallDisk(path, room))
         )
 
     return leave

@@ -45,7 +45,7 @@ from planner import (
     verify,
 )
 from sim import CsvRecorder, LoggedPoses, LogRecorder, McapRecorder, Recorder, Simulation, World
-from sim.viewer import Viewer
+from sim.view.viewer import Viewer
 from tests.conftest import at, overhead
 
 COPIES: dict[str, Callable[[Any], Any]] = {

@@ -25,7 +25,7 @@ from baxter_kin import Arm, Baxter, IKFailure, IKResult, IKService, JointLimits,
 from baxter_kin.display import LONGEST, OneLine, clear, line, millimetres, numbers, seconds
 from planner import Body, Clearance, Grip, Manipulator, Plan, PlanFailure, RobotBody, Scene, Sphere
 from sim import Recorder, Simulation, World
-from sim.viewer import Viewer
+from sim.view.viewer import Viewer
 from tests.conftest import at, overhead
 
 PACKAGES = (baxter_kin, baxter_kin.ik, planner, planner.verification, sim)

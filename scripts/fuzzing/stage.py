@@ -33,7 +33,7 @@ from baxter_kin.description import RobotDescription
 from baxter_kin.ik.task import Task
 from planner.collision.shape_pairs import Held
 from planner.verification import Relation
-from sim.retelling import retell
+from sim.recording.playback import retell
 
 TABLE_Z_M = -0.155
 
@@ -377,7 +377,7 @@ class _Lasting:
 
     @cached_property
     def Event(self) -> s.Event:
-        return s.Event(0.0, s.EventKind.MOVE_STARTED, "move", self.Move)
+        return s.Event(0.0, s.EventKind.MOVE_STARTED, "move", "left", self.Move)
 
     @cached_property
     def EventKind(self) -> s.EventKind:

@@ -6,10 +6,10 @@ import time
 from typing import TYPE_CHECKING
 
 from sim import Event, EventKind, Observer, Snapshot
-from sim.gripper_story import GripperStory
+from sim.view.gripper_status import GripperStory
 
 if TYPE_CHECKING:  # a headless run needs no web server
-    from sim.viewer import Viewer
+    from sim.view.viewer import Viewer
 
 FRAME_S = 1.0 / 60.0
 """Shortest time between two frames that are sent."""

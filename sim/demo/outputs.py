@@ -67,7 +67,7 @@ def _save(recorder: Recorder, path: Path) -> None:
 
 
 def _live(world: World, narrator: Narrator, cleanup: ExitStack) -> LiveView:
-    from sim.viewer import Viewer  # noqa: PLC0415 - a headless run needs no web server
+    from sim.view.viewer import Viewer  # noqa: PLC0415 - a headless run needs no web server
 
     viewer = cleanup.enter_context(Viewer(world.robot))
     viewer.show(world.q, {}, "ready")
@@ -80,7 +80,7 @@ def _live(world: World, narrator: Narrator, cleanup: ExitStack) -> LiveView:
 def _write_replay(
     path: Path, recorder: Recorder, robot: Baxter, narrator: Narrator, body: RobotBody | None
 ) -> None:
-    from sim.replay import write_replay  # noqa: PLC0415 - only when asked for
+    from sim.view.replay import write_replay  # noqa: PLC0415 - only when asked for
 
     if recorder.has_snapshots:
         write_replay(path, recorder.recording(), robot, body=body)

@@ -19,8 +19,8 @@ from baxter_kin import Baxter
 from planner import Body, Manipulator, PickAndPlace, plan_pick_and_place, plan_start_move
 from planner.scene.bodies import Box, Part
 from sim import Event, Recorder, Simulation, World
-from sim.recording import Recording
-from sim.tip_path import HOLDING_RGB
+from sim.recording.recording import Recording
+from sim.view.tip_path import HOLDING_RGB
 from tests.chromium import find_chromium
 from tests.conftest import at, overhead
 

@@ -23,9 +23,9 @@ from planner import (
 )
 from planner.verification.body.collada import read_collada
 from sim import Recorder, Simulation, SimulationError, World
-from sim.appearance import Appearance
 from sim.errors import RecordingError
-from sim.replay import replay_html
+from sim.view.appearance import Appearance
+from sim.view.replay import replay_html
 from tests.baxter_kin.description.test_hands import MOUNTS
 from tests.conftest import at
 

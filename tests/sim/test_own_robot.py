@@ -25,12 +25,12 @@ from planner.collision.robot_body import RobotBody
 from planner.errors import SceneError, TaskError
 from planner.verification.command_line import main
 from sim import Recorder, Recording, Simulation, World
-from sim.appearance import Appearance
 from sim.errors import RecordingError, SimulationError
-from sim.log_reading import read_log
-from sim.recording_log import LogRecorder
-from sim.replay import replay_html
-from sim.scenegraph import RobotTree
+from sim.recording.log_reading import read_log
+from sim.recording.log_recorder import LogRecorder
+from sim.view.appearance import Appearance
+from sim.view.replay import replay_html
+from sim.view.scenegraph import RobotTree
 from tests.conftest import overhead
 from tests.served_urdf import served_urdf
 

@@ -42,8 +42,8 @@ from sim import (
     Snapshot,
     World,
 )
-from sim.gripper import FINGER_SPEED_M_S
 from sim.simulation import DEFAULT_TICK_S, GRAVITY_M_S2
+from sim.world.gripper import FINGER_SPEED_M_S
 from tests.conftest import at, overhead
 
 TIME_S = 1e-9

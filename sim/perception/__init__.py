@@ -1,0 +1,1 @@
+"""Where bodies seem to be, and acting on it."""

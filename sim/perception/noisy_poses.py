@@ -1,0 +1,99 @@
+"""Noisy poses: what a camera makes of the truth.
+
+Position errors are normal and independent along x, y and z of base; the yaw error turns the body
+about the vertical through its centre. A look may see nothing (dropout), and what it sees may be old
+(latency). Every look draws the same number of random numbers, whatever comes of it, so runs with
+the same generator stay comparable when one parameter changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.display import OneLine
+from baxter_kin.errors import expect
+from planner import Body
+from sim.errors import SimulationError
+from sim.perception.pose_source import PoseSource, Sighting, checked_source
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Noise(OneLine):
+    """How badly something sees.
+
+    Attributes:
+        position_m: standard deviation along each axis of base.
+        yaw_rad: standard deviation of the turn about the vertical.
+        dropout: probability that a look sees nothing, 0 .. 1.
+        latency_s: how old what it sees is.
+
+    Raises:
+        SimulationError: when one is not a number, or outside its range.
+    """
+
+    position_m: float = 0.0
+    yaw_rad: float = 0.0
+    dropout: float = 0.0
+    latency_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("position_m", "yaw_rad", "dropout", "latency_s"):
+            value = finite_scalar(getattr(self, name), name, SimulationError)
+            if value < 0.0 or (name == "dropout" and value > 1.0):
+                allowed = "from 0 to 1" if name == "dropout" else "0 or above"
+                raise SimulationError(f"{name} of a noise must be {allowed}, got {value:g}")
+            object.__setattr__(self, name, value)
+
+
+class NoisyPoses(OneLine):
+    """A pose source that sees what another one sees, but worse."""
+
+    def __init__(self, source: PoseSource, noise: Noise, rng: np.random.Generator) -> None:
+        """Look through a source.
+
+        Args:
+            source: what sees better.
+            noise: how much worse.
+            rng: where the errors come from; the same numbers make the same errors.
+
+        Raises:
+            SimulationError: when one of them is none.
+        """
+        self._source = checked_source(source, "source")
+        self._noise = expect(noise, Noise, "noise", SimulationError)
+        self._rng = expect(rng, np.random.Generator, "rng", SimulationError)
+
+    def look(self, name: str, time_s: float) -> Sighting | None:
+        """What it sees of a body at a time; None when it does not see it.
+
+        Raises:
+            SimulationError: when the time is no number.
+        """
+        time_s = finite_scalar(time_s, "time_s", SimulationError)
+        errors, is_seen = self._rng.normal(size=4), self._rng.random() >= self._noise.dropout
+        sighting = self._source.look(name, max(0.0, time_s - self._noise.latency_s))
+        if sighting is None or not is_seen:
+            return None
+        shift, yaw = self._noise.position_m * errors[:3], self._noise.yaw_rad * errors[3]
+        return Sighting(displaced(sighting.body, shift, float(yaw)), sighting.time_s)
+
+    def _facts(self) -> tuple[str, ...]:
+        return (repr(self._noise),)
+
+
+def displaced(body: Body, shift_base: Vector, yaw_rad: float) -> Body:
+    """A body moved, and turned about the vertical through its centre.
+
+    Args:
+        body: the body.
+        shift_base: how far, seen from base, shape (3,), m.
+        yaw_rad: how much, about z of base.
+    """
+    turn, centre = pin.rpy.rpyToMatrix(0.0, 0.0, yaw_rad), body.centre_base
+    T = body.T_base_body
+    position = centre + turn @ (T.translation - centre) + shift_base
+    return body.at(pin.SE3(turn @ T.rotation, position))

@@ -1,0 +1,262 @@
+"""A recording drawn: every joint of an arm against its limits (matplotlib enters here).
+
+One column for each joint; position, velocity, acceleration and jerk below each other. Only the
+object-oriented interface is used, so no window is opened and no global state is touched.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from baxter_kin import Baxter, JointLimits
+from baxter_kin.arrays import Vector
+from baxter_kin.errors import UnknownNameError, expect
+from baxter_kin.model import LIMBS
+from sim.errors import RecordingError
+from sim.events import Event, EventKind
+from sim.recording.recorded_motion import ArmMotion, arm_joints
+from sim.recording.recording import Recording
+
+SIZE_INCH = (21.0, 9.5)
+"""Of one arm."""
+
+STILL_RAD = 2e-3
+"""An arm whose joints move no farther stands still; encoders of a real one are no quieter."""
+
+STILL = 1e-6
+"""Rates of an arm that stands still, in rad/s, rad/s^2 and rad/s^3: rounding."""
+
+LARGEST_VIEW = 2.5
+"""A panel reaches no farther than so many times the limits, whatever differences of noise give."""
+
+MARGIN = 0.12
+"""How much of the limits' range is shown beyond them."""
+
+EXACT_COLOUR = "#1f5fa8"
+DIFFERENCE_COLOUR = "#8fb3d9"
+LIMIT_COLOUR = "#b03030"
+
+_MARKS = {
+    EventKind.GRASPED: "#2a9d4a",
+    EventKind.RELEASED: "#e08a1e",
+    EventKind.MISSED: "#d02060",
+}
+"""Events that are marked, with their colours."""
+
+MOST_LABELS = 6
+"""More marks than this carry no text, or it could not be read; the legend has it."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """One row of panels.
+
+    Attributes:
+        label: quantity and unit.
+        key: its name in `ArmMotion`.
+        steps: whether it is constant from each time to the next.
+    """
+
+    label: str
+    key: str
+    steps: bool = False
+
+
+_ROWS = (
+    _Row("position [rad]", "q"),
+    _Row("velocity [rad/s]", "v"),
+    _Row("acceleration [rad/s²]", "a"),
+    _Row("jerk [rad/s³]", "j", steps=True),
+)
+
+
+def plot_recording(
+    recording: Recording, limb: str | None = None, limits: JointLimits | None = None
+) -> Figure:
+    """The figure that `Recording.plot` describes.
+
+    Raises:
+        UnknownNameError: when there is no such limb.
+        RecordingError: when the limits are not those of that arm, or its joints were not recorded.
+    """
+    expect(recording, Recording, "recording", RecordingError)
+    limbs = _limbs(recording, limb, limits)
+    motions = [recording.motion(side, with_knots=True) for side in limbs]
+    figure = _new_figure(len(limbs))
+    parts = figure.subfigures(len(limbs), 1, squeeze=False)[:, 0]
+    for part, side, motion in zip(parts, limbs, motions, strict=True):
+        bounds = _in_order(_limits(recording, side) if limits is None else limits, side)
+        _draw_arm(part, recording, motion, bounds, side)
+    return figure
+
+
+def _limbs(recording: Recording, limb: object, limits: JointLimits | None) -> tuple[str, ...]:
+    """The arms to draw."""
+    if limb is not None:
+        if not isinstance(limb, str) or limb not in LIMBS:
+            raise UnknownNameError("limb", limb, LIMBS)
+        return (limb,)
+    if limits is not None:
+        names = sorted(expect(limits, JointLimits, "limits", RecordingError).names)
+        return tuple(side for side in LIMBS if sorted(arm_joints(side)) == names) or (LIMBS[0],)
+    moved = [side for side in LIMBS if np.ptp(recording.motion(side).q, axis=0).max() > STILL_RAD]
+    return tuple(moved) or LIMBS
+
+
+def _limits(recording: Recording, limb: str) -> JointLimits:
+    """The widest of those that the moves of the arm were made for, or else the robot's."""
+    own = [move.trajectory.limits for move in recording.moves if move.limb == limb]
+    if not own:
+        return Baxter.load().arm(limb).limits
+    ordered = [_in_order(limits, limb) for limits in own]
+    return JointLimits(
+        arm_joints(limb),
+        q_min=np.min([limits.q_min for limits in ordered], axis=0),
+        q_max=np.max([limits.q_max for limits in ordered], axis=0),
+        v_max=np.max([limits.v_max for limits in ordered], axis=0),
+        a_max=np.max([limits.a_max for limits in ordered], axis=0),
+        j_max=np.max([limits.j_max for limits in ordered], axis=0),
+    )
+
+
+def _in_order(limits: JointLimits, limb: str) -> JointLimits:
+    names = arm_joints(limb)
+    known = expect(limits, JointLimits, "limits", RecordingError).names
+    if sorted(known) != sorted(names):
+        raise RecordingError(f"limits of {', '.join(known)} are not those of the {limb} arm")
+    order = [known.index(name) for name in names]
+    arrays = (limits.q_min, limits.q_max, limits.v_max, limits.a_max, limits.j_max)
+    q_min, q_max, v_max, a_max, j_max = (array[order] for array in arrays)
+    return JointLimits(names, q_min, q_max, v_max, a_max, j_max)
+
+
+def _new_figure(arms: int) -> Figure:
+    width, height = SIZE_INCH
+    return Figure(figsize=(width, arms * height), layout="constrained", facecolor="white")
+
+
+def _draw_arm(
+    part: Any, recording: Recording, motion: ArmMotion, limits: JointLimits, limb: str
+) -> None:
+    events = [event for event in recording.events if event.kind in _MARKS]
+    panels = part.subplots(len(_ROWS), len(motion.joint_names), sharex=True)
+    for row, axes_of_row in zip(_ROWS, panels, strict=True):
+        low, high = _bounds(row, limits)
+        for i, axes in enumerate(axes_of_row):
+            _draw_panel(axes, motion, row, i, (float(low[i]), float(high[i])))
+            _draw_marks(axes, events)
+        axes_of_row[0].set_ylabel(row.label)
+    for axes, name in zip(panels[0], motion.joint_names, strict=True):
+        axes.set_title(name, fontsize=11, fontweight="bold", pad=8)
+    if len(events) <= MOST_LABELS:
+        for axes in panels[0]:
+            _draw_labels(axes, events)
+    for axes in panels[-1]:
+        axes.set_xlabel("time [s]")
+    panels[0, 0].set_xlim(*_time_range(recording))
+    part.suptitle(_title(recording, limb), fontsize=14, fontweight="bold")
+    part.legend(*_legend(motion, events), loc="outside lower center", ncols=6, frameon=False)
+
+
+def _draw_panel(
+    axes: Any, motion: ArmMotion, row: _Row, joint: int, bounds: tuple[float, float]
+) -> None:
+    values: Vector = getattr(motion, row.key)[:, joint]
+    style = "steps-post" if row.steps else "default"
+    known = _known(motion)
+    for mask, colour in ((_widened(~known), DIFFERENCE_COLOUR), (known, EXACT_COLOUR)):
+        shown = np.where(mask, values, np.nan)
+        axes.plot(motion.times_s, shown, color=colour, linewidth=1.3, drawstyle=style, zorder=3)
+    for bound in bounds:
+        axes.axhline(bound, color=LIMIT_COLOUR, linewidth=1.0, linestyle=(0, (5, 3)), zorder=2)
+    axes.set_ylim(*_view(values, *bounds))
+    axes.grid(visible=True, color="#e6e6e6", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=8)
+
+
+def _draw_marks(axes: Any, events: list[Event]) -> None:
+    for event in events:
+        axes.axvline(event.time_s, color=_MARKS[event.kind], linewidth=1.1, zorder=1)
+
+
+def _draw_labels(axes: Any, events: list[Event]) -> None:
+    """What happened, upright beside its mark."""
+    for event in events:
+        axes.annotate(
+            event.kind.value,
+            (event.time_s, 0.14),
+            xycoords=("data", "axes fraction"),
+            xytext=(2, 0),
+            textcoords="offset points",
+            rotation=90,
+            fontsize=7,
+            color=_MARKS[event.kind],
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8},
+            zorder=2.5,
+        )
+
+
+def _bounds(row: _Row, limits: JointLimits) -> tuple[Vector, Vector]:
+    if row.key == "q":
+        return limits.q_min, limits.q_max
+    most: Vector = getattr(limits, f"{row.key}_max")
+    return -most, most
+
+
+def _view(values: Vector, low: float, high: float) -> tuple[float, float]:
+    """What a panel shows: the limits and a margin, and values beyond as far as is sensible."""
+    reach = (high - low) / 2 * LARGEST_VIEW
+    middle = (low + high) / 2
+    margin = MARGIN * (high - low) / 2
+    bottom = max(min(low, float(values.min())), middle - reach)
+    top = min(max(high, float(values.max())), middle + reach)
+    return bottom - margin, top + margin
+
+
+def _known(motion: ArmMotion) -> NDArray[np.bool_]:
+    """Where the motion is exact: in recorded moves, and where the arm stands still."""
+    changes = np.abs(np.concatenate([motion.v, motion.a, motion.j], axis=1))
+    known: NDArray[np.bool_] = motion.is_exact | (changes.max(axis=1) < STILL)
+    return known
+
+
+def _widened(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """With the neighbours of each run, so that a line through them has no gap."""
+    wider = mask.copy()
+    wider[:-1] |= mask[1:]
+    wider[1:] |= mask[:-1]
+    return wider
+
+
+def _time_range(recording: Recording) -> tuple[float, float]:
+    first, last = float(recording.times_s[0]), float(recording.times_s[-1])
+    return (first, last) if last > first else (first - 0.5, last + 0.5)
+
+
+def _title(recording: Recording, limb: str) -> str:
+    moves = sum(move.limb == limb for move in recording.moves)
+    said = f", {moves} move{'' if moves == 1 else 's'}" if moves else ""
+    return f"{limb.capitalize()} arm: {recording.duration_s:.2f} s{said}"
+
+
+def _legend(motion: ArmMotion, events: list[Event]) -> tuple[list[Any], list[str]]:
+    known = _known(motion)
+    entries: dict[str, Any] = {}
+    if motion.is_exact.any():
+        entries["exact, from the recorded moves"] = Line2D([], [], color=EXACT_COLOUR)
+    elif known.any():
+        entries["standing still"] = Line2D([], [], color=EXACT_COLOUR)
+    if not known.all():
+        entries["differences of the recorded positions"] = Line2D([], [], color=DIFFERENCE_COLOUR)
+    entries["limit"] = Line2D([], [], color=LIMIT_COLOUR, linestyle=(0, (5, 3)))
+    for kind, colour in _MARKS.items():
+        if any(event.kind is kind for event in events):
+            entries[kind.value] = Line2D([], [], color=colour)
+    return list(entries.values()), list(entries)

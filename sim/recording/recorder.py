@@ -1,0 +1,134 @@
+"""Recorder: an observer that keeps what happens in memory, until data is made of it."""
+
+from __future__ import annotations
+
+import sys
+from collections import deque
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import Baxter, quaternion_xyzw
+from baxter_kin.arrays import Vector, whole_scalar
+from baxter_kin.display import count
+from baxter_kin.errors import expect
+from baxter_kin.model import LIMBS
+from planner import Body, Scene
+from sim.errors import RecordingError
+from sim.events import Event, Observer, Snapshot
+from sim.recording.recorded_motion import RecordedMove, recorded_move
+from sim.recording.recording import Recording
+
+
+class Recorder(Observer):
+    """Collects snapshots and events in memory; `recording()` makes data of them."""
+
+    def __init__(self, robot: Baxter, *, keep: int | None = None) -> None:
+        """Start empty.
+
+        Args:
+            robot: whose joints are recorded.
+            keep: how many snapshots to keep, and the events and moves of that time; all when not
+                given.
+
+        Raises:
+            RecordingError: when `keep` is not a whole number above zero.
+        """
+        if keep is not None:
+            keep = whole_scalar(keep, "keep", RecordingError, least=1, most=sys.maxsize)
+        self._robot = expect(robot, Baxter, "robot", RecordingError)
+        self._snapshots: deque[Snapshot] = deque(maxlen=keep)
+        self._events: deque[Event] = deque()
+        self._moves: deque[RecordedMove] = deque()
+        self._bodies: dict[str, Body] = {}
+
+    @property
+    def has_snapshots(self) -> bool:
+        """Whether there is anything to make a recording of."""
+        return bool(self._snapshots)
+
+    def remember(self, scene: Scene) -> None:
+        """Note the shapes of bodies that were in the world before the simulation began.
+
+        Those that it spawns are noted as they appear; snapshots carry only their poses.
+
+        Raises:
+            RecordingError: when it is no scene.
+        """
+        self._bodies.update(expect(scene, Scene, "scene", RecordingError).bodies)
+
+    def on_snapshot(self, snapshot: Snapshot) -> None:
+        """Keep it.
+
+        Raises:
+            RecordingError: when it is no snapshot.
+        """
+        self._snapshots.append(expect(snapshot, Snapshot, "snapshot", RecordingError))
+
+    def on_event(self, event: Event) -> None:
+        """Keep it, the move that began, and the shapes of a body that appeared.
+
+        Raises:
+            RecordingError: when it is no event.
+        """
+        expect(event, Event, "event", RecordingError)
+        self._events.append(event)
+        if event.body is not None and event.is_about_shape:
+            self._bodies[event.body.name] = event.body
+        move = recorded_move(event)
+        if move is not None:
+            self._moves.append(move)
+        self._forget_the_past()
+
+    def recording(self) -> Recording:
+        """All so far.
+
+        Raises:
+            RecordingError: when there is no snapshot yet.
+        """
+        shots = self._snapshots
+        self._forget_the_past()
+        return Recording(
+            joint_names=self._robot.joint_names,
+            times_s=np.array([shot.time_s for shot in shots]),
+            q=np.array([shot.q for shot in shots]),
+            gripper_percent=np.array(
+                [[shot.grippers[side].percent for side in LIMBS] for shot in shots]
+            ),
+            bodies=self._bodies,
+            body_poses={name: self._track(name) for name in self._bodies},
+            captions=self._captions(),
+            events=tuple(self._events),
+            moves=tuple(self._moves),
+            robot=self._robot.description.identity,
+        )
+
+    def _facts(self) -> tuple[str, ...]:
+        return (count(len(self._snapshots), "snapshot"),)
+
+    def _forget_the_past(self) -> None:
+        """What ended before the first snapshot that is kept, once others were dropped."""
+        if len(self._snapshots) != self._snapshots.maxlen:
+            return
+        first_s = self._snapshots[0].time_s
+        while self._moves and self._moves[0].end_s < first_s:
+            self._moves.popleft()
+        while self._events and self._events[0].time_s < first_s:
+            self._events.popleft()
+
+    def _track(self, name: str) -> Vector:
+        absent = np.full(7, np.nan)
+        poses = (shot.T_base_bodies.get(name) for shot in self._snapshots)
+        return np.array([absent if T is None else pose_row(T) for T in poses])
+
+    def _captions(self) -> tuple[tuple[float, str], ...]:
+        captions: list[tuple[float, str]] = []
+        for shot in self._snapshots:
+            if not captions or captions[-1][1] != shot.caption:
+                captions.append((shot.time_s, shot.caption))
+        return tuple(captions)
+
+
+def pose_row(T_base_body: pin.SE3) -> list[float]:
+    """A pose seen from base as x, y, z, then quaternion x, y, z, w; seven numbers, m."""
+    return [*T_base_body.translation.tolist(), *quaternion_xyzw(T_base_body).tolist()]

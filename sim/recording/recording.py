@@ -1,0 +1,237 @@
+"""Recording: what happened, as data.
+
+Files: npz by `Recording.save`, the RSDK's CSV by `Recording.write_csv`, MCAP by
+`Recording.write_mcap`; while the simulation runs, `LogRecorder`, `CsvRecorder` and `McapRecorder`
+write to disk as they go.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from baxter_kin import JointLimits
+from baxter_kin.arrays import Vector, finite_array, float_array
+from baxter_kin.copying import Frozen, FrozenMapping
+from baxter_kin.description import RobotIdentity
+from baxter_kin.display import OneLine, count, line, listing, seconds, shown
+from baxter_kin.errors import UnknownNameError, expect, expect_all, quoted
+from baxter_kin.files import PathLike
+from baxter_kin.model import LIMBS
+from planner import Body, Scene
+from sim.errors import RecordingError
+from sim.events import Event
+from sim.recording.recorded_motion import ArmMotion, RecordedMove, arm_joints, arm_motion
+from sim.recording.rsdk_csv import CsvFile, CsvRecorder, arm_indices, csv_header
+
+if TYPE_CHECKING:  # drawing is an extra
+    from matplotlib.figure import Figure
+
+__all__ = [  # the names of the CSV can be had here too
+    "CsvFile",
+    "CsvRecorder",
+    "NotedRecording",
+    "RecordedMove",
+    "Recording",
+    "csv_header",
+]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Recording(Frozen, OneLine):
+    """A finished recording of n snapshots.
+
+    Attributes:
+        joint_names: the joints of the robot, 19 with both grippers.
+        times_s: shape (n,), increasing.
+        q: full configurations, shape (n, joints), rad and m.
+        gripper_percent: left and right gripper, shape (n, 2), 0 closed .. 100 open.
+        bodies: every body that ever was in the world, by name.
+        body_poses: for each, shape (n, 7): x, y, z, then quaternion x, y, z, w, seen from base; NaN
+            while it is not in the world.
+        captions: (time in s, text) wherever the caption changed.
+        events: everything that happened.
+        moves: the commands: every move of an arm with its exact motion, in order.
+        robot: which robot it was; None where nobody said.
+
+    Raises:
+        RecordingError: when shapes do not fit, times do not increase, or there is no snapshot.
+    """
+
+    joint_names: tuple[str, ...]
+    times_s: Vector
+    q: Vector
+    gripper_percent: Vector
+    bodies: Mapping[str, Body]
+    body_poses: Mapping[str, Vector]
+    captions: tuple[tuple[float, str], ...]
+    events: tuple[Event, ...]
+    moves: tuple[RecordedMove, ...] = ()
+    robot: RobotIdentity | None = None
+
+    def __post_init__(self) -> None:
+        if self.robot is not None:
+            expect(self.robot, RobotIdentity, "robot", RecordingError)
+        count = float_array(self.times_s, "times_s", RecordingError).size
+        if count == 0:
+            raise RecordingError("the recording is empty: nothing was simulated")
+        for name, kind in _PARTS.items():
+            items = expect_all(getattr(self, name), kind, name, RecordingError)
+            object.__setattr__(self, name, items)
+        shapes = {
+            "times_s": (count,),
+            "q": (count, len(self.joint_names)),
+            "gripper_percent": (count, len(LIMBS)),
+        }
+        for name, shape in shapes.items():
+            array = finite_array(getattr(self, name), shape, name, RecordingError)
+            object.__setattr__(self, name, array)
+        if not (np.diff(self.times_s) > 0.0).all():
+            raise RecordingError("times_s must increase from one snapshot to the next")
+        object.__setattr__(self, "body_poses", self._frozen_poses())
+        object.__setattr__(self, "bodies", Scene(self.bodies).bodies)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first snapshot to the last."""
+        return float(self.times_s[-1] - self.times_s[0])
+
+    @classmethod
+    def load(cls, path: PathLike) -> Recording:
+        """The recording in a file that `save` wrote.
+
+        Raises:
+            RecordingError: when the file cannot be read, is truncated, damaged or edited, or holds
+                no recording; says which.
+        """
+        from sim.recording.npz_file import load_recording  # noqa: PLC0415 - it makes recordings
+
+        return load_recording(path)
+
+    def save(self, path: PathLike) -> None:
+        """Write all of it to an npz file; `sim.recording.npz_file` describes the format.
+
+        Raises:
+            RecordingError: when the file cannot be written.
+        """
+        from sim.recording.npz_file import save_recording  # noqa: PLC0415 - it makes recordings
+
+        save_recording(self, path)
+
+    def motion(self, limb: str, *, with_knots: bool = False) -> ArmMotion:
+        """Position, velocity, acceleration and jerk of an arm.
+
+        They are exact where a move was recorded, and differences of the positions elsewhere.
+
+        Args:
+            limb: "left" or "right".
+            with_knots: whether to add the times where the jerk of a move changes.
+
+        Raises:
+            UnknownNameError: when there is no such limb.
+            RecordingError: when its joints were not recorded, or `with_knots` is no truth value.
+        """
+        expect(with_knots, bool, "with_knots", RecordingError)
+        if not isinstance(limb, str) or limb not in LIMBS:
+            raise UnknownNameError("limb", limb, LIMBS)
+        names = arm_joints(limb)
+        missing = [name for name in names if name not in self.joint_names]
+        if missing:
+            raise RecordingError(f"the recording lacks {', '.join(missing)}")
+        q = self.q[:, [self.joint_names.index(name) for name in names]]
+        moves = [move for move in self.moves if move.limb == limb]
+        return arm_motion(names, self.times_s, q, moves, with_knots=with_knots)
+
+    def plot(self, limb: str | None = None, *, limits: JointLimits | None = None) -> Figure:
+        """Position, velocity, acceleration and jerk of each joint against its limits.
+
+        Args:
+            limb: "left" or "right"; when not given, those that moved.
+            limits: of that arm; when not given, those of the recorded moves, or else the robot's.
+
+        Returns:
+            A figure of Matplotlib; nothing is opened, `figure.savefig("motion.png")` keeps it.
+
+        Raises:
+            UnknownNameError: when there is no such limb.
+            RecordingError: when Matplotlib is missing, or the limits are not those of one arm.
+        """
+        try:
+            from sim.recording.plot import plot_recording  # noqa: PLC0415 - drawing is an extra
+        except ImportError as cause:
+            raise RecordingError(
+                "drawing needs the package matplotlib; run: pip install 'baxter-kin[plot]'"
+            ) from cause
+        figure: Figure = plot_recording(self, limb, limits)
+        return figure
+
+    def write_mcap(self, path: PathLike) -> None:
+        """Write ROS 1 messages to an MCAP file; `sim.recording.mcap_file` describes them.
+
+        Raises:
+            RecordingError: when the package `mcap` is missing, a time is negative, or the file
+                cannot be written.
+        """
+        from sim.recording.mcap_file import write_mcap  # noqa: PLC0415 - an extra
+
+        write_mcap(self, path)
+
+    def write_csv(self, path: PathLike) -> None:
+        """Write the RSDK's CSV.
+
+        Raises:
+            RecordingError: when the file cannot be written.
+        """
+        indices = arm_indices(self.joint_names)
+        with CsvFile(path) as file:
+            for time_s, q, percent in zip(self.times_s, self.q, self.gripper_percent, strict=True):
+                file.write(float(time_s), q[indices], percent)
+
+    def _facts(self) -> tuple[str, ...]:
+        rows, bodies = count(len(self.times_s), "snapshot"), listing(self.bodies, "body")
+        return rows, seconds(self.duration_s), count(len(self.events), "event"), bodies
+
+    def _frozen_poses(self) -> Mapping[str, Vector]:
+        if not isinstance(self.body_poses, Mapping):
+            raise RecordingError(
+                f"body_poses must be a mapping, got {type(self.body_poses).__name__}"
+            )
+        poses = {}
+        for name, track in self.body_poses.items():
+            array = float_array(track, f"poses of {quoted(name)}", RecordingError)
+            if array.shape != (len(self.times_s), 7):
+                raise RecordingError(
+                    f"poses of {quoted(name)} have shape {array.shape}; need "
+                    f"{(len(self.times_s), 7)}"
+                )
+            array.setflags(write=False)
+            poses[name] = array
+        return FrozenMapping(poses)
+
+
+class NotedRecording(NamedTuple):
+    """A recording read from a file that may be damaged or odd, and what was odd about it.
+
+    Attributes:
+        recording: what was read.
+        notes: a sentence for each oddity; empty when there was none.
+    """
+
+    recording: Recording
+    notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        is_known = isinstance(self.notes, tuple)  # a named tuple takes anything
+        notes = count(len(self.notes), "note") if is_known else shown(self.notes)
+        return line("NotedRecording", (notes, quoted(self.recording)))
+
+
+_PARTS: Mapping[str, type[object]] = {
+    "joint_names": str,
+    "captions": tuple,
+    "events": Event,
+    "moves": RecordedMove,
+}

@@ -1,0 +1,128 @@
+"""The CSV of the RSDK's recorder, written.
+
+It is what `joint_recorder.py` of the Rethink SDK writes and `joint_position_file_playback.py`
+reads: header and 17 columns, time in seconds with six decimals, angles in rad, grippers 0..100.
+`sim.recording.rsdk_reading` reads it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from baxter_kin import Baxter
+from baxter_kin.arrays import Vector
+from baxter_kin.copying import NotCopied
+from baxter_kin.display import OneLine
+from baxter_kin.errors import expect
+from baxter_kin.files import PathLike
+from baxter_kin.model import JOINTS, LIMBS
+from sim.errors import RecordingError
+from sim.events import Observer, Snapshot
+from sim.files import LineFile
+
+_ROW = ",".join(["{:.6f}", *["{:.12g}"] * 16])
+"""Time, and both arms with their grippers."""
+
+
+class CsvFile(NotCopied, OneLine):
+    """The RSDK's CSV while it is being written; use it as a context manager."""
+
+    def __init__(self, path: PathLike) -> None:
+        """Open the file and write the header.
+
+        Raises:
+            RecordingError: when the file cannot be written.
+        """
+        self._file = LineFile(path)
+        self._file.write(",".join(csv_header()))
+
+    def __enter__(self) -> CsvFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def write(self, time_s: float, arms: Vector, percent: Vector) -> None:
+        """One row, which reaches the system at once.
+
+        Args:
+            time_s: time.
+            arms: left, then right arm, shape (14,), rad.
+            percent: left and right gripper, shape (2,).
+
+        Raises:
+            RecordingError: when the file cannot be written.
+        """
+        self.write_row(time_s, arms.tolist(), percent.tolist())
+
+    def write_row(self, time_s: float, joints: list[float], percent: list[float]) -> None:
+        """The same from plain numbers, 14 and 2.
+
+        Raises:
+            RecordingError: when the file cannot be written.
+        """
+        left, right = percent
+        self._file.write(_ROW.format(time_s, *joints[:7], left, *joints[7:], right))
+
+    def close(self) -> None:
+        """Close the file.
+
+        Raises:
+            RecordingError: when the file cannot be written.
+        """
+        self._file.close()
+
+    def _facts(self) -> tuple[str, ...]:
+        return self._file._facts()
+
+
+class CsvRecorder(NotCopied, Observer):
+    """Writes the RSDK's CSV while the simulation runs, so that a run cut short keeps its rows."""
+
+    def __init__(self, path: PathLike, robot: Baxter) -> None:
+        """Open the file.
+
+        Raises:
+            RecordingError: when it cannot be written.
+        """
+        joint_names = expect(robot, Baxter, "robot", RecordingError).joint_names
+        self._indices = np.array(arm_indices(joint_names))
+        self._csv = CsvFile(path)
+
+    def on_snapshot(self, snapshot: Snapshot) -> None:
+        """Write a row.
+
+        Raises:
+            RecordingError: when it is no snapshot, or the file cannot be written.
+        """
+        expect(snapshot, Snapshot, "snapshot", RecordingError)
+        percent = [snapshot.grippers[side].percent for side in LIMBS]
+        self._csv.write_row(snapshot.time_s, snapshot.q[self._indices].tolist(), percent)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._csv.close()
+
+    def _facts(self) -> tuple[str, ...]:
+        return self._csv._facts()
+
+
+def csv_header() -> list[str]:
+    """The 17 column names."""
+    columns = ["time"]
+    for side in LIMBS:
+        columns += [*(f"{side}_{joint}" for joint in JOINTS), f"{side}_gripper"]
+    return columns
+
+
+def arm_indices(joint_names: tuple[str, ...]) -> list[int]:
+    """Where the joints of left and right arm stand in a configuration.
+
+    Raises:
+        RecordingError: when one is missing.
+    """
+    wanted = [f"{side}_{joint}" for side in LIMBS for joint in JOINTS]
+    missing = [name for name in wanted if name not in joint_names]
+    if missing:
+        raise RecordingError(f"the recording lacks {', '.join(missing)}, which the CSV needs")
+    return [joint_names.index(name) for name in wanted]

@@ -1,0 +1,128 @@
+"""A recording as Meshcat animation: one track for each property that changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baxter_kin.arrays import Vector
+from sim.recording.recording import Recording
+from sim.view.decimation import frame_samples, telling_samples
+from sim.view.meshcat_commands import Command, set_property, short_numbers
+from sim.view.scenegraph import RobotTree, body_path
+
+JOINT_TOLERANCE = 2e-4
+"""How far a replayed joint may be off, rad or m: 0.2 mm for each metre of arm."""
+
+POSE_TOLERANCE = 2e-4
+"""How far a replayed body may be off: metres, and parts of a unit quaternion."""
+
+VALUE_STEP = 2.0**-15
+"""Values are rounded to this, metres or parts of a unit quaternion: a sixth of the tolerances."""
+
+_TYPES = {"position": "vector", "quaternion": "quaternion", "visible": "bool"}
+"""What three.js calls the values of a property."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """One property of one node over time.
+
+    Attributes:
+        path: the node.
+        key: `position`, `quaternion` (x, y, z, w) or `visible`.
+        times_s: shape (n,), increasing.
+        values: shape (n, 3), (n, 4) or, for `visible`, (n, 1).
+    """
+
+    path: str
+    key: str
+    times_s: Vector
+    values: Vector
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it says the same all the time."""
+        return bool((self.values == self.values[0]).all())
+
+    def first(self) -> Command:
+        """The command that sets the first value."""
+        value = self.values[0].tolist()
+        return set_property(self.path, self.key, bool(value[0]) if self.key == "visible" else value)
+
+    def lowered(self) -> Command:
+        """The track as three.js reads it."""
+        values = self.values.reshape(-1)
+        return {
+            "name": f".{self.key}",
+            "type": _TYPES[self.key],
+            "times": self.times_s.astype(np.float32),
+            "values": [bool(value) for value in values]
+            if self.key == "visible"
+            else short_numbers(values, VALUE_STEP),
+        }
+
+
+def recorded_tracks(recording: Recording, tree: RobotTree) -> Iterator[Track]:
+    """Everything that moves, appears or disappears in a recording, from time zero."""
+    times = recording.times_s - recording.times_s[0]
+    for joint in range(len(tree.paths)):
+        yield _joint_track(tree, joint, times, recording.q[:, joint])
+    for name, poses in recording.body_poses.items():
+        yield from _body_tracks(body_path(name), times, poses)
+
+
+def animation_commands(tracks: Iterable[Track], duration_s: float) -> list[Command]:
+    """Commands that put every node to its first state, and the animation as the last of them."""
+    tracks = list(tracks)
+    by_path: dict[str, list[Command]] = {}
+    for track in tracks:
+        if not track.is_constant:
+            by_path.setdefault(track.path, []).append(track.lowered())
+    animations = [
+        {"path": path, "clip": {"name": path, "fps": 1, "duration": duration_s, "tracks": lowered}}
+        for path, lowered in by_path.items()
+    ]
+    options = {"play": False, "repetitions": 1}
+    animation = {"type": "set_animation", "animations": animations, "options": options, "path": ""}
+    return [*(track.first() for track in tracks), animation]
+
+
+def _joint_track(tree: RobotTree, joint: int, times: Vector, q: Vector) -> Track:
+    """Between keyframes the browser turns the short way, so they are at most a radian apart."""
+    frames = frame_samples(times)
+    times, q = times[frames], q[frames]
+    telling = telling_samples(times, q[:, None], JOINT_TOLERANCE)
+    chosen = np.union1d(telling, np.flatnonzero(np.diff(np.floor(q))))
+    key, values = tree.motions(joint, q[chosen])
+    return Track(tree.paths[joint], key, times[chosen], values)
+
+
+def _body_tracks(path: str, times: Vector, poses: Vector) -> Iterator[Track]:
+    present = np.asarray(np.isfinite(poses).all(axis=1))
+    changes = np.flatnonzero(np.diff(present)) + 1
+    visible = np.concatenate([[0], changes])
+    yield Track(path, "visible", times[visible], present[visible, None].astype(np.float64))
+    if not present.any():
+        return
+    frames = np.union1d(frame_samples(times), np.concatenate([changes - 1, changes]))
+    poses = _continued(poses, present)[frames]
+    for key, values in (("position", poses[:, :3]), ("quaternion", _same_side(poses[:, 3:]))):
+        telling = telling_samples(times[frames], values, POSE_TOLERANCE)
+        yield Track(path, key, times[frames][telling], values[telling])
+
+
+def _continued(poses: Vector, present: NDArray[np.bool_]) -> Vector:
+    """The poses with those missing taken from the last one before, or the first one after."""
+    last = np.maximum.accumulate(np.where(present, np.arange(len(poses)), -1))
+    return poses[np.where(last < 0, present.argmax(), last)]
+
+
+def _same_side(quats_xyzw: Vector) -> Vector:
+    """The same rotations, each quaternion on the side of the sphere where the one before it is."""
+    dots = np.einsum("ij,ij->i", quats_xyzw[1:], quats_xyzw[:-1])
+    signs = np.cumprod(np.concatenate([[1.0], np.where(dots < 0.0, -1.0, 1.0)]))
+    return quats_xyzw * signs[:, None]

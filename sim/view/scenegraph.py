@@ -1,0 +1,306 @@
+"""The scene as a tree of Meshcat nodes, shared by the live view and the replay.
+
+The robot has two nodes for each joint: `<joint>` is placed once, `<joint>/moves` only turns or
+slides. So a frame of motion is one quaternion or one position for each joint that moved, and the
+browser does the forward kinematics by drawing. Bodies stand beside the robot, under `/bodies`.
+Every path starts in base.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from urllib.parse import quote
+from zlib import crc32
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from baxter_kin.arrays import Vector
+from baxter_kin.frames import BASE_HEIGHT_M
+from planner.collision.robot_body import LinkBody, RobotBody
+from planner.scene.bodies import Body, Box, Cylinder, Part
+from planner.scene.mesh import Mesh
+from sim.errors import SimulationError
+from sim.view.appearance import Appearance, RobotPart
+from sim.view.meshcat_commands import (
+    Command,
+    Rgb,
+    compact,
+    glowing,
+    material,
+    painted,
+    set_object,
+    set_property,
+    set_transform,
+    short_numbers,
+    triangles,
+)
+
+FLOOR_RADII_M = (0.0, 1.6, 2.4, 3.2)
+FLOOR_OPACITIES = (1.0, 1.0, 0.45, 0.0)
+"""The floor fades into the background, so that it has no edge."""
+
+TUBE_STEP_M = 2.0**-12
+"""Corners of tubes are rounded to this, a quarter of a millimetre."""
+
+BODY_RGB: Rgb = (0.95, 0.55, 0.12)
+BODY_OPACITY = 0.7
+BODY_STEP_M = 2.0**-14
+"""How the body that plans are made with looks, and to what its corners are rounded, 0.06 mm."""
+
+FLOOR_SEGMENTS = 72
+FLOOR_RGB: Rgb = (0.80, 0.82, 0.84)
+
+_LIGHTS: tuple[tuple[str, str, object], ...] = (
+    ("AmbientLight", "intensity", 0.56),
+    ("FillLight", "intensity", 0.18),
+    ("PointLightNegativeX", "intensity", 0.12),
+    ("PointLightPositiveX", "intensity", 0.12),
+    ("SpotLight", "intensity", 0.50),
+    ("SpotLight", "position", [3.4, 2.6, 5.2]),
+    ("SpotLight", "angle", 0.5),
+    ("SpotLight", "penumbra", 1.0),
+    ("SpotLight", "castShadow", True),
+)
+"""Meshcat's own lights, set so that only one of them throws a shadow: light, property, value."""
+
+
+class RobotTree:
+    """The robot as nodes.
+
+    Attributes:
+        paths: the moving node of each joint, in the order of a full configuration.
+        mesh_paths: the node of each part of the appearance.
+    """
+
+    def __init__(self, model: pin.Model, appearance: Appearance) -> None:
+        """Lay the tree out.
+
+        Args:
+            model: the whole robot; every joint turns or slides about one axis.
+            appearance: what hangs on its joints.
+
+        Raises:
+            SimulationError: when the appearance names a joint that the model lacks.
+        """
+        self._model = model
+        self._parts = appearance.parts
+        self._moving = _moving_nodes(model)
+        unknown = {part.joint for part in self._parts} - self._moving.keys()
+        if unknown:
+            raise SimulationError(f"the robot's appearance names unknown joints: {sorted(unknown)}")
+        self._axes = _axes(model)
+        self.mesh_paths = tuple(
+            f"{self._moving[part.joint]}/{part.mesh.name}-{index}"
+            for index, part in enumerate(self._parts)
+        )
+        self.paths = tuple(self._moving[name] for name in model.names)[1:]
+
+    def commands(self) -> Iterator[Command]:
+        """Place the joints and hang the parts on them."""
+        for path, T_parent_joint in zip(self.paths, self._model.jointPlacements[1:], strict=True):
+            yield set_transform(path.removesuffix("/moves"), T_parent_joint)
+        for path, part in zip(self.mesh_paths, self._parts, strict=True):
+            yield from _part_commands(path, part)
+
+    def body_commands(self, body: RobotBody) -> Iterator[Command]:
+        """Hang a body that plans are made with on the joints, beside the meshes."""
+        for path, link in zip(self.body_paths(body), self._links(body), strict=True):
+            vertices, faces = link.whole
+            points = short_numbers(vertices, BODY_STEP_M)
+            geometry = triangles(points, compact(faces), uuid=f"body {crc32(points.tobytes())}")
+            surface = material(BODY_RGB, opacity=BODY_OPACITY) | {"flatShading": True}
+            frame = self._model.frames[self._model.getFrameId(link.name)]
+            yield set_object(path, geometry, surface)
+            yield set_transform(path, frame.placement)
+
+    def body_paths(self, body: RobotBody) -> tuple[str, ...]:
+        """The node of each link's body."""
+        model = self._model
+        names = [link.name for link in self._links(body)]
+        joints = (model.frames[model.getFrameId(name)].parentJoint for name in names)
+        return tuple(
+            f"{self._moving[model.names[joint]]}/body {name}"
+            for joint, name in zip(joints, names, strict=True)
+        )
+
+    def _links(self, body: RobotBody) -> list[LinkBody]:
+        """Those that the robot has; a gripper may be missing."""
+        return [link for link in body.links.values() if self._model.existFrame(link.name)]
+
+    def motion(self, joint: int, value: float) -> tuple[str, list[float]]:
+        """Which property of its node a joint sets, and to what.
+
+        Args:
+            joint: its place in a full configuration.
+            value: rad or m.
+        """
+        turns, axis = self._axes[joint]
+        if not turns:
+            return "position", (axis * value).tolist()
+        return "quaternion", [*(axis * math.sin(value / 2)).tolist(), math.cos(value / 2)]
+
+    def motions(self, joint: int, values: Vector) -> tuple[str, Vector]:
+        """The same for many values, shape (n,): the property, and an array (n, 3) or (n, 4)."""
+        turns, axis = self._axes[joint]
+        if not turns:
+            return "position", np.outer(values, axis)
+        return "quaternion", np.column_stack(
+            [np.outer(np.sin(values / 2), axis), np.cos(values / 2)]
+        )
+
+
+def stage_commands() -> Iterator[Command]:
+    """Floor, light and background. The camera belongs to the page."""
+    yield set_property("/Grid", "visible", False)
+    yield set_property("/Axes", "visible", False)
+    yield set_property("/Background", "top_color", [0.93, 0.95, 0.97])
+    yield set_property("/Background", "bottom_color", [0.76, 0.80, 0.84])
+    for light, key, value in _LIGHTS:
+        yield set_property(f"/Lights/{light}/<object>", key, value)
+    yield set_property("/Lights/SpotLight", "visible", True)
+    yield set_object("/floor", _fading_disc(), painted(gloss=0.0))
+    yield set_transform("/floor", pin.SE3(np.eye(3), np.array([0.0, 0.0, -BASE_HEIGHT_M])))
+
+
+def body_path(name: str) -> str:
+    """The node of a body. A slash in its name does not make two nodes of it."""
+    return f"/bodies/{quote(name, safe=' ')}"
+
+
+def body_commands(body: Body) -> Iterator[Command]:
+    """The shapes of a body; where it stands comes by `pose_commands`."""
+    for index, part in enumerate(body.parts):
+        path = f"{body_path(body.name)}/{index}"
+        red, green, blue, opacity = part.rgba
+        yield set_object(path, _geometry(part), material((red, green, blue), opacity=opacity))
+        yield set_transform(path, part.T_body_part * _T_part_geometry(part))
+
+
+def pose_commands(path: str, T_base_node: pin.SE3) -> Iterator[Command]:
+    """Move a node: one position and one quaternion."""
+    xyz_xyzw = pin.SE3ToXYZQUAT(T_base_node).tolist()
+    yield set_property(path, "position", xyz_xyzw[:3])
+    yield set_property(path, "quaternion", xyz_xyzw[3:])
+
+
+def line_command(
+    path: str, points_base: Vector, radius_m: float, rgb: Rgb, *, uuid: str | None = None
+) -> Command:
+    """A line through points, shape (n, 3), metres, drawn as a thin tube.
+
+    Lines proper are one pixel wide, and are lost where there is no graphics card. The tube has
+    eight triangles for each stretch, in the line's order.
+
+    Args:
+        path: the node.
+        points_base: at least two.
+        radius_m: of the tube.
+        rgb: its colour, the same in light and shadow.
+        uuid: a name, for a line drawn more than once.
+    """
+    vertices, faces = _tube(points_base, radius_m)
+    return set_object(path, triangles(vertices, compact(faces), uuid=uuid), glowing(rgb))
+
+
+def _moving_nodes(model: pin.Model) -> dict[str, str]:
+    """The path of the moving node by joint name; `universe` is the robot's root."""
+    paths = ["/robot"]
+    for index in range(1, model.njoints):
+        paths.append(f"{paths[model.parents[index]]}/{model.names[index]}/moves")
+    return dict(zip(model.names, paths, strict=True))
+
+
+def _axes(model: pin.Model) -> list[tuple[bool, Vector]]:
+    """For each joint whether it turns (else it slides), and its axis, shape (3,), unit."""
+    data = model.createData()
+    axes = []
+    for joint in data.joints[1:]:
+        linear, angular = np.split(np.asarray(joint.S).reshape(-1), 2)
+        turns = bool(angular.any())
+        axes.append((turns, angular if turns else linear))
+    return axes
+
+
+def _part_commands(path: str, part: RobotPart) -> Iterator[Command]:
+    mesh = part.mesh
+    geometry = triangles(mesh.vertices, mesh.faces, mesh.normals, uuid=f"mesh {mesh.name}")
+    scaling = np.diag([mesh.scale_m, mesh.scale_m, mesh.scale_m, 1.0])
+    scaling[:3, 3] = mesh.centre_m
+    yield set_object(path, geometry, material(part.rgb), scaling.T.reshape(-1).tolist())
+    yield set_transform(path, part.T_joint_mesh)
+
+
+def _geometry(part: Part) -> Command:
+    """The shape of a part as three.js has it."""
+    shape = part.shape
+    if isinstance(shape, Box):
+        return {"type": "BoxGeometry"} | dict(
+            zip(("width", "height", "depth"), shape.size_m, strict=True)
+        )
+    if isinstance(shape, Cylinder):
+        size = {
+            "radiusTop": shape.radius_m,
+            "radiusBottom": shape.radius_m,
+            "height": shape.length_m,
+        }
+        return {"type": "CylinderGeometry", "radialSegments": 48} | size
+    if isinstance(shape, Mesh):
+        return _flat_faces(shape)
+    segments = {"widthSegments": 32, "heightSegments": 24}
+    return {"type": "SphereGeometry", "radius": shape.radius_m} | segments
+
+
+def _flat_faces(mesh: Mesh) -> Command:
+    """Every triangle with corners and a normal of its own, so that edges look sharp."""
+    corners = mesh.corners
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    vertices = corners.reshape(-1, 3).astype(np.float32)
+    faces = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
+    return triangles(vertices, faces, np.repeat(normals, 3, axis=0).astype(np.float32))
+
+
+def _T_part_geometry(part: Part) -> pin.SE3:
+    """Cylinders of three.js stand along y, ours along z."""
+    if isinstance(part.shape, Cylinder):
+        return pin.SE3(pin.utils.rotate("x", math.pi / 2), np.zeros(3))
+    return pin.SE3.Identity()
+
+
+def _fading_disc() -> Command:
+    """Rings around the origin, upwards, each with its opacity."""
+    angles = np.linspace(0.0, 2 * math.pi, FLOOR_SEGMENTS, endpoint=False)
+    circle = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
+    vertices = np.concatenate([radius * circle for radius in FLOOR_RADII_M])
+    colours = [[*FLOOR_RGB, opacity] for opacity in FLOOR_OPACITIES for _ in angles]
+    a = np.arange((len(FLOOR_RADII_M) - 1) * FLOOR_SEGMENTS)
+    b = a - a % FLOOR_SEGMENTS + (a + 1) % FLOOR_SEGMENTS
+    c, d = a + FLOOR_SEGMENTS, b + FLOOR_SEGMENTS
+    faces = np.concatenate([np.column_stack([a, c, d]), np.column_stack([a, d, b])])
+    return triangles(
+        vertices.astype(np.float32),
+        compact(faces),
+        np.tile(np.array([0, 0, 127], np.int8), (len(vertices), 1)),
+        colours=np.array(colours, np.float32),
+    )
+
+
+def _tube(points: Vector, radius_m: float) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """A square prism along each stretch of the line: vertices (8 n, 3) and faces (8 n, 3)."""
+    along = np.diff(points, axis=0)
+    upright = np.abs(along[:, 2]) > 0.9 * np.linalg.norm(along, axis=1)
+    helper = np.where(upright[:, None], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    u = np.cross(along, helper)
+    u /= np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-12)
+    w = np.cross(along, u)
+    w /= np.maximum(np.linalg.norm(w, axis=1, keepdims=True), 1e-12)
+    ring = radius_m * np.stack([u, w, -u, -w], axis=1)
+    vertices = np.concatenate([points[:-1, None] + ring, points[1:, None] + ring], axis=1)
+    side = np.array([[i, (i + 1) % 4, i + 4] for i in range(4)])
+    other = np.array([[(i + 1) % 4, (i + 1) % 4 + 4, i + 4] for i in range(4)])
+    first = 8 * np.arange(len(along))[:, None, None]
+    faces = (first + np.concatenate([side, other])).reshape(-1, 3)
+    return short_numbers(vertices.reshape(-1, 3), TUBE_STEP_M), faces.astype(np.uint32)

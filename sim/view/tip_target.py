@@ -1,0 +1,179 @@
+"""A tip target to move by hand, in a notebook or a program: the arm in a live view follows it.
+
+```python
+viewer = Viewer(robot)
+target = TipTarget(viewer, robot, "left")
+target.sliders()  # in a notebook
+target.set(0.7, 0.2, 0.1, math.pi, 0.0, 0.0)  # anywhere
+```
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeAlias
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import Baxter, IKResult, IKService, SeedMode
+from baxter_kin.arrays import Vector, finite_scalar
+from baxter_kin.errors import expect
+from planner import Body
+from planner.scene.bodies import Cylinder, Part
+from sim.errors import ViewerError
+from sim.view.viewer import Viewer
+
+AXIS_LENGTH_M = 0.12
+AXIS_RADIUS_M = 0.005
+
+SLIDER_RANGES_M = {"x": (-0.3, 1.3), "y": (-1.4, 1.4), "z": (-0.9, 1.3)}
+"""A little more than either arm reaches, in base."""
+
+SLIDER_STEP_M = 0.005
+SLIDER_STEP_DEG = 1.0
+
+_Rgba: TypeAlias = tuple[float, float, float, float]
+
+_AXIS_RGBA: tuple[_Rgba, ...] = (
+    (0.85, 0.1, 0.1, 1.0),
+    (0.1, 0.65, 0.15, 1.0),
+    (0.1, 0.3, 0.9, 1.0),
+)
+_UNREACHABLE_RGBA: _Rgba = (0.95, 0.0, 0.0, 1.0)
+
+
+class TipTarget:
+    """A pose that one arm's tip is to take, drawn as three axes: x red, y green, z blue.
+
+    All three are red while the pose cannot be reached; the caption then says why, and the arm stays
+    at the last pose that could. Several targets, as for both arms, may share a view.
+
+    Attributes:
+        T_base_target: the pose asked for last, seen from base; at first that of the tip.
+        result: the answer to it; None before the first.
+    """
+
+    def __init__(self, viewer: Viewer, robot: Baxter, side: str) -> None:
+        """Begin with the arm as the view shows it.
+
+        Args:
+            viewer: where to show arm and target.
+            robot: the robot in it.
+            side: "left" or "right".
+
+        Raises:
+            UnknownNameError: when there is no such side.
+            ViewerError: when the view is none, or closed.
+        """
+        self._viewer = expect(viewer, Viewer, "viewer", ViewerError)
+        self._arm = robot.arm(side)
+        self._ik = IKService(self._arm)
+        self._joints = list(robot.indices(self._arm.joint_names))
+        self.T_base_target = self._arm.T_base_tip(viewer.q[self._joints])
+        self.result: IKResult | None = None
+        self._name = f"{side} target"
+        self._show_axes(is_reachable=True)
+
+    def set(  # noqa: PLR0917 - a pose has six numbers, in an order everybody knows
+        self, x: float, y: float, z: float, roll: float, pitch: float, yaw: float
+    ) -> IKResult:
+        """Move the target, solve for the joints from where they are, and show both.
+
+        Args:
+            x: position in base, m.
+            y: the same along y.
+            z: the same along z.
+            roll: rotation about base's x axis, the first of three about fixed axes, rad.
+            pitch: then about base's y axis, rad.
+            yaw: then about base's z axis, rad.
+
+        Returns:
+            The solution, or why there is none.
+
+        Raises:
+            ViewerError: when a number is not finite, or the view is closed.
+        """
+        values = (x, y, z, roll, pitch, yaw)
+        names = ("x", "y", "z", "roll", "pitch", "yaw")
+        checked = [
+            finite_scalar(value, name, ViewerError)
+            for name, value in zip(names, values, strict=True)
+        ]
+        self.T_base_target = pin.SE3(pin.rpy.rpyToMatrix(*checked[3:]), np.array(checked[:3]))
+        return self._follow()
+
+    def sliders(self) -> Any:
+        """Six sliders that move the target, as an ipywidgets box; angles in degrees.
+
+        Raises:
+            ViewerError: when ipywidgets is not installed.
+        """
+        try:
+            import ipywidgets  # noqa: PLC0415 - only notebooks need it
+        except ImportError as cause:
+            raise ViewerError(
+                "the sliders need ipywidgets; run: pip install 'baxter-kin[notebook]'"
+            ) from cause
+        sliders = [
+            ipywidgets.FloatSlider(description=name, value=value, min=low, max=high, step=step)
+            for name, value, (low, high), step in self._slider_settings()
+        ]
+
+        def move(_change: object) -> None:
+            x, y, z, *angles_deg = (slider.value for slider in sliders)
+            self.set(x, y, z, *map(math.radians, angles_deg))
+
+        for slider in sliders:
+            slider.observe(move, names="value")
+        return ipywidgets.VBox(sliders)
+
+    def remove(self) -> None:
+        """Take the axes out of the view; the arm stays.
+
+        Raises:
+            ViewerError: when they are gone already, or the view is closed.
+        """
+        self._viewer.remove_body(self._name)
+
+    def _follow(self) -> IKResult:
+        q = self._viewer.q
+        self.result = self._ik.solve(
+            self.T_base_target, current=q[self._joints], mode=SeedMode.AUTO
+        )
+        self._show_axes(is_reachable=self.result.is_valid)
+        if self.result.is_valid:
+            q[self._joints] = self.result.q
+            caption = f"{self._arm.side} tip at its target"
+        else:
+            caption = f"{self._arm.side} tip: {self.result.failure}"
+        self._viewer.show(q, {}, caption, seed=self.result.label if self.result.is_valid else "")
+        return self.result
+
+    def _show_axes(self, *, is_reachable: bool) -> None:
+        parts = tuple(
+            _axis(direction, rgba if is_reachable else _UNREACHABLE_RGBA)
+            for direction, rgba in zip(np.eye(3), _AXIS_RGBA, strict=True)
+        )
+        self._viewer.add_body(Body(self._name, parts, self.T_base_target))
+
+    def _slider_settings(self) -> list[tuple[str, float, tuple[float, float], float]]:
+        """Name, value, range and step of each slider."""
+        position = self.T_base_target.translation.tolist()
+        angles_deg = np.degrees(pin.rpy.matrixToRpy(self.T_base_target.rotation)).tolist()
+        lengths = [
+            (f"{name} (m)", value, limits, SLIDER_STEP_M)
+            for (name, limits), value in zip(SLIDER_RANGES_M.items(), position, strict=True)
+        ]
+        angles = [
+            (f"{name} (°)", value, (-180.0, 180.0), SLIDER_STEP_DEG)
+            for name, value in zip(("roll", "pitch", "yaw"), angles_deg, strict=True)
+        ]
+        return lengths + angles
+
+
+def _axis(direction: Vector, rgba: _Rgba) -> Part:
+    """A rod from the origin along one of the axes."""
+    R = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction).toRotationMatrix()
+    middle = AXIS_LENGTH_M / 2 * direction
+    return Part(Cylinder(AXIS_RADIUS_M, AXIS_LENGTH_M), pin.SE3(R, middle), rgba)

@@ -1,0 +1,1 @@
+"""The world: bodies, fingers, contacts, falling."""

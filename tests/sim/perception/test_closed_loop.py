@@ -1,0 +1,342 @@
+"""Closed loop: it looks, feels, tries again, and always comes to an end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baxter_kin import Baxter
+from planner import (
+    Body,
+    Box,
+    Manipulator,
+    Part,
+    Plan,
+    Scene,
+    make_block,
+    plan_pick_and_place,
+    verify,
+)
+from sim import (
+    ClosedLoop,
+    Event,
+    EventKind,
+    LoopResult,
+    Noise,
+    NoisyPoses,
+    Observer,
+    Sighting,
+    Simulation,
+    SimulationError,
+    Transfer,
+    TruePoses,
+    World,
+)
+from sim.perception.closed_loop import LOOKS, WIDTH_TOLERANCE_M, mean_of, split_at_close
+from sim.perception.noisy_poses import displaced
+from tests.conftest import at
+
+UPRIGHT_M = 0.026
+"""The tip above the bottom of the block."""
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+SEEN_WITHIN_M = 1e-6
+"""What exact eyes and exact plans leave."""
+
+
+class Diary(Observer):
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+
+    def on_event(self, event: Event) -> None:
+        self.events.append(event)
+
+    def count(self, kind: EventKind) -> int:
+        return sum(event.kind is kind for event in self.events)
+
+
+class Bench:
+    """Table, block and left arm, and the transfer that moves the block."""
+
+    def __init__(self, robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> None:
+        self.world, self.diary = World(robot), Diary()
+        self.manipulator = manipulator
+        self.truth = TruePoses(self.world)
+        self.simulation = Simulation(self.world, [self.truth, self.diary])
+        self.world.move_arm("left", manipulator.arm.start)
+        self.simulation.spawn(table)
+        self.simulation.spawn(block)
+        T = block.T_base_body
+        centre = block.centre_base
+        tip = pin.SE3(DOWN, np.array([*centre[:2], T.translation[2] + UPRIGHT_M]))
+        goal = pin.SE3(T.rotation, T.translation + np.array([0.05, -0.15, 0.0]))
+        self.transfer = Transfer("block", T.inverse() * tip, goal)
+
+    def run(self, eyes: Any = None, **options: Any) -> LoopResult:
+        eyes = self.truth if eyes is None else eyes
+        loop = ClosedLoop(self.simulation, self.manipulator, eyes, **options)
+        return loop.pick_and_place(self.transfer)
+
+    @property
+    def off_m(self) -> float:
+        """How far the block really is from where it should be."""
+        goal = self.world.body("block").at(self.transfer.T_base_goal)
+        off = self.world.body("block").centre_base - goal.centre_base
+        return float(np.linalg.norm(off))
+
+
+class Mistaken:
+    """Eyes that see the block moved sideways for some looks, then as it is."""
+
+    def __init__(self, truth: TruePoses, shifts: list[float | None]) -> None:
+        self._truth, self._shifts = truth, shifts
+
+    def look(self, name: str, time_s: float) -> Sighting | None:
+        shift = self._shifts.pop(0) if self._shifts else 0.0
+        sighting = self._truth.look(name, time_s)
+        if shift is None or sighting is None:
+            return None
+        moved = displaced(sighting.body, np.array([0.0, shift, 0.0]), 0.0)
+        return Sighting(moved, sighting.time_s)
+
+
+@pytest.fixture
+def bench(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> Bench:
+    return Bench(robot, manipulator, table, block)
+
+
+def test_with_exact_eyes_the_first_attempt_succeeds(bench: Bench) -> None:
+    result = bench.run()
+    assert result.is_success
+    assert len(result.attempts) == 1
+    assert result.off_m is not None
+    assert result.off_m <= SEEN_WITHIN_M
+    assert bench.off_m <= SEEN_WITHIN_M
+    assert result.plan is result.attempts[0].plan
+    assert result.plan is not None
+    assert verify(result.plan).is_valid
+
+
+@pytest.mark.parametrize("misses", [1, 3])
+def test_after_misses_it_looks_again_and_succeeds(bench: Bench, misses: int) -> None:
+    looks = sum(range(1, misses + 1))
+    result = bench.run(Mistaken(bench.truth, [0.012] * looks))
+    assert result.is_success, result.failure
+    assert [attempt.failure is None for attempt in result.attempts] == [False] * misses + [True]
+    assert bench.diary.count(EventKind.MISSED) == misses
+    assert bench.off_m <= SEEN_WITHIN_M
+
+
+def test_it_gives_up_after_as_many_retries_as_allowed(bench: Bench) -> None:
+    result = bench.run(Mistaken(bench.truth, [0.012] * 99), retries=2)
+    assert not result.is_success
+    assert len(result.attempts) == 3
+    said = str(result.failure)
+    assert said.startswith("block was not placed in 3 attempts; the last: pick: close: missed")
+    assert "pads are 57.0 mm apart, so they do not hold block" in said
+
+
+def test_without_retries_one_miss_is_the_end(bench: Bench) -> None:
+    result = bench.run(Mistaken(bench.truth, [0.012]), retries=0)
+    assert "block was not placed in one attempt" in str(result.failure)
+    assert bench.world.holding("left") is None
+
+
+def test_a_small_error_is_pushed_straight(bench: Bench) -> None:
+    """What the pads push along the closing axis costs nothing at the place."""
+    result = bench.run(Mistaken(bench.truth, [0.003]))
+    assert result.is_success
+    assert len(result.attempts) == 1
+    assert bench.diary.count(EventKind.PUSHED) == 1
+    assert bench.off_m <= SEEN_WITHIN_M
+
+
+def test_a_body_that_is_not_seen_for_a_while_is_waited_for(bench: Bench) -> None:
+    result = bench.run(Mistaken(bench.truth, [None] * (LOOKS - 1)))
+    assert result.is_success
+    assert len(result.attempts) == 1
+
+
+def test_a_body_that_is_never_seen_ends_in_a_clear_result(bench: Bench) -> None:
+    result = bench.run(Mistaken(bench.truth, [None] * 9999), retries=1)
+    assert result.plan is None
+    assert str(result.failure) == (
+        f"block was not placed in 2 attempts; the last: block was not seen in {LOOKS} looks"
+    )
+
+
+def test_a_body_on_the_floor_ends_in_a_clear_result(bench: Bench) -> None:
+    bench.world.place_body("block", at(0.3, 0.3, -0.93))
+    result = bench.run(retries=1)
+    assert not result.is_success
+    assert "out of reach" in str(result.failure) or "collide" in str(result.failure)
+    assert result.plan is not None
+    assert not result.plan.is_valid
+
+
+def test_a_body_gone_from_the_world_ends_in_a_clear_result(bench: Bench) -> None:
+    bench.simulation.delete("block")
+    assert "was not seen" in str(bench.run().failure)
+
+
+def test_a_body_that_vanishes_after_the_place_is_a_success_nobody_saw(bench: Bench) -> None:
+    result = bench.run(Mistaken(bench.truth, [0.0, *[None] * LOOKS]))
+    assert result.is_success
+    assert result.placed is None
+    assert result.off_m is None
+
+
+def test_whether_it_holds_is_told_by_the_fingers_alone(bench: Bench) -> None:
+    """What it holds is wider than what it saw, so it is something else."""
+    edge = 0.05 - WIDTH_TOLERANCE_M - 0.001
+    middle = Part(Box((edge, edge, edge)), at(0.025, 0.025, 0.025))
+    T_base_body = bench.world.body("block").T_base_body
+    narrow = Body("block", (middle,), T_base_body, is_movable=True)
+
+    class Wrong:
+        def look(self, _name: str, time_s: float) -> Sighting | None:
+            return Sighting(narrow, time_s)
+
+    result = bench.run(Wrong(), retries=0)
+    assert "the pads are 50.0 mm apart, so they do not hold block" in str(result.failure)
+
+
+def test_the_planner_may_be_replaced(bench: Bench) -> None:
+    asked: list[Scene] = []
+
+    def plan(task: Any, manipulator: Manipulator, scene: Scene, q: Any) -> Plan:
+        asked.append(scene)
+        return plan_pick_and_place(task, manipulator, scene, q, margin_m=0.002)
+
+    assert bench.run(plan=plan).is_success
+    assert [sorted(scene.bodies) for scene in asked] == [["block", "table"]]
+
+
+def test_what_is_seen_stands_on_the_table_whatever_height_it_is_seen_at(bench: Bench) -> None:
+    class High:
+        def look(self, name: str, time_s: float) -> Sighting | None:
+            sighting = bench.truth.look(name, time_s)
+            assert sighting is not None
+            return Sighting(displaced(sighting.body, np.array([0.0, 0.0, -0.01]), 0.0), time_s)
+
+    result = bench.run(High())
+    assert result.is_success, result.failure
+    seen = result.attempts[0].seen
+    assert seen is not None
+    assert seen.extent_m((0, 0, 1))[0] == pytest.approx(-0.155, abs=1e-6)
+
+
+def test_what_the_other_hand_holds_is_where_that_hand_is(bench: Bench) -> None:
+    cube = make_block("cube", at(0.6, -0.5, 0.3), edge_m=0.04)
+    bench.world.spawn(cube)
+    T = bench.world.T_base_tip("right")
+    bench.world.attach("right", "cube", at(0.0, 0.0, 0.0))
+    believed: list[Scene] = []
+
+    def plan(task: Any, manipulator: Manipulator, scene: Scene, q: Any) -> Plan:
+        believed.append(scene)
+        return plan_pick_and_place(task, manipulator, scene, q)
+
+    assert bench.run(plan=plan).is_success
+    assert believed[0]["cube"].T_base_body.translation == pytest.approx(T.translation)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_noise_costs_attempts_but_not_the_block(bench: Bench, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    eyes = NoisyPoses(bench.truth, Noise(0.003, np.radians(2.0), dropout=0.2, latency_s=0.1), rng)
+    result = bench.run(eyes, retries=6)
+    assert result.is_success, result.failure
+    assert bench.off_m <= 0.015
+
+
+def test_the_same_noise_gives_the_same_run(
+    robot: Baxter, manipulator: Manipulator, table: Body, block: Body
+) -> None:
+    ends = []
+    for _ in range(2):
+        bench = Bench(robot, manipulator, table, block)
+        bench.run(NoisyPoses(bench.truth, Noise(0.005), np.random.default_rng(11)))
+        ends.append((bench.simulation.time_s, bench.world.q.tolist(), bench.off_m))
+    assert ends[0] == ends[1]
+
+
+class TestMean:
+    @given(
+        st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)), min_size=1, max_size=5),
+        st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5),
+    )
+    def test_centre_and_yaw_are_those_of_the_mean(
+        self, block: Body, shifts: list[tuple[float, float]], yaws: list[float]
+    ) -> None:
+        pairs = list(zip(shifts, yaws, strict=False))
+        seen = [displaced(block, np.array([*shift, 0.0]), yaw) for shift, yaw in pairs]
+        mean = mean_of(seen)
+        centre = block.centre_base + np.array([*np.mean(shifts, axis=0), 0.0])
+        assert mean.centre_base == pytest.approx(centre, abs=1e-9)
+        R = mean.T_base_body.rotation
+        assert np.arctan2(R[1, 0], R[0, 0]) == pytest.approx(np.mean(yaws[: len(pairs)]), abs=1e-9)
+        assert R[2, 2] == pytest.approx(1.0)
+
+    def test_of_one_it_is_that_one(self, block: Body) -> None:
+        assert mean_of([block]).T_base_body.isApprox(block.T_base_body, 1e-12)
+
+    def test_of_none_there_is_none(self) -> None:
+        with pytest.raises(SimulationError, match="no sightings"):
+            mean_of([])
+
+
+def test_every_retry_looks_once_more_often(bench: Bench) -> None:
+    """The second attempt sees 12 mm and -12 mm, and believes in the middle."""
+    result = bench.run(Mistaken(bench.truth, [0.012, 0.012, -0.012]), retries=1)
+    assert result.is_success, result.failure
+    assert len(result.attempts) == 2
+    assert bench.off_m <= SEEN_WITHIN_M
+
+
+class TestSplit:
+    def test_both_parts_make_the_plan(self, bench: Bench) -> None:
+        plan = bench.run().plan
+        assert plan is not None
+        picking, placing = split_at_close(plan)
+        assert (*picking.steps, *placing.steps) == plan.steps
+        assert picking.steps[-1].label == "pick: close"
+        assert picking.situation is plan.situation
+
+    def test_a_plan_that_closes_nothing_is_refused(self) -> None:
+        with pytest.raises(SimulationError, match="closes no fingers"):
+            split_at_close(Plan("left", np.zeros(7), ()))
+
+
+class TestContradictions:
+    @pytest.mark.parametrize("retries", [-1, 1.5, None, True, "3"])
+    def test_retries_are_a_whole_number(self, bench: Bench, retries: Any) -> None:
+        with pytest.raises(SimulationError, match="retries"):
+            bench.run(retries=retries)
+
+    @pytest.mark.parametrize("bad", [None, "block", 5])
+    def test_a_transfer_that_is_none_is_refused(self, bench: Bench, bad: Any) -> None:
+        loop = ClosedLoop(bench.simulation, bench.manipulator, bench.truth)
+        with pytest.raises(SimulationError, match="transfer"):
+            loop.pick_and_place(bad)
+
+    @pytest.mark.parametrize("height", [0.0, -1.0, np.nan, None])
+    def test_heights_are_above_zero(self, height: Any) -> None:
+        with pytest.raises(SimulationError, match="hover_m"):
+            Transfer("block", at(0, 0, 0), at(0, 0, 0), height)
+
+
+@pytest.mark.parametrize("eyes", [5, None, "eyes", TruePoses], ids=str)
+def test_eyes_that_cannot_look_are_refused(
+    robot: Baxter, manipulator: Manipulator, eyes: Any
+) -> None:
+    simulation = Simulation(World(robot))
+    with pytest.raises(SimulationError, match="eyes must be an object with a method look"):
+        ClosedLoop(simulation, manipulator, eyes)
+    with pytest.raises(SimulationError, match="plan must be callable, got int"):
+        ClosedLoop(simulation, manipulator, TruePoses(simulation.world), plan=5)  # type: ignore[arg-type]

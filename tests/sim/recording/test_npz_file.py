@@ -1,0 +1,197 @@
+"""Recordings in npz files: all of it comes back, and nothing but what was saved."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baxter_kin import Baxter
+from planner import Body, Mesh, Part
+from sim import Recorder, Recording, RecordingError, Simulation, World
+from sim.recording import npz_file
+from sim.view.replay import replay_html
+from tests.conftest import at
+from tests.sim.conftest import assert_same
+
+ENTRIES = {"times_s", "q", "gripper_percent", "body_poses", "document", "sha256"}
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory, picked: Recording) -> Path:
+    path = tmp_path_factory.mktemp("npz") / "run.npz"
+    picked.save(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory, robot: Baxter) -> bytes:
+    """The bytes of three snapshots."""
+    recorder = Recorder(robot)
+    Simulation(World(robot), [recorder]).wait(0.02)
+    path = tmp_path_factory.mktemp("small") / "small.npz"
+    recorder.recording().save(path)
+    return path.read_bytes()
+
+
+def test_all_comes_back_to_the_bit(path: Path, picked: Recording) -> None:
+    assert_same(Recording.load(path), picked)
+
+
+def test_it_plays_exactly_like_the_original(path: Path, picked: Recording, robot: Baxter) -> None:
+    assert replay_html(Recording.load(path), robot) == replay_html(picked, robot)
+
+
+def test_the_same_recording_gives_the_same_bytes(path: Path, tmp_path: Path) -> None:
+    Recording.load(path).save(str(tmp_path / "again.npz"))
+    assert (tmp_path / "again.npz").read_bytes() == path.read_bytes()
+
+
+def test_numpy_opens_it_too_without_pickle(path: Path, picked: Recording) -> None:
+    with np.load(path, allow_pickle=False) as entries:
+        assert set(entries) == ENTRIES
+        assert entries["q"].tolist() == picked.q.tolist()
+        document = json.loads(entries["document"].tobytes())
+    assert document["format"] == "baxter-kin recording"
+    assert document["version"] == 1
+
+
+def test_meshes_and_colours_come_back(picked: Recording, tmp_path: Path) -> None:
+    corners = 0.1 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    mesh = Part(Mesh(corners, faces), at(0.0, 0.1, 0.0), (0.1, 0.2, 0.3, 0.4))
+    odd = Body("odd \u00e9 name", (mesh,), at(1.0, 2.0, 3.0), is_movable=True)
+    replace(picked, bodies={odd.name: odd}, body_poses={}).save(tmp_path / "mesh.npz")
+    found = Recording.load(tmp_path / "mesh.npz").bodies[odd.name]
+    shape = found.parts[0].shape
+    assert isinstance(shape, Mesh)
+    assert shape.is_convex
+    assert shape.vertices.tolist() == corners.tolist()
+    assert shape.triangles.tolist() == faces.tolist()
+    assert found.parts[0].rgba == mesh.rgba
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=19, max_size=19), st.text())
+def test_any_numbers_and_text_come_back(
+    robot: Baxter, tmp_path_factory: pytest.TempPathFactory, q: list[float], caption: str
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.npz"
+    wanted = Recording(robot.joint_names, [1.0], [q], [[0.0, 1.0]], {}, {}, ((1.0, caption),), ())  # type: ignore[arg-type]  # anything NumPy makes an array of
+    wanted.save(path)
+    assert_same(Recording.load(path), wanted)
+
+
+class TestRefused:
+    """A truncated, foreign or edited file."""
+
+    @given(st.data())
+    def test_truncated_anywhere(
+        self, small: bytes, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+    ) -> None:
+        path = tmp_path_factory.getbasetemp() / "cut.npz"
+        path.write_bytes(small[: data.draw(st.integers(0, len(small) - 1))])
+        with pytest.raises(RecordingError, match=r"cut\.npz: is no npz file, or a truncated"):
+            Recording.load(path)
+
+    @given(st.data())
+    def test_a_changed_byte_is_refused_or_changes_nothing(
+        self, small: bytes, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+    ) -> None:
+        folder = tmp_path_factory.getbasetemp()
+        (folder / "whole.npz").write_bytes(small)
+        damaged = bytearray(small)
+        damaged[data.draw(st.integers(0, len(small) - 1))] = data.draw(st.integers(0, 255))
+        (folder / "damaged.npz").write_bytes(damaged)
+        try:
+            found = Recording.load(folder / "damaged.npz")
+        except RecordingError:
+            return
+        assert_same(found, Recording.load(folder / "whole.npz"))
+
+    def test_an_array_that_was_edited(self, path: Path, tmp_path: Path) -> None:
+        with np.load(path) as entries:
+            arrays = dict(entries)
+        arrays["q"][3, 4] += 1e-6
+        np.savez(tmp_path / "edited.npz", **arrays)
+        with pytest.raises(RecordingError, match="was changed after it was saved"):
+            Recording.load(tmp_path / "edited.npz")
+
+    def test_another_npz(self, tmp_path: Path) -> None:
+        np.savez(tmp_path / "other.npz", q=np.zeros(3))
+        with pytest.raises(RecordingError, match="is no recording: it has the entries"):
+            Recording.load(tmp_path / "other.npz")
+
+    def test_pickled_objects_are_never_read(self, path: Path, tmp_path: Path) -> None:
+        with np.load(path) as entries:
+            arrays: dict[str, Any] = dict(entries)
+        arrays["q"] = np.array([{"an": "object"}], dtype=object)
+        np.savez(tmp_path / "pickle.npz", **arrays)
+        with pytest.raises(RecordingError, match="has an entry q that is no array of float64"):
+            Recording.load(tmp_path / "pickle.npz")
+
+    def test_an_array_that_claims_to_be_larger_than_its_bytes(
+        self, path: Path, tmp_path: Path
+    ) -> None:
+        header = np.lib.format.magic(1, 0)
+        text = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }\n"
+        with zipfile.ZipFile(path) as whole, zipfile.ZipFile(tmp_path / "b.npz", "w") as bomb:
+            for name in whole.namelist():
+                data = header + len(text).to_bytes(2, "little") + text
+                bomb.writestr(name, data if name == "q.npy" else whole.read(name))
+        with pytest.raises(RecordingError, match="has an entry q that is no array"):
+            Recording.load(tmp_path / "b.npz")
+
+    @pytest.mark.parametrize(
+        ("change", "words"),
+        [
+            (('"version":1', '"version":2'), "has version 2, but only 1 is read here"),
+            (("baxter-kin recording", "baxter-kin something"), "its format is"),
+            (('"tracks":[', '"tracks":["more",'), "tracks under"),
+            (('"captions":', '"titles":'), r"recording\.captions is missing"),
+            (('"captions":', '"titles":[],"captions":'), "recording has an entry 'titles'"),
+            (('"start_s":', '"start_s":"early","was":'), r"moves\[0\]\.start_s must be of type"),
+            (('"start_s":', '"was":1.0,"start_s":'), r"moves\[0\] has an entry 'was'; a Recorded"),
+            (("{", ""), "no complete JSON"),
+        ],
+    )
+    def test_another_document_under_a_right_checksum(
+        self,
+        picked: Recording,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        change: tuple[str, str],
+        words: str,
+    ) -> None:
+        made = npz_file._document(picked).replace(*change, 1)
+        monkeypatch.setattr(npz_file, "_document", lambda _: made)
+        picked.save(tmp_path / "other.npz")
+        with pytest.raises(RecordingError, match=words):
+            Recording.load(tmp_path / "other.npz")
+
+    @pytest.mark.parametrize("bad", [None, 3, b"x", ["x"]])
+    def test_what_is_no_path(self, picked: Recording, bad: Any) -> None:
+        with pytest.raises(RecordingError, match="path"):
+            Recording.load(bad)
+        with pytest.raises(RecordingError, match="path"):
+            picked.save(bad)
+
+    @pytest.mark.parametrize("name", ["no/run.npz", "", "a\0b"])
+    def test_a_path_that_leads_nowhere(self, picked: Recording, tmp_path: Path, name: str) -> None:
+        path = f"{tmp_path}/{name}"
+        with pytest.raises(RecordingError, match=r"cannot read|no regular file"):
+            Recording.load(path)
+        with pytest.raises(RecordingError, match="cannot write"):
+            picked.save(path)
+
+    def test_captions_that_are_none_cannot_be_kept(self, picked: Recording, tmp_path: Path) -> None:
+        bad: Any = ((1.0, "text", "more"),)
+        with pytest.raises(RecordingError, match=r"cannot be kept: .*captions"):
+            replace(picked, captions=bad).save(tmp_path / "run.npz")
+        assert not list(tmp_path.iterdir())

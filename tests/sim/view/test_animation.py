@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baxter_kin import Baxter
+from sim.recording.recording import Recording
+from sim.view.animation import Track, animation_commands, recorded_tracks
+from sim.view.appearance import Appearance
+from sim.view.scenegraph import RobotTree
+from tests.sim.conftest import APPEARS_S, DURATION_S
+
+
+@pytest.fixture(scope="module")
+def tree(robot: Baxter) -> RobotTree:
+    return RobotTree(robot.model, Appearance.load())
+
+
+@pytest.fixture(scope="module")
+def tracks(recording: Recording, tree: RobotTree) -> list[Track]:
+    return list(recorded_tracks(recording, tree))
+
+
+def track_of(tracks: list[Track], path: str, key: str) -> Track:
+    (track,) = (track for track in tracks if track.path.endswith(path) and track.key == key)
+    return track
+
+
+def test_what_rests_is_not_animated(tracks: list[Track]) -> None:
+    moving = {track.path for track in tracks if not track.is_constant}
+    assert len(moving) == 4
+
+
+def test_a_body_appears_at_its_time(tracks: list[Track]) -> None:
+    visible = track_of(tracks, "/bodies/block", "visible")
+    assert visible.times_s.tolist() == [0.0, pytest.approx(APPEARS_S)]
+    assert visible.values[:, 0].tolist() == [0.0, 1.0]
+
+
+def test_a_body_stands_ready_before_it_appears(tracks: list[Track]) -> None:
+    position = track_of(tracks, "/bodies/block", "position")
+    assert np.isfinite(position.values).all()
+
+
+def test_a_body_that_was_never_there_stays_hidden(recording: Recording, tree: RobotTree) -> None:
+    absent = np.full_like(recording.body_poses["block"], np.nan)
+    poses = {**recording.body_poses, "block": absent}
+    tracks = list(recorded_tracks(replace(recording, body_poses=poses), tree))
+    keys = {track.key for track in tracks if track.path == "/bodies/block"}
+    assert keys == {"visible"}
+
+
+def test_keyframes_are_never_half_a_turn_apart(recording: Recording, tree: RobotTree) -> None:
+    q = recording.q.copy()
+    q[:, recording.joint_names.index("left_w2")] = np.linspace(-3.0, 3.0, len(q))
+    tracks = list(recorded_tracks(replace(recording, q=q), tree))
+    quats = track_of(tracks, "left_w2/moves", "quaternion").values
+    dots = np.abs(np.einsum("ij,ij->i", quats[1:], quats[:-1]))
+    assert dots.min() > np.cos(np.pi / 4)
+
+
+def test_a_quaternion_that_changes_sign_is_no_motion(recording: Recording, tree: RobotTree) -> None:
+    table = recording.body_poses["table"].copy()
+    table[::2, 3:] *= -1.0
+    poses = {**recording.body_poses, "table": table}
+    tracks = list(recorded_tracks(replace(recording, body_poses=poses), tree))
+    assert track_of(tracks, "/bodies/table", "quaternion").is_constant
+
+
+def test_time_starts_at_zero_whenever_the_recording_began(
+    recording: Recording, tree: RobotTree
+) -> None:
+    later = replace(recording, times_s=recording.times_s + 100.0)
+    tracks = list(recorded_tracks(later, tree))
+    assert max(track.times_s[-1] for track in tracks) == pytest.approx(DURATION_S)
+    assert {float(track.times_s[0]) for track in tracks} == {0.0}
+
+
+def test_the_animation_comes_after_all_it_moves(tracks: list[Track]) -> None:
+    commands = animation_commands(tracks, DURATION_S)
+    kinds = [command["type"] for command in commands]
+    assert kinds == ["set_property"] * len(tracks) + ["set_animation"]

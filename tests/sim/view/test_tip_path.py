@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from baxter_kin import Baxter
+from sim.recording.recording import Recording
+from sim.view.gripper_status import gripper_timelines
+from sim.view.tip_path import STRETCH_M, PathPiece, TipTracker, recorded_paths
+
+LINE_TOLERANCE_M = 1e-3
+"""How far a line may be from where the tip was."""
+
+
+def paths_of(recording: Recording, robot: Baxter) -> list[PathPiece]:
+    return list(recorded_paths(recording, robot, gripper_timelines(recording)))
+
+
+@pytest.fixture(scope="module")
+def pieces(executed: Recording, robot: Baxter) -> list[PathPiece]:
+    return paths_of(executed, robot)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_tips_are_where_the_arms_say(robot: Baxter, side: str) -> None:
+    arm = robot.arm(side)
+    joints = arm.random_configuration(np.random.default_rng(7))
+    q = robot.configuration(arm.joints(joints))
+    point = TipTracker(robot).points(q)[side]
+    assert np.abs(point - arm.T_base_tip(joints).translation).max() < 1e-12
+
+
+def test_a_pick_and_place_is_empty_laden_and_empty(pieces: list[PathPiece]) -> None:
+    assert [piece.is_holding for piece in pieces] == [False, True, False]
+
+
+def test_an_arm_at_rest_has_no_line(pieces: list[PathPiece]) -> None:
+    assert {piece.side for piece in pieces} == {"left"}
+
+
+def test_both_arms_have_lines_when_both_move(recording: Recording, robot: Baxter) -> None:
+    q = recording.q.copy()
+    q[:, robot.joint_names.index("right_s0")] += np.linspace(0.0, 0.5, len(q))
+    both = paths_of(replace(recording, q=q), robot)
+    assert [piece.side for piece in both] == ["left", "right"]
+
+
+def test_pieces_join(pieces: list[PathPiece]) -> None:
+    for piece, following in pairwise(pieces):
+        assert np.array_equal(piece.points_base[-1], following.points_base[0])
+
+
+def test_times_increase(pieces: list[PathPiece]) -> None:
+    assert all((np.diff(piece.times_s) > 0.0).all() for piece in pieces)
+
+
+def test_lines_pass_where_the_tip_was(
+    pieces: list[PathPiece], executed: Recording, robot: Baxter
+) -> None:
+    tracker = TipTracker(robot)
+    drawn = np.concatenate([_refined(piece.points_base) for piece in pieces])
+    for q in executed.q[::15]:
+        offsets = np.linalg.norm(drawn - tracker.points(q)["left"], axis=1)
+        assert offsets.min() < 2 * LINE_TOLERANCE_M
+
+
+def _refined(
+    points: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
+) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    shares = np.linspace(0.0, 1.0, 40)[:, None, None]
+    return ((1 - shares) * points[:-1] + shares * points[1:]).reshape(-1, 3)
+
+
+def test_a_line_has_no_more_points_than_it_needs(pieces: list[PathPiece]) -> None:
+    points = np.concatenate([piece.points_base for piece in pieces])
+    length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+    assert len(points) < 2 * length / STRETCH_M
+
+
+def test_a_jump_is_not_drawn(recording: Recording, robot: Baxter) -> None:
+    q = recording.q.copy()
+    q[150:, robot.joint_names.index("left_s0")] += 1.5
+    pieces = paths_of(replace(recording, q=q), robot)
+    assert len(pieces) == 2
+    longest = max(np.linalg.norm(np.diff(p.points_base, axis=0), axis=1).max() for p in pieces)
+    assert longest < 0.1

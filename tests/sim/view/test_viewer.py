@@ -1,0 +1,375 @@
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from http.client import HTTPConnection
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import psutil
+import pytest
+from playwright.sync_api import Browser
+
+from baxter_kin import Baxter
+from planner import Body
+from sim.errors import ViewerError
+from sim.view.gripper_status import GripperMood, GripperPhase
+from sim.view.viewer import Viewer
+from tests.conftest import at
+from tests.sim.conftest import (
+    BLOCK_AT_END,
+    BLOCK_AT_START,
+    Watched,
+    green_centre,
+    orange_pixels,
+    red_pixels,
+    watched_page,
+)
+
+SERVE_FOREVER = """
+import sys, time
+from baxter_kin import Baxter
+from sim.view.viewer import Viewer
+viewer = Viewer(Baxter.load())
+print(viewer.url, flush=True)
+if "--end" not in sys.argv:
+    time.sleep(600)
+"""
+
+HANDSHAKE = (
+    "GET /scene HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n{more}\r\n"
+)
+
+
+@pytest.fixture
+def viewer(robot: Baxter) -> Iterator[Viewer]:
+    with Viewer(robot) as viewer:
+        yield viewer
+
+
+@pytest.fixture(scope="module")
+def shown(browser: Browser, robot: Baxter, green_block: Body) -> Iterator[tuple[Viewer, Watched]]:
+    """A view with a block, and a page that watches it."""
+    with Viewer(robot) as viewer, watched_page(browser) as watched:
+        viewer.add_body(green_block)
+        watched.page.goto(viewer.url)
+        assert viewer.wait_for_client(10.0)
+        wait_for(watched, "viewer.scene_tree.find(['bodies', 'block', '0']).object.children.length")
+        yield viewer, watched
+
+
+def wait_for(watched: Watched, condition: str) -> None:
+    """What is sent arrives a little later."""
+    watched.page.wait_for_function(condition)
+
+
+def port_of(viewer: Viewer) -> int:
+    port = urlsplit(viewer.url).port
+    assert port is not None
+    return port
+
+
+def status(viewer: Viewer, path: str, host: str, method: str = "GET") -> int:
+    connection = HTTPConnection("127.0.0.1", port_of(viewer))
+    connection.request(method, path, headers={"Host": host})
+    answer = connection.getresponse().status
+    connection.close()
+    return answer
+
+
+def handshake(viewer: Viewer, host: str = "localhost", more: str = "") -> bytes:
+    """The first line of the answer to who wants to watch."""
+    with socket.create_connection(("127.0.0.1", port_of(viewer))) as client:
+        client.sendall(HANDSHAKE.format(host=host, more=more).encode())
+        return client.recv(4096).split(b"\r\n")[0]
+
+
+def serving_threads() -> int:
+    return sum(thread.name == "baxter-viewer" for thread in threading.enumerate())
+
+
+def test_shows_the_robot(shown: tuple[Viewer, Watched]) -> None:
+    assert red_pixels(shown[1].picture()) > 5000
+
+
+def test_shows_a_body_that_moves(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
+    viewer, watched = shown
+    viewer.show(robot.configuration(), {"block": at(*BLOCK_AT_START)}, "")
+    wait_for(watched, "viewer.scene_tree.find(['bodies', 'block']).object.position.y > 0.2")
+    before = green_centre(watched.picture())
+    viewer.show(robot.configuration(), {"block": at(*BLOCK_AT_END)}, "")
+    wait_for(watched, "viewer.scene_tree.find(['bodies', 'block']).object.position.y < -0.1")
+    after = green_centre(watched.picture())
+    assert before is not None
+    assert after is not None
+    assert np.linalg.norm(after - before) > 60
+
+
+def test_shows_a_joint_that_turns(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
+    viewer, watched = shown
+    viewer.show(robot.configuration({"head_pan": 1.0}), {})
+    node = "viewer.scene_tree.find(['robot', 'head_pan', 'moves']).object"
+    wait_for(watched, f"Math.abs({node}.quaternion.z - Math.sin(0.5)) < 1e-6")
+
+
+def test_shows_a_finger_that_slides(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
+    viewer, watched = shown
+    viewer.show(robot.configuration({"l_gripper_l_finger_joint": 0.015}), {})
+    wait_for(
+        watched,
+        "Math.abs(viewer.scene.getObjectByName('l_gripper_l_finger_joint')"
+        ".children[0].position.y - 0.015) < 1e-6",
+    )
+
+
+def test_shows_the_caption_as_text(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
+    viewer, watched = shown
+    viewer.show(robot.configuration(), {}, "pick 1: <b>descend")
+    wait_for(watched, "document.getElementById('caption').textContent === 'pick 1: <b>descend'")
+
+
+def test_shows_the_seed_type_apart(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
+    viewer, watched = shown
+    viewer.show(robot.configuration(), {}, "pick: descend", seed="User Provided Seed")
+    wait_for(watched, "element('seed').textContent === 'IK seed: User Provided Seed'")
+    assert watched.page.inner_text("#caption") == "pick: descend"
+
+
+def test_shows_what_a_gripper_does(shown: tuple[Viewer, Watched], robot: Baxter) -> None:
+    viewer, watched = shown
+    missed = GripperPhase("missed", GripperMood.MISSED)
+    viewer.show(robot.configuration(), {}, grippers={"right": missed})
+    wait_for(watched, "element('right-gripper').textContent === 'right gripper: missed'")
+
+
+def test_draws_the_way_of_the_tip(viewer: Viewer, watched: Watched, robot: Baxter) -> None:
+    held = {"left": GripperPhase("holding block", GripperMood.HOLDING)}
+    for angle in np.linspace(0.0, 0.8, 60):
+        viewer.show(robot.configuration({"left_s0": angle}), {}, grippers=held)
+    watched.page.goto(viewer.url)
+    wait_for(watched, "viewer && 'path' in viewer.scene_tree.children")
+    wait_for(watched, "element('left-gripper').textContent")
+    assert orange_pixels(watched.picture()) > 200
+
+
+def test_says_which_configuration_it_shows(viewer: Viewer, robot: Baxter) -> None:
+    q = robot.configuration({"left_s0": 0.3})
+    viewer.show(q, {})
+    assert np.array_equal(viewer.q, q)
+
+
+def test_shows_itself_in_a_notebook(viewer: Viewer, watched: Watched) -> None:
+    watched.page.set_content(viewer._repr_html_())
+    assert viewer.wait_for_client(10.0)
+
+
+def test_shows_a_removed_body_no_more(shown: tuple[Viewer, Watched], green_block: Body) -> None:
+    viewer, watched = shown
+    viewer.remove_body("block")
+    wait_for(watched, "!('block' in viewer.scene_tree.find(['bodies']).children)")
+    assert green_centre(watched.picture()) is None
+    viewer.add_body(green_block)
+
+
+def test_page_opened_late_shows_the_present(
+    viewer: Viewer, watched: Watched, robot: Baxter, green_block: Body
+) -> None:
+    viewer.add_body(green_block)
+    for share in np.linspace(0.0, 1.0, 50):
+        position = (1 - share) * np.array(BLOCK_AT_START) + share * np.array(BLOCK_AT_END)
+        viewer.show(robot.configuration(), {"block": at(*position)}, f"{share:.2f}")
+    watched.page.goto(viewer.url)
+    wait_for(watched, "document.getElementById('caption').textContent === '1.00'")
+    y = watched.run("viewer.scene_tree.find(['bodies', 'block']).object.position.y")
+    assert y == pytest.approx(BLOCK_AT_END[1])
+
+
+def test_page_says_that_the_program_has_ended(robot: Baxter, watched: Watched) -> None:
+    with Viewer(robot) as viewer:
+        watched.page.goto(viewer.url)
+        assert viewer.wait_for_client(10.0)
+    wait_for(watched, "document.getElementById('status').textContent.includes('has ended')")
+
+
+def test_page_says_nothing_on_the_console(shown: tuple[Viewer, Watched]) -> None:
+    shown[1].picture()
+    assert shown[1].errors == []
+
+
+def test_page_asks_nobody_else(shown: tuple[Viewer, Watched]) -> None:
+    viewer, watched = shown
+    fetched = [url for url in watched.requests if not url.startswith("data:")]
+    assert fetched
+    assert all(url.startswith(viewer.url) for url in fetched)
+
+
+def test_knows_whether_somebody_watches(shown: tuple[Viewer, Watched]) -> None:
+    assert shown[0].has_client
+
+
+def test_knows_that_nobody_watches(viewer: Viewer) -> None:
+    assert not viewer.has_client
+
+
+def test_waiting_for_a_browser_ends_without_one(viewer: Viewer) -> None:
+    assert not viewer.wait_for_client(0.01)
+
+
+def test_listens_on_loopback_only(viewer: Viewer) -> None:
+    listening = [
+        connection.laddr.ip
+        for connection in psutil.Process().net_connections("tcp")
+        if connection.status == psutil.CONN_LISTEN and connection.laddr.port == port_of(viewer)
+    ]
+    assert listening == ["127.0.0.1"]
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "localhost:8080"])
+def test_answers_to_its_own_name(viewer: Viewer, host: str) -> None:
+    assert status(viewer, "/", host) == 200
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:7000", "["])
+def test_refuses_a_foreign_name(viewer: Viewer, host: str) -> None:
+    assert status(viewer, "/", host) == 403
+
+
+def test_lets_a_local_page_watch(viewer: Viewer) -> None:
+    assert b"101" in handshake(viewer, "localhost", "Origin: http://localhost\r\n")
+
+
+def test_refuses_to_be_watched_under_a_foreign_name(viewer: Viewer) -> None:
+    assert b"403" in handshake(viewer, "evil.example", "Origin: http://evil.example\r\n")
+
+
+def test_refuses_to_be_watched_from_a_foreign_page(viewer: Viewer) -> None:
+    assert b"403" in handshake(viewer, "localhost", "Origin: http://evil.example\r\n")
+
+
+def test_serves_the_page_where_meshcat_does(viewer: Viewer) -> None:
+    assert status(viewer, "/static/", "localhost") == 200
+
+
+@pytest.mark.parametrize("path", ["/missing", "/../pyproject.toml", "/%2e%2e/etc/passwd"])
+def test_serves_nothing_else(viewer: Viewer, path: str) -> None:
+    assert status(viewer, path, "localhost") == 404
+
+
+def test_bad_requests_leave_no_noise(viewer: Viewer, capfd: pytest.CaptureFixture[str]) -> None:
+    status(viewer, "/missing", "localhost")
+    status(viewer, "/", "evil.example")
+    status(viewer, "/", "localhost", method="POST")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_browser_that_does_not_read_holds_nothing_up(
+    viewer: Viewer, robot: Baxter, green_block: Body
+) -> None:
+    viewer.add_body(green_block)
+    with socket.create_connection(("127.0.0.1", port_of(viewer))) as client:
+        client.sendall(HANDSHAKE.format(host="localhost", more="").encode())
+        assert viewer.wait_for_client(5.0)
+        for angle in np.linspace(0.0, 1.0, 2000):
+            viewer.show(robot.configuration({"left_s0": angle}), {}, f"{angle}")
+        before = serving_threads()
+        viewer.close()
+    assert serving_threads() == before - 1
+
+
+def test_several_views_live_side_by_side(viewer: Viewer, robot: Baxter) -> None:
+    with Viewer(robot) as other:
+        assert status(other, "/", "localhost") == status(viewer, "/", "localhost") == 200
+
+
+def test_a_taken_port_is_a_clear_error(viewer: Viewer, robot: Baxter) -> None:
+    port = port_of(viewer)
+    with pytest.raises(ViewerError, match=f"port {port}: another program uses it"):
+        Viewer(robot, port=port)
+
+
+@pytest.mark.parametrize("port", [0, -1, 65536, True, "7000", 7000.0])
+def test_refuses_what_is_no_port(robot: Baxter, port: Any) -> None:
+    with pytest.raises(ViewerError, match="from 1 to 65535"):
+        Viewer(robot, port=port)
+
+
+def test_closing_frees_the_port(robot: Baxter) -> None:
+    """A port that the system picked: 7000, the viewer's own choice, may go to a test beside."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    for _ in range(2):
+        with Viewer(robot, port=port) as viewer:
+            assert port_of(viewer) == port
+
+
+def test_closing_ends_the_thread(robot: Baxter) -> None:
+    before = serving_threads()
+    Viewer(robot).close()
+    assert serving_threads() == before
+
+
+def test_closing_twice_is_fine(viewer: Viewer) -> None:
+    viewer.close()
+    viewer.close()
+
+
+def test_a_closed_view_shows_nothing(viewer: Viewer, robot: Baxter) -> None:
+    viewer.close()
+    with pytest.raises(ViewerError, match="closed"):
+        viewer.show(robot.configuration(), {}, "more")
+
+
+def test_refuses_a_configuration_of_another_size(viewer: Viewer) -> None:
+    with pytest.raises(ViewerError, match="q has shape"):
+        viewer.show(np.zeros(7), {})
+
+
+def test_refuses_a_configuration_that_is_not_finite(viewer: Viewer) -> None:
+    with pytest.raises(ViewerError, match="q must be finite"):
+        viewer.show(np.full(19, np.nan), {})
+
+
+def test_refuses_to_move_an_unknown_body(viewer: Viewer, robot: Baxter) -> None:
+    with pytest.raises(ViewerError, match="no body 'ghost'"):
+        viewer.show(robot.configuration(), {"ghost": at(0.0, 0.0, 0.0)})
+
+
+def test_refuses_an_unknown_gripper(viewer: Viewer, robot: Baxter) -> None:
+    phase = GripperPhase("open", GripperMood.EMPTY)
+    with pytest.raises(ViewerError, match="no gripper 'third'"):
+        viewer.show(robot.configuration(), {}, grippers={"third": phase})
+
+
+def test_refuses_a_gripper_in_bare_words(viewer: Viewer, robot: Baxter) -> None:
+    wrong: Any = {"left": "open"}
+    with pytest.raises(ViewerError, match="left gripper must be of class GripperPhase"):
+        viewer.show(robot.configuration(), {}, grippers=wrong)
+
+
+def test_refuses_to_remove_an_unknown_body(viewer: Viewer) -> None:
+    with pytest.raises(ViewerError, match="no body 'ghost'"):
+        viewer.remove_body("ghost")
+
+
+def test_killed_program_leaves_nothing() -> None:
+    command = [sys.executable, "-c", SERVE_FOREVER]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        port = urlsplit(process.stdout.readline()).port
+        children = psutil.Process(process.pid).children(recursive=True)
+        process.send_signal(signal.SIGKILL)
+    assert children == []
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port or 0))
+
+
+def test_program_that_never_closes_the_view_ends_quietly() -> None:
+    command = [sys.executable, "-W", "error", "-c", SERVE_FOREVER, "--end"]
+    ended = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+    assert ended.stderr == ""

@@ -1,0 +1,341 @@
+"""Contacts: what an arm runs into when a plan meets another world than it was made for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Baxter
+from planner import (
+    Body,
+    Certificate,
+    ClearanceChecker,
+    Grip,
+    GripperAction,
+    Manipulator,
+    Move,
+    PickAndPlace,
+    Plan,
+    make_block,
+    plan_joint_move,
+    plan_pick_and_place,
+    plan_straight_move,
+    verify,
+)
+from planner.scene.contact import PRESSING_TOLERANCE_M
+from sim import Contact, Event, EventKind, Observer, Outcome, Simulation, SimulationError, World
+from sim.world.contacts import CHECK_S, ContactWatch, falls_as_planned, is_as_planned
+from tests.conftest import at, overhead
+
+PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.72, -0.15, -0.129)
+TABLE_Z_M = -0.155
+REST_M = 1e-7
+
+
+class Diary(Observer):
+    """Remembers the events."""
+
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+
+    def on_event(self, event: Event) -> None:
+        self.events.append(event)
+
+    @property
+    def hits(self) -> list[Contact]:
+        return [e.detail for e in self.events if isinstance(e.detail, Contact)]
+
+
+class Bench:
+    """The left arm at its start, a table and a red block, and the plan to carry it."""
+
+    def __init__(self, robot: Baxter, manipulator: Manipulator, table: Body, plan: Plan) -> None:
+        self.manipulator, self.plan, self.diary = manipulator, plan, Diary()
+        self.world = World(robot)
+        self.world.move_arm("left", manipulator.arm.start)
+        self.simulation = Simulation(self.world, [self.diary])
+        self.simulation.spawn(table)
+        self.simulation.spawn(red())
+
+    def grasp(self) -> None:
+        """The first half: stands at the pick, the block in the hand."""
+        outcome = self.simulation.execute(Plan("left", self.plan.q_start, self.plan.steps[:4]))
+        assert outcome.is_success, outcome.failure
+
+    def line(self, x: float, y: float, z: float) -> Outcome:
+        """A straight move that nobody checked."""
+        q = self.world.arm_q("left")
+        motion = plan_straight_move(
+            self.manipulator.arm, q, overhead(x, y, z), self.manipulator.limits
+        )
+        return self.simulation.execute(Plan("left", q, (Move("line", motion),)))
+
+
+def red() -> Body:
+    return make_block("red", at(0.70, 0.15, TABLE_Z_M + 0.025))
+
+
+@pytest.fixture(scope="module")
+def plan(robot: Baxter, manipulator: Manipulator, table: Body) -> Plan:
+    world = World(robot)
+    world.spawn(table)
+    world.spawn(red())
+    task = PickAndPlace("red", PICK, PLACE)
+    plan = plan_pick_and_place(task, manipulator, world.scene, manipulator.arm.start)
+    assert plan.is_valid, str(plan.failure)
+    return plan
+
+
+@pytest.fixture
+def bench(robot: Baxter, manipulator: Manipulator, table: Body, plan: Plan) -> Bench:
+    return Bench(robot, manipulator, table, plan)
+
+
+class TestTable:
+    """What does not give way ends the move."""
+
+    def test_a_held_block_does_not_pass_through_the_table(self, bench: Bench) -> None:
+        bench.grasp()
+        outcome = bench.line(0.70, 0.15, -0.2)
+        assert outcome.failure == "line: the held red would pass through the table"
+        lowest = bench.world.body("red").extent_m((0, 0, 1))[0]
+        assert lowest >= TABLE_Z_M - PRESSING_TOLERANCE_M
+
+    def test_the_arm_stays_at_the_last_look_without_contact(self, bench: Bench) -> None:
+        bench.grasp()
+        outcome = bench.line(0.70, 0.15, -0.2)
+        (contact,) = bench.diary.hits
+        assert outcome.duration_s == pytest.approx(contact.free_s, abs=1e-9)
+        assert 0.0 < contact.time_s - contact.free_s <= CHECK_S + 1e-9
+        assert contact.depth_m > PRESSING_TOLERANCE_M
+
+    def test_the_fingers_do_not_either(self, bench: Bench) -> None:
+        bench.world.delete("red")
+        bench.simulation.execute(Plan("left", bench.plan.q_start, bench.plan.steps[:3]))
+        outcome = bench.line(0.70, 0.15, -0.2)
+        assert outcome.failure is not None
+        assert "line: the left hand (l_gripper_" in outcome.failure
+        assert "would pass through the table" in outcome.failure
+
+    def test_a_block_may_be_lowered_to_touch(self, bench: Bench) -> None:
+        bench.grasp()
+        assert bench.line(0.70, 0.15, -0.129 + 0.03).is_success
+        assert bench.line(0.70, 0.15, -0.129 - 0.8 * PRESSING_TOLERANCE_M).is_success
+        assert bench.diary.hits == []
+
+    def test_a_riding_block_is_looked_at_too(self, bench: Bench) -> None:
+        bench.simulation.spawn(make_block("top", at(0.70, 0.15, 0.0), edge_m=(0.2, 0.02, 0.02)))
+        shelf = make_block("shelf", at(0.78, 0.15, 0.0), edge_m=(0.02, 0.1, 0.02), is_movable=False)
+        bench.grasp()
+        bench.simulation.spawn(shelf)
+        outcome = bench.line(0.70, 0.15, 0.0)
+        assert outcome.failure == "line: the held red would pass through the shelf"
+
+    def test_the_robot_itself_is_in_the_way(self, bench: Bench) -> None:
+        arm = bench.manipulator.arm
+        q, goal = bench.world.arm_q("left"), np.array([1.0, -1.0, -3.0, 2.5, 0.0, 1.9, 0.0])
+        move = Move("fold", plan_joint_move(q, goal, arm.limits))
+        outcome = bench.simulation.execute(Plan("left", q, (move,)))
+        assert outcome.failure is not None
+        assert "would pass through" in outcome.failure
+
+
+class TestMovable:
+    """What gives way is reported and left where it is."""
+
+    @pytest.fixture
+    def blocked(self, bench: Bench) -> Bench:
+        """A brick stands in the way of the transfer."""
+        bench.simulation.spawn(make_block("brick", at(0.70, 0.0, 0.0), edge_m=(0.03, 0.03, 0.25)))
+        return bench
+
+    def test_a_hit_is_told_once_and_the_plan_goes_on(self, blocked: Bench) -> None:
+        before = blocked.world.body("brick").T_base_body
+        outcome = blocked.simulation.execute(blocked.plan)
+        assert outcome.is_success
+        assert [(hit.other, hit.stops) for hit in blocked.diary.hits] == [("brick", False)]
+        assert blocked.world.body("brick").T_base_body == before
+
+    def test_a_hit_is_told_at_its_time(self, blocked: Bench) -> None:
+        blocked.simulation.execute(blocked.plan)
+        events = blocked.diary.events
+        number = next(i for i, e in enumerate(events) if e.kind is EventKind.HIT)
+        begin = max(e.time_s for e in events[:number] if e.kind is EventKind.MOVE_STARTED)
+        hit = events[number]
+        assert isinstance(hit.detail, Contact)
+        assert hit.time_s == pytest.approx(begin + hit.detail.time_s, abs=1e-9)
+        assert "brick, which is left where it is" in hit.text
+
+    @pytest.mark.parametrize("tick_s", [0.0037, 0.5])
+    def test_the_tick_does_not_change_what_is_hit(
+        self, blocked: Bench, bench: Bench, tick_s: float
+    ) -> None:
+        diary = Diary()
+        world = World(bench.world.robot)
+        world.move_arm("left", bench.manipulator.arm.start)
+        simulation = Simulation(world, [diary], tick_s=tick_s)
+        for body in blocked.world.scene:
+            simulation.spawn(body)
+        simulation.execute(blocked.plan)
+        blocked.simulation.execute(blocked.plan)
+        assert diary.hits == blocked.diary.hits
+
+    def test_a_block_that_was_displaced_is_hit_by_the_fingers(self, bench: Bench) -> None:
+        bench.world.place_body("red", at(0.70, 0.162, TABLE_Z_M + 0.025))
+        outcome = bench.simulation.execute(bench.plan)
+        (hit,) = bench.diary.hits
+        assert (hit.other, hit.is_held, hit.stops) == ("red", False, False)
+        assert "missed" in str(outcome.failure)
+
+    def test_a_contact_that_lasts_is_told_once(self, bench: Bench) -> None:
+        bench.world.place_body("red", at(0.70, 0.162, TABLE_Z_M + 0.025))
+        bench.simulation.execute(bench.plan)
+        assert len(bench.diary.hits) == 1
+        assert bench.line(0.70, 0.15, -0.129 + 0.02).is_success
+        assert len(bench.diary.hits) == 1
+
+    def test_what_the_other_hand_holds_does_not_give_way(self, blocked: Bench) -> None:
+        world = blocked.world
+        pose = world.T_base_tip("right").inverse() * world.body("brick").T_base_body
+        world.attach("right", "brick", pose)
+        outcome = blocked.simulation.execute(blocked.plan)
+        assert "would pass through the brick" in str(outcome.failure)
+
+    def test_touching_less_than_a_contact_may_press_is_no_hit(self, bench: Bench) -> None:
+        bench.grasp()
+        side = 0.70 + 0.0265  # half a block, its yaw, and a little: beside, not inside
+        bench.simulation.spawn(make_block("brick", at(side + 0.025, 0.15, 0.0)))
+        assert bench.line(0.70, 0.15, 0.0).is_success
+        assert bench.diary.hits == []
+
+
+class TestProofs:
+    """Moves of a certified plan, in the world it was made for, are not looked at."""
+
+    @pytest.fixture
+    def looks(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+        """The moves that were looked at."""
+        found: list[Any] = []
+        along = ContactWatch.along
+
+        def noted(watch: ContactWatch, side: str, trajectory: Any) -> list[Contact]:
+            found.append(trajectory)
+            return along(watch, side, trajectory)
+
+        monkeypatch.setattr(ContactWatch, "along", noted)
+        return found
+
+    @pytest.fixture
+    def certificate(self, bench: Bench) -> Certificate:
+        found = verify(bench.plan)
+        assert found.is_valid, found.verdict
+        return found
+
+    def test_none_of_them_is(
+        self, bench: Bench, looks: list[Any], certificate: Certificate
+    ) -> None:
+        assert bench.simulation.execute(bench.plan, certificate=certificate).is_success
+        assert looks == []
+
+    def test_a_plans_own_proofs_are_not_believed(self, bench: Bench, looks: list[Any]) -> None:
+        assert bench.simulation.execute(bench.plan).is_success
+        assert looks == [move.trajectory for move in bench.plan.moves]
+
+    def test_a_certificate_of_another_plan_is_not_one_of_this(
+        self, bench: Bench, looks: list[Any], certificate: Certificate
+    ) -> None:
+        copy = replace(bench.plan)
+        assert bench.simulation.execute(copy, certificate=certificate).is_success
+        assert looks == [move.trajectory for move in bench.plan.moves]
+
+    @pytest.mark.parametrize(
+        ("x", "height_m", "as_planned"),
+        [(0.8, 0.005, True), (0.8, 0.02, False), (0.54, 0.005, False)],
+    )
+    def test_a_release_is_as_planned_when_the_body_falls_not_far_and_stands(
+        self, bench: Bench, x: float, height_m: float, as_planned: bool
+    ) -> None:
+        """The table begins at x = 0.5435 m."""
+        bench.world.slide("red", at(x, 0.2, TABLE_Z_M + 0.025 + height_m))
+        rest = bench.world.rest("red")
+        assert falls_as_planned(bench.world, "red", rest) == as_planned
+
+    def test_the_way_back_from_another_release_is(
+        self,
+        bench: Bench,
+        looks: list[Any],
+        certificate: Certificate,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        monkeypatch.setattr("sim.simulation.falls_as_planned", lambda *_: False)
+        assert bench.simulation.execute(bench.plan, certificate=certificate).is_success
+        assert looks == [bench.plan.moves[-1].trajectory]
+
+    @pytest.mark.parametrize(
+        "change",
+        [
+            lambda world: world.place_body("red", at(0.70, 0.1501, TABLE_Z_M + 0.025)),
+            lambda world: world.spawn(make_block("far", at(1.2, -0.3, 0.0))),
+            lambda world: world.move_arm("right", world.robot.arm("right").neutral + 0.01),
+            lambda world: world.set_fingers("right", 0.01),
+        ],
+    )
+    def test_in_another_world_every_move_is(
+        self,
+        bench: Bench,
+        looks: list[Any],
+        certificate: Certificate,
+        change: Callable[[World], None],
+    ) -> None:
+        change(bench.world)
+        bench.simulation.execute(bench.plan, certificate=certificate)
+        assert looks == [move.trajectory for move in bench.plan.moves]
+
+    def test_a_plan_without_proofs_is(self, bench: Bench, looks: list[Any]) -> None:
+        steps = [replace(s, proof=None) if isinstance(s, Move) else s for s in bench.plan.steps]
+        bench.simulation.execute(replace(bench.plan, steps=tuple(steps)))
+        assert len(looks) == len(bench.plan.moves)
+
+    def test_a_plan_that_does_not_say_its_world_is(self, bench: Bench) -> None:
+        assert is_as_planned(bench.world, bench.plan)
+        assert not is_as_planned(bench.world, replace(bench.plan, situation=None))
+
+    def test_a_full_hand_is_not_as_planned(self, bench: Bench) -> None:
+        bench.world.attach("left", "red", pin.SE3.Identity())
+        assert not is_as_planned(bench.world, bench.plan)
+
+    def test_looking_can_be_switched_off(self, bench: Bench) -> None:
+        bench.grasp()
+        simulation = Simulation(bench.world, check_contacts=False)
+        bench.simulation = simulation
+        assert bench.line(0.70, 0.15, -0.2).is_success
+
+    @pytest.mark.parametrize("switch", [None, 1, "yes"])
+    def test_a_switch_that_is_none_is_refused(self, bench: Bench, switch: Any) -> None:
+        with pytest.raises(SimulationError, match="check_contacts"):
+            Simulation(bench.world, check_contacts=switch)
+
+
+def test_a_contact_is_as_deep_as_the_planner_measures(bench: Bench) -> None:
+    bench.simulation.execute(Plan("left", bench.plan.q_start, bench.plan.steps[:3]))
+    bench.world.place_body("red", at(0.70, 0.162, TABLE_Z_M + 0.025))
+    q = bench.world.arm_q("left")
+    motion = plan_joint_move(q, q + 1e-4, bench.manipulator.limits)
+    (contact,) = ContactWatch(bench.world).along("left", motion)
+    world = bench.world
+    checker = ClearanceChecker(world.shapes, world.robot.arm("left"), world.scene)
+    assert -contact.depth_m == pytest.approx(checker.clearance(world.q).distance_m, abs=1e-6)
+
+
+def test_a_released_block_between_the_fingers_is_no_hit(bench: Bench) -> None:
+    bench.grasp()
+    q = bench.world.arm_q("left")
+    opening = Plan("left", q, (Grip("open", GripperAction.OPEN),))
+    assert bench.simulation.execute(opening).is_success
+    assert bench.line(0.70, 0.15, 0.0).is_success
+    assert bench.diary.hits == []

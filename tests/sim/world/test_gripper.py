@@ -1,0 +1,203 @@
+"""Gripper: what a close finds, what it reports, how long its fingers take."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baxter_kin import Baxter, UnknownNameError
+from planner import Body, Box, Part
+from sim import Gripper, GripperState, SimulationError, World
+from sim.world.gripper import FINGER_SPEED_M_S, Closing
+from tests.conftest import at
+
+CONTACT_M = 1e-7
+ORIGIN = at(0.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def world(robot: Baxter) -> World:
+    return World(robot)
+
+
+@pytest.fixture(scope="module")
+def shared(robot: Baxter) -> World:
+    """An empty world for many examples."""
+    return World(robot)
+
+
+@pytest.fixture
+def gripper(world: World) -> Gripper:
+    return Gripper(world, "left")
+
+
+def put_between_fingers(
+    world: World, name: str, edge: float, y: float = 0.0, *, is_movable: bool = True
+) -> None:
+    """A cube between the pads of the left hand."""
+    part = Part(Box((edge, edge, edge)), ORIGIN)
+    world.spawn(Body(name, (part,), ORIGIN, is_movable))
+    world.place_body(name, world.T_base_tip("left") * at(0.0, y, -0.015))
+
+
+def close(gripper: Gripper) -> Closing:
+    closing = gripper.closing()
+    gripper.finish(closing)
+    return closing
+
+
+def test_a_new_gripper_is_open_and_empty(gripper: Gripper) -> None:
+    state = gripper.state
+    assert (state.is_gripping, state.has_missed) == (False, False)
+    assert state.percent == pytest.approx(100.0)
+
+
+@given(st.floats(0.0, 1.0))
+def test_it_reports_its_position_in_per_cent(shared: World, share: float) -> None:
+    gripper = Gripper(shared, "left")
+    shared.set_fingers("left", share * gripper.open_m)
+    assert gripper.state.percent == pytest.approx(100.0 * share, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("side", "closed", "opened"), [("left", 15.298, 56.964), ("right", 15.298, 56.964)]
+)
+def test_the_gap_is_that_of_the_pads(world: World, side: str, closed: float, opened: float) -> None:
+    gripper = Gripper(world, side)
+    assert 1e3 * gripper.gap_m == pytest.approx(opened, abs=5e-3)
+    world.set_fingers(side, 0.0)
+    assert 1e3 * gripper.gap_m == pytest.approx(closed, abs=5e-3)
+
+
+def test_a_close_on_a_block_grips_it_at_its_width(world: World, gripper: Gripper) -> None:
+    put_between_fingers(world, "block", 0.05)
+    closing = close(gripper)
+    assert closing.body == "block"
+    assert gripper.gap_m == pytest.approx(0.05, abs=CONTACT_M)
+    holding = world.holding("left")
+    assert holding is not None
+    assert holding.body == "block"
+
+
+def test_a_gripping_gripper_says_so(world: World, gripper: Gripper) -> None:
+    put_between_fingers(world, "block", 0.05)
+    close(gripper)
+    state = gripper.state
+    assert (state.is_gripping, state.has_missed) == (True, False)
+    assert state.percent == pytest.approx(100 * (0.05 - 0.015298) / 2 / 0.020833, abs=1e-3)
+
+
+def test_a_close_pushes_the_block_between_the_pads(world: World, gripper: Gripper) -> None:
+    put_between_fingers(world, "block", 0.05, y=0.003)
+    close(gripper)
+    held = world.T_base_tip("left").inverse() * world.body("block").T_base_body
+    assert held.translation == pytest.approx([0.0, 0.0, -0.015], abs=CONTACT_M)
+
+
+def test_planning_a_close_moves_nothing(world: World, gripper: Gripper) -> None:
+    put_between_fingers(world, "block", 0.05, y=0.003)
+    q, pose = world.q.tolist(), world.body("block").T_base_body
+    gripper.closing()
+    assert world.q.tolist() == q
+    assert world.body("block").T_base_body == pose
+    assert world.holding("left") is None
+
+
+def test_a_close_on_nothing_is_a_miss_and_said_so(gripper: Gripper) -> None:
+    closing = close(gripper)
+    assert (closing.body, closing.grasp, closing.finger_m) == (None, None, 0.0)
+    assert gripper.state == GripperState(0.0, is_gripping=False, has_missed=True)
+
+
+@pytest.mark.parametrize(("edge", "y"), [(0.015, 0.0), (0.06, 0.0), (0.04, 0.2), (0.05, 0.012)])
+def test_what_is_too_thin_too_wide_or_beside_the_pads_is_missed(
+    world: World, gripper: Gripper, edge: float, y: float
+) -> None:
+    put_between_fingers(world, "block", edge, y)
+    assert close(gripper).body is None
+    assert gripper.state.has_missed
+
+
+def test_what_cannot_be_moved_is_not_gripped(world: World, gripper: Gripper) -> None:
+    put_between_fingers(world, "post", 0.05, is_movable=False)
+    assert close(gripper).body is None
+
+
+def test_the_widest_of_several_bodies_stops_the_fingers(world: World, gripper: Gripper) -> None:
+    for name, edge in (("thin", 0.03), ("wide", 0.05), ("middle", 0.04)):
+        put_between_fingers(world, name, edge)
+    assert gripper.closing().body == "wide"
+
+
+def test_opening_forgets_a_miss(gripper: Gripper) -> None:
+    close(gripper)
+    assert gripper.release() is None
+    assert not gripper.state.has_missed
+
+
+def test_opening_frees_what_was_held(world: World, gripper: Gripper) -> None:
+    put_between_fingers(world, "block", 0.05)
+    close(gripper)
+    assert gripper.release() == "block"
+    assert world.holding("left") is None
+    assert not gripper.state.is_gripping
+
+
+def test_a_full_hand_cannot_close_again(world: World, gripper: Gripper) -> None:
+    put_between_fingers(world, "block", 0.05)
+    close(gripper)
+    with pytest.raises(SimulationError, match="left hand is closed on 'block'; open it first"):
+        gripper.closing()
+
+
+def test_a_hand_that_was_closed_finds_nothing(world: World, gripper: Gripper) -> None:
+    world.set_fingers("left", 0.0)
+    put_between_fingers(world, "block", 0.05)
+    assert gripper.closing().body is None
+
+
+@given(st.floats(0.0, 0.020833), st.floats(0.0, 0.020833))
+def test_fingers_take_their_way_over_their_speed(shared: World, begin: float, end: float) -> None:
+    shared.set_fingers("left", begin)
+    expected = abs(end - begin) / FINGER_SPEED_M_S
+    assert Gripper(shared, "left").travel_time_s(end) == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_whole_stroke_takes_042_s(gripper: Gripper) -> None:
+    assert gripper.travel_time_s(0.0) == pytest.approx(0.42, abs=0.005)
+
+
+@pytest.mark.parametrize("finger_m", [None, "open", np.nan, np.inf, [0.0]])
+def test_a_finger_position_that_is_none_is_refused(gripper: Gripper, finger_m: Any) -> None:
+    with pytest.raises(SimulationError, match=r"finger position|finger_m"):
+        gripper.travel_time_s(finger_m)
+    with pytest.raises(SimulationError, match=r"finger position|finger_m"):
+        gripper.finish(Closing(finger_m))
+
+
+@pytest.mark.parametrize("closing", [None, 0.0, "closed"])
+def test_a_closing_that_is_none_is_refused(gripper: Gripper, closing: Any) -> None:
+    with pytest.raises(SimulationError, match="closing"):
+        gripper.finish(closing)
+
+
+@pytest.mark.parametrize("wanted", [5, ["block"], {}])
+def test_a_wanted_body_that_is_no_name_is_refused(gripper: Gripper, wanted: Any) -> None:
+    with pytest.raises(SimulationError, match="wanted body"):
+        gripper.closing(wanted)
+
+
+@pytest.mark.parametrize("side", ["middle", "", None, 5, ["left"]])
+def test_an_unknown_side_is_refused(world: World, side: Any) -> None:
+    with pytest.raises(UnknownNameError, match="use one of: left, right"):
+        Gripper(world, side)
+
+
+@pytest.mark.parametrize("world", [None, "world"])
+def test_a_gripper_without_world_is_refused(world: Any) -> None:
+    with pytest.raises(SimulationError, match="world"):
+        Gripper(world, "left")
