@@ -30,8 +30,7 @@ from planner import (
     plan_start_move,
     verify,
 )
-from sim import Recorder, Simulation, World
-from sim.view.replay import write_replay
+from sim import Recorder, Simulation, World, write_replay
 
 TABLE_Z_M = -0.155
 """The table's top, in base."""

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from sim.recording.rsdk_csv import CsvRecorder
     from sim.recording.rsdk_reading import read_rsdk_csv
     from sim.simulation import Simulation
+    from sim.view.replay import Replay, write_replay
+    from sim.view.tip_target import TipTarget
+    from sim.view.viewer import Viewer
     from sim.world.contacts import Contact
     from sim.world.falling import Rest
     from sim.world.finger_closing import Closing
@@ -62,20 +65,24 @@ __all__ = [
     "Recorder",
     "Recording",
     "RecordingError",
+    "Replay",
     "ReplayedPoses",
     "Rest",
     "Sighting",
     "Simulation",
     "SimulationError",
     "Snapshot",
+    "TipTarget",
     "Transfer",
     "TruePoses",
+    "Viewer",
     "ViewerError",
     "World",
     "read_log",
     "read_looks",
     "read_rsdk_csv",
     "retell",
+    "write_replay",
 ]
 
 __getattr__ = loader(
@@ -105,5 +112,8 @@ __getattr__ = loader(
         "sim.simulation",
         "sim.world.pushing",
         "sim.world.world",
+        "sim.view.replay",
+        "sim.view.tip_target",
+        "sim.view.viewer",
     ),
 )

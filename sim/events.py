@@ -57,7 +57,8 @@ class Event(OneLine):
         text: one readable phrase, which nothing reads but people.
         side: "left" or "right", where it is about an arm or its gripper.
         move: of a plan, that began, if that is what happened.
-        body: which it is about, where it stands then; of a hit, none.
+        body: which it is about, where it stands then; read from a file, as the recording has it. A
+            hit is told of by its detail alone.
         detail: the facts behind the text, where there are some.
 
     Raises:
@@ -79,8 +80,8 @@ class Event(OneLine):
             raise SimulationError(f"a side is {' or '.join(LIMBS)}, got {quoted(self.side)}")
 
     @property
-    def is_about_shape(self) -> bool:
-        """Whether its body appeared or disappeared."""
+    def is_of_appearance(self) -> bool:
+        """Whether its body appeared or disappeared then."""
         return self.kind in (EventKind.SPAWNED, EventKind.DELETED)
 
     def _facts(self) -> tuple[str, ...]:

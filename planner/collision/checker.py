@@ -98,7 +98,8 @@ class ClearanceChecker(OneLine):
     @cached_property
     def motion_bounds(self) -> MotionBounds:
         """Bounds on distances and motions of the shapes while the arm moves."""
-        return MotionBounds(self.robot, self.geometry, self.arm, self.checked.covers)
+        arm = self.shapes.robot.arm(self.arm.side)  # the shapes move as theirs does
+        return MotionBounds(self.robot, self.geometry, arm, self.checked.covers)
 
     @cached_property
     def for_contacts(self) -> pin.GeometryModel:

@@ -219,7 +219,7 @@ def prove_motion(
 def contact_of(
     checked: CheckedPairs, motion: Motion, margin_m: float, pairs: Indices
 ) -> SweptContact | None:
-    """What speaks against a motion, as `prove_motion` finds it; how near the nearest is, is not."""
+    """What speaks against a motion, as `prove_motion` finds it, and no distance beyond that."""
     result = _Search(checked, motion, margin_m, pairs, least_m=-np.inf).run()
     return result if isinstance(result, SweptContact) else None
 
@@ -276,7 +276,7 @@ class _Search:
             given = (each.tolist(), *(x[each].tolist() for x in columns))
             for task, pair, gap_m, told_m, is_contact in zip(*given, strict=True):
                 asked_m = told_m if is_contact else max(told_m, nearest_m)
-                if gap_m >= asked_m:
+                if gap_m >= max(asked_m, 0.0):  # bounds below zero say nothing
                     continue
                 self._evaluations += 1
                 measured_m = distances.measure(pair, asked_m, asked_m)

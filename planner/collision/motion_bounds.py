@@ -54,10 +54,12 @@ class MotionBounds:
     def __init__(
         self, robot: pin.Model, geometry: pin.GeometryModel, arm: Arm, covers: Covers
     ) -> None:
-        self._robot, self._data, self._arm = robot, robot.createData(), arm.chain
+        self._robot, self._data, self._joint_chain = robot, robot.createData(), arm.chain
         self._chain = [robot.getJointId(name) for name in arm.joint_names]
         self.q_index = np.array([robot.joints[joint].idx_q for joint in self._chain])
-        self._across = np.linalg.svd(self._arm.axes[:, None])[2][:, 1:]  # two units across each
+        self._across = np.linalg.svd(self._joint_chain.axes[:, None])[2][
+            :, 1:
+        ]  # two units across each
         shapes = list(geometry.geometryObjects)
         self.joints = np.array([shape.parentJoint for shape in shapes])
         self._T_joint_shape = np.array([shape.placement.homogeneous for shape in shapes])
@@ -72,7 +74,7 @@ class MotionBounds:
         others[self.q_index] = 0.0
         if not np.array_equal(others, self._others):
             self._stand(others)
-        joints = self._arm.poses(qs)
+        joints = self._joint_chain.poses(qs)
         shapes = np.tile(self._standing, (len(qs), 1, 1, 1))
         shapes[:, self._moved] = joints[:, self.depth[self._moved] - 1] @ self._T_arm_shapes
         return Placed(joints, shapes)
@@ -88,7 +90,7 @@ class MotionBounds:
 
     def axes(self, placed: Placed) -> Vector:
         """The joints' axes at m configurations, in base, shape (m, 7, 3)."""
-        turned: Vector = (placed.joints[..., :3, :3] @ self._arm.axes[:, :, None])[..., 0]
+        turned: Vector = (placed.joints[..., :3, :3] @ self._joint_chain.axes[:, :, None])[..., 0]
         return turned
 
     def motions_m(self, placed: Placed, turns: Vector, shapes: Indices) -> Vector:

@@ -17,7 +17,6 @@ from planner.trajectory import Trajectory
 IsFree: TypeAlias = Callable[[Vector], bool]
 """Whether an arm touches nothing at a configuration, shape (n,), rad."""
 
-
 SCREENING_STEP_RAD = 0.03
 """Farthest that a joint moves between two looks at a motion that is proven, or not, afterwards."""
 

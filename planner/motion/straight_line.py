@@ -29,10 +29,8 @@ LEAST_TRAVEL_M = 1e-6
 HALF_TURN_MARGIN_RAD = 1e-6
 """Rotations closer to half a turn than this have no shortest way: either sense is as good."""
 
-
 FARTHEST = 1e6
 """How many times its length a line may be followed, either way; beyond, turns lose digits."""
-
 
 LEAST_M, LEAST_RAD = 2e-6, 1e-5
 """Of a tolerance: poses at the ends of lines are exact within a hundredth of that."""

@@ -70,8 +70,9 @@ def plan_straight_move(
     The tip's position stays on the line between its pose at `q_start` and `T_base_goal`, its
     orientation on the shortest rotation between both, at the same fraction of the way, within the
     tolerance, and at both ends within 1e-8. The arm's self-motion is free; no IK branch is jumped.
-    Where the line is shorter than `straight_line.LEAST_LENGTH` (m and rad together), the motion has
-    no duration. Where no fast motion is found, the arm goes from knot to knot of the line.
+    Other optima are sought by way of `IKService`, which may have to be compiled first. Where the
+    line is shorter than `straight_line.LEAST_LENGTH` (m and rad together), the motion has no
+    duration. Where no fast motion is found, the arm goes from knot to knot of the line.
 
     Args:
         arm: whose tip moves.
@@ -156,8 +157,8 @@ def _planned(
 ) -> Trajectory:
     """The motion of a checked task.
 
-    Optima are local. So where the arm could also end in another solution of the goal, were it free
-    to leave the line, before the motion that is known does, that is where the next guess ends.
+    Optima are local. So the next guess ends in another solution of the goal, as long as there is
+    one that the arm, were it free to leave the line, could reach sooner than by what is known.
 
     Raises:
         MotionError: when there is none.
@@ -175,7 +176,8 @@ def _planned(
     ends = sample_solutions(_service(arm), line.T_base_goal, turns=TURNS)
     least_s, q_known = rest_to_rest_s(ends - task.q_start, limits), motion.q_goal
     for _ in range(OTHERS):
-        least_s[np.abs(ends - q_known).max(axis=1) < APART_RAD] = np.inf
+        for q in (q_known, motion.q_goal):
+            least_s[np.abs(ends - q).max(axis=1) < APART_RAD] = np.inf
         if least_s.min(initial=np.inf) >= GAIN * motion.duration:
             break
         q_known = ends[least_s.argmin()]
@@ -204,6 +206,8 @@ def _near(
     for _ in range(1 + HALVINGS):
         guess = along(arm, limits, task.q_start, Way(line, intervals, ends_at_rest=True))
         if isinstance(guess, Followed):
+            if other is not None:
+                return None
             raise _why_not(arm, limits, line, guess)
         if is_at_rest and np.linalg.norm(line.twist) <= SHORT:
             motion = plan_joint_move(task.q_start, guess.q[-1], limits)
@@ -214,7 +218,7 @@ def _near(
         if other is not None:
             guess = drawn_to(guess, *other)
         found = _program(phase).solve([guess], task, arm, limits)
-        if other is not None and (found is None or found[0].duration >= other[1]):
+        if other is not None and (found is None or found[0].duration >= GAIN * other[1]):
             return None
         if found is not None and is_on_line(arm, line, found[0], tolerance):
             return found[0]

@@ -18,10 +18,10 @@ from planner import Body
 from sim.errors import RecordingError
 from sim.events import Event
 from sim.files import Line, checked_path, read_lines
-from sim.recording.log_recorder import FORMAT, VERSION
+from sim.recording.log_recorder import FORMAT, READABLE
 from sim.recording.recorded_motion import RecordedMove
+from sim.recording.recorder import StoredEvent
 from sim.recording.recording import NotedRecording, Recording
-from sim.recording.stored_event import StoredEvent
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,10 +171,10 @@ def _begun(file: object, line: Line) -> _Story:
     first: dict[str, Any] = data if isinstance(data, dict) else {}
     if first.get("format") != FORMAT:
         raise RecordingError(f"{shown_path(file)} is no log: it does not begin with its format")
-    if first.get("version") != VERSION:
+    if first.get("version") not in READABLE:
         raise RecordingError(
-            f"{shown_path(file)} has version {shown(first.get('version'))}, but only {VERSION} is "
-            "read here"
+            f"{shown_path(file)} has version {shown(first.get('version'))}, but only {READABLE} "
+            "are read here"
         )
     names = from_json(first.get("joint_names"), tuple[str, ...], "joint_names", RecordingError)
     return _Story(

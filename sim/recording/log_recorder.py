@@ -3,7 +3,7 @@
 The file is JSON Lines: ASCII, one object to a line, each handed to the system as it is written.
 Every line but the first has one entry that says what it is:
 
-- first `{"format": "baxter-kin log", "version": 1, "joint_names": [...], "robot": {...}}`, of which
+- first `{"format": "baxter-kin log", "version": 2, "joint_names": [...], "robot": {...}}`, of which
   the last says which robot it is and may be missing,
 - `{"body": {...}}`: shapes and pose of a body, before it appears or disappears,
 - `{"event": {...}}`: time, kind, text, the name of the body and the side that it is about,
@@ -33,11 +33,12 @@ from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot
 from sim.files import LineFile
 from sim.recording.recorded_motion import RecordedMove, recorded_move
-from sim.recording.recorder import pose_row
-from sim.recording.stored_event import StoredEvent
+from sim.recording.recorder import StoredEvent, pose_row
 
 FORMAT = "baxter-kin log"
-VERSION = 1
+VERSION = 2
+READABLE = (1, 2)
+"""In the first one events named no side, and moves not what inverse kinematics answered."""
 
 
 class LogRecorder(NotCopied, Observer):
@@ -94,7 +95,7 @@ class LogRecorder(NotCopied, Observer):
             RecordingError: when it is no event, or the file cannot be written.
         """
         expect(event, Event, "event", RecordingError)
-        if event.body is not None and event.is_about_shape:
+        if event.body is not None and event.is_of_appearance:
             self._write_part("body", event.body, Body)
         self._write_part("event", StoredEvent.of(event), StoredEvent)
         move = recorded_move(event)

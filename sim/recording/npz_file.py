@@ -5,10 +5,9 @@ said otherwise:
 
 - `times_s` (n,), `q` (n, joints), `gripper_percent` (n, 2) and `body_poses` (bodies, n, 7), as in
   `Recording`, the bodies in the order of `tracks` in the document,
-- `document`: JSON as bytes of UTF-8 (uint8): `format` "baxter-kin recording"; `version` 1, another
-  number when the same entries get another meaning; `joint_names`, `bodies` with their shapes,
-  `tracks`, `captions`, `events`, `moves` with their exact trajectories, and `robot`, which one it
-  was, where that is known,
+- `document`: JSON as bytes of UTF-8 (uint8): `format` "baxter-kin recording"; `version` 2, or 1;
+  `joint_names`, `bodies` with their shapes, `tracks`, `captions`, `events`, `moves` with their
+  exact trajectories, and `robot`, which one it was, where that is known,
 - `sha256`: 32 bytes (uint8), the SHA-256 of the other entries' bytes in the order above.
 
 Kept is everything but the moves that events carry; a loaded event has the body of its name, as it
@@ -40,11 +39,13 @@ from planner import Body
 from sim.errors import RecordingError
 from sim.files import checked_path, opened, replace_file
 from sim.recording.recorded_motion import RecordedMove
+from sim.recording.recorder import StoredEvent
 from sim.recording.recording import Recording
-from sim.recording.stored_event import StoredEvent
 
 FORMAT = "baxter-kin recording"
-VERSION = 1
+VERSION = 2
+READABLE = (1, 2)
+"""In the first one events named no side, and moves not what inverse kinematics answered."""
 
 LARGEST_FILE_BYTES = 4 * 2**30
 """Unpacked; an hour at 100 Hz takes 0.1 GB."""
@@ -158,9 +159,9 @@ def _read_document(content: bytes) -> _Document:
     stated: dict[str, Any] = data if isinstance(data, dict) else {}
     if stated.get("format") != FORMAT:
         raise RecordingError(f"is no recording: its format is {shown(stated.get('format'))}")
-    if stated.get("version") != VERSION:
+    if stated.get("version") not in READABLE:
         raise RecordingError(
-            f"has version {shown(stated.get('version'))}, but only {VERSION} is read here"
+            f"has version {shown(stated.get('version'))}, but only {READABLE} are read here"
         )
     document: _Document = from_json(data, _Document, "recording", RecordingError)
     return document

@@ -22,15 +22,16 @@ def retell(recording: Recording, observer: Observer) -> None:
     """Tell an observer every event and snapshot of a recording, in order of time.
 
     Events come before the snapshot of the same time. A recording does not say whether a gripper was
-    gripping or had missed, so these are told as false; its events say it. Of a move, label and
-    trajectory are told; of bodies that were there from the beginning, only their poses.
+    gripping or had missed, so these are told as false; its events say it. Of a move, label,
+    trajectory and what inverse kinematics answered are told; of bodies that were there from the
+    beginning, only their poses.
 
     Raises:
         RecordingError: when an argument is of another class.
     """
     expect(recording, Recording, "recording", RecordingError)
     expect(observer, Observer, "observer", RecordingError)
-    events = deque(_with_steps(recording))
+    events = deque(_with_moves(recording))
     captions = deque(recording.captions)
     caption = ""
     for row, time_s in enumerate(recording.times_s.tolist()):
@@ -43,7 +44,7 @@ def retell(recording: Recording, observer: Observer) -> None:
         observer.on_event(event)
 
 
-def _with_steps(recording: Recording) -> Iterator[Event]:
+def _with_moves(recording: Recording) -> Iterator[Event]:
     """The events; those that began a move with that move, also when they were loaded without."""
     moves = deque(recording.moves)
     for event in recording.events:

@@ -1,9 +1,15 @@
-"""Recorder: an observer that keeps what happens in memory, until data is made of it."""
+"""Recorder: an observer that keeps what happens in memory, until data is made of it.
+
+And `StoredEvent`: what the files that keep all of a recording keep of an event. The move that began
+is not kept with it: its motion is among the moves.
+"""
 
 from __future__ import annotations
 
 import sys
 from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -15,9 +21,40 @@ from baxter_kin.errors import expect
 from baxter_kin.model import LIMBS
 from planner import Body, Scene
 from sim.errors import RecordingError
-from sim.events import Event, Observer, Snapshot
+from sim.events import Event, EventKind, Observer, Snapshot
 from sim.recording.recorded_motion import RecordedMove, recorded_move
 from sim.recording.recording import Recording
+
+
+@dataclass(frozen=True, slots=True)
+class StoredEvent:
+    """An event as it is kept.
+
+    Attributes:
+        time_s: simulated time.
+        kind: what.
+        text: one readable phrase.
+        body: name of the body that it is about; before sides were kept, only of one that appeared
+            or disappeared.
+        side: of the arm that it is about.
+    """
+
+    time_s: float
+    kind: EventKind
+    text: str
+    body: str | None = None
+    side: str | None = None
+
+    @classmethod
+    def of(cls, event: Event) -> StoredEvent:
+        """What is kept of an event."""
+        body = None if event.body is None else event.body.name
+        return cls(event.time_s, event.kind, event.text, body, event.side)
+
+    def event(self, bodies: Mapping[str, Body]) -> Event:
+        """The event, with the body of its name."""
+        body = bodies.get(self.body or "")
+        return Event(self.time_s, self.kind, self.text, self.side, body=body)
 
 
 class Recorder(Observer):
@@ -73,7 +110,7 @@ class Recorder(Observer):
         """
         expect(event, Event, "event", RecordingError)
         self._events.append(event)
-        if event.body is not None and event.is_about_shape:
+        if event.body is not None and event.is_of_appearance:
             self._bodies[event.body.name] = event.body
         move = recorded_move(event)
         if move is not None:

@@ -226,8 +226,9 @@ def _story(
 
 def _seeds(recording: Recording) -> Iterator[tuple[float, str]]:
     """When which seed of inverse kinematics led to where the arm moves; none between moves."""
-    yield float(recording.times_s[0]), ""
-    for recorded in sorted(recording.moves, key=lambda recorded: recorded.start_s):
-        if recorded.ik is not None:
-            yield recorded.start_s, recorded.move.seed_label
-            yield recorded.end_s, ""
+    moves = sorted(recording.moves, key=lambda recorded: recorded.start_s)
+    starts_s = [recorded.start_s for recorded in moves]
+    yield min([float(recording.times_s[0]), *starts_s]), ""
+    for recorded, next_s in zip(moves, [*starts_s, math.inf][1:], strict=True):
+        yield recorded.start_s, "" if recorded.ik is None else recorded.move.seed_label
+        yield min(recorded.end_s, next_s), ""  # another starts earlier where one was stopped

@@ -22,14 +22,12 @@ from baxter_kin.errors import expect, quoted
 from planner import Body
 from sim.errors import ViewerError
 from sim.view.appearance import Appearance
-from sim.view.clients import Audience
+from sim.view.clients import Audience, Letter
 from sim.view.gripper_status import GripperPhase
 from sim.view.live_server import ADDRESS, LiveServer
 from sim.view.meshcat_commands import Command, delete, set_property
-from sim.view.messages import Letter
 from sim.view.scenegraph import RobotTree, body_commands, body_path, pose_commands, stage_commands
-from sim.view.tip_path import TipTracker
-from sim.view.trail import Trail
+from sim.view.tip_path import TipTracker, Trail
 from sim.view.webpage import page, viewer_bundle
 
 JOINT_STEP = 1e-5

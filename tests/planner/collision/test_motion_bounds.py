@@ -15,8 +15,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter
-from planner import RobotShapes
+from planner import RobotShapes, Scene
+from planner.collision.checker import ClearanceChecker
 from planner.collision.motion_bounds import MotionBounds
+from tests.calibrated import calibrated_arm
 from tests.planner.conftest import distance
 
 Vector = NDArray[np.float64]
@@ -148,3 +150,14 @@ def test_gaps_are_below_the_distances_of_coal(rig: Rig, seed: int) -> None:
     for i, k, gap in zip(first.tolist(), second.tolist(), gaps, strict=True):
         apart = distance(shapes[i], poses[i], shapes[k], poses[k]) if i != k else 0.0
         assert gap <= max(apart, 0.0) + GJK_TOLERANCE_M
+
+
+def test_shapes_move_as_their_own_robot_does(robot: Baxter) -> None:
+    """Also when a checker is given another robot's arm, of which it needs the side alone."""
+    other = calibrated_arm(robot, "left", np.random.default_rng(0))
+    assert not other.T_base_tip(other.start).isApprox(robot.arm("left").T_base_tip(other.start))
+    rig = Rig(robot, robot.arm("left"))
+    checker = ClearanceChecker(RobotShapes(robot), other, Scene.of())
+    placed = checker.motion_bounds.place(rig.q_others, other.start[None]).shapes[0]
+    expected = np.array([T.homogeneous for T in rig.poses(other.start)])
+    np.testing.assert_allclose(placed, expected, rtol=0.0, atol=ROUNDING_M)

@@ -13,7 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baxter_kin import Arm, Baxter, ConfigurationError, IKService, PoseError
+from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits, PoseError
+from baxter_kin.arrays import Vector
 from baxter_kin.model import MIRROR
 from planner import (
     LineTolerance,
@@ -24,7 +25,10 @@ from planner import (
     plan_joint_move,
     plan_straight_move,
 )
+from planner.motion import straight_move
+from planner.motion.guess import Followed, Way, along
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
+from planner.splines import Sketch
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.planner.lines import (
     STRAIGHT_M,
@@ -110,6 +114,25 @@ def test_the_way_back_takes_no_longer(left: Arm) -> None:
 
 def test_a_local_optimum_is_left_for_a_faster_one(left: Arm) -> None:
     assert drawn_move(left, 354)[0].duration < 0.87 * NEAR_LEAST_NORM_S
+
+
+def test_what_is_known_stays_where_another_guess_cannot_be_followed(
+    left: Arm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Intervals are halved for a guess that leaves the line, and finer steps may end earlier."""
+    known = drawn_move(left, 354)[0]
+    looks = iter([True])
+    monkeypatch.setattr(straight_move, "is_on_line", lambda *_: next(looks, False))
+    asked = list[int]()
+
+    def stuck(arm: Arm, limits: JointLimits, q: Vector, way: Way) -> Sketch | Followed:
+        asked.append(way.intervals)
+        return Followed([], 0.2, q) if len(asked) > 2 else along(arm, limits, q, way)
+
+    monkeypatch.setattr(straight_move, "along", stuck)
+    found = drawn_move(left, 354)[0]
+    assert len(asked) > 2
+    assert found.duration > known.duration
 
 
 @settings(max_examples=4)

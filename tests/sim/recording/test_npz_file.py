@@ -60,7 +60,7 @@ def test_numpy_opens_it_too_without_pickle(path: Path, picked: Recording) -> Non
         assert entries["q"].tolist() == picked.q.tolist()
         document = json.loads(entries["document"].tobytes())
     assert document["format"] == "baxter-kin recording"
-    assert document["version"] == 1
+    assert document["version"] == 2
 
 
 def test_meshes_and_colours_come_back(picked: Recording, tmp_path: Path) -> None:
@@ -151,7 +151,7 @@ class TestRefused:
     @pytest.mark.parametrize(
         ("change", "words"),
         [
-            (('"version":1', '"version":2'), "has version 2, but only 1 is read here"),
+            (('"version":2', '"version":3'), r"has version 3, but only \(1, 2\) are read here"),
             (("baxter-kin recording", "baxter-kin something"), "its format is"),
             (('"tracks":[', '"tracks":["more",'), "tracks under"),
             (('"captions":', '"titles":'), r"recording\.captions is missing"),

@@ -12,12 +12,13 @@ import pinocchio as pin
 import pytest
 from playwright.sync_api import Browser
 
-from baxter_kin import Baxter
-from planner import RobotBody
+from baxter_kin import Arm, Baxter, IKService
+from planner import RobotBody, plan_joint_move
 from sim.errors import RecordingError
 from sim.events import EventKind
+from sim.recording.recorded_motion import RecordedMove
 from sim.recording.recording import Recording
-from sim.view.replay import Replay, replay_html, write_replay
+from sim.view.replay import Replay, _seeds, replay_html, write_replay
 from tests.sim.conftest import (
     APPEARS_S,
     DURATION_S,
@@ -243,6 +244,18 @@ def test_says_nothing_of_a_seed_where_none_was_used(story: Watched) -> None:
     seek(story, 0.5)
     assert story.page.inner_text("#caption") == "move to start"
     assert not story.page.is_visible("#seed")
+
+
+def test_a_stopped_move_has_no_seed_once_the_next_begins(left: Arm, picked: Recording) -> None:
+    there = IKService(left).solve(left.T_base_tip(left.start), current=left.start)
+    motion = plan_joint_move(left.neutral, left.start, left.limits)
+    begun = [(0.0, there), (0.5 * motion.duration, None), (0.7 * motion.duration, there)]
+    moves = [RecordedMove(start_s, "", motion, ik) for start_s, ik in begun]
+    told = list(_seeds(replace(picked, moves=tuple(moves))))
+    times = [time_s for time_s, _ in told]
+    assert times == sorted(times)
+    seed = moves[0].move.seed_label
+    assert [text for _, text in told] == ["", seed, "", "", "", seed, ""]
 
 
 def test_says_what_the_gripper_holds(story: Watched, executed: Recording) -> None:

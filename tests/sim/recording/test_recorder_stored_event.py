@@ -12,7 +12,7 @@ from baxter_kin.json_data import from_json, to_json
 from baxter_kin.json_text import as_text, from_text
 from planner import Body
 from sim import Event, EventKind, RecordingError
-from sim.recording.stored_event import StoredEvent
+from sim.recording.recorder import StoredEvent
 
 
 @given(

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
+from sim.view.clients import Letter, Mailbox
 from sim.view.meshcat_commands import delete, set_property
-from sim.view.messages import Letter, Mailbox
 
 
 def moved(path: str, x: float) -> Letter:

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from sim.view.decimation import FRAMES_PER_S, frame_samples, telling_samples
+from sim.view.animation import FRAMES_PER_S, frame_samples, telling_samples
 
 TOLERANCE = 0.05
 

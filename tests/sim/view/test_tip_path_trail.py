@@ -3,8 +3,15 @@ from __future__ import annotations
 import numpy as np
 
 from sim.view.meshcat_commands import Command
-from sim.view.tip_path import EMPTY_RGB, HOLDING_RGB, LONGEST_JUMP_M, STRETCH_M
-from sim.view.trail import PIECE_POINTS, PIECES_KEPT, Trail
+from sim.view.tip_path import (
+    EMPTY_RGB,
+    HOLDING_RGB,
+    LONGEST_JUMP_M,
+    PIECE_POINTS,
+    PIECES_KEPT,
+    STRETCH_M,
+    Trail,
+)
 
 
 def walk(
