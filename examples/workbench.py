@@ -30,7 +30,7 @@ from planner import (
     plan_start_move,
     verify,
 )
-from sim import Recorder, Simulation, World, write_replay
+from sim import Recorder, Simulation, World, save_recording, write_replay
 
 TABLE_Z_M = -0.155
 """The table's top, in base."""
@@ -196,7 +196,7 @@ def play(
         if options.html is not None:
             write_replay(options.html, recording, bench.robot, title=about.splitlines()[0])
         if options.record is not None:
-            recording.save(options.record)
+            save_recording(recording, options.record)
     except BaxterError as error:
         print(error, file=sys.stderr)
         return 1

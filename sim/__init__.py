@@ -19,12 +19,14 @@ if TYPE_CHECKING:
     from sim.perception.pose_source import PoseSource, Sighting, TruePoses
     from sim.recording.log_reading import read_log
     from sim.recording.log_recorder import LogRecorder
-    from sim.recording.mcap_file import McapRecorder
+    from sim.recording.mcap_file import McapRecorder, write_mcap
+    from sim.recording.npz_file import load_recording, save_recording
     from sim.recording.playback import retell
+    from sim.recording.plot import plot_recording
     from sim.recording.recorded_motion import ArmMotion, RecordedMove
     from sim.recording.recorder import Recorder
     from sim.recording.recording import NotedRecording, Recording
-    from sim.recording.rsdk_csv import CsvRecorder
+    from sim.recording.rsdk_csv import CsvRecorder, write_csv
     from sim.recording.rsdk_reading import read_rsdk_csv
     from sim.simulation import Simulation
     from sim.view.replay import Replay, write_replay
@@ -78,10 +80,15 @@ __all__ = [
     "Viewer",
     "ViewerError",
     "World",
+    "load_recording",
+    "plot_recording",
     "read_log",
     "read_looks",
     "read_rsdk_csv",
     "retell",
+    "save_recording",
+    "write_csv",
+    "write_mcap",
     "write_replay",
 ]
 
@@ -106,7 +113,9 @@ __getattr__ = loader(
         "sim.recording.recorder",
         "sim.recording.recording",
         "sim.recording.log_recorder",
+        "sim.recording.npz_file",
         "sim.recording.playback",
+        "sim.recording.plot",
         "sim.recording.rsdk_csv",
         "sim.recording.rsdk_reading",
         "sim.simulation",

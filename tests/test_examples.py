@@ -20,7 +20,7 @@ from baxter_kin.arrays import Vector
 from examples import right_arm, sorting, three_poses, tower
 from examples.workbench import SIDES, TABLE_Z_M, Workbench, on_table, play, scattered
 from planner import make_block, verify
-from sim import EventKind, Recording
+from sim import EventKind, Recording, load_recording
 from tests.closeness import Closeness
 
 EXAMPLES = {
@@ -55,7 +55,7 @@ class Run:
 
     @property
     def recording(self) -> Recording:
-        return Recording.load(self.folder / "run.npz")
+        return load_recording(self.folder / "run.npz")
 
     def centre(self, block: str) -> Vector:
         """Where a block ended: the centre of a cube is its origin."""

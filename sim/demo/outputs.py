@@ -12,6 +12,7 @@ from sim import CsvRecorder, LogRecorder, McapRecorder, Observer, Recorder, Worl
 from sim.demo.live import LiveView
 from sim.demo.narration import Narrator
 from sim.demo.options import Options
+from sim.recording.npz_file import save_recording
 
 WAIT_FOR_BROWSER_S = 15.0
 REPLAY_SNAPSHOTS = 12_000
@@ -63,7 +64,7 @@ def _recorder(path: Path, robot: Baxter, cleanup: ExitStack) -> Observer:
 
 def _save(recorder: Recorder, path: Path) -> None:
     if recorder.has_snapshots:
-        recorder.recording().save(path)
+        save_recording(recorder.recording(), path)
 
 
 def _live(world: World, narrator: Narrator, cleanup: ExitStack) -> LiveView:

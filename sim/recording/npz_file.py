@@ -1,4 +1,4 @@
-"""Recordings in npz files: `Recording.save` and `Recording.load`.
+"""Recordings in npz files: `save_recording` and `load_recording`.
 
 An npz file is a zip archive of arrays; `numpy.load` opens it too. This one holds, float64 where not
 said otherwise:

@@ -7,11 +7,9 @@ object-oriented interface is used, so no window is opened and no global state is
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter, JointLimits
@@ -22,6 +20,9 @@ from sim.errors import RecordingError
 from sim.events import Event, EventKind
 from sim.recording.recorded_motion import ArmMotion, arm_joints
 from sim.recording.recording import Recording
+
+if TYPE_CHECKING:  # an extra
+    from matplotlib.figure import Figure
 
 SIZE_INCH = (21.0, 9.5)
 """Of one arm."""
@@ -77,13 +78,22 @@ _ROWS = (
 
 
 def plot_recording(
-    recording: Recording, limb: str | None = None, limits: JointLimits | None = None
+    recording: Recording, limb: str | None = None, *, limits: JointLimits | None = None
 ) -> Figure:
-    """The figure that `Recording.plot` describes.
+    """Position, velocity, acceleration and jerk of each joint against its limits.
+
+    Args:
+        recording: what happened.
+        limb: "left" or "right"; when not given, those that moved.
+        limits: of that arm; when not given, those of the recorded moves, or else the robot's.
+
+    Returns:
+        A figure of Matplotlib; nothing is opened, `figure.savefig("motion.png")` keeps it.
 
     Raises:
         UnknownNameError: when there is no such limb.
-        RecordingError: when the limits are not those of that arm, or its joints were not recorded.
+        RecordingError: when Matplotlib is missing, the limits are not those of that arm, or its
+            joints were not recorded.
     """
     expect(recording, Recording, "recording", RecordingError)
     limbs = _limbs(recording, limb, limits)
@@ -137,6 +147,12 @@ def _in_order(limits: JointLimits, limb: str) -> JointLimits:
 
 
 def _new_figure(arms: int) -> Figure:
+    try:
+        from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
+    except ImportError as cause:
+        raise RecordingError(
+            "drawing needs the package matplotlib; run: pip install 'baxter-kin[plot]'"
+        ) from cause
     width, height = SIZE_INCH
     return Figure(figsize=(width, arms * height), layout="constrained", facecolor="white")
 
@@ -247,6 +263,8 @@ def _title(recording: Recording, limb: str) -> str:
 
 
 def _legend(motion: ArmMotion, events: list[Event]) -> tuple[list[Any], list[str]]:
+    from matplotlib.lines import Line2D  # noqa: PLC0415 - an extra
+
     known = _known(motion)
     entries: dict[str, Any] = {}
     if motion.is_exact.any():

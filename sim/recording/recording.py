@@ -1,43 +1,28 @@
 """Recording: what happened, as data.
 
-Files: npz by `Recording.save`, the RSDK's CSV by `Recording.write_csv`, MCAP by
-`Recording.write_mcap`; while the simulation runs, `LogRecorder`, `CsvRecorder` and `McapRecorder`
-write to disk as they go.
+Files: npz by `save_recording` and `load_recording`, the RSDK's CSV by `write_csv`, MCAP by
+`write_mcap`; while the simulation runs, `LogRecorder`, `CsvRecorder` and `McapRecorder` write to
+disk as they go. `plot_recording` draws it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from baxter_kin import JointLimits
 from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.copying import Frozen, FrozenMapping
 from baxter_kin.description import RobotIdentity
 from baxter_kin.display import OneLine, count, line, listing, seconds, shown
 from baxter_kin.errors import UnknownNameError, expect, expect_all, quoted
-from baxter_kin.files import PathLike
 from baxter_kin.model import LIMBS
 from planner import Body, Scene
 from sim.errors import RecordingError
 from sim.events import Event
 from sim.recording.recorded_motion import ArmMotion, RecordedMove, arm_joints, arm_motion
-from sim.recording.rsdk_csv import CsvFile, CsvRecorder, arm_indices, csv_header
-
-if TYPE_CHECKING:  # drawing is an extra
-    from matplotlib.figure import Figure
-
-__all__ = [  # the names of the CSV can be had here too
-    "CsvFile",
-    "CsvRecorder",
-    "NotedRecording",
-    "RecordedMove",
-    "Recording",
-    "csv_header",
-]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -99,28 +84,6 @@ class Recording(Frozen, OneLine):
         """From the first snapshot to the last."""
         return float(self.times_s[-1] - self.times_s[0])
 
-    @classmethod
-    def load(cls, path: PathLike) -> Recording:
-        """The recording in a file that `save` wrote.
-
-        Raises:
-            RecordingError: when the file cannot be read, is truncated, damaged or edited, or holds
-                no recording; says which.
-        """
-        from sim.recording.npz_file import load_recording  # noqa: PLC0415 - it makes recordings
-
-        return load_recording(path)
-
-    def save(self, path: PathLike) -> None:
-        """Write all of it to an npz file; `sim.recording.npz_file` describes the format.
-
-        Raises:
-            RecordingError: when the file cannot be written.
-        """
-        from sim.recording.npz_file import save_recording  # noqa: PLC0415 - it makes recordings
-
-        save_recording(self, path)
-
     def motion(self, limb: str, *, with_knots: bool = False) -> ArmMotion:
         """Position, velocity, acceleration and jerk of an arm.
 
@@ -144,51 +107,6 @@ class Recording(Frozen, OneLine):
         q = self.q[:, [self.joint_names.index(name) for name in names]]
         moves = [move for move in self.moves if move.limb == limb]
         return arm_motion(names, self.times_s, q, moves, with_knots=with_knots)
-
-    def plot(self, limb: str | None = None, *, limits: JointLimits | None = None) -> Figure:
-        """Position, velocity, acceleration and jerk of each joint against its limits.
-
-        Args:
-            limb: "left" or "right"; when not given, those that moved.
-            limits: of that arm; when not given, those of the recorded moves, or else the robot's.
-
-        Returns:
-            A figure of Matplotlib; nothing is opened, `figure.savefig("motion.png")` keeps it.
-
-        Raises:
-            UnknownNameError: when there is no such limb.
-            RecordingError: when Matplotlib is missing, or the limits are not those of one arm.
-        """
-        try:
-            from sim.recording.plot import plot_recording  # noqa: PLC0415 - drawing is an extra
-        except ImportError as cause:
-            raise RecordingError(
-                "drawing needs the package matplotlib; run: pip install 'baxter-kin[plot]'"
-            ) from cause
-        figure: Figure = plot_recording(self, limb, limits)
-        return figure
-
-    def write_mcap(self, path: PathLike) -> None:
-        """Write ROS 1 messages to an MCAP file; `sim.recording.mcap_file` describes them.
-
-        Raises:
-            RecordingError: when the package `mcap` is missing, a time is negative, or the file
-                cannot be written.
-        """
-        from sim.recording.mcap_file import write_mcap  # noqa: PLC0415 - an extra
-
-        write_mcap(self, path)
-
-    def write_csv(self, path: PathLike) -> None:
-        """Write the RSDK's CSV.
-
-        Raises:
-            RecordingError: when the file cannot be written.
-        """
-        indices = arm_indices(self.joint_names)
-        with CsvFile(path) as file:
-            for time_s, q, percent in zip(self.times_s, self.q, self.gripper_percent, strict=True):
-                file.write(float(time_s), q[indices], percent)
 
     def _facts(self) -> tuple[str, ...]:
         rows, bodies = count(len(self.times_s), "snapshot"), listing(self.bodies, "body")

@@ -19,6 +19,7 @@ from baxter_kin.model import JOINTS, LIMBS
 from sim.errors import RecordingError
 from sim.events import Observer, Snapshot
 from sim.files import LineFile
+from sim.recording.recording import Recording
 
 _ROW = ",".join(["{:.6f}", *["{:.12g}"] * 16])
 """Time, and both arms with their grippers."""
@@ -126,3 +127,16 @@ def arm_indices(joint_names: tuple[str, ...]) -> list[int]:
     if missing:
         raise RecordingError(f"the recording lacks {', '.join(missing)}, which the CSV needs")
     return [joint_names.index(name) for name in wanted]
+
+
+def write_csv(recording: Recording, path: PathLike) -> None:
+    """Write a recording as the RSDK's CSV.
+
+    Raises:
+        RecordingError: when it is none, lacks the joints of an arm, or cannot be written.
+    """
+    told = expect(recording, Recording, "recording", RecordingError)
+    indices = arm_indices(told.joint_names)
+    with CsvFile(path) as file:
+        for time_s, q, percent in zip(told.times_s, told.q, told.gripper_percent, strict=True):
+            file.write(float(time_s), q[indices], percent)

@@ -57,7 +57,7 @@ class _Table:
 
 
 def read_rsdk_csv(path: PathLike, robot: Baxter) -> NotedRecording:
-    """A recording of the RSDK's `joint_recorder.py`, or of `Recording.write_csv`.
+    """A recording of the RSDK's `joint_recorder.py`, or of `write_csv`.
 
     Columns are found by name, in any order. Kept with a note: columns that are not of the format
     (unread), grippers that are missing (shown open) or outside 0 .. 100 (the nearer end), pauses of

@@ -31,7 +31,7 @@ def test_every_public_class_and_function_is_called() -> None:
             thing = getattr(package, name)
             if callable(thing) and not isinstance(thing, type):
                 assert f"{package.__name__}.{name}" in names
-    assert {"planner.Scene.moved", "baxter_kin.IKService.solve", "sim.Recording.load"} <= names
+    assert {"planner.Scene.moved", "baxter_kin.IKService.solve", "sim.load_recording"} <= names
 
 
 def test_every_parameter_has_a_valid_value(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from planner import (
 from planner.collision.robot_body import RobotBody
 from planner.errors import SceneError, TaskError
 from planner.verification.command_line import main
-from sim import Recorder, Recording, Simulation, World
+from sim import Recorder, Recording, Simulation, World, load_recording, save_recording
 from sim.errors import RecordingError, SimulationError
 from sim.recording.log_reading import read_log
 from sim.recording.log_recorder import LogRecorder
@@ -104,8 +104,8 @@ def test_is_executed_recorded_and_replayed(
     own: Own, robot: Baxter, scene: Scene, tmp_path: Path
 ) -> None:
     recording = executed(own, scene)
-    recording.save(tmp_path / "own.npz")
-    again = Recording.load(tmp_path / "own.npz")
+    save_recording(recording, tmp_path / "own.npz")
+    again = load_recording(tmp_path / "own.npz")
     assert again.robot == own.robot.description.identity
     assert replay_html(again, own.robot, body=RobotBody.load())
     with pytest.raises(RecordingError):

@@ -16,7 +16,7 @@ import pytest
 from baxter_kin import Baxter
 from planner import Manipulator, load_plan, transfer_bound_s, verify
 from planner.plan import SHOWN_RAD
-from sim import Recording, read_log
+from sim import Recording, load_recording, read_log
 from sim.demo import main
 from tests.conftest import overhead
 
@@ -298,7 +298,7 @@ def test_csv_is_the_recorders_of_the_rsdk(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("suffix", "load"),
-    [(".npz", Recording.load), (".jsonl", lambda path: read_log(path).recording)],
+    [(".npz", load_recording), (".jsonl", lambda path: read_log(path).recording)],
 )
 def test_everything_that_happens_is_recorded(
     tmp_path: Path, suffix: str, load: Callable[[Path], Recording]

@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter
-from sim import Event, EventKind, Observer, Recorder, Recording, RecordingError, Snapshot, retell
+from sim import (
+    Event,
+    EventKind,
+    Observer,
+    Recorder,
+    Recording,
+    RecordingError,
+    Snapshot,
+    retell,
+    save_recording,
+)
 from sim.recording.npz_file import load_recording
 from tests.sim.conftest import POSE, assert_same
 
@@ -45,7 +55,7 @@ def test_it_is_told_in_order_of_time_and_events_first(picked: Recording) -> None
 def test_moves_are_told_with_their_trajectories_also_after_loading(
     picked: Recording, tmp_path: Any
 ) -> None:
-    picked.save(tmp_path / "run.npz")
+    save_recording(picked, tmp_path / "run.npz")
     witness = Witness()
     retell(load_recording(tmp_path / "run.npz"), witness)
     begun = [i for i in witness.told if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED]

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm, UnknownNameError
-from sim import Recording, RecordingError
+from sim import Recording, RecordingError, plot_recording
 
 ROWS, JOINTS = 4, 7
 
 
 @pytest.fixture(scope="module")
 def figure(picked: Recording) -> Any:
-    return picked.plot()
+    return plot_recording(picked)
 
 
 def panels(figure: Any) -> Any:
@@ -87,7 +87,7 @@ def test_grasp_and_release_are_marked_and_named(figure: Any, picked: Recording) 
 
 def test_the_legend_says_where_the_motion_is_from(figure: Any, picked: Recording) -> None:
     assert said(figure) == ["exact, from the recorded moves", "limit", "grasped", "released"]
-    assert said(replace(picked, moves=()).plot("left")) == [
+    assert said(plot_recording(replace(picked, moves=()), "left")) == [
         "standing still",
         "differences of the recorded positions",
         "limit",
@@ -98,42 +98,42 @@ def test_the_legend_says_where_the_motion_is_from(figure: Any, picked: Recording
 
 def test_both_arms_are_drawn_when_both_or_none_moved(picked: Recording) -> None:
     still = replace(picked, q=np.tile(picked.q[0], (len(picked.q), 1)), moves=())
-    assert panels(still.plot()).shape == (2, ROWS, JOINTS)
+    assert panels(plot_recording(still)).shape == (2, ROWS, JOINTS)
 
 
 def test_an_arm_that_only_trembles_stands_still(picked: Recording) -> None:
     rng = np.random.default_rng(1)
     noisy = replace(picked, q=picked.q + rng.normal(0.0, 1e-4, picked.q.shape))
-    assert panels(noisy.plot()).shape == (1, ROWS, JOINTS)
+    assert panels(plot_recording(noisy)).shape == (1, ROWS, JOINTS)
 
 
 def test_noise_of_differences_does_not_hide_the_limits(picked: Recording, left: Arm) -> None:
     rng = np.random.default_rng(1)
     noisy = replace(picked, q=picked.q + rng.normal(0.0, 1e-3, picked.q.shape), moves=())
-    bottom, top = panels(noisy.plot("left"))[0, 3, 0].get_ylim()
+    bottom, top = panels(plot_recording(noisy, "left"))[0, 3, 0].get_ylim()
     assert top - bottom < 6.0 * left.limits.j_max[0]
 
 
 def test_other_limits_can_be_given(picked: Recording, left: Arm) -> None:
-    axes = panels(picked.plot(limits=left.limits.scaled(0.5)))[0, 1, 0]
+    axes = panels(plot_recording(picked, limits=left.limits.scaled(0.5)))[0, 1, 0]
     assert [line.get_ydata()[0] for line in axes.lines if line.is_dashed()] == [-0.75, 0.75]
 
 
 def test_limits_of_the_other_arm_are_refused(picked: Recording, left: Arm) -> None:
     with pytest.raises(RecordingError, match="are not those of the right arm"):
-        picked.plot("right", limits=left.limits)
+        plot_recording(picked, "right", limits=left.limits)
 
 
 @pytest.mark.parametrize("limb", ["up", 3])
 def test_an_arm_that_is_none_is_refused(picked: Recording, limb: Any) -> None:
     with pytest.raises(UnknownNameError, match="limb"):
-        picked.plot(limb)
+        plot_recording(picked, limb)
 
 
 def test_limits_that_are_none_are_refused(picked: Recording) -> None:
     bad: Any = [1.0, 2.0]
     with pytest.raises(RecordingError, match="limits"):
-        picked.plot(limits=bad)
+        plot_recording(picked, limits=bad)
 
 
 def test_it_can_be_saved_and_opens_no_window(figure: Any, tmp_path: Path) -> None:
@@ -153,13 +153,12 @@ def test_one_snapshot_can_be_drawn(picked: Recording) -> None:
         captions=(),
         events=(),
     )
-    assert panels(one.plot("left")).shape == (1, ROWS, JOINTS)
+    assert panels(plot_recording(one, "left")).shape == (1, ROWS, JOINTS)
 
 
 def test_without_the_package_the_error_says_what_to_install(
     picked: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    monkeypatch.delitem(sys.modules, "sim.recording.plot", raising=False)
     with pytest.raises(RecordingError, match=r"run: pip install 'baxter-kin\[plot\]'"):
-        picked.plot()
+        plot_recording(picked)

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import sim.recording.recording
-import sim.recording.rsdk_csv
 from baxter_kin import BaxterError
 from planner import Body
 from sim import (
@@ -79,10 +77,6 @@ class TestRecording:
     def test_malformed_parts_are_refused(self, picked: Recording, name: str, bad: Any) -> None:
         with pytest.raises(BaxterError):
             Recording(**{**fields(picked), name: bad})
-
-    def test_the_names_of_the_csv_can_be_had_here_too(self) -> None:
-        assert sim.recording.recording.CsvFile is sim.recording.rsdk_csv.CsvFile
-        assert sim.recording.recording.csv_header is sim.recording.rsdk_csv.csv_header
 
     def test_an_event_is_a_value(self) -> None:
         event = Event(1.0, EventKind.GRASPED, "block grasped")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from baxter_kin import Baxter
 from planner import Body
-from sim import CsvRecorder, Recorder, Recording, RecordingError, Simulation, World
+from sim import CsvRecorder, Recorder, Recording, RecordingError, Simulation, World, write_csv
 from sim.recording.rsdk_csv import CsvFile, csv_header
 from tests.sim.recording.test_recording import fields
 
@@ -50,7 +50,7 @@ class TestCsv:
     @pytest.fixture
     def path(self, tmp_path: Path, picked: Recording) -> Path:
         path = tmp_path / "run.csv"
-        picked.write_csv(path)
+        write_csv(picked, path)
         return path
 
     def test_the_header_is_that_of_the_rsdk(self, path: Path) -> None:
@@ -101,12 +101,12 @@ class TestCsv:
         assert grippers.max() == pytest.approx(100.0)
 
     def test_a_plain_string_is_a_path_too(self, tmp_path: Path, picked: Recording) -> None:
-        picked.write_csv(str(tmp_path / "run.csv"))
+        write_csv(picked, str(tmp_path / "run.csv"))
         assert (tmp_path / "run.csv").exists()
 
     def test_writing_twice_replaces_the_file(self, path: Path, picked: Recording) -> None:
         before = path.read_bytes()
-        picked.write_csv(path)
+        write_csv(picked, path)
         assert path.read_bytes() == before
 
     @given(st.lists(st.floats(-3.2, 3.2), min_size=14, max_size=14))
@@ -126,7 +126,7 @@ class TestCsv:
         live, memory = CsvRecorder(tmp_path / "live.csv", robot), Recorder(robot)
         Simulation(world, [live, memory]).wait(0.3)
         live.close()
-        memory.recording().write_csv(tmp_path / "after.csv")
+        write_csv(memory.recording(), tmp_path / "after.csv")
         live_bytes = (tmp_path / "live.csv").read_bytes()
         assert live_bytes == (tmp_path / "after.csv").read_bytes()
 
@@ -154,26 +154,26 @@ class TestUnwritable:
     ) -> None:
         path = tmp_path / name
         with pytest.raises(RecordingError, match=r"cannot write .*: (No such file|it is a folder)"):
-            picked.write_csv(path)
+            write_csv(picked, path)
         with pytest.raises(RecordingError, match="cannot write"):
             CsvRecorder(path, robot)
 
     @pytest.mark.parametrize("path", [None, 1, True, 0.5, ["run.csv"], b"run.csv"])
     def test_a_path_that_is_none(self, robot: Baxter, picked: Recording, path: Any) -> None:
         with pytest.raises(RecordingError, match="path"):
-            picked.write_csv(path)
+            write_csv(picked, path)
         with pytest.raises(RecordingError, match="path"):
             CsvRecorder(path, robot)
 
     @pytest.mark.parametrize("path", ["a\0b", "", "x" * 5000])
     def test_a_path_that_no_system_takes(self, picked: Recording, path: str) -> None:
         with pytest.raises(RecordingError, match="cannot write"):
-            picked.write_csv(path)
+            write_csv(picked, path)
 
     @pytest.mark.usefixtures("full_disk")
     def test_a_full_disk(self, picked: Recording, tmp_path: Path) -> None:
         with pytest.raises(RecordingError, match=r"cannot write .*run.csv: No space left"):
-            picked.write_csv(tmp_path / "run.csv")
+            write_csv(picked, tmp_path / "run.csv")
 
     def test_a_file_that_was_closed(self, robot: Baxter, world: World, tmp_path: Path) -> None:
         recorder = CsvRecorder(tmp_path / "run.csv", robot)
@@ -187,4 +187,4 @@ class TestUnwritable:
         renamed = tuple(f"other_{name}" for name in picked.joint_names)
         other = Recording(**{**fields(picked), "joint_names": renamed})
         with pytest.raises(RecordingError, match="lacks left_s0"):
-            other.write_csv(tmp_path / "run.csv")
+            write_csv(other, tmp_path / "run.csv")

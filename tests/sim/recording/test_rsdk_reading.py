@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter
-from sim import Recording, RecordingError, read_rsdk_csv
+from sim import Recording, RecordingError, read_rsdk_csv, write_csv
 from sim.recording.rsdk_csv import CsvFile, csv_header
 from sim.recording.rsdk_reading import LIMIT_SLACK_RAD
 from sim.view.replay import write_replay
@@ -53,7 +53,7 @@ class TestOwnFiles:
     def test_a_run_comes_back_to_twelve_digits_without_a_note(
         self, robot: Baxter, picked: Recording, path: Path
     ) -> None:
-        picked.write_csv(path)
+        write_csv(picked, path)
         found, notes = read_rsdk_csv(path, robot)
         assert notes == ()
         assert found.times_s == pytest.approx(picked.times_s, abs=5.1e-7)
@@ -63,9 +63,9 @@ class TestOwnFiles:
     def test_reading_and_writing_again_gives_the_same_file(
         self, robot: Baxter, picked: Recording, path: Path
     ) -> None:
-        picked.write_csv(path)
+        write_csv(picked, path)
         again = path.with_name("again.csv")
-        read_rsdk_csv(path, robot).recording.write_csv(again)
+        write_csv(read_rsdk_csv(path, robot).recording, again)
         assert again.read_bytes() == path.read_bytes()
 
     @given(st.lists(st.floats(0.0, 1.0), min_size=14, max_size=14), st.floats(0.0, 100.0))
