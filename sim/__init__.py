@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from sim.recording.rsdk_reading import read_rsdk_csv
     from sim.simulation import Simulation
     from sim.view.replay import Replay, write_replay
-    from sim.view.tip_target import TipTarget
-    from sim.view.viewer import Viewer
     from sim.world.contacts import Contact
     from sim.world.falling import Rest
     from sim.world.finger_closing import Closing
@@ -74,10 +72,8 @@ __all__ = [
     "Simulation",
     "SimulationError",
     "Snapshot",
-    "TipTarget",
     "Transfer",
     "TruePoses",
-    "Viewer",
     "ViewerError",
     "World",
     "load_recording",
@@ -122,7 +118,5 @@ __getattr__ = loader(
         "sim.world.pushing",
         "sim.world.world",
         "sim.view.replay",
-        "sim.view.tip_target",
-        "sim.view.viewer",
     ),
 )

@@ -106,6 +106,7 @@ def everything(
         "simulation": simulation,
         "outcome": outcome,
         "recording": (recorder.recording(), recorder.recording().motion("left")),
+        "page": sim.Replay(recorder.recording(), robot),
         "tasks": (TASK, sim.Transfer("block", FAR, FAR), planner.Tolerances()),
         "moves": moves(arm),
         "looks": looks(simulation, manipulator),

@@ -361,6 +361,10 @@ class _Lasting:
         return s.RecordedMove(0.0, "move", self.Trajectory)
 
     @cached_property
+    def Replay(self) -> s.Replay:
+        return s.Replay(self.Recording, self.Baxter)
+
+    @cached_property
     def ArmMotion(self) -> s.ArmMotion:
         return self.Recording.motion("left")
 

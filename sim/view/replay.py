@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator
 
 from baxter_kin import Baxter
 from baxter_kin.arrays import positive_scalar
+from baxter_kin.display import OneLine
 from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike, replace_file
 from planner.collision.hand_body import fitted
@@ -39,7 +40,7 @@ MARKS = {EventKind.GRASPED: "grasp", EventKind.RELEASED: "release", EventKind.MI
 """Events that are marked above the time slider, and how they are called there."""
 
 
-class Replay:
+class Replay(OneLine):
     """A replay that shows itself where a notebook prints it.
 
     The page is in the notebook, as the `srcdoc` of a frame: it needs no file and no server beside
@@ -74,6 +75,9 @@ class Replay:
         """
         self.height_px = math.ceil(positive_scalar(height_px, "height_px", RecordingError))
         self.html = replay_html(recording, robot, title=title, body=body)
+
+    def _facts(self) -> tuple[str, ...]:
+        return f"page of {len(self.html) / 1e6:.1f} MB", f"{self.height_px} px high"
 
     def _repr_html_(self) -> str:
         """The page in a frame, where it runs scripts but reaches neither notebook nor server."""
