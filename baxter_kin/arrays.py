@@ -54,7 +54,7 @@ def finite_scalar(value: object, what: str, error: type[BaxterError]) -> float:
     """One finite number.
 
     Raises:
-        BaxterError: of class `error`, when it is none.
+        BaxterError: of class `error`, when it is not one.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise error(f"{what} must be a number, got {quoted(value)}")
@@ -71,7 +71,7 @@ def positive_scalar(value: object, what: str, error: type[BaxterError]) -> float
     """One finite number above zero.
 
     Raises:
-        BaxterError: of class `error`, when it is none.
+        BaxterError: of class `error`, when it is not one.
     """
     number = finite_scalar(value, what, error)
     if number <= 0.0:
@@ -85,7 +85,7 @@ def whole_scalar(
     """One whole number between two others, both allowed.
 
     Raises:
-        BaxterError: of class `error`, when it is none.
+        BaxterError: of class `error`, when it is not one.
     """
     if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
         number = int(value)

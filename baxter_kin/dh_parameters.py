@@ -56,7 +56,7 @@ class DHParameters:
         """Read them off the model of an arm.
 
         Raises:
-            RequestError: when `arm` is none.
+            RequestError: when `arm` is of another class.
             DescriptionError: when it is no chain of seven revolute joints, or two neighbouring axes
                 are nearly parallel.
         """

@@ -194,7 +194,7 @@ def pose_matrices(poses: Sequence[PoseLike], first: int = 0) -> Vector:
         first: the number of the first one, for error messages.
 
     Raises:
-        PoseError: when one of them is none, by the tests of `checked_pose`; with its number. When
+        PoseError: when one of them fails the tests of `checked_pose`; with its number. When
             they have no length.
     """
     if not isinstance(poses, Sized):

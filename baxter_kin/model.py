@@ -109,7 +109,7 @@ class Arm:
 
         Raises:
             UnknownNameError: when the last link has no such frame.
-            PoseError: when the pose is none.
+            PoseError: when the pose is not a valid one.
             ConfigurationError: when the tool's name is not printable, too long, or that of a frame.
         """
         arm = copy(self)

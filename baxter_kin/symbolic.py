@@ -163,7 +163,7 @@ class SymbolicArm:
         """Build the expressions for one arm.
 
         Raises:
-            RequestError: when `arm` is none.
+            RequestError: when `arm` is of another class.
             DescriptionError: when it is not built like Baxter's.
         """
         dh = DHParameters.of(arm)

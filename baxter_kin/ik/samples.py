@@ -35,7 +35,7 @@ def sample_solutions(ik: IKService, T_base_tip: PoseLike, *, turns: int = 48) ->
         Shape (n, 7), rad; empty where none was found.
 
     Raises:
-        PoseError: when the pose is none.
+        PoseError: when the pose is not a valid one.
         RequestError: when `turns` is not a whole number from 1 to `MOST_TURNS`, or `ik` no service.
     """
     count = whole_scalar(turns, "turns", RequestError, least=1, most=MOST_TURNS)

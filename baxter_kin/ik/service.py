@@ -123,7 +123,7 @@ class IKService(OneLine):
             also yields such a result.
 
         Raises:
-            PoseError: when the pose is none.
+            PoseError: when the pose is not a valid one.
             ConfigurationError: when a seed has another shape, is not finite, or lies outside the
                 limits by more than `SEED_TOLERANCE_RAD`.
             UnknownNameError: when a seed names a joint of another arm, or there is no such mode

@@ -30,7 +30,7 @@ def looks_clear(trajectory: Trajectory, is_free: IsFree, step_rad: float) -> boo
         step_rad: farthest that a joint moves between two samples.
 
     Raises:
-        TrajectoryError: when the motion is none, or the step is not a number above zero.
+        TrajectoryError: when the motion is no `Trajectory`, or the step no number above zero.
     """
     times = sample_times(trajectory, step_rad)
     qs = trajectory.sample(times).q
@@ -41,7 +41,7 @@ def sample_times(trajectory: Trajectory, step_rad: float) -> Vector:
     """Times between which no joint moves by more than `step_rad`, both ends included.
 
     Raises:
-        TrajectoryError: when the motion is none, or the step is not a number above zero.
+        TrajectoryError: when the motion is no `Trajectory`, or the step no number above zero.
     """
     expect(trajectory, Trajectory, "trajectory", TrajectoryError)
     positive_scalar(step_rad, "step_rad", TrajectoryError)

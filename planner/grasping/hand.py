@@ -109,7 +109,7 @@ class Hand(Checked, OneLine, error=SceneError):
         """Whether a robot has fingers on that side.
 
         Raises:
-            SceneError: when `robot` is none.
+            SceneError: when `robot` is of another class.
             UnknownNameError: when `side` is neither "left" nor "right".
         """
         arm = expect(robot, Baxter, "robot", SceneError).arm(side)
@@ -143,7 +143,7 @@ class Hand(Checked, OneLine, error=SceneError):
         """How much of the closing axis a body covers where it is.
 
         Raises:
-            PoseError: when the pose is none.
+            PoseError: when the pose is not a valid one.
         """
         closing_axis = checked_pose(T_base_tip).rotation[:, 1]
         low, high = expect(body, Body, "body", SceneError).extent_m(closing_axis)
@@ -158,7 +158,7 @@ class Hand(Checked, OneLine, error=SceneError):
         or reaches into a pad by more than `PRESSING_TOLERANCE_M` before they close.
 
         Raises:
-            PoseError: when the pose is none.
+            PoseError: when the pose is not a valid one.
             ConfigurationError: when the finger position is outside 0 .. stroke.
         """
         self._check_finger(finger_m)

@@ -153,7 +153,7 @@ def transfer_bound_s(
     Raises:
         PoseError: when a pose is not a valid one.
         RequestError: when `ik` is no service.
-        MotionError: when `limits` are none, or of another number of joints.
+        MotionError: when `limits` are of another class, or of another number of joints.
     """
     expect(limits, JointLimits, "limits", MotionError)
     picks, places = (

@@ -148,7 +148,7 @@ def plan_retract(
     Raises:
         ConfigurationError: when `q_now` is malformed or outside the limits.
         TaskError: when the height is not a number above zero, or is beyond `FARTHEST_M`.
-        MotionError: when the margin is not a number, or negative, or a tolerance is none.
+        MotionError: when the margin is not a number, or negative, or a tolerance of another class.
     """
     request = PlanRequest(manipulator, scene, q_now, margin_m, held, line_tolerance, "q_now")
     rise_m = checked_height_m(height_m, "height_m", TaskError)

@@ -271,7 +271,7 @@ class Scene(OneLine):
 
         Raises:
             SceneError: when it is not there.
-            PoseError: when the pose is none.
+            PoseError: when the pose is not a valid one.
         """
         body = self[name].at(T_base_body)
         return Scene({**self.bodies, name: body})

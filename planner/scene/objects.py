@@ -56,8 +56,8 @@ def make_block(
         is_movable: whether a gripper may carry it.
 
     Raises:
-        SceneError: when the name is empty, an edge is none, or there is no such colour.
-        PoseError: when the pose is none.
+        SceneError: when the name is empty, an edge is not above zero, or there is no such colour.
+        PoseError: when the pose is not a valid one.
     """
     edges = float_array(edge_m, "edge_m", SceneError)
     is_cube = edges.ndim == 0
@@ -98,7 +98,7 @@ def load_object(
 
     Raises:
         SceneError: when there is no such file, or it has no box, cylinder or sphere.
-        PoseError: when the pose is none.
+        PoseError: when the pose is not a valid one.
     """
     known = {file.stem: file for file in sorted(URDF_FOLDER.glob("*.urdf"))}
     path = known.get(kind) if isinstance(kind, str) else None

@@ -74,7 +74,7 @@ class Transfer(OneLine):
 
     Raises:
         SimulationError: when `body` is no name, or a height not a number above zero.
-        PoseError: when a pose is none.
+        PoseError: when a pose is not a valid one.
     """
 
     body: str
@@ -170,7 +170,7 @@ class ClosedLoop(OneLine):
             plan: plans an attempt; with a margin, say, or with its time taken.
 
         Raises:
-            SimulationError: when one of them is none, or `retries` is no whole number from 0 on.
+            SimulationError: when one is of another class, or `retries` no whole number from 0 on.
         """
         self._simulation = expect(simulation, Simulation, "simulation", SimulationError)
         self._manipulator = expect(manipulator, Manipulator, "manipulator", SimulationError)
@@ -191,7 +191,7 @@ class ClosedLoop(OneLine):
             title: put before each caption.
 
         Raises:
-            SimulationError: when `transfer` is none.
+            SimulationError: when `transfer` is of another class.
         """
         expect(transfer, Transfer, "transfer", SimulationError)
         expect(title, str, "title", SimulationError)

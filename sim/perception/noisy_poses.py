@@ -61,7 +61,7 @@ class NoisyPoses(OneLine):
             rng: where the errors come from; the same numbers make the same errors.
 
         Raises:
-            SimulationError: when one of them is none.
+            SimulationError: when one of them is of another class.
         """
         self._source = checked_source(source, "source")
         self._noise = expect(noise, Noise, "noise", SimulationError)

@@ -66,7 +66,7 @@ class LoggedPoses(NotCopied, OneLine):
 
         Raises:
             RecordingError: when it cannot be opened.
-            SimulationError: when `source` is none.
+            SimulationError: when `source` is of another class.
         """
         self._source = checked_source(source, "source")
         self._file = LineFile(path)
@@ -122,7 +122,7 @@ class ReplayedPoses(OneLine):
             scene: has the shapes of the bodies; its poses count for nothing.
 
         Raises:
-            SimulationError: when a look is none, or their times go backwards.
+            SimulationError: when a look is of another class, or their times go backwards.
             SceneError: when a body is not in the scene.
         """
         bodies = expect(scene, Scene, "scene", SimulationError)
@@ -142,7 +142,7 @@ class ReplayedPoses(OneLine):
         """What was seen at that time; None when nothing was, or the body never was looked at.
 
         Raises:
-            SimulationError: when the name or the time is none.
+            SimulationError: when the name is not text, or the time not a number.
         """
         expect(name, str, "name", SimulationError)
         time_s = finite_scalar(time_s, "time_s", SimulationError)

@@ -73,8 +73,8 @@ def save_recording(recording: Recording, path: PathLike) -> None:
     """Write a recording to a file, which is replaced when it exists.
 
     Raises:
-        RecordingError: when it is none, holds something that has no place in the file, or cannot be
-            written.
+        RecordingError: when it is of another class, holds something that has no place in the file,
+            or cannot be written.
     """
     expect(recording, Recording, "recording", RecordingError)
     file = checked_path(path)

@@ -133,7 +133,7 @@ def write_csv(recording: Recording, path: PathLike) -> None:
     """Write a recording as the RSDK's CSV.
 
     Raises:
-        RecordingError: when it is none, lacks the joints of an arm, or cannot be written.
+        RecordingError: when it is of another class, lacks joints of an arm, or cannot be written.
     """
     told = expect(recording, Recording, "recording", RecordingError)
     indices = arm_indices(told.joint_names)

@@ -64,7 +64,7 @@ class TipTarget:
 
         Raises:
             UnknownNameError: when there is no such side.
-            ViewerError: when the view is none, or closed.
+            ViewerError: when the view is of another class, or closed.
         """
         self._viewer = expect(viewer, Viewer, "viewer", ViewerError)
         self._arm = robot.arm(side)

@@ -73,7 +73,7 @@ class ContactWatch:
         """Look at a world.
 
         Raises:
-            SimulationError: when it is none.
+            SimulationError: when it is of another class.
         """
         self._world = expect(world, World, "world", SimulationError)
         self._lasting: dict[str, frozenset[str]] = dict.fromkeys(LIMBS, frozenset())

@@ -91,7 +91,7 @@ class Gripper(OneLine):
             wanted: name of the body that it is about; a miss tells of that one.
 
         Raises:
-            SimulationError: when the hand already holds something, or the name is none.
+            SimulationError: when the hand already holds something, or the name is not text.
         """
         if wanted is not None:
             expect(wanted, str, "the name of the wanted body", SimulationError)
@@ -106,7 +106,7 @@ class Gripper(OneLine):
         """Put the fingers at a position on their way, and what they push where it is then.
 
         Raises:
-            SimulationError: when the position is outside 0 .. stroke, or `closing` is none.
+            SimulationError: when the position is outside 0 .. stroke, or `closing` no `Closing`.
         """
         expect(closing, Closing, "closing", SimulationError)
         self._world.set_fingers(self._side, finger_m)
@@ -117,7 +117,7 @@ class Gripper(OneLine):
         """The fingers have arrived: hold the body, or report a miss.
 
         Raises:
-            SimulationError: when `closing` is none.
+            SimulationError: when `closing` is of another class.
         """
         expect(closing, Closing, "closing", SimulationError)
         self.close_to(closing, closing.finger_m)

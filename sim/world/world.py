@@ -192,7 +192,7 @@ class World(OneLine):
 
         Raises:
             SceneError: when it is not there.
-            PoseError: when the pose is none.
+            PoseError: when the pose is not a valid one.
             SimulationError: when a hand holds it.
         """
         self.carry(name, T_base_body)
@@ -206,7 +206,7 @@ class World(OneLine):
 
         Raises:
             SceneError: when it is not there.
-            PoseError: when the pose is none.
+            PoseError: when the pose is not a valid one.
             SimulationError: when a hand holds it.
         """
         self._refuse_held(self._known(name))
@@ -217,7 +217,7 @@ class World(OneLine):
 
         Raises:
             SceneError: when it is not there.
-            PoseError: when the pose is none.
+            PoseError: when the pose is not a valid one.
             SimulationError: when a hand holds it.
         """
         self._refuse_held(self._known(name))
@@ -259,7 +259,7 @@ class World(OneLine):
 
         Raises:
             SceneError: when it is not there.
-            SimulationError: when a hand holds it, or `rest` is none.
+            SimulationError: when a hand holds it, or `rest` is of another class.
         """
         expect(rest, Rest, "rest", SimulationError)
         self.carry(name, rest.T_base_body)
@@ -272,7 +272,7 @@ class World(OneLine):
 
         Raises:
             SceneError: when the body is not there.
-            PoseError: when the pose is none.
+            PoseError: when the pose is not a valid one.
             SimulationError: when it is not movable, is in a hand already, or the hand is full.
         """
         if not self.body(name).is_movable:
