@@ -27,7 +27,7 @@ if TYPE_CHECKING:
         UnknownNameError,
     )
     from baxter_kin.frames import Frame, StampedPose, pose_from_quaternion, quaternion_xyzw
-    from baxter_kin.ik import IKFailure, IKResult, IKService, SeedMode, SeedType
+    from baxter_kin.ik import IKFailure, IKResult, IKService, SeedMode, SeedType, Tolerance
     from baxter_kin.limits import JointLimits
     from baxter_kin.model import Arm, Baxter
 
@@ -53,6 +53,7 @@ __all__ = [
     "SeedMode",
     "SeedType",
     "StampedPose",
+    "Tolerance",
     "Tool",
     "UnknownNameError",
     "pose_from_quaternion",

@@ -38,7 +38,7 @@ def main() -> None:
     Ts = np.array([arm.T_base_tip(q).homogeneous for q in qs])
     features = pose_features(Ts)
     middles, region_of = _regions(features, rng)
-    searcher = Searcher.of(arm)
+    searcher = Searcher(arm)
     left = [
         _row(searcher, qs, Ts, np.flatnonzero(region_of == region), rng)
         for region in range(len(middles))

@@ -29,10 +29,9 @@ from baxter_kin.ik.seeds import (
     ComputedStarts,
     SeedMode,
     SeedType,
-    Starts,
     starts_around,
 )
-from baxter_kin.model import Arm
+from baxter_kin.ik.solver import Solver
 
 COARSE_ROUNDS = (1, 1, 2, 4)
 """How many computed starts are tried at once; the first that leads to a solution counts."""
@@ -72,60 +71,59 @@ class Batch:
         self._starts = np.zeros((count, len(SeedType)), dtype=np.intp)
         self._is_hopeless = np.zeros(count, dtype=np.bool_)
 
-    def solve(self, arm: Arm, search: Search, starts: Starts, explainer: Explainer) -> None:
+    def solve(self, solver: Solver) -> None:
         """Search until every pose is solved, proven out of reach, or out of starts."""
         for seed_type in self._mode.seed_types:
             if seed_type is SeedType.NS_MAP:
-                self._search_from_map(search, starts, explainer)
+                self._search_from_map(solver)
             elif seed_type in self._seeds:
-                self._search_from_seeds(arm, search, seed_type)
-        self._polish(search)
-        self._measure_untried(arm, explainer)
+                self._search_from_seeds(solver, seed_type)
+        self._polish(solver.search)
+        self._measure_untried(solver)
+        self._search_as_last_resort(solver)
 
-    def solve_as_last_resort(self, search: Search) -> None:
+    def _search_as_last_resort(self, solver: Solver) -> None:
         """One more search, from the best attempt at each pose that is left.
 
         What has the orientation then takes the place of whatever came nearer without it.
         """
         poses = self._open(self._starts.sum(axis=1) > 0)
-        if poses.size:
+        search = solver.last_resort if poses.size else None
+        if search:
             seed_types = self._best_type[poses]
             self._starts[poses, seed_types] += 1
             found = search.search(self._q[poses], self._Ts[poses])
             self._offset[poses[found.orientation_error_rad <= ORIENTATION_TOLERANCE_RAD]] = np.inf
             self._take(poses, seed_types, found)
 
-    @property
-    def is_open(self) -> bool:
-        """Whether a pose is left that was tried and is neither solved nor hopeless."""
-        return bool(self._open(self._starts.sum(axis=1) > 0).size)
-
-    def results(self, arm: Arm, explainer: Explainer) -> Iterator[IKResult]:
+    def results(self, solver: Solver) -> Iterator[IKResult]:
         """What came of each pose, in order."""
         self._q.setflags(write=False)
+        names, explainer = solver.arm.joint_names, solver.explainer
         columns = (self._seed_type.tolist(), self._offset.tolist(), self._angle.tolist())
         rows = zip(self._q, *columns, strict=True)
         for i, (q, seed_type, offset, angle) in enumerate(rows):
             if seed_type:
-                yield IKResult.trusted(arm.joint_names, q, _SEED_TYPES[seed_type], (offset, angle))
+                yield IKResult.trusted(names, q, _SEED_TYPES[seed_type], (offset, angle))
             else:
                 failure = IKFailure.later(partial(self._why, i, explainer))
                 errors = offset, angle
-                yield IKResult.trusted(arm.joint_names, q, SeedType.INVALID, errors, failure)
+                yield IKResult.trusted(names, q, SeedType.INVALID, errors, failure)
 
-    def _search_from_seeds(self, arm: Arm, search: Search, seed_type: SeedType) -> None:
+    def _search_from_seeds(self, solver: Solver, seed_type: SeedType) -> None:
         seeds = self._seeds[seed_type]
         has_seed = ~np.isnan(seeds[:, 0])
         count = 1 if self._mode is SeedMode.AUTO else SEED_STARTS
-        for starts in starts_around(arm, seeds, count):
+        for starts in starts_around(solver.arm, seeds, count):
             poses = self._open(has_seed)
-            self._try(poses, seed_type, search, starts[poses], 1)
+            self._try(poses, seed_type, solver.search, starts[poses], 1)
 
-    def _search_from_map(self, search: Search, starts: Starts, explainer: Explainer) -> None:
+    def _search_from_map(self, solver: Solver) -> None:
         """From the setpoints, from what is computed coarsely, with care, then from everywhere.
 
         In between proofs that there is nothing to find, the cheap ones first.
         """
+        search, starts, explainer = solver.search, solver.starts, solver.explainer
         self._give_up(explainer.are_out_of_reach_at_a_glance)
         poses = self._open()
         if poses.size:
@@ -222,7 +220,7 @@ class Batch:
         if poses.size:
             self._is_hopeless[poses] = are_out_of_reach(self._Ts[poses])
 
-    def _measure_untried(self, arm: Arm, explainer: Explainer) -> None:
+    def _measure_untried(self, solver: Solver) -> None:
         """For poses that nothing was tried for, a seed that was given stands, or the neutral arm.
 
         They were proven out of reach before any search, or the mode's seed was not given.
@@ -230,7 +228,8 @@ class Batch:
         untried = np.flatnonzero(self._starts.sum(axis=1) == 0)
         if not untried.size:
             return
-        self._q[untried] = arm.neutral
+        explainer = solver.explainer
+        self._q[untried] = solver.arm.neutral
         errors = explainer.errors_in_neutral(self._Ts[untried])
         self._offset[untried], self._angle[untried] = errors
         for table in reversed(self._seeds.values()):  # the user's last, which counts

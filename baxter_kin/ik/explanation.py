@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -15,11 +14,11 @@ from baxter_kin.arrays import Vector
 from baxter_kin.errors import millimetres_hint
 from baxter_kin.frames import read_with_w_first
 from baxter_kin.ik.linkage import FAR_M
-from baxter_kin.ik.reach import ReachProof
+from baxter_kin.ik.reach import ReachBound
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, IKFailure
 from baxter_kin.ik.search import Search
-from baxter_kin.ik.seeds import SeedType, Starts
-from baxter_kin.ik.tolerance import Tolerance
+from baxter_kin.ik.seeds import NullSpaceMap, SeedType
+from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.model import Arm
 
 AT_LIMIT_RAD = 1e-6
@@ -50,32 +49,16 @@ class Attempt:
     starts: Mapping[SeedType, int]
 
 
-class Reach(Protocol):
-    """What proves that poses are out of reach."""
-
-    def proof(self, T_base_tip: pin.SE3, *, is_thorough: bool = ...) -> ReachProof | None:
-        """Why a pose is, or None; a thorough one may take half a second."""
-
-    def are_outside_shells(self, Ts: Vector) -> NDArray[np.bool_]:
-        """Which poses, shape (m, 4, 4), are so far away that it is proven in no time."""
-
-    def are_proven(self, Ts: Vector, levels: int = ...) -> NDArray[np.bool_]:
-        """Which of them are out of reach, by what is proven for many at a time."""
-
-    def are_beyond_limits(self, Ts: Vector) -> NDArray[np.bool_]:
-        """Which of them are out of reach, by what takes milliseconds for each."""
-
-
 class Explainer:
     """Finds the reason, for one arm and what is asked of its tip."""
 
     def __init__(
-        self, arm: Arm, search: Search, starts: Starts, reach: Reach, tolerance: Tolerance
+        self, arm: Arm, search: Search, starts: NullSpaceMap, tolerance: Tolerance
     ) -> None:
         self._arm = arm
         self._search = search
         self._starts = starts
-        self._reach = reach
+        self._reach = ReachBound(arm, tolerance)
         self._tolerance = tolerance
         self._tool_hint = _tool_hint(arm)
         self._unlimited = np.repeat([-np.pi, np.pi], 7)
@@ -99,7 +82,7 @@ class Explainer:
     def errors_in_neutral(self, Ts: Vector) -> tuple[Vector, Vector]:
         """How far the neutral arm's tip is from poses, shape (m, 4, 4): (m,), m; (m,), rad."""
         T_neutral = self._arm.T_base_tip(self._arm.neutral)
-        if self._tolerance != Tolerance():
+        if self._tolerance != EXACT:
             rows = [self._tolerance.excess(_se3(T), T_neutral) for T in Ts]
             offsets, angles = np.reshape(rows, (-1, 2)).T
             return offsets, angles
@@ -153,7 +136,7 @@ class Explainer:
     def _nearest_m(self, attempt: Attempt) -> float | None:
         """How far an attempt in the pose's orientation is from it; None for another."""
         is_turned = attempt.orientation_error_rad > ORIENTATION_TOLERANCE_RAD
-        is_exact = self._tolerance == Tolerance() and bool(attempt.starts)
+        is_exact = self._tolerance == EXACT and bool(attempt.starts)
         return attempt.position_error_m if is_exact and not is_turned else None
 
     def _hint(self, T: Vector) -> str:

@@ -15,7 +15,7 @@ Twice it is the rotation vector, to first order.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -29,12 +29,12 @@ from baxter_kin.fields import Checked
 from baxter_kin.frames import quaternion_xyzw
 from baxter_kin.ik.kernel import CONVERGED_M, CONVERGED_RAD
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD
-from baxter_kin.ik.search import Backend, Found
-from baxter_kin.ik.seeds import Starts
+from baxter_kin.ik.search import Backend, Found, search_from_setpoints
+from baxter_kin.ik.seeds import NullSpaceMap
 from baxter_kin.ik.task import Task
 from baxter_kin.ik.task_kernel import INSET as TASK_INSET
 from baxter_kin.ik.task_kernel import task_coordinates
-from baxter_kin.ik.tolerance import Tolerance
+from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.model import Arm
 from baxter_kin.symbolic import SymbolicArm, quaternion_product
 
@@ -43,8 +43,6 @@ MAX_ITERATIONS = 100
 NEAREST_STARTS = 2
 """Beside the best attempt. Of 145 poses up to 1 cm out of reach, that attempt led to the nearest
 position that any of seven starts found for 116, and the first of the others for the rest."""
-
-_COLUMNS = tuple(field.name for field in fields(Found))
 
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -168,7 +166,7 @@ class IpoptSearcher:
     fine_rounds: tuple[int, ...] = (1,) * 8
     scattered_starts: int = 0
 
-    def __init__(self, arm: Arm, starts: Starts, tolerance: Tolerance) -> None:
+    def __init__(self, arm: Arm, starts: NullSpaceMap, tolerance: Tolerance) -> None:
         """Prepare the program's derivatives.
 
         Args:
@@ -177,7 +175,7 @@ class IpoptSearcher:
             tolerance: how exactly.
         """
         self._arm, self._starts, self._tolerance = arm, starts, tolerance
-        self._is_exact = tolerance == Tolerance()
+        self._is_exact = tolerance == EXACT
         program = Program.of(arm) if self._is_exact else Program.of_task(arm, Task(tolerance))
         nlp = {
             "x": program.q,
@@ -202,17 +200,7 @@ class IpoptSearcher:
 
     def search_from_map(self, Ts: Vector) -> Found:
         """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
-        nearest, setpoints = self._starts.nearest(Ts), self._starts.setpoints
-        found = [self._first(setpoints[row], T) for row, T in zip(nearest, Ts, strict=True)]
-        return Found(*(np.concatenate([getattr(one, name) for one in found]) for name in _COLUMNS))
-
-    def _first(self, q_starts: Vector, T: Vector) -> Found:
-        """The first that converges, else the last."""
-        for q_start in q_starts:
-            found = self.search(q_start[None], T[None])
-            if found.is_valid[0]:
-                break
-        return found
+        return search_from_setpoints(self, self._starts, Ts)
 
     def _search(
         self, q_start: Vector, T: pin.SE3, low: Vector, high: Vector
@@ -246,7 +234,7 @@ class NearestSearcher:
     fine_rounds: tuple[int, ...] = ()
     scattered_starts: int = 0
 
-    def __init__(self, arm: Arm, starts: Starts) -> None:
+    def __init__(self, arm: Arm, starts: NullSpaceMap) -> None:
         """Prepare the program's derivatives.
 
         Args:
@@ -293,5 +281,5 @@ class NearestSearcher:
             x0=q_start, p=np.concatenate(pose), lbx=low, ubx=high, lbg=0.0, ubg=0.0
         )
         q = np.clip(np.array(solution["x"]).ravel(), low, high)
-        offset, angle = Tolerance().excess(T, self._arm.T_base_tip(q))
+        offset, angle = EXACT.excess(T, self._arm.T_base_tip(q))
         return q, offset, angle, int(self._solve.stats()["iter_count"])

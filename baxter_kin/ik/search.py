@@ -22,6 +22,10 @@ from baxter_kin.ik.buffered import BufferedFunction
 from baxter_kin.ik.kernel import ArmNumbers, iterations_of, search_function, step_function
 from baxter_kin.ik.machine_code import compiled
 from baxter_kin.ik.restarts import PATIENCE, map_search_function
+from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
+from baxter_kin.ik.task import Task
+from baxter_kin.ik.task_kernel import task_search_function
+from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.model import LIMBS, Arm
 from baxter_kin.symbolic import Shape
 
@@ -104,7 +108,7 @@ class Search(Protocol):
 
 
 class Searcher:
-    """The fast search of one arm, ready to run.
+    """The fast search of one arm for one task, ready to run.
 
     Attributes:
         backend: where it runs: `COMPILED` or `CASADI`.
@@ -116,26 +120,30 @@ class Searcher:
     scattered_starts: int = SCATTERED_STARTS
 
     def __init__(
-        self, arm: Arm, numbers: ArmNumbers, functions: Sequence[ca.Function], backend: Backend
+        self, arm: Arm, backend: str | Backend = Backend.AUTO, tolerance: Tolerance = EXACT
     ) -> None:
-        self.backend, self._numbers = backend, numbers
-        self._arm = numbers.within()
-        pose = arm.T_base_tip(arm.neutral).homogeneous
-        search, map_search = functions[0], functions[1 + LIMBS.index(arm.side)]
-        self._desk, self._map_desk = Desk(search, self._arm), Desk(map_search, self._arm)
-        self._many = Lanes(search, (arm.neutral, pose))
-        self._many_from_map = Lanes(map_search, (pose,))
-
-    @classmethod
-    def of(cls, arm: Arm, backend: str | Backend = Backend.AUTO) -> Searcher:
-        """The search of an arm; without a working compiler it runs in the virtual machine.
+        """Make it ready; without a working compiler it runs in the virtual machine.
 
         Raises:
             UnknownNameError: when there is no such backend.
             DescriptionError: when the arm is not built like Baxter's.
         """
-        wanted, numbers = Backend.of(backend), ArmNumbers.of(arm)
-        return cls(arm, numbers, *evaluated(search_functions, numbers.shape, wanted))
+        task, self._map = Task.of(arm, tolerance), NullSpaceMap(arm, tolerance)
+        self._numbers = ArmNumbers.of(arm.at_gripper)
+        functions_of = exact_functions if task.is_exact else task_functions
+        functions, self.backend = evaluated(functions_of, self._numbers.shape, Backend.of(backend))
+        self._turned = slice(None) if task.is_exact else (slice(None), np.argsort(task.columns))
+        self._task = task
+        self._given = () if task.is_exact else task.numbers(self._numbers.T_last_tip)
+        self._arm = self._numbers.within()
+        T = task.turned(arm.T_base_tip(arm.neutral).homogeneous)
+        self._desk = Desk(functions[0], (*self._given, self._arm))
+        self._many = Lanes(functions[0], (arm.neutral, T))
+        self._map_desk, self._many_from_map = None, None
+        if task.is_exact:
+            from_map = functions[1 + LIMBS.index(arm.side)]
+            self._map_desk = Desk(from_map, (self._arm,))
+            self._many_from_map = Lanes(from_map, (T,))
 
     def search_one(self, q_start: Vector, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
         """One search, with nothing checked and nothing copied.
@@ -151,13 +159,18 @@ class Searcher:
         desk = self._desk
         request = desk.request
         request[0][:] = q_start
-        request[1][:] = T_base_tip.homogeneous
+        request[1][self._turned] = T_base_tip.homogeneous
         desk.run()
         return desk.q, desk.report
 
-    def search_one_from_map(self, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
-        """The same from the nearest setpoints; the pose must be valid."""
+    def search_one_from_map(self, T_base_tip: pin.SE3) -> tuple[Vector, Vector] | None:
+        """The same from the nearest setpoints; the pose must be valid.
+
+        None for a tolerance or a tool: what starts suit them takes longer to find.
+        """
         desk = self._map_desk
+        if desk is None:
+            return None
         desk.request[0][:] = T_base_tip.homogeneous
         desk.run()
         return desk.q, desk.report
@@ -171,11 +184,30 @@ class Searcher:
             bounds: others than the joint limits, shape (14,), rad.
         """
         arm = self._arm if bounds is None else self._numbers.within(bounds)
-        return self._many((q_starts, Ts), (arm,))
+        return self._many((q_starts, self._task.turned(Ts)), (*self._given, arm))
 
     def search_from_map(self, Ts: Vector) -> Found:
         """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
+        if self._many_from_map is None:
+            return search_from_setpoints(self, self._map, Ts)
         return self._many_from_map((Ts,), (self._arm,))
+
+
+def search_from_setpoints(search: Search, map_: NullSpaceMap, Ts: Vector) -> Found:
+    """Searches for poses, shape (m, 4, 4), each from its nearest setpoints until one is valid.
+
+    What `baxter_kin.ik.restarts` does for exact poses of the gripper, but that a search with
+    little hope goes on to its last iteration.
+    """
+    nearest, poses = map_.nearest(Ts), np.arange(len(Ts))
+    found = search.search(map_.setpoints[nearest[:, 0]], Ts)
+    for rank in range(1, MAP_STARTS):
+        poses = poses[~found.is_valid[poses]]
+        if not poses.size:
+            break
+        again = search.search(map_.setpoints[nearest[poses, rank]], Ts[poses])
+        found.improve(poses, again)
+    return found
 
 
 def evaluated(
@@ -196,12 +228,18 @@ def evaluated(
 
 
 @cache
-def search_functions(shape: Shape) -> tuple[ca.Function, ...]:
-    """The searches of all arms of a shape: from a start, from the left map, from the right one."""
+def exact_functions(shape: Shape) -> tuple[ca.Function, ...]:
+    """For exact poses of grippers: from a start, from the left map, from the right one."""
     step = step_function(shape)
     impatient = iterations_of(step, PATIENCE)
     from_maps = (map_search_function(shape, impatient, side) for side in LIMBS)
     return search_function(shape, iterations_of(step)), *from_maps
+
+
+@cache
+def task_functions(shape: Shape) -> tuple[ca.Function, ...]:
+    """For tasks with freedom, and tools: from a start."""
+    return (task_search_function(shape),)
 
 
 class Lanes:
@@ -270,13 +308,16 @@ class Desk(BufferedFunction):
     """A search function for one request at a time, with nothing copied.
 
     Attributes:
-        request: views of its inputs but the last, which stays: vectors, and matrices by rows.
+        request: views of its first inputs: vectors, and matrices by rows.
         q: what it finds, shape (7,), rad.
         report: shape (5,).
     """
 
-    def __init__(self, function: ca.Function, arm: Vector) -> None:
+    def __init__(self, function: ca.Function, given: tuple[Vector, ...]) -> None:
+        """Prepare it, with the last inputs given once and for all."""
         super().__init__(function)
-        self.inputs[-1][:] = arm
-        self.request = [rows[0] if len(rows) == 1 else rows.T for rows in self.inputs[:-1]]
+        own = len(self.inputs) - len(given)
+        for memory, value in zip(self.inputs[own:], given, strict=True):
+            memory[:] = _rows(value)
+        self.request = [rows[0] if len(rows) == 1 else rows.T for rows in self.inputs[:own]]
         self.q, self.report = (rows[0] for rows in self.outputs)

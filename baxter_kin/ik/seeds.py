@@ -20,6 +20,8 @@ import numpy as np
 from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import UnknownNameError
 from baxter_kin.ik.closed_form import ClosedForm
+from baxter_kin.ik.task import Task
+from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.model import Arm
 
 ROTATION_WEIGHT_M = 0.3
@@ -129,82 +131,67 @@ class ScatteredStarts:
         return np.broadcast_to(q, (len(Ts), count, 7))
 
 
-class Starts(Protocol):
-    """Where to start when there is no seed."""
-
-    @property
-    def setpoints(self) -> Vector:
-        """Stored configurations, shape (n, 7), rad."""
-
-    @property
-    def coarse(self) -> ComputedStarts:
-        """Computes starts quickly."""
-
-    @property
-    def fine(self) -> ComputedStarts:
-        """Computes starts with care."""
-
-    @property
-    def scattered(self) -> ComputedStarts:
-        """Has starts everywhere."""
-
-    def nearest(self, Ts: Vector) -> Indices:
-        """Which setpoints suit poses, shape (m, 4, 4), best first: shape (m, `MAP_STARTS`)."""
-
-
 class NullSpaceMap:
-    """Configurations of an arm to start from: stored ones chosen by the pose, and computed ones."""
+    """Where an arm's searches start without a seed: stored configurations, and computed ones.
 
-    def __init__(self, arm: Arm) -> None:
-        self._arm = arm
+    Both are chosen by the gripper's pose. Where a tolerance leaves freedom, or the tip is a tool's,
+    they are those for all gripper poses that would do, taken in turns.
+    """
 
-    @property
+    def __init__(self, arm: Arm, tolerance: Tolerance = EXACT) -> None:
+        self._arm, self._task = arm.at_gripper, Task.of(arm, tolerance)
+
+    @cached_property
     def setpoints(self) -> Vector:
         """The stored configurations, shape (n, 7), rad, clipped to the arm's limits."""
-        return self._setpoints
-
-    @property
-    def middles(self) -> Vector:
-        """The middles of the regions they are stored for, as pose features, shape (n, 12), m."""
-        return setpoint_table(self._arm.side)[0]
+        limits = self._arm.limits
+        return setpoint_table(self._arm.side)[1].clip(limits.q_min, limits.q_max)
 
     def nearest(self, Ts: Vector) -> Indices:
-        """The setpoints whose regions are nearest to poses, nearest first.
+        """The setpoints whose regions are nearest to any of the poses that would do, nearest first.
 
         Args:
-            Ts: poses as matrices, shape (m, 4, 4).
+            Ts: requested poses of the tip, shape (m, 4, 4).
 
         Returns:
             Indices, shape (m, `MAP_STARTS`).
         """
-        distances = self._squares - 2 * (pose_features(Ts) @ self.middles.T)
-        order: Indices = distances.argsort(axis=1)[:, :MAP_STARTS]
+        middles, poses = setpoint_table(self._arm.side)[0], self._task.gripper_poses(Ts)
+        features = pose_features(poses.reshape(-1, 4, 4))
+        distances = (middles**2).sum(axis=1) - 2 * (features @ middles.T)
+        least = distances.reshape(*poses.shape[:2], -1).min(axis=1)
+        order: Indices = least.argsort(axis=1)[:, :MAP_STARTS]
         return order
 
     @cached_property
-    def coarse(self) -> ClosedForm:
+    def coarse(self) -> ComputedStarts:
         """Computes starts in a quarter of a millisecond."""
-        return ClosedForm(self._arm, turns=16, rolls=1)
+        return _StartsInTurns(ClosedForm(self._arm, turns=16, rolls=1), self._task)
 
     @cached_property
-    def fine(self) -> ClosedForm:
+    def fine(self) -> ComputedStarts:
         """Computes starts in one or two milliseconds: 0.07 rad apart in s0, all rolls."""
-        return ClosedForm(self._arm, turns=48, rolls=4)
+        return _StartsInTurns(ClosedForm(self._arm, turns=48, rolls=4), self._task)
 
     @cached_property
-    def scattered(self) -> ScatteredStarts:
+    def scattered(self) -> ComputedStarts:
         """Has starts everywhere."""
         return ScatteredStarts(self._arm)
 
-    @cached_property
-    def _squares(self) -> Vector:
-        squares: Vector = (self.middles**2).sum(axis=1)
-        return squares
 
-    @cached_property
-    def _setpoints(self) -> Vector:
-        limits = self._arm.limits
-        return setpoint_table(self._arm.side)[1].clip(limits.q_min, limits.q_max)
+class _StartsInTurns:
+    """Computed starts for all poses that would do, taken in turns."""
+
+    def __init__(self, closed_form: ClosedForm, task: Task) -> None:
+        self._closed_form, self._task = closed_form, task
+
+    def starts(self, Ts: Vector, count: int) -> Vector:
+        """Starts for poses, shape (m, 4, 4): shape (m, count, 7), rad."""
+        poses = self._task.gripper_poses(Ts)
+        each = -(-count // poses.shape[1])
+        starts = self._closed_form.starts(poses.reshape(-1, 4, 4), each)
+        in_turns: Vector = starts.reshape(len(Ts), -1, each, 7).transpose(0, 2, 1, 3)
+        return in_turns.reshape(len(Ts), -1, 7)[:, :count]
 
 
 @cache

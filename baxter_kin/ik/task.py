@@ -13,7 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from baxter_kin.ik.tolerance import Tolerance
+from baxter_kin.ik.tolerance import EXACT, Tolerance
+from baxter_kin.model import Arm
 
 ROLLS = 16
 """Rotations about a free axis that starts are computed for."""
@@ -36,8 +37,18 @@ class Task:
         T_gripper_tip: the tip seen from the gripper.
     """
 
-    tolerance: Tolerance = field(default_factory=Tolerance)
+    tolerance: Tolerance = EXACT
     T_gripper_tip: pin.SE3 = field(default_factory=pin.SE3.Identity)
+
+    @classmethod
+    def of(cls, arm: Arm, tolerance: Tolerance) -> Task:
+        """What a tolerance asks of an arm's tip."""
+        return cls(tolerance, arm.T_gripper_tip)
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the gripper itself is the tip and meets its pose in every respect."""
+        return self.tolerance == EXACT and self.T_gripper_tip == pin.SE3.Identity()
 
     @property
     def roll_is_free(self) -> bool:
@@ -50,6 +61,11 @@ class Task:
         axis = self.tolerance.free_axis
         return _CYCLES[2 if axis is None else axis]
 
+    @property
+    def columns(self) -> list[int]:
+        """Those of a frame that make up the turned one."""
+        return [*self.order, 3]
+
     @cached_property
     def widths(self) -> Vector:
         """What is allowed along and about the turned axes, and of tilt, shape (7,), m and rad."""
@@ -57,14 +73,17 @@ class Task:
         allowed = np.array([self.tolerance.position_m, self.tolerance.rotation_rad])
         return np.append(allowed[:, order].ravel(), self.tolerance.tilt_rad)
 
-    @cached_property
-    def tool(self) -> Vector:
-        """The turned tip seen from the gripper, shape (4, 4)."""
-        return self.turned(self.T_gripper_tip.homogeneous)
+    def numbers(self, T_last_gripper: pin.SE3) -> tuple[Vector, Vector, Vector]:
+        """What the search function takes of it (`baxter_kin.ik.task_kernel`).
+
+        The turned tip seen from the last axis, `widths`, and 1 where the roll is free.
+        """
+        tip = T_last_gripper.homogeneous @ self.turned(self.T_gripper_tip.homogeneous)
+        return tip, self.widths, np.array([float(self.roll_is_free)])
 
     def turned(self, Ts: Vector) -> Vector:
         """Frames, shape (..., 4, 4), with the free axis as z."""
-        turned: Vector = Ts[..., [*self.order, 3]]
+        turned: Vector = Ts if self.tolerance.free_axis in {None, 2} else Ts[..., self.columns]
         return turned
 
     @cached_property

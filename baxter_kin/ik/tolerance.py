@@ -29,7 +29,7 @@ FREE = math.inf
 WIDEST_RAD = math.pi / 2
 """Bounds on rotations, where there are any. Beyond a quarter turn say `FREE`."""
 
-_EXACT = (0.0, 0.0, 0.0)
+_NOTHING = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -48,8 +48,8 @@ class Tolerance(OneLine):
         RequestError: when a number is negative, NaN or not allowed.
     """
 
-    position_m: tuple[float, float, float] = _EXACT
-    rotation_rad: tuple[float, float, float] = _EXACT
+    position_m: tuple[float, float, float] = _NOTHING
+    rotation_rad: tuple[float, float, float] = _NOTHING
     tilt_rad: float = 0.0
 
     def __post_init__(self) -> None:
@@ -72,7 +72,7 @@ class Tolerance(OneLine):
         self._check_tilt()
 
     @classmethod
-    def position_only(cls, position_m: ArrayLike = _EXACT) -> Tolerance:
+    def position_only(cls, position_m: ArrayLike = _NOTHING) -> Tolerance:
         """Any orientation; the position within `position_m`, a number or one for each axis.
 
         Raises:
@@ -199,3 +199,7 @@ def _checked(values: ArrayLike, name: str) -> tuple[float, float, float]:
         )
     x, y, z = array.tolist()
     return x, y, z
+
+
+EXACT = Tolerance()
+"""Nothing allowed: the pose is to be met in every respect."""

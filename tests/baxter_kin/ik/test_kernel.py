@@ -10,7 +10,7 @@ from baxter_kin import Arm
 from baxter_kin.dh_parameters import DHParameters
 from baxter_kin.frames import angle_between
 from baxter_kin.ik.kernel import ITERATIONS, SEED_TOLERANCE_RAD, ArmNumbers, solve_symmetric
-from baxter_kin.ik.search import search_functions
+from baxter_kin.ik.search import exact_functions
 from baxter_kin.symbolic import Shape, dimensions_of
 
 ROUNDING = 1e-12
@@ -23,7 +23,7 @@ CONVERGED = 1e-9
 
 @pytest.fixture(scope="module")
 def search(any_arm: Arm) -> ca.Function:
-    return search_functions(ArmNumbers.of(any_arm).shape)[0]
+    return exact_functions(ArmNumbers.of(any_arm).shape)[0]
 
 
 def run(search: ca.Function, arm: Arm, q: np.ndarray, T: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -141,7 +141,7 @@ def test_right_angles_are_the_general_case_with_nominal_dimensions(left: Arm) ->
         found = [
             [
                 np.array(x).ravel()
-                for x in search_functions(each.shape)[0](left.start, T, each.within())
+                for x in exact_functions(each.shape)[0](left.start, T, each.within())
             ]
             for each in (numbers, general)
         ]

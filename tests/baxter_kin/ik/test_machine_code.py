@@ -18,7 +18,7 @@ from baxter_kin.ik.compiler import compilers
 from baxter_kin.ik.kernel import ArmNumbers
 from baxter_kin.ik.kernel_cache import KernelCache, PrivateFolder, user_folder
 from baxter_kin.ik.machine_code import compiled
-from baxter_kin.ik.search import search_functions
+from baxter_kin.ik.search import exact_functions
 from tests.baxter_kin.test_limited_process import ends
 
 Provide = Callable[..., None]
@@ -130,7 +130,7 @@ def test_several_functions_share_a_library(cache: Path, square: ca.Function) -> 
 
 def test_searches_give_the_same_as_in_the_virtual_machine(cache: Path, any_arm: Arm) -> None:
     numbers = ArmNumbers.of(any_arm)
-    functions = search_functions(numbers.shape)
+    functions = exact_functions(numbers.shape)
     machine_code = compiled(functions)
     assert machine_code is not None
     rng = np.random.default_rng(0)

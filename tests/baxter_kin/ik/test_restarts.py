@@ -14,7 +14,7 @@ from baxter_kin.ik.kernel import (
     step_function,
 )
 from baxter_kin.ik.restarts import PATIENCE
-from baxter_kin.ik.search import search_functions
+from baxter_kin.ik.search import exact_functions
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
 from baxter_kin.model import LIMBS
 
@@ -24,7 +24,7 @@ def searches(any_arm: Arm) -> tuple[ca.Function, ca.Function]:
     """From a start, giving up as the map's searches do, and from the map."""
     shape = ArmNumbers.of(any_arm).shape
     iterations = iterations_of(step_function(shape), PATIENCE)
-    from_map = search_functions(shape)[1 + LIMBS.index(any_arm.side)]
+    from_map = exact_functions(shape)[1 + LIMBS.index(any_arm.side)]
     return search_function(shape, iterations), from_map
 
 

@@ -24,7 +24,7 @@ def poses_of(arm: Arm, count: int, seed: int) -> np.ndarray:
 
 @pytest.mark.parametrize("backend", ["auto", "casadi", Backend.COMPILED])
 def test_backends_are_taken_by_name(left: Arm, backend: str) -> None:
-    assert Searcher.of(left, backend).backend in (Backend.COMPILED, Backend.CASADI)
+    assert Searcher(left, backend).backend in (Backend.COMPILED, Backend.CASADI)
 
 
 def test_unknown_backend_names_the_known_ones(left: Arm) -> None:
@@ -34,7 +34,7 @@ def test_unknown_backend_names_the_known_ones(left: Arm) -> None:
 
 @pytest.mark.parametrize("count", [1, 2, LANES[1] + 3, 2 * LANES[2] + LANES[1] + 1])
 def test_many_searches_are_each_as_one_alone(left: Arm, count: int) -> None:
-    searcher, Ts = Searcher.of(left), poses_of(left, count, 1)
+    searcher, Ts = Searcher(left), poses_of(left, count, 1)
     starts = np.tile(left.start, (count, 1))
     found = searcher.search(starts, Ts)
     for i in (0, count // 2, count - 1):

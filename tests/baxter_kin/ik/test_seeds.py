@@ -55,7 +55,7 @@ def test_one_search_from_the_nearest_setpoint_solves_nine_of_ten_poses(arm: Arm)
     qs = [arm.random_configuration(rng) for _ in range(2000)]
     Ts = np.array([arm.T_base_tip(q).homogeneous for q in qs])
     starts = null_space_map.setpoints[null_space_map.nearest(Ts)[:, 0]]
-    assert Searcher.of(arm).search(starts, Ts).is_valid.mean() > 0.88
+    assert Searcher(arm).search(starts, Ts).is_valid.mean() > 0.88
 
 
 def test_first_start_is_the_seed_itself(arm: Arm) -> None:

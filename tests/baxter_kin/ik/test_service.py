@@ -127,7 +127,7 @@ def _hopeless_seed(arm: Arm, ik: IKService) -> np.ndarray:
     T = arm.T_base_tip(arm.start).homogeneous[None]
     for i in range(100):
         q = arm.random_configuration(np.random.default_rng(i))
-        if not Searcher.of(arm, ik.backend).search(q[None], T).is_valid[0]:
+        if not Searcher(arm, ik.backend).search(q[None], T).is_valid[0]:
             return q
     raise AssertionError("every search converges")
 

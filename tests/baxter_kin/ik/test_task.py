@@ -7,8 +7,6 @@ import pytest
 from baxter_kin import Arm, IKService, RequestError, SeedType
 from baxter_kin.ik import Backend, NearestTo, Tolerance
 from baxter_kin.ik.reach import ReachBound
-from baxter_kin.ik.task import Task
-from baxter_kin.ik.task_search import TaskReach
 from baxter_kin.ik.tolerance import FREE
 from tests.conftest import at
 
@@ -194,8 +192,7 @@ def test_without_a_compiler_the_answers_are_the_same(left: Arm, ik: IKService) -
 def test_no_proof_is_false(tipped: Arm, name: str) -> None:
     """Requests that a reachable pose fulfils, often only just."""
     tolerance, rng = TOLERANCES[name], np.random.default_rng(5)
-    bound = ReachBound(tipped.at_gripper)
-    reach = TaskReach(bound, Task(tolerance, tipped.T_gripper_tip))
+    reach = ReachBound(tipped, tolerance)
     asked = []
     for reached in reachable(tipped, 300, 6):
         T = reached * _within(tolerance, rng).inverse()
@@ -227,7 +224,7 @@ def _within(tolerance: Tolerance, rng: np.random.Generator) -> pin.SE3:
 def test_no_lean_is_proven_away_at_the_edge_of_the_reach(tipped: Arm, axis: str) -> None:
     """Poses that the arm, straight or fully bent, reaches by leaning in any direction."""
     tolerance, rng, unit = Tolerance.about(axis, tilt_rad=0.4), np.random.default_rng(10), np.eye(3)
-    reach = TaskReach(ReachBound(tipped.at_gripper), Task(tolerance, tipped.T_gripper_tip))
+    reach = ReachBound(tipped, tolerance)
     along, across = unit["xyz".index(axis)], unit["xyz".index(axis) - 1]
     asked = []
     for e1 in np.repeat([0.0, tipped.limits.q_max[3]], 40):
@@ -292,4 +289,4 @@ def test_many_tolerances_in_turn_cost_bounded_memory(left: Arm) -> None:
     for i in range(40):
         tolerance = Tolerance.position_only(1e-3 * (1 + i))
         assert service.solve(T, left.start, tolerance=tolerance).is_valid
-    assert len(service._engines._tasks) <= 16
+    assert len(service._solvers._others) <= 16
