@@ -210,6 +210,7 @@ def search_from_setpoints(search: Search, map_: NullSpaceMap, Ts: Vector) -> Fou
     return found
 
 
+@cache
 def evaluated(
     functions_of: Callable[[Shape], Sequence[ca.Function]], shape: Shape, wanted: Backend
 ) -> tuple[Sequence[ca.Function], Backend]:

@@ -173,7 +173,7 @@ def _planned(
         )
     if not is_at_rest or np.linalg.norm(line.twist) <= SHORT:
         return motion
-    ends = sample_solutions(_service(arm), line.T_base_goal, turns=TURNS)
+    ends = sample_solutions(IKService(arm), line.T_base_goal, turns=TURNS)
     least_s, q_known = rest_to_rest_s(ends - task.q_start, limits), motion.q_goal
     for _ in range(OTHERS):
         for q in (q_known, motion.q_goal):
@@ -230,11 +230,6 @@ def _near(
         if is_on_line(arm, line, motion, tolerance):
             return motion
     return None
-
-
-@lru_cache(maxsize=4)
-def _service(arm: Arm) -> IKService:
-    return IKService(arm)
 
 
 @lru_cache(maxsize=16)
