@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     )
     from baxter_kin.frames import Frame, StampedPose, pose_from_quaternion, quaternion_xyzw
     from baxter_kin.ik import IKFailure, IKResult, IKService, SeedMode, SeedType, Tolerance
+    from baxter_kin.kinematics.arm import Arm
     from baxter_kin.limits import JointLimits
-    from baxter_kin.model import Arm, Baxter
+    from baxter_kin.model import Baxter
 
 __all__ = [
     "Arm",
@@ -60,7 +61,16 @@ __all__ = [
     "quaternion_xyzw",
 ]
 
-_MODULES = ("errors", "pinocchio_loading", "frames", "ik", "limits", "model", "description")
+_MODULES = (
+    "errors",
+    "kinematics.pinocchio_loading",
+    "frames",
+    "ik",
+    "limits",
+    "kinematics.arm",
+    "model",
+    "description",
+)
 """In the order of loading: what is missing is said before it is needed."""
 
 __getattr__ = loader(__name__, [f"{__name__}.{module}" for module in _MODULES])

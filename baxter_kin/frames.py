@@ -263,37 +263,6 @@ def _checked_at(index: int, pose: PoseLike) -> pin.SE3:
         raise PoseError(f"poses[{index}]: {cause}") from None
 
 
-class JointChain:
-    """A chain of n revolute joints.
-
-    Attributes:
-        axes: of each joint in its own frame, unit vectors, shape (n, 3).
-    """
-
-    def __init__(self, T_parent_joints: Vector, axes: Vector) -> None:
-        """By the poses of the joints at zero, each seen from the one before, shape (n, 4, 4)."""
-        self._T_parent_joints, self.axes = T_parent_joints, axes
-        x, y, z = axes.T
-        zero = np.zeros_like(x)
-        self._K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
-        self._K_squared = self._K @ self._K
-
-    def poses(self, qs: Vector) -> Vector:
-        """Poses of the joints at configurations, shape (m, n), rad: shape (m, n, 4, 4).
-
-        Seen from where the first is mounted. What Pinocchio gives one configuration at a time;
-        rotations by the formula of Rodrigues.
-        """
-        sine, versine = np.sin(qs)[..., None, None], (1.0 - np.cos(qs))[..., None, None]
-        turns = np.zeros((*qs.shape, 4, 4))
-        turns[..., :3, :3] = np.eye(3) + sine * self._K + versine * self._K_squared
-        turns[..., 3, 3] = 1.0
-        poses: Vector = self._T_parent_joints @ turns
-        for joint in range(1, len(self.axes)):
-            poses[:, joint] = poses[:, joint - 1] @ poses[:, joint]
-        return poses
-
-
 def angle_between(R_base_a: Vector, R_base_b: Vector) -> float:
     """The angle of the rotation from a to b, in [0, pi], exact for small angles too.
 

@@ -1,6 +1,6 @@
 """From poses to checked, timed motion; knows no simulator and no viewer."""
 
-import baxter_kin.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
+import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
 from planner.clearance import Clearance, SweptContact, SweptProof
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext

@@ -17,7 +17,7 @@ from baxter_kin.description import RobotIdentity
 from baxter_kin.display import OneLine, clear, count, millimetres, phrase, seconds, sentence
 from baxter_kin.errors import ConfigurationError, UnknownNameError, expect_all
 from baxter_kin.fields import Checked, check_fields
-from baxter_kin.model import LIMBS
+from baxter_kin.kinematics.arm import LIMBS
 from planner.clearance import Clearance, SweptContact, SweptProof, least
 from planner.errors import TaskError
 from planner.motion.straight_line import LineTolerance

@@ -12,7 +12,7 @@ from baxter_kin.copying import FrozenMapping
 from baxter_kin.display import LONGEST_PART, OneLine, listing
 from baxter_kin.errors import UnknownNameError, expect, expect_all, quoted
 from baxter_kin.frames import checked_pose
-from baxter_kin.model import LIMBS
+from baxter_kin.kinematics.arm import LIMBS
 from planner.errors import SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.scene.bodies import Scene

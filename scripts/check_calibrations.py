@@ -20,7 +20,7 @@ import pinocchio as pin
 from served_urdf import served_urdf
 
 from baxter_kin import Arm, Baxter, IKResult, IKService
-from baxter_kin.model import LIMBS
+from baxter_kin.kinematics.arm import LIMBS
 
 TOLERANCE = 1e-6
 

@@ -25,7 +25,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter, IKResult, IKService
-from baxter_kin.ik.program import NearestSearcher
+from baxter_kin.ik.search.ipopt import NearestSearcher
 from baxter_kin.ik.seeds import NullSpaceMap
 
 Vector = NDArray[np.float64]

@@ -35,7 +35,9 @@ ATOMIC = "libatomic.so.1"
 WITHIN_S = 900.0
 """What one command may take; the longest one downloads a browser of 0.3 GB."""
 
-HAS_COMPILER = "from baxter_kin.ik.compiler import compilers; raise SystemExit(not compilers())"
+HAS_COMPILER = (
+    "from baxter_kin.compilation.compiler import compilers; raise SystemExit(not compilers())"
+)
 
 
 def main() -> None:
@@ -122,7 +124,7 @@ def lend_openmp(python: Path) -> None:
 
 def check_pinocchio(python: Path) -> None:
     """Fail unless Pinocchio loads."""
-    program = "import baxter_kin.pinocchio_loading"
+    program = "import baxter_kin.kinematics.pinocchio_loading"
     done = subprocess.run([str(python), "-c", program], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         fail(done.stderr.strip().rpartition("\n")[2])

@@ -91,7 +91,7 @@ __all__ = [
 __getattr__ = loader(
     __name__,
     (
-        "baxter_kin.pinocchio_loading",
+        "baxter_kin.kinematics.pinocchio_loading",
         "sim.perception.closed_loop",
         "sim.world.finger_closing",
         "sim.world.contacts",

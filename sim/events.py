@@ -14,7 +14,7 @@ from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, count, phrase, seconds
 from baxter_kin.errors import quoted
 from baxter_kin.fields import check_fields
-from baxter_kin.model import LIMBS
+from baxter_kin.kinematics.arm import LIMBS
 from planner import Body, Grasp, Move
 from planner.grasping.grasp import Miss
 from sim.errors import SimulationError

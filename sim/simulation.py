@@ -20,7 +20,7 @@ import numpy as np
 from baxter_kin.arrays import finite_scalar
 from baxter_kin.display import OneLine, seconds
 from baxter_kin.errors import expect, expect_all
-from baxter_kin.model import LIMBS
+from baxter_kin.kinematics.arm import LIMBS
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan
 from planner.collision.robot_body import identity_of
 from planner.plan import Step

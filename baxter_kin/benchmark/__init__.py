@@ -25,7 +25,7 @@ EXIT_FAILED = 1
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the benchmark with those arguments, or the command line's; returns the exit status."""
     try:
-        import baxter_kin.pinocchio_loading  # noqa: F401, PLC0415 - may be told as missing
+        import baxter_kin.kinematics.pinocchio_loading  # noqa: F401, PLC0415 - may be told as missing
         from baxter_kin.benchmark.options import parse_options  # noqa: PLC0415 - may be stopped
         from baxter_kin.benchmark.run import run_benchmark  # noqa: PLC0415 - loads every library
 

@@ -16,7 +16,7 @@ import numpy as np
 from baxter_kin.benchmark.contestant import Contestant
 from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import BaxterError
-from baxter_kin.model import Arm
+from baxter_kin.kinematics.arm import Arm
 
 SAME_CHAIN = 1e-12
 """Entries of two tip poses (m, and of the rotation matrix) may differ by this much; rounding alone

@@ -11,7 +11,7 @@ from pathlib import Path
 from baxter_kin.benchmark.entrants import ENTRANTS
 from baxter_kin.benchmark.poses import Scenario
 from baxter_kin.command_line import OneSentenceParser, add_urdf, file_to_write, whole_number
-from baxter_kin.model import LIMBS
+from baxter_kin.kinematics.arm import LIMBS
 
 DEFAULT_COUNT = 1000
 

@@ -11,7 +11,7 @@ from baxter_kin.arrays import Vector
 from baxter_kin.benchmark.contestant import Contestant
 from baxter_kin.benchmark.machine import version_of
 from baxter_kin.ik import IKResult, IKService
-from baxter_kin.model import Arm
+from baxter_kin.kinematics.arm import Arm
 
 
 def contestant(arm: Arm, **options: Any) -> Contestant:

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from baxter_kin.model import LIMBS, Arm
+from baxter_kin.kinematics.arm import LIMBS, Arm
 
 NEAR_RAD = 0.1
 """A near seed differs from the solution by at most this much in every joint."""

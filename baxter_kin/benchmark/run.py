@@ -18,7 +18,8 @@ from baxter_kin.benchmark.poses import draw_poses
 from baxter_kin.benchmark.table import markdown
 from baxter_kin.benchmark.verification import Verifier
 from baxter_kin.command_line import log_told
-from baxter_kin.model import Arm, Baxter
+from baxter_kin.kinematics.arm import Arm
+from baxter_kin.model import Baxter
 
 
 def run_benchmark(options: Options) -> Outcome:

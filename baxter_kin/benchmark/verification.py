@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.arrays import Vector
-from baxter_kin.model import Arm, Baxter
+from baxter_kin.kinematics.arm import Arm
+from baxter_kin.model import Baxter
 
 TOLERANCE = 1e-6
 """Distance in m and angle in rad within which a pose counts as solved."""

@@ -1,7 +1,6 @@
 """Inverse kinematics: the program, its fast search and its reference, the service, redundancy."""
 
-from baxter_kin.ik.components import distinct_solutions, solutions
-from baxter_kin.ik.objectives import (
+from baxter_kin.ik.redundancy.objectives import (
     FarthestFromLimits,
     MostManipulable,
     NearestTo,
@@ -10,13 +9,14 @@ from baxter_kin.ik.objectives import (
     TowardsGoal,
     best_on,
 )
-from baxter_kin.ik.program import Program
+from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
 from baxter_kin.ik.result import IKFailure, IKResult
 from baxter_kin.ik.samples import sample_solutions
-from baxter_kin.ik.search import Backend
+from baxter_kin.ik.search.ipopt import Program
+from baxter_kin.ik.search.searcher import Backend
 from baxter_kin.ik.seeds import SeedMode, SeedType
-from baxter_kin.ik.self_motion import SelfMotion, trace_self_motion
 from baxter_kin.ik.service import IKService
+from baxter_kin.ik.solution_set import distinct_solutions, solutions
 from baxter_kin.ik.tolerance import Tolerance
 
 __all__ = [

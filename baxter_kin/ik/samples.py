@@ -7,7 +7,7 @@ import numpy as np
 from baxter_kin.arrays import Vector, whole_scalar
 from baxter_kin.errors import RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.ik.closed_form import ClosedForm
+from baxter_kin.ik.geometry.closed_form import ClosedForm
 from baxter_kin.ik.service import IKService
 
 SLACK_RAD = 0.05
@@ -23,7 +23,7 @@ DIGITS = 4
 def sample_solutions(ik: IKService, T_base_tip: PoseLike, *, turns: int = 48) -> Vector:
     """Solutions all over the solution set of a pose, one for each branch and angle of s0.
 
-    Unlike `baxter_kin.ik.solutions`, which traces the set, this takes about two milliseconds and
+    Unlike `solutions`, which traces the set, this takes about two milliseconds and
     tells nothing of how its members hang together.
 
     Args:

@@ -1,8 +1,8 @@
 """The IK service: requests in, results out, with the semantics of the service it replaces.
 
 One request is a pose, an optional seed of the user's, the arm's current joint angles if known, and
-a seed mode. All are answered by `baxter_kin.ik.batch`, alone or many together; one alone is tried
-at once first, from its only seed and where the batch would begin.
+a seed mode. All are answered by `baxter_kin.ik.search.batch`, alone or many together; one alone is
+tried at once first, from its only seed and where the batch would begin.
 """
 
 from __future__ import annotations
@@ -20,17 +20,23 @@ from baxter_kin.arrays import Vector, float_array
 from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
-from baxter_kin.ik.batch import COARSE_ROUNDS, Batch
-from baxter_kin.ik.kernel import SEED_TOLERANCE_RAD
-from baxter_kin.ik.objectives import Objective, Scope, best_of, best_on, checked_objective
-from baxter_kin.ik.pieces import all_pieces
+from baxter_kin.ik.redundancy.objectives import (
+    Objective,
+    Scope,
+    best_of,
+    best_on,
+    checked_objective,
+)
+from baxter_kin.ik.redundancy.pieces import all_pieces
+from baxter_kin.ik.redundancy.self_motion import trace_self_motion
 from baxter_kin.ik.result import IKResult
-from baxter_kin.ik.search import Backend, Searcher
+from baxter_kin.ik.search.batch import COARSE_ROUNDS, Batch
+from baxter_kin.ik.search.exact_search import SEED_TOLERANCE_RAD
+from baxter_kin.ik.search.searcher import Backend, Searcher
+from baxter_kin.ik.search.solver import Solver, Solvers
 from baxter_kin.ik.seeds import SeedMode, SeedType
-from baxter_kin.ik.self_motion import trace_self_motion
-from baxter_kin.ik.solver import Solver, Solvers
 from baxter_kin.ik.tolerance import Tolerance
-from baxter_kin.model import Arm
+from baxter_kin.kinematics.arm import Arm
 
 SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
 """A configuration by joint name or in joint order, rad."""

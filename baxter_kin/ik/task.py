@@ -1,7 +1,7 @@
 """Task: a tolerance and the tip it is for, and what follows from them.
 
 Where one axis is free, tip and requested frame are turned alike so that it becomes z, which is the
-one the search knows (`baxter_kin.ik.task_kernel`).
+one the search knows (`baxter_kin.ik.search.task_search`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from baxter_kin.arrays import Vector
 from baxter_kin.ik.tolerance import EXACT, Tolerance
-from baxter_kin.model import Arm
+from baxter_kin.kinematics.arm import Arm
 
 ROLLS = 16
 """Rotations about a free axis that starts are computed for."""
@@ -74,7 +74,7 @@ class Task:
         return np.append(allowed[:, order].ravel(), self.tolerance.tilt_rad)
 
     def numbers(self, T_last_gripper: pin.SE3) -> tuple[Vector, Vector, Vector]:
-        """What the search function takes of it (`baxter_kin.ik.task_kernel`).
+        """What the search function takes of it (`baxter_kin.ik.search.task_search`).
 
         The turned tip seen from the last axis, `widths`, and 1 where the roll is free.
         """

@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with interruptible() as interrupt:
             options = parse_options(argv)
             with interrupt.deferred():  # some libraries crash when they are interrupted loading
-                import baxter_kin.pinocchio_loading  # noqa: F401, PLC0415 - may be told as missing
+                import baxter_kin.kinematics.pinocchio_loading  # noqa: F401, PLC0415 - may be told as missing
                 from sim.demo.run import run_demo  # noqa: PLC0415 - loads every library
             return run_demo(options, interrupt)
     except MissingLibraryError as error:

@@ -27,7 +27,7 @@ from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
 from baxter_kin.json_data import to_json
 from baxter_kin.json_text import Json, as_text
-from baxter_kin.model import LIMBS
+from baxter_kin.kinematics.arm import LIMBS
 from planner import Body, Scene
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
-from baxter_kin.model import LIMBS
+from baxter_kin.kinematics.arm import LIMBS
 from sim.errors import RecordingError
 from sim.events import Event, EventKind, Observer, Snapshot
 from sim.recording.recording import Recording

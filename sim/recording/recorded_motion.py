@@ -19,7 +19,7 @@ from baxter_kin.copying import Frozen
 from baxter_kin.display import OneLine, count, phrase, seconds, side_of
 from baxter_kin.errors import expect, quoted
 from baxter_kin.fields import check_fields
-from baxter_kin.model import JOINTS, LIMBS
+from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from planner import Move, Trajectory
 from sim.errors import RecordingError
 from sim.events import Event

@@ -18,7 +18,7 @@ from baxter_kin.copying import Frozen, FrozenMapping
 from baxter_kin.description import RobotIdentity
 from baxter_kin.display import OneLine, count, line, listing, seconds, shown
 from baxter_kin.errors import UnknownNameError, expect, expect_all, quoted
-from baxter_kin.model import LIMBS
+from baxter_kin.kinematics.arm import LIMBS
 from planner import Body, Scene
 from sim.errors import RecordingError
 from sim.events import Event

@@ -15,7 +15,7 @@ from baxter_kin.copying import NotCopied
 from baxter_kin.display import OneLine
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
-from baxter_kin.model import JOINTS, LIMBS
+from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from sim.errors import RecordingError
 from sim.events import Observer, Snapshot
 from sim.files import LineFile

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from baxter_kin.model import LIMBS
+from baxter_kin.kinematics.arm import LIMBS
 from sim.events import Event, EventKind
 from sim.recording.recording import Recording
 

@@ -20,7 +20,7 @@ from baxter_kin.arrays import Vector
 from baxter_kin.display import OneLine, millimetres, phrase, seconds
 from baxter_kin.errors import expect
 from baxter_kin.fields import Checked
-from baxter_kin.model import LIMBS
+from baxter_kin.kinematics.arm import LIMBS
 from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
 from planner.collision.context import Touches
 from planner.collision.shape_pairs import Held

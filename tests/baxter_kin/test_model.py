@@ -20,7 +20,7 @@ from baxter_kin import (
     UnknownNameError,
     quaternion_xyzw,
 )
-from baxter_kin.model import JOINTS, MIRROR
+from baxter_kin.kinematics.arm import JOINTS, MIRROR
 
 AGREEMENT = 1e-12
 FINITE_DIFFERENCE = 1e-7

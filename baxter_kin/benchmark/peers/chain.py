@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.model import Arm
+from baxter_kin.kinematics.arm import Arm
 
 
 def placements_about_z(arm: Arm) -> list[pin.SE3]:

@@ -14,7 +14,7 @@ import PyKDL
 from baxter_kin.arrays import Vector
 from baxter_kin.benchmark.contestant import Contestant, short
 from baxter_kin.benchmark.peers.chain import placements_about_z
-from baxter_kin.model import Arm
+from baxter_kin.kinematics.arm import Arm
 
 ITERATIONS = 100
 """Its default."""

@@ -12,7 +12,7 @@ from pink.tasks import FrameTask
 
 from baxter_kin.arrays import Vector
 from baxter_kin.benchmark.contestant import Contestant, short
-from baxter_kin.model import Arm
+from baxter_kin.kinematics.arm import Arm
 
 STEPS = 200
 STEP_S = 1.0

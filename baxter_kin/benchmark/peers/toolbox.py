@@ -15,7 +15,7 @@ from roboticstoolbox import ET, ETS
 
 from baxter_kin.benchmark.contestant import Contestant, short
 from baxter_kin.benchmark.peers.chain import placements_about_z
-from baxter_kin.model import Arm
+from baxter_kin.kinematics.arm import Arm
 
 SEARCHES = 1000
 """Starts before it gives up; the package's default of 100 fails on a few poses."""

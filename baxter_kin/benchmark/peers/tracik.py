@@ -14,7 +14,7 @@ from trac_ik import TracIK
 from baxter_kin.arrays import Vector
 from baxter_kin.benchmark.contestant import Contestant, short
 from baxter_kin.description import StockFiles
-from baxter_kin.model import Arm
+from baxter_kin.kinematics.arm import Arm
 
 TIMEOUT_S = 0.005
 """As published by its authors for Baxter (Beeson and Ames, Humanoids 2015), and its default."""

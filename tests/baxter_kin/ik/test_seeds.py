@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm, Baxter, SeedMode, SeedType, UnknownNameError
-from baxter_kin.ik.search import Searcher
+from baxter_kin.ik.search.searcher import Searcher
 from baxter_kin.ik.seeds import NullSpaceMap, starts_around
-from baxter_kin.model import MIRROR
+from baxter_kin.kinematics.arm import MIRROR
 
 
 def test_numbers_and_labels_are_those_of_the_original_service() -> None:

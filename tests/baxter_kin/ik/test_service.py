@@ -35,8 +35,8 @@ from baxter_kin.ik import (
     solutions,
     trace_self_motion,
 )
-from baxter_kin.ik.linkage import Linkage
-from baxter_kin.ik.search import Searcher
+from baxter_kin.ik.geometry.linkage import Linkage
+from baxter_kin.ik.search.searcher import Searcher
 from baxter_kin.ik.service import BLOCK
 from tests.conftest import at, overhead
 

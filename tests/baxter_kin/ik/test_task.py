@@ -6,7 +6,7 @@ import pytest
 
 from baxter_kin import Arm, IKService, RequestError, SeedType
 from baxter_kin.ik import Backend, NearestTo, Tolerance
-from baxter_kin.ik.reach import ReachBound
+from baxter_kin.ik.geometry.reach import ReachBound
 from baxter_kin.ik.tolerance import FREE
 from tests.conftest import at
 

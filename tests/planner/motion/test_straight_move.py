@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits, PoseError
 from baxter_kin.arrays import Vector
-from baxter_kin.model import MIRROR
+from baxter_kin.kinematics.arm import MIRROR
 from planner import (
     LineTolerance,
     MotionError,

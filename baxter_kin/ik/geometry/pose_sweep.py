@@ -1,0 +1,231 @@
+"""Proofs by all joint limits that an arm cannot reach a pose.
+
+Once s0 and w0 are chosen, the other joints follow in closed form, one after the other (letters and
+`Linkage` as in `baxter_kin.ik.geometry.linkage`; v = W - S). Seen along u, r and n = u x r,
+
+```
+v = (upper_m + fore_m cos e1 - b sin e1,  elbow_offset_m + fore_m sin e1 + b cos e1,
+     wrist_offset_m sin w0)             with b = wrist_offset_m cos w0
+```
+
+- |v| gives `cos(e1 - phi)`, and so e1 up to a sign;
+- u lies in the vertical plane of s0, and u . v gives s1 up to a sign;
+- the components of v across u in that plane, and out of it, give e0;
+- t, seen along f, f's swing and n, gives w1, and w0 once more: both have to agree;
+- the tool's x axis gives w2.
+
+A cell is a range of s0, one of w0, and the two signs. Every step is evaluated at the middle of the
+cell with a bound on how far it can be off anywhere in the cell and for every pose within a radius:
+vectors by how far they move, angles by the arc sine of that over their length. A cell is dismissed
+where a joint has to be outside its limits or the two angles of w0 cannot agree; the others are
+split. When none is left, the pose is out of reach. `ShoulderSweep` proves most such poses in less
+time.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from baxter_kin.arrays import Vector
+from baxter_kin.ik.geometry.linkage import Linkage
+from baxter_kin.ik.geometry.shoulder_sweep import MARGIN_M, MARGIN_RAD
+from baxter_kin.ik.geometry.uncertain import Flags, UncertainAngle, UncertainVector
+
+FIRST_CELLS = 24, 16
+"""Of s0 and of w0."""
+
+SPLIT, LEVELS, MOST_SURVIVORS = 4, 8, 1000
+"""Cells are split in four both ways, down to 8 urad, unless more than 1,000 of them remain."""
+
+MANY_SURVIVORS = 20_000
+"""So many prove six of eight poses 1 to 3 mm out of reach that 1,000 do not, in up to half a
+second."""
+
+_OFFSETS = (2.0 * np.arange(SPLIT) + 1.0) / SPLIT - 1.0
+_SIGNS = np.array([1.0, -1.0])
+
+
+class _Cells(NamedTuple):
+    """n cells; what two angles are in their middles, in rad, and the signs of two others.
+
+    Attributes:
+        s0: shape (n,).
+        w0: shape (n,).
+        e1_sign: which way the elbow bends, shape (n,).
+        s1_sign: to which side the upper arm turns, shape (n,).
+        half: half the widths of every cell, in s0 and in w0.
+    """
+
+    s0: Vector
+    w0: Vector
+    e1_sign: Vector
+    s1_sign: Vector
+    half: tuple[float, float]
+
+    def part(self, which: Flags) -> _Cells:
+        """Some of them."""
+        s0, w0, e1_sign, s1_sign = (values[which] for values in self[:4])
+        return _Cells(s0, w0, e1_sign, s1_sign, self.half)
+
+    def split(self) -> _Cells:
+        """Each in `SPLIT` both ways."""
+        half_s0, half_w0 = self.half
+        count = SPLIT * SPLIT
+        return _Cells(
+            (self.s0[:, None] + half_s0 * np.repeat(_OFFSETS, SPLIT)).ravel(),
+            (self.w0[:, None] + half_w0 * np.tile(_OFFSETS, SPLIT)).ravel(),
+            np.repeat(self.e1_sign, count),
+            np.repeat(self.s1_sign, count),
+            (half_s0 / SPLIT, half_w0 / SPLIT),
+        )
+
+
+class PoseSweep:
+    """The sweep for one arm."""
+
+    def __init__(self, linkage: Linkage) -> None:
+        self._arm = linkage
+        low, high = np.array(linkage.q_min), np.array(linkage.q_max)
+        self._low, self._middle, self._half = low, 0.5 * (low + high), 0.5 * (high - low)
+        self._margin_m = MARGIN_M + linkage.deviation.wrist_m
+        self._margin_rad = MARGIN_RAD + linkage.deviation.axis
+
+    def excludes(
+        self, target: Vector, radius_m: float, most_survivors: int = MOST_SURVIVORS
+    ) -> bool:
+        """Whether no pose of that orientation so near to a target is within reach.
+
+        Args:
+            target: one of `Linkage.targets`, finite, shape (4, 4).
+            radius_m: how far from its position, m.
+            most_survivors: how many cells may remain; more of them prove more, and take longer.
+        """
+        half = self._half[[0, 4]] / FIRST_CELLS
+        middles = (
+            self._low[j] + half[i] * (2.0 * np.arange(FIRST_CELLS[i]) + 1.0)
+            for i, j in enumerate((0, 4))
+        )
+        grids = np.meshgrid(*middles, _SIGNS, _SIGNS)
+        s0, w0, e1_sign, s1_sign = (grid.ravel() for grid in grids)
+        cells = _Cells(s0, w0, e1_sign, s1_sign, (float(half[0]), float(half[1])))
+        for _ in range(LEVELS):
+            cells = self._survivors(target, radius_m, cells)
+            if cells.s0.size == 0 or cells.s0.size > most_survivors:
+                return cells.s0.size == 0
+            cells = cells.split()
+        return False
+
+    def _survivors(self, target: Vector, radius_m: float, cells: _Cells) -> _Cells:
+        """The cells that may hold a solution."""
+        wobble_m, half_s0 = radius_m + self._margin_m, cells.half[0]
+        x, y, up = target[:3, 3].tolist()
+        cos, sin = np.cos(cells.s0), np.sin(cells.s0)
+        radially = x * cos + y * sin - self._arm.shoulder_offset_m
+        sideways = y * cos - x * sin
+        d = np.sqrt(radially * radially + sideways * sideways + up * up)
+        e1, is_possible = self._elbow(d, wobble_m + half_s0 * self._arm.shoulder_offset_m, cells)
+        which = is_possible & self._allows(3, e1)
+        cells, e1 = cells.part(which), e1.part(which)
+        radially, sideways = radially[which], sideways[which]
+        along, across = self._forearm(e1, cells)
+        slack_m = np.full_like(radially, wobble_m + half_s0 * math.hypot(x, y))
+        ahead = UncertainVector(radially, np.full_like(radially, up), slack_m)
+        s1, is_seen = _shoulder(ahead, along, cells.s1_sign)
+        swing = -np.sin(s1.middle) * radially - np.cos(s1.middle) * up
+        beside = UncertainVector(swing, sideways, slack_m + np.hypot(radially, up) * s1.slack)
+        e0 = beside.angle.less(across.angle)
+        misfit = np.abs(beside.length - across.length)
+        which = is_seen & (misfit <= beside.slack + across.slack)
+        which = which & self._allows(1, s1) & self._allows(2, e0)
+        cells, *angles = cells.part(which), *(angle.part(which) for angle in (s1, e0, e1))
+        return cells.part(self._holds_hand(target, cells, *angles))
+
+    def _holds_hand(
+        self,
+        target: Vector,
+        cells: _Cells,
+        s1: UncertainAngle,
+        e0: UncertainAngle,
+        e1: UncertainAngle,
+    ) -> Flags:
+        """Where w1 and w2 may turn the hand as the target asks for."""
+        off = self._margin_rad + sum(cells.half) + s1.slack + e0.slack + e1.slack
+        seen = _Seen(cells.s0, s1.middle, e0.middle, e1.middle, cells.w0)
+        ahead, sinking, aside = seen.of(target[:3, 2])
+        w1 = UncertainVector(ahead, sinking, off).angle
+        fits = (np.abs(aside) <= off) & self._allows(5, w1)
+        ahead, sinking, aside = seen.of(target[:3, 0])
+        bent = np.cos(w1.middle) * sinking - np.sin(w1.middle) * ahead
+        w2 = UncertainVector(bent, aside, off + w1.slack).angle
+        return np.asarray(fits & self._allows(6, w2))
+
+    def _elbow(self, d: Vector, slack_m: float, cells: _Cells) -> tuple[UncertainAngle, Flags]:
+        """e1 for |v|, and where there is one."""
+        arm, offset = self._arm, self._arm.wrist_offset_m * np.cos(cells.w0)
+        amplitude = UncertainVector(
+            arm.upper_m * arm.fore_m + arm.elbow_offset_m * offset,
+            arm.elbow_offset_m * arm.fore_m - arm.upper_m * offset,
+            np.full_like(d, arm.wrist_offset_m * arm.upper_span_m * cells.half[1]),
+        )
+        squares = arm.upper_span_m**2 + arm.fore_span_m**2
+        least = 0.5 * ((d - slack_m).clip(min=0.0) ** 2 - squares)
+        most = 0.5 * ((d + slack_m) ** 2 - squares)
+        turn, is_possible = amplitude.arc_cosine(least, most)
+        phi = amplitude.angle
+        middle = phi.middle + cells.e1_sign * turn.middle
+        return UncertainAngle(middle, phi.slack + turn.slack), is_possible
+
+    def _forearm(self, e1: UncertainAngle, cells: _Cells) -> tuple[UncertainAngle, UncertainVector]:
+        """How far W - S goes along u, and across it along r and n."""
+        arm, cos, sin = self._arm, np.cos(e1.middle), np.sin(e1.middle)
+        offset = arm.wrist_offset_m * np.cos(cells.w0)
+        slack_m = np.hypot(arm.fore_m, offset) * e1.slack + arm.wrist_offset_m * cells.half[1]
+        along = arm.upper_m + arm.fore_m * cos - offset * sin
+        down = arm.elbow_offset_m + arm.fore_m * sin + offset * cos
+        aside = arm.wrist_offset_m * np.sin(cells.w0)
+        return UncertainAngle(along, slack_m), UncertainVector(down, aside, slack_m)
+
+    def _allows(self, joint: int, angle: UncertainAngle) -> Flags:
+        """Where a joint may be inside its limits."""
+        return angle.is_within(self._middle[joint], self._half[joint])
+
+
+class _Seen(NamedTuple):
+    """Joint angles at the middles of cells, from where directions are seen."""
+
+    s0: Vector
+    s1: Vector
+    e0: Vector
+    e1: Vector
+    w0: Vector
+
+    def of(self, direction: Vector) -> tuple[Vector, Vector, Vector]:
+        """A direction seen from the first axis: along f, k, and f x k, each (n,)."""
+        x, y, up = direction.tolist()
+        radially = x * np.cos(self.s0) + y * np.sin(self.s0)
+        sideways = y * np.cos(self.s0) - x * np.sin(self.s0)
+        along, swing = _rotated(radially, -up, self.s1)
+        down, aside = _rotated(swing, sideways, self.e0)
+        ahead, swing = _rotated(along, down, self.e1)
+        sinking, aside = _rotated(swing, aside, self.w0)
+        return ahead, sinking, aside
+
+
+def _shoulder(
+    v: UncertainVector, along: UncertainAngle, sign: Vector
+) -> tuple[UncertainAngle, Flags]:
+    """s1 that gives v, radially and up, its component along u, and where it can."""
+    least, most = along.middle - along.slack, along.middle + along.slack
+    turn, is_possible = v.arc_cosine(least, most)
+    gamma = v.angle
+    middle = sign * turn.middle - gamma.middle
+    return UncertainAngle(middle, turn.slack + gamma.slack), is_possible
+
+
+def _rotated(a: Vector, b: Vector, angle: Vector) -> tuple[Vector, Vector]:
+    """Components along axes that are turned by an angle from the first to the second."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return cos * a + sin * b, cos * b - sin * a

@@ -1,0 +1,261 @@
+"""Proofs that a pose is out of an arm's reach: sound geometry, by how far, and from which bound.
+
+A proof never errs: a pose that the arm reaches inside its limits has none. The converse does not
+hold; `None` says nothing. Bounds, cheapest first (letters as in `baxter_kin.ik.geometry.linkage`):
+
+- *span, fold*: the pose fixes the wrist W, and |W - S| lies between the lengths that upper arm and
+  forearm span straight and fully bent (`Shells`).
+- *shoulder, wrist*: no angle of s0 leaves s1, e1 and w1 inside their limits (`ShoulderSweep`).
+- *limits*: no angles of s0 and w0 leave all joints inside their limits (`PoseSweep`).
+
+For a position in any orientation, the tip takes the wrist's place and only the outer bounds remain.
+For a pose that may be turned a little, the wrist keeps *span* and *fold*, less how far it can get.
+Collisions play no part.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from baxter_kin.arrays import Vector, finite_array
+from baxter_kin.errors import PoseError
+from baxter_kin.ik.geometry.linkage import Linkage
+from baxter_kin.ik.geometry.pose_sweep import MANY_SURVIVORS, MOST_SURVIVORS, PoseSweep
+from baxter_kin.ik.geometry.reach_proof import ReachProof
+from baxter_kin.ik.geometry.shells import Shells
+from baxter_kin.ik.geometry.shoulder_sweep import ShoulderSweep
+from baxter_kin.ik.geometry.uncertain import Flags
+from baxter_kin.ik.tolerance import EXACT, Tolerance
+from baxter_kin.kinematics.arm import JOINTS, Arm
+
+RADII_M = np.array([1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1])
+"""Distances that the sweeps can certify; the largest that holds is reported."""
+
+DECISION_LEVELS, MEASURE_LEVELS = 5, 1
+"""How often the sweep splits its cells: to decide, down to 0.1 mrad; to measure, sparingly."""
+
+_COAXIAL = 1e-9  # how far (m, and of a unit vector) an axis may be from the last joint's
+
+
+class ReachBound:
+    """How far one arm reaches, for poses of its tip that are met exactly or within a tolerance.
+
+    Attributes:
+        T_last_tip: the gripper seen from the last axis: z along it, origin the wrist.
+    """
+
+    def __init__(self, arm: Arm, tolerance: Tolerance = EXACT) -> None:
+        """Read the arm's dimensions, half a millisecond.
+
+        Raises:
+            DescriptionError: when the model is not built like Baxter's.
+        """
+        self._arm = Linkage.of(arm.at_gripper)
+        self._shells = Shells(self._arm)
+        self._sweep, self._pose_sweep = ShoulderSweep(self._arm), PoseSweep(self._arm)
+        self._names = dict(zip(JOINTS, arm.joint_names, strict=True))
+        self.T_last_tip = self._arm.T_last_tip * arm.T_gripper_tip
+        self._T_tip_gripper = arm.T_gripper_tip.inverse()
+        self._leeway_m = float(np.linalg.norm(tolerance.position_m))
+        self._wrist_leeway_m = self._leeway_m + _wrist_turns_m(self.T_last_tip, tolerance)
+        self._is_posed = _fixes_gripper(self.T_last_tip, tolerance)
+        self._is_roll_free = tolerance.free_axis is not None
+
+    def proof(self, T_base_tip: pin.SE3, *, is_thorough: bool = False) -> ReachProof | None:
+        """Why no pose that would do is within reach, or None when that is not proved.
+
+        Args:
+            T_base_tip: the requested pose of the tip, as `checked_pose` returns it.
+            is_thorough: whether it may take a second.
+
+        Raises:
+            PoseError: when the pose is not finite.
+        """
+        T_base_gripper = T_base_tip * self._T_tip_gripper
+        if self._is_posed:
+            return _less(self._proof_of_gripper(T_base_gripper, is_thorough), self._leeway_m)
+        proofs = self.proof_of_position(T_base_tip.translation), self.proof_of_wrist(T_base_tip)
+        return max(filter(None, proofs), key=lambda proof: proof.excess_m, default=None)
+
+    def proof_of_position(self, p_base_tip: ArrayLike) -> ReachProof | None:
+        """Why the tip cannot get to a position in any orientation, or None when that is not proved.
+
+        Args:
+            p_base_tip: shape (3,), m, in base.
+
+        Raises:
+            PoseError: when the position has another shape or is not finite.
+        """
+        p = finite_array(p_base_tip, (3,), "p_base_tip", PoseError)
+        point, bound = self._arm.T_base_first.actInv(p), "span"
+        excess_m, most_m = self._shells.tip_excess_m(point), self._shells.radius_m
+        if excess_m <= 0.0:
+            bound, most_m = "shoulder", self._shells.tip_reach_m
+            excess_m = self._shells.elbow_excess_m(point)
+        if excess_m <= 0.0:
+            return None
+        tool_m = float(np.linalg.norm(self._T_tip_gripper.translation))
+        proof = ReachProof.of_position(bound, excess_m, p, self._names, most_m)
+        return proof.less(self._leeway_m + tool_m)
+
+    def proof_of_wrist(self, T_base_tip: pin.SE3) -> ReachProof | None:
+        """Why the wrist cannot be where a pose puts it, by the bounds "span" and "fold" alone.
+
+        They hold whatever the tool's orientation: `excess_m` is how far the wrist must be moved.
+
+        Args:
+            T_base_tip: the tip seen from base, as `checked_pose` returns it.
+
+        Raises:
+            PoseError: when the pose is not finite.
+        """
+        proof = self._proof_by_shells(*self._target(T_base_tip * self._T_tip_gripper))
+        return _less(proof, self._wrist_leeway_m)
+
+    def are_outside_shells(self, Ts: Vector) -> Flags:
+        """Which poses the bounds "span" and "fold" alone prove out of reach, at a glance.
+
+        Args:
+            Ts: finite poses as matrices, shape (m, 4, 4).
+
+        Returns:
+            Shape (m,).
+        """
+        return self._are_outside(self._targets(Ts)) if self._is_fixed else _nowhere(Ts)
+
+    def are_proven(self, Ts: Vector, levels: int = DECISION_LEVELS) -> Flags:
+        """Which poses are out of reach by any bound but "limits", proven for many at a time.
+
+        Args:
+            Ts: finite poses as matrices, shape (m, 4, 4).
+            levels: how many sizes of cells to try; one takes 15 us for each pose and proves most,
+                all of them take 300 us.
+
+        Returns:
+            Shape (m,).
+        """
+        if not self._is_fixed:
+            return np.array([self.proof(pin.SE3(T)) is not None for T in Ts], dtype=np.bool_)
+        targets = self._targets(Ts)
+        proven = self._are_outside(targets)
+        left = targets[~proven]
+        radii_m = np.full(len(left), RADII_M[0])
+        proven[~proven] = self._sweep.exclusions(left, radii_m, levels).is_proven
+        return proven
+
+    def are_beyond_limits(self, Ts: Vector) -> Flags:
+        """Which poses are out of reach by the bound "limits": some milliseconds for each.
+
+        Args:
+            Ts: finite poses as matrices, shape (m, 4, 4).
+
+        Returns:
+            Shape (m,).
+        """
+        if not self._is_fixed or self._is_roll_free:
+            return _nowhere(Ts)
+        radius_m = float(RADII_M[0])
+        excluded = [self._pose_sweep.excludes(T, radius_m) for T in self._targets(Ts)]
+        return np.array(excluded, np.bool_)
+
+    @property
+    def _is_fixed(self) -> bool:
+        """Whether the gripper's pose is given exactly, but perhaps for its roll."""
+        return self._is_posed and self._leeway_m == 0.0
+
+    def _targets(self, Ts: Vector) -> Vector:
+        return self._arm.targets(Ts @ self._T_tip_gripper.homogeneous)
+
+    def _target(self, T_base_gripper: pin.SE3) -> tuple[Vector, Vector]:
+        """Where a pose puts the last axis, shape (4, 4), and the wrist seen from base, (3,)."""
+        T = T_base_gripper.homogeneous
+        if not np.isfinite(T).all():
+            raise PoseError("a pose must be finite to be judged in or out of reach")
+        wrist_base = T_base_gripper.act(self._arm.T_last_tip.inverse().translation)
+        return self._arm.targets(T[None])[0], wrist_base
+
+    def _are_outside(self, targets: Vector) -> Flags:
+        beyond_m, within_m = self._shells.wrist_excess_m(targets[:, :3, 3])
+        outside: Flags = (beyond_m > 0.0) | (within_m > 0.0)
+        return outside
+
+    def _proof_of_gripper(self, T_base_gripper: pin.SE3, is_thorough: bool) -> ReachProof | None:
+        target, wrist = self._target(T_base_gripper)
+        proof = self._proof_by_shells(target, wrist) or self._proof_by_sweep(target, wrist)
+        if proof or self._is_roll_free:
+            return proof
+        return self._proof_by_limits(target, wrist, is_thorough)
+
+    def _proof_by_shells(self, target: Vector, wrist: Vector) -> ReachProof | None:
+        excesses = self._shells.wrist_excess_m(target[None, :3, 3])
+        beyond_m, within_m = (float(excess_m[0]) for excess_m in excesses)
+        names, shells = self._names, self._shells
+        if beyond_m > 0.0:
+            return ReachProof.of("span", beyond_m, wrist, names, shells.span_m)
+        if within_m > 0.0:
+            return ReachProof.of("fold", within_m, wrist, names, shells.fold_m)
+        return None
+
+    def _proof_by_sweep(self, target: Vector, wrist: Vector) -> ReachProof | None:
+        found = self._sweep.exclusions(target[None], RADII_M[:1], DECISION_LEVELS)
+        if not found.is_proven[0]:
+            return None
+        radius_m, needs_wrist = float(RADII_M[0]), bool(found.needs_wrist[0])
+        targets = np.broadcast_to(target, (len(RADII_M) - 1, 4, 4))
+        wider = self._sweep.exclusions(targets, RADII_M[1:], MEASURE_LEVELS)
+        if wider.is_proven.any():
+            last = int(np.flatnonzero(wider.is_proven)[-1])
+            radius_m, needs_wrist = float(RADII_M[1 + last]), bool(wider.needs_wrist[last])
+        bound = "wrist" if needs_wrist else "shoulder"
+        return ReachProof.of(bound, radius_m, wrist, self._names)
+
+    def _proof_by_limits(
+        self, target: Vector, wrist: Vector, is_thorough: bool
+    ) -> ReachProof | None:
+        radius_m, *wider = RADII_M.tolist()
+        most_cells = MANY_SURVIVORS if is_thorough else MOST_SURVIVORS
+        if not self._pose_sweep.excludes(target, radius_m, most_cells):
+            return None
+        for wider_m in wider:
+            if not self._pose_sweep.excludes(target, wider_m):
+                break
+            radius_m = wider_m
+        return ReachProof.of("limits", radius_m, wrist, self._names)
+
+
+def _nowhere(Ts: Vector) -> Flags:
+    return np.zeros(len(Ts), dtype=np.bool_)
+
+
+def _less(proof: ReachProof | None, leeway_m: float) -> ReachProof | None:
+    return None if proof is None else proof.less(leeway_m)
+
+
+def _wrist_turns_m(T_last_tip: pin.SE3, tolerance: Tolerance) -> float:
+    """How far the wrist can get from where the pose puts it by what the tip is turned.
+
+    A rotation by an angle moves a point by its distance times the chord, 2 sin(angle / 2). Where
+    the rotation about an axis is free, that holds for the part along the axis, and the part across
+    goes anywhere: it moves by up to twice its length.
+    """
+    wrist = T_last_tip.inverse().translation
+    along, across = float(np.linalg.norm(wrist)), 0.0
+    if tolerance.free_axis is not None:
+        axis = np.eye(3)[tolerance.free_axis]
+        along, across = abs(float(axis @ wrist)), float(np.linalg.norm(np.cross(axis, wrist)))
+    return 2.0 * along * math.sin(0.5 * tolerance.most_turned_rad) + 2.0 * across
+
+
+def _fixes_gripper(T_last_tip: pin.SE3, tolerance: Tolerance) -> bool:
+    """Whether the tip's pose gives the gripper's, but for its roll about the last joint's axis."""
+    oriented = replace(tolerance, position_m=EXACT.position_m)
+    if oriented == EXACT:
+        return True
+    p, z = T_last_tip.translation, T_last_tip.rotation[:, 2]
+    is_coaxial = np.hypot(*p[:2]) + np.hypot(*z[:2]) <= _COAXIAL
+    return bool(is_coaxial) and oriented == Tolerance.about("z")

@@ -1,0 +1,293 @@
+"""Following the self-motion of a pose step by step: predict, correct, accept or halve.
+
+Pseudo-arclength continuation (Keller, "Numerical solution of bifurcation and nonlinear eigenvalue
+problems", 1977; Allgower and Georg, "Numerical Continuation Methods", 1990, ch. 4 to 8):
+
+- *predict* along the tangent and its last change, second order in the step;
+- *correct* by Newton's method, with steps of least norm;
+- *accept* when the corrector stays near, the tangent turns little, and `det [J; tangent']` keeps
+  its sign: a change of sign is a jump to another branch, or a way through a singularity. Otherwise
+  halve the step.
+
+`baxter_kin.ik.redundancy.curve_kernel` takes the steps, as long ones as the curve's bends allow;
+`filled` then puts points between them. A direction ends on a joint limit, where the curve closes,
+or at a singularity.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baxter_kin.arrays import Indices, Vector
+from baxter_kin.ik.redundancy.curve_functions import MAX_TURN_RAD, MIN_STEP_RAD, RESIDUAL_TOLERANCE
+from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints, whole_turns_off
+from baxter_kin.ik.redundancy.root_finding import root
+from baxter_kin.ik.redundancy.segment import Segment, arc_lengths, cubics
+from baxter_kin.ik.redundancy.solution_curve import PoseFibre
+
+MAX_POINTS = 50_000
+"""In one direction, so that nothing runs for ever; curves of Baxter have hundreds."""
+
+CLOSURE_RAD = 1e-6
+"""How near a curve must pass its start to have closed: far below any two branches told apart."""
+
+_COINCIDENT_RAD = 1e-9
+"""Points closer than this are one."""
+
+_SIMULTANEOUS_RAD = 1e-11
+"""Joints that reach their limits within this length reach them together, up to rounding."""
+
+_MAX_BULGE = MAX_TURN_RAD / 2
+"""How far a joint may swing beyond both ends of a segment, as a share of the segment's length: a
+joint that turns back within it has speeds at the ends that differ by at most `MAX_TURN_RAD`."""
+
+LONGER_ARC = 1.1
+"""Than its chord: more than that of an arc that turns by `MAX_TURN_RAD`."""
+
+LONGEST_STEP_RAD = 0.2
+"""Of the way round; where the curve bends, steps are shorter."""
+
+CUBIC_RAD = 1e-3
+"""How far a cubic may be from the curve at the very most, where it decides what to look at."""
+
+_NEAR_CROSSING = 1e-3
+"""Of a segment: how far the curve's crossing of a limit may be from the cubic's."""
+
+
+class EndKind(Enum):
+    """Why a curve goes no further."""
+
+    LIMIT = "joint limit"
+    CLOSED = "closed"
+    SINGULARITY = "singularity"
+    BUDGET = "budget"
+
+
+@dataclass(frozen=True, slots=True)
+class CurveEnd:
+    """Why a curve goes no further; `str()` of it is one sentence.
+
+    Attributes:
+        kind: the cause.
+        joint_name: the joint that would leave its limits, if that is the cause.
+        limit_rad: that limit.
+    """
+
+    kind: EndKind
+    joint_name: str | None = None
+    limit_rad: float | None = None
+
+    def __str__(self) -> str:
+        if self.kind is EndKind.LIMIT:
+            return f"{self.joint_name} reaches its limit of {self.limit_rad:.6g} rad"
+        return _REASONS[self.kind]
+
+
+_REASONS = {
+    EndKind.CLOSED: "the joints return to where they began",
+    EndKind.SINGULARITY: "the Jacobian loses rank: branches meet here, or the point stands alone",
+    EndKind.BUDGET: f"gave up after {MAX_POINTS} points",
+}
+
+
+def walk_both_ways(
+    fibre: PoseFibre, start: CurvePoint
+) -> tuple[CurvePoints, int, tuple[CurveEnd, CurveEnd]]:
+    """The whole curve through `start`, in its direction of travel.
+
+    Args:
+        fibre: whose curve, of an arm whose limits hold.
+        start: a point of it inside the limits.
+
+    Returns:
+        Its points, as far apart as the curve's bends allow; the index of `start` among them; why
+        they end, at the beginning and at the end. A closed curve begins and ends with `start`.
+    """
+    ahead, last = walk(fibre, start)
+    if last.kind is EndKind.CLOSED:
+        return ahead, 0, (last, last)
+    behind, first = walk(fibre, start.reversed())
+    before = behind.reversed()
+    if first.kind is EndKind.CLOSED:  # the other way round failed at a turn
+        return before, 0, (first, first)
+    return before.then(ahead.part(slice(1, None))), len(before) - 1, (first, last)
+
+
+def walk(fibre: PoseFibre, start: CurvePoint) -> tuple[CurvePoints, CurveEnd]:
+    """The points from `start` on in its direction of travel, and why they end.
+
+    The last one stands exactly on a limit, or is `start` again when the curve closes; without
+    limits joints may have made whole turns by then.
+
+    Args:
+        fibre: whose curve, of an arm whose limits hold.
+        start: a point of it inside the limits.
+    """
+    points = CurvePoints.of([start])
+    state = fibre.kernel.start_state(start.q, start.tangent, start.determinant, LONGEST_STEP_RAD)
+    while len(points) <= MAX_POINTS:
+        ahead, steps = fibre.march(state, LONGEST_STEP_RAD)
+        block = points.part(slice(-1, None)).then(ahead)
+        for i in _may_end(fibre, block, start).tolist():
+            segment = Segment(fibre, block[i], block[i + 1])
+            ending = limit_on(fibre, segment) or _closure_on(fibre, segment, start)
+            if ending is not None:
+                return with_last(points.then(ahead.part(slice(i))), ending[0]), ending[1]
+        points, state = points.then(ahead), steps.state
+        if steps.step_rad < MIN_STEP_RAD:
+            return points, CurveEnd(EndKind.SINGULARITY)
+    return points, CurveEnd(EndKind.BUDGET)
+
+
+def filled(
+    fibre: PoseFibre, points: CurvePoints, step_rad: float | Vector
+) -> tuple[CurvePoints, Indices]:
+    """The same points with others between them, at most `step_rad` apart.
+
+    Args:
+        fibre: whose curve.
+        points: two or more, no farther apart than `walk` leaves them.
+        step_rad: the longest arc between neighbours, rad; one for all, or for each of the arcs.
+
+    Returns:
+        The points, and where among them those given are, shape (n,).
+    """
+    chords = whole_turns_off(np.diff(points.q, axis=0))
+    counts = np.ceil(arc_lengths(chords, points.tangent[:-1], points.tangent[1:]) / step_rad)
+    counts = np.maximum(counts.astype(int), 1) - 1
+    segment = np.repeat(np.arange(len(counts)), counts)
+    first = np.cumsum(counts) - counts
+    rank = np.arange(len(segment)) - first[segment]
+    estimate, way = cubics(points.q, points.tangent, segment, (rank + 1) / (counts[segment] + 1))
+    found = fibre.corrected_many(estimate, way)
+    is_good = found.residual <= RESIDUAL_TOLERANCE
+    is_good &= np.square(found.q - estimate).sum(axis=1) <= CUBIC_RAD**2
+    found = found._replace(q=np.clip(found.q, fibre.q_min, fibre.q_max))
+    between = fibre.points(found, way).part(is_good)
+    order = np.argsort(
+        np.concatenate([np.arange(len(points)), segment[is_good] + 0.5]), kind="stable"
+    )
+    places = np.flatnonzero(order < len(points))
+    return points.then(between).part(order), places
+
+
+def may_leave(points: CurvePoints) -> NDArray[np.bool_]:
+    """Whether the curve may be inside the limits and leave them, or enter them, after each point.
+
+    Args:
+        points: n of them.
+
+    Returns:
+        Shape (n - 1,).
+    """
+    chords = points.chords_rad
+    one, other = points.clearance_rad[:-1], points.clearance_rad[1:]
+    is_near = np.minimum(one, other) < 2.0 * _MAX_BULGE * chords
+    may: NDArray[np.bool_] = is_near & (one + other >= -LONGER_ARC * chords)
+    return may
+
+
+def _may_end(fibre: PoseFibre, points: CurvePoints, start: CurvePoint) -> Indices:
+    """Between which points and the next the curve may leave the limits, or pass the start."""
+    along = fibre.way(start.q, points.q) @ start.tangent
+    is_suspect = (along[:-1] < 0.0) & (along[1:] >= 0.0)
+    if fibre.has_limits:
+        is_suspect |= may_leave(points)
+    return np.flatnonzero(is_suspect)
+
+
+def with_last(points: CurvePoints, last: CurvePoint) -> CurvePoints:
+    """The points closed off by `last`, which takes the place of the one it coincides with.
+
+    Unless that is the start: then the start, as good as on the limit, stays the only point.
+    """
+    if np.abs(last.q - points.q[-1]).max() > _COINCIDENT_RAD:
+        return points.then(CurvePoints.of([last]))
+    return points.part(slice(-1)).then(CurvePoints.of([last])) if len(points) > 1 else points
+
+
+def limit_on(fibre: PoseFibre, segment: Segment) -> tuple[CurvePoint, CurveEnd] | None:
+    """Where the segment first leaves the limits: the point there, exactly on the limit.
+
+    When several joints leave there, all stand on their limits, and the one nearest to the shoulder
+    is named.
+    """
+    crossings = []
+    for joint, bound, outward in _suspects(fibre, segment):
+        u = _crossing(segment, joint, bound, outward)
+        if u is not None:
+            crossings.append((u, joint, bound))
+    if not crossings:
+        return None
+    first = min(crossings)[0]
+    q = segment.exact(first)
+    reach = first + _SIMULTANEOUS_RAD / segment.length_rad
+    leaving = [(joint, bound) for u, joint, bound in crossings if u <= reach]
+    for joint, bound in leaving:
+        q[joint] = bound
+    q = np.clip(q, fibre.q_min, fibre.q_max)
+    joint, bound = min(leaving)
+    return fibre.point(q, segment.direction(first)), CurveEnd(
+        EndKind.LIMIT, fibre.arm.limits.names[joint], bound
+    )
+
+
+def _suspects(fibre: PoseFibre, segment: Segment) -> list[tuple[int, float, float]]:
+    """Joints that may leave their range on the segment: index, the bound, +1 above or -1 below."""
+    a, b = segment.a, segment.b
+    bulge = _MAX_BULGE * segment.length_rad
+    above = np.maximum(a.q, b.q) + bulge > fibre.q_max
+    below = np.minimum(a.q, b.q) - bulge < fibre.q_min
+    if not (above.any() or below.any()):
+        return []
+    upper = [(int(i), float(fibre.q_max[i]), 1.0) for i in np.flatnonzero(above)]
+    return upper + [(int(i), float(fibre.q_min[i]), -1.0) for i in np.flatnonzero(below)]
+
+
+def _crossing(segment: Segment, joint: int, bound: float, outward: float) -> float | None:
+    """The share of the segment at which the joint first goes beyond the bound."""
+    c0, c1, c2, c3 = segment.coefficients(joint)
+
+    def beyond(u: float) -> float:
+        return outward * float(segment.exact(u)[joint] - bound)
+
+    def roughly_beyond(u: float) -> float:
+        return outward * (c0 + u * (c1 + u * (c2 + u * c3)) - bound)
+
+    for lower, upper in pairwise(segment.turns(joint)):
+        low, high = roughly_beyond(lower), roughly_beyond(upper)
+        if high <= low or high < -CUBIC_RAD:
+            continue
+        guess, u = root(roughly_beyond, lower, upper), None
+        if guess is not None and low < -CUBIC_RAD and high > CUBIC_RAD:
+            near = max(lower, guess - _NEAR_CROSSING), min(upper, guess + _NEAR_CROSSING)
+            u = root(beyond, *near)
+        u = root(beyond, lower, upper) if u is None else u
+        if u is not None:
+            return u
+    return None
+
+
+def _closure_on(
+    fibre: PoseFibre, segment: Segment, start: CurvePoint
+) -> tuple[CurvePoint, CurveEnd] | None:
+    """Where the segment passes through the start again: the start, as the curve's last point."""
+    behind, ahead = fibre.way(start.q, segment.a.q), fibre.way(start.q, segment.b.q)
+    before, after = float(behind @ start.tangent), float(ahead @ start.tangent)
+    if before >= 0.0 or after < 0.0:
+        return None
+    if min(behind @ behind, ahead @ ahead) > segment.length_rad**2:
+        return None
+    q = segment.estimate(before / (before - after))
+    beside = q - (fibre.way(start.q, q) @ start.tangent) * start.tangent
+    found = fibre.corrected(beside, start.tangent)
+    if found is None or np.linalg.norm(fibre.way(start.q, found[0])) > CLOSURE_RAD:
+        return None
+    turns = np.round((found[0] - start.q) / (2.0 * math.pi))
+    return replace(start, q=start.q + 2.0 * math.pi * turns), CurveEnd(EndKind.CLOSED)

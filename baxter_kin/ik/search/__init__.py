@@ -1,0 +1,1 @@
+"""Inverse kinematics by search: the compiled functions, requests in batches, IPOPT as reference."""

@@ -1,0 +1,273 @@
+"""Batch: poses that are searched for together, round by round, until all are solved or given up.
+
+A round is a start, or a few, for every pose that is still open. The rounds of a seed type follow
+each other; the types follow in the order of the seed mode. So a pose among many is treated exactly
+as alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baxter_kin.arrays import Indices, Vector
+from baxter_kin.ik.result import (
+    ORIENTATION_TOLERANCE_RAD,
+    POSITION_TOLERANCE_M,
+    IKFailure,
+    IKResult,
+)
+from baxter_kin.ik.search.explanation import Attempt, Explainer
+from baxter_kin.ik.search.searcher import Found, Search
+from baxter_kin.ik.search.solver import Solver
+from baxter_kin.ik.seeds import (
+    MAP_STARTS,
+    SEED_STARTS,
+    ComputedStarts,
+    SeedMode,
+    SeedType,
+    starts_around,
+)
+
+COARSE_ROUNDS = (1, 1, 2, 4)
+"""How many computed starts are tried at once; the first that leads to a solution counts."""
+
+POLISH_ROUNDS = 20
+"""Further searches from the best attempt, of up to 15 iterations each, where all starts failed."""
+
+SCATTERED_POLISH_ROUNDS, SCATTERED_POLISHED = 6, 64
+"""The same for starts from all over the joint ranges: from so many attempts."""
+
+NEAR_M, NEAR_RAD = 0.02, 0.05
+"""Attempts that end farther away than this are stuck, not slow."""
+
+_SEED_TYPES = tuple(SeedType)
+
+
+class Batch:
+    """Poses, their seeds, and the best that was found for each so far."""
+
+    def __init__(self, Ts: Vector, seeds: dict[SeedType, Vector], mode: SeedMode) -> None:
+        """Nothing tried yet.
+
+        Args:
+            Ts: poses as matrices seen from base, shape (n, 4, 4).
+            seeds: USER and CURRENT seeds where given, each of shape (n, 7), rad; NaN for none.
+            mode: which of them to try.
+        """
+        count = len(Ts)
+        self._Ts = Ts
+        self._seeds = seeds
+        self._mode = mode
+        self._q = np.zeros((count, 7))
+        self._seed_type = np.full(count, int(SeedType.INVALID))
+        self._best_type = np.full(count, int(SeedType.INVALID))
+        self._offset = np.full(count, np.inf)
+        self._angle = np.full(count, np.inf)
+        self._starts = np.zeros((count, len(SeedType)), dtype=np.intp)
+        self._is_hopeless = np.zeros(count, dtype=np.bool_)
+
+    def solve(self, solver: Solver) -> None:
+        """Search until every pose is solved, proven out of reach, or out of starts."""
+        for seed_type in self._mode.seed_types:
+            if seed_type is SeedType.NS_MAP:
+                self._search_from_map(solver)
+            elif seed_type in self._seeds:
+                self._search_from_seeds(solver, seed_type)
+        self._polish(solver.search)
+        self._measure_untried(solver)
+        self._search_as_last_resort(solver)
+
+    def _search_as_last_resort(self, solver: Solver) -> None:
+        """One more search, from the best attempt at each pose that is left.
+
+        What has the orientation then takes the place of whatever came nearer without it.
+        """
+        poses = self._open(self._starts.sum(axis=1) > 0)
+        search = solver.last_resort if poses.size else None
+        if search:
+            seed_types = self._best_type[poses]
+            self._starts[poses, seed_types] += 1
+            found = search.search(self._q[poses], self._Ts[poses])
+            self._offset[poses[found.orientation_error_rad <= ORIENTATION_TOLERANCE_RAD]] = np.inf
+            self._take(poses, seed_types, found)
+
+    def results(self, solver: Solver) -> Iterator[IKResult]:
+        """What came of each pose, in order."""
+        self._q.setflags(write=False)
+        names, explainer = solver.arm.joint_names, solver.explainer
+        columns = (self._seed_type.tolist(), self._offset.tolist(), self._angle.tolist())
+        rows = zip(self._q, *columns, strict=True)
+        for i, (q, seed_type, offset, angle) in enumerate(rows):
+            if seed_type:
+                yield IKResult.trusted(names, q, _SEED_TYPES[seed_type], (offset, angle))
+            else:
+                failure = IKFailure.later(partial(self._why, i, explainer))
+                errors = offset, angle
+                yield IKResult.trusted(names, q, SeedType.INVALID, errors, failure)
+
+    def _search_from_seeds(self, solver: Solver, seed_type: SeedType) -> None:
+        seeds = self._seeds[seed_type]
+        has_seed = ~np.isnan(seeds[:, 0])
+        count = 1 if self._mode is SeedMode.AUTO else SEED_STARTS
+        for starts in starts_around(solver.arm, seeds, count):
+            poses = self._open(has_seed)
+            self._try(poses, seed_type, solver.search, starts[poses], 1)
+
+    def _search_from_map(self, solver: Solver) -> None:
+        """From the setpoints, from what is computed coarsely, with care, then from everywhere.
+
+        In between proofs that there is nothing to find, the cheap ones first.
+        """
+        search, starts, explainer = solver.search, solver.starts, solver.explainer
+        self._give_up(explainer.are_out_of_reach_at_a_glance)
+        poses = self._open()
+        if poses.size:
+            self._starts[poses, SeedType.NS_MAP] += MAP_STARTS
+            self._take(poses, SeedType.NS_MAP, search.search_from_map(self._Ts[poses]))
+        self._give_up(explainer.are_clearly_out_of_reach)
+        self._search_from_computed(starts.coarse, COARSE_ROUNDS, search)
+        self._give_up(explainer.are_out_of_reach)
+        self._search_from_computed(starts.fine, search.fine_rounds, search)
+        self._give_up(explainer.are_beyond_limits)
+        self._search_from_everywhere(starts.scattered, search)
+
+    def _search_from_computed(
+        self, computed: ComputedStarts, rounds: tuple[int, ...], search: Search
+    ) -> None:
+        """A round gives every pose as many starts; more of them as fewer poses are left."""
+        first = self._open()
+        if not first.size:
+            return
+        starts = computed.starts(self._Ts[first], sum(rounds))
+        edges = np.cumsum((0, *rounds)).tolist()
+        for begin, end in pairwise(edges):
+            poses = self._open()
+            q_starts = starts[np.searchsorted(first, poses), begin:end].reshape(-1, 7)
+            self._try(poses, SeedType.NS_MAP, search, q_starts, end - begin)
+
+    def _search_from_everywhere(self, scattered: ComputedStarts, search: Search) -> None:
+        """Pose by pose, from all over the joint ranges, and on from what came nearest.
+
+        At a singularity between limits most attempts get stuck a little way off, the best of them
+        too, while others only converge slowly.
+        """
+        count, left = search.scattered_starts, self._open()
+        if not count or not left.size:
+            return
+        for pose, q_starts in zip(left, scattered.starts(self._Ts[left], count), strict=True):
+            q, T, poses = q_starts, self._Ts[pose], np.array([pose])
+            self._starts[pose, SeedType.NS_MAP] += count
+            for _ in range(1 + SCATTERED_POLISH_ROUNDS):
+                found = search.search(q, np.repeat(T[None], len(q), axis=0))
+                self._take(poses, SeedType.NS_MAP, _best_of_each(found, len(q)))
+                if self._seed_type[pose] != SeedType.INVALID:
+                    break
+                q = found.q[_nearest(found)]
+
+    def _try(
+        self, poses: Indices, seed_type: SeedType, search: Search, q_starts: Vector, count: int
+    ) -> None:
+        """Search from `count` starts in a row for each pose."""
+        if poses.size:
+            found = search.search(q_starts, np.repeat(self._Ts[poses], count, axis=0))
+            self._starts[poses, seed_type] += count
+            self._take(poses, seed_type, _best_of_each(found, count))
+
+    def _open(self, among: NDArray[np.bool_] | bool = True) -> Indices:
+        """Poses that are neither solved nor hopeless."""
+        is_open = (self._seed_type == SeedType.INVALID) & ~self._is_hopeless
+        return np.flatnonzero(is_open & among)
+
+    def _polish(self, search: Search) -> None:
+        """Go on from the best attempts that came near: at singularities they converge slowly.
+
+        And not steadily, so each goes on from where it last was, better or worse.
+        """
+        is_near = (self._offset <= NEAR_M) & (self._angle <= NEAR_RAD)
+        poses = self._open(is_near)
+        q = self._q[poses]
+        for _ in range(POLISH_ROUNDS):
+            if not poses.size:
+                return
+            found = search.search(q, self._Ts[poses])
+            self._take(poses, self._best_type[poses], found)
+            is_open = self._seed_type[poses] == SeedType.INVALID
+            poses, q = poses[is_open], found.q[is_open]
+
+    def _take(self, poses: Indices, seed_type: SeedType | Indices, found: Found) -> None:
+        """Keep what is better than before, and what is good enough."""
+        residual = found.position_error_m + found.orientation_error_rad
+        is_better = found.is_valid | (residual < self._offset[poses] + self._angle[poses])
+        better = poses[is_better]
+        self._q[better] = found.q[is_better]
+        self._offset[better] = found.position_error_m[is_better]
+        self._angle[better] = found.orientation_error_rad[is_better]
+        self._best_type[better] = np.broadcast_to(seed_type, poses.shape)[is_better]
+        is_close = (self._offset <= POSITION_TOLERANCE_M) & (
+            self._angle <= ORIENTATION_TOLERANCE_RAD
+        )
+        solved = poses[is_close[poses]]
+        self._seed_type[solved] = self._best_type[solved]
+
+    def _give_up(self, are_out_of_reach: Callable[[Vector], NDArray[np.bool_]]) -> None:
+        """Leave poses that are proven out of reach."""
+        poses = self._open()
+        if poses.size:
+            self._is_hopeless[poses] = are_out_of_reach(self._Ts[poses])
+
+    def _measure_untried(self, solver: Solver) -> None:
+        """For poses that nothing was tried for, a seed that was given stands, or the neutral arm.
+
+        They were proven out of reach before any search, or the mode's seed was not given.
+        """
+        untried = np.flatnonzero(self._starts.sum(axis=1) == 0)
+        if not untried.size:
+            return
+        explainer = solver.explainer
+        self._q[untried] = solver.arm.neutral
+        errors = explainer.errors_in_neutral(self._Ts[untried])
+        self._offset[untried], self._angle[untried] = errors
+        for table in reversed(self._seeds.values()):  # the user's last, which counts
+            for i in untried[~np.isnan(table[untried, 0])]:
+                attempt = explainer.measured(self._Ts[i], table[i])
+                self._q[i] = table[i]
+                self._offset[i], self._angle[i] = (
+                    attempt.position_error_m,
+                    attempt.orientation_error_rad,
+                )
+
+    def _why(self, i: int, explainer: Explainer) -> IKFailure:
+        starts = {kind: int(self._starts[i, kind]) for kind in SeedType if self._starts[i, kind]}
+        offset, angle = float(self._offset[i]), float(self._angle[i])
+        attempt = Attempt(self._Ts[i], self._q[i], offset, angle, starts)
+        return explainer.why(attempt, self._mode.name)
+
+
+def _nearest(found: Found) -> Indices:
+    """Of those that came near the nearest, `SCATTERED_POLISHED` at most; of none the nearest."""
+    residual = found.position_error_m + found.orientation_error_rad
+    is_near = (found.position_error_m <= NEAR_M) & (found.orientation_error_rad <= NEAR_RAD)
+    count = min(max(int(is_near.sum()), 1), SCATTERED_POLISHED)
+    order: Indices = residual.argsort(kind="stable")[:count]
+    return order
+
+
+def _best_of_each(found: Found, count: int) -> Found:
+    """Of every `count` searches in a row the first valid one, else the one that came nearest."""
+    if count == 1:
+        return found
+    residual = found.position_error_m + found.orientation_error_rad
+    rank = np.where(found.is_valid, -np.inf, residual).reshape(-1, count)
+    best = rank.argmin(axis=1) + count * np.arange(len(rank))
+    return Found(
+        found.q[best],
+        found.is_valid[best],
+        found.position_error_m[best],
+        found.orientation_error_rad[best],
+        found.iterations[best],
+    )

@@ -1,0 +1,192 @@
+"""Why a pose has no solution: proven out of reach, out of the joint limits, or not found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from baxter_kin.arrays import Vector
+from baxter_kin.errors import millimetres_hint
+from baxter_kin.frames import read_with_w_first
+from baxter_kin.ik.geometry.linkage import FAR_M
+from baxter_kin.ik.geometry.reach import ReachBound
+from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, IKFailure
+from baxter_kin.ik.search.searcher import Search
+from baxter_kin.ik.seeds import NullSpaceMap, SeedType
+from baxter_kin.ik.tolerance import EXACT, Tolerance
+from baxter_kin.kinematics.arm import Arm
+
+AT_LIMIT_RAD = 1e-6
+
+NEAR_ENOUGH_M = 1e-3
+"""A pose that the arm comes closer to is not given more time to be proven out of reach."""
+
+STRAIGHT_DOWN_RAD = 0.1
+"""A tool that leans by less points straight down, as those of most picks do."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attempt:
+    """The best that was found for a pose without a solution.
+
+    Attributes:
+        T: the pose as a matrix seen from base, shape (4, 4).
+        q: the configuration, shape (7,), rad.
+        position_error_m: how far its tip is off.
+        orientation_error_rad: how much it is turned.
+        starts: searches by seed type; empty when the mode's seed was not given.
+    """
+
+    T: Vector
+    q: Vector
+    position_error_m: float
+    orientation_error_rad: float
+    starts: Mapping[SeedType, int]
+
+
+class Explainer:
+    """Finds the reason, for one arm and what is asked of its tip."""
+
+    def __init__(
+        self, arm: Arm, search: Search, starts: NullSpaceMap, tolerance: Tolerance
+    ) -> None:
+        self._arm = arm
+        self._search = search
+        self._starts = starts
+        self._reach = ReachBound(arm, tolerance)
+        self._tolerance = tolerance
+        self._tool_hint = _tool_hint(arm)
+        self._unlimited = np.repeat([-np.pi, np.pi], 7)
+
+    def are_out_of_reach_at_a_glance(self, Ts: Vector) -> NDArray[np.bool_]:
+        """Which of poses, shape (m, 4, 4), are so far away that it is proven in no time."""
+        return self._reach.are_outside_shells(Ts)
+
+    def are_clearly_out_of_reach(self, Ts: Vector) -> NDArray[np.bool_]:
+        """Which of them are proven to be out of reach in some ten microseconds each."""
+        return self._reach.are_proven(Ts, 1)
+
+    def are_out_of_reach(self, Ts: Vector) -> NDArray[np.bool_]:
+        """Which of them are proven to be out of reach in less than a millisecond each."""
+        return self._reach.are_proven(Ts)
+
+    def are_beyond_limits(self, Ts: Vector) -> NDArray[np.bool_]:
+        """Which of the others are proven to be out of reach, in some milliseconds each."""
+        return self._reach.are_beyond_limits(Ts)
+
+    def errors_in_neutral(self, Ts: Vector) -> tuple[Vector, Vector]:
+        """How far the neutral arm's tip is from poses, shape (m, 4, 4): (m,), m; (m,), rad."""
+        T_neutral = self._arm.T_base_tip(self._arm.neutral)
+        if self._tolerance != EXACT:
+            rows = [self._tolerance.excess(_se3(T), T_neutral) for T in Ts]
+            offsets, angles = np.reshape(rows, (-1, 2)).T
+            return offsets, angles
+        across = Ts[:, :3, 3] - T_neutral.translation
+        cosines = 0.5 * (np.einsum("nij,ij->n", Ts[:, :3, :3], T_neutral.rotation) - 1.0)
+        x, y, z = across.clip(-FAR_M, FAR_M).T
+        return np.hypot(np.hypot(x, y), z), np.arccos(cosines.clip(-1.0, 1.0))
+
+    def measured(self, T: Vector, q: Vector) -> Attempt:
+        """A configuration that was not searched for, with its errors."""
+        offset, angle = self._tolerance.excess(_se3(T), self._arm.T_base_tip(q))
+        return Attempt(T, q, offset, angle, {})
+
+    def why(self, attempt: Attempt, mode_name: str) -> IKFailure:
+        """The reason why a pose has no solution."""
+        x, y, z = attempt.T[:3, 3]
+        what = "position" if self._tolerance.is_position_only else "pose at"
+        pose = f"the {what} ({x:.3f}, {y:.3f}, {z:.3f}) m in base"
+        proof = self._reach.proof(_se3(attempt.T))
+        nearest_m = self._nearest_m(attempt)
+        if proof is None and not attempt.starts:
+            return IKFailure(
+                f"seed mode {mode_name} was asked for, but no {mode_name} seed was given"
+            )
+        if proof is None and nearest_m is not None and nearest_m > NEAR_ENOUGH_M:
+            proof = self._reach.proof(_se3(attempt.T), is_thorough=True)
+        if proof is None:
+            return self._not_found(pose, attempt, nearest_m)
+        reason = f"{pose} is proven out of reach: {proof.text}{self._hint(attempt.T)}"
+        return IKFailure(reason, attempt.starts, beyond_reach_m=proof.excess_m, nearest_m=nearest_m)
+
+    def _not_found(self, pose: str, attempt: Attempt, nearest_m: float | None) -> IKFailure:
+        counts = ", ".join(f"{count} {type_.name}" for type_, count in attempt.starts.items())
+        at_limit = self._joints_at_limit(attempt.q)
+        limited = f", with {', '.join(at_limit)} at a limit" if at_limit else ""
+        beyond = self._beyond_limits(attempt.T)
+        only = f"; without joint limits, {'; '.join(beyond)} would reach it" if beyond else ""
+        offset_mm, angle = 1e3 * attempt.position_error_m, attempt.orientation_error_rad
+        ends = f"the best attempt ends {offset_mm:.3g} mm and {angle:.3g} rad away"
+        if nearest_m is not None:
+            ends = f"the nearest position found in this orientation is {offset_mm:.3g} mm away"
+        return IKFailure(
+            f"no solution found for {pose} in {sum(attempt.starts.values())} starts ({counts}); "
+            f"{ends}{limited}{only}{self._hint(attempt.T)}",
+            starts=attempt.starts,
+            nearest_m=nearest_m,
+            joints_at_limit=at_limit,
+            limits_violated=beyond,
+        )
+
+    def _nearest_m(self, attempt: Attempt) -> float | None:
+        """How far an attempt in the pose's orientation is from it; None for another."""
+        is_turned = attempt.orientation_error_rad > ORIENTATION_TOLERANCE_RAD
+        is_exact = self._tolerance == EXACT and bool(attempt.starts)
+        return attempt.position_error_m if is_exact and not is_turned else None
+
+    def _hint(self, T: Vector) -> str:
+        """What was probably meant, where that can be told, as the end of a sentence."""
+        return millimetres_hint(*T[:3, 3].tolist()) or self._tool_hint or self._order_hint(T)
+
+    def _order_hint(self, T: Vector) -> str:
+        """Whether w came first in the quaternion of a tool that was to point straight down.
+
+        The other reading turns z to where it has the component R[0, 0] along z: both are 1 less
+        twice the squares of the quaternion's second and third number.
+        """
+        down = -math.cos(STRAIGHT_DOWN_RAD)
+        if T[0, 0] > down or T[2, 2] <= down:
+            return ""
+        meant = T.copy()
+        meant[:3, :3] = read_with_w_first(T[:3, :3])
+        if self._reach.are_proven(meant[None])[0]:
+            return ""
+        return (
+            "; did its quaternion come with w first? It is read as x, y, z, w; with w first the "
+            "tool would point straight down"
+        )
+
+    def _joints_at_limit(self, q: Vector) -> tuple[str, ...]:
+        limits = self._arm.limits
+        near = np.minimum(q - limits.q_min, limits.q_max - q) <= AT_LIMIT_RAD
+        return tuple(limits.names[i] for i in np.flatnonzero(near))
+
+    def _beyond_limits(self, T: Vector) -> tuple[str, ...]:
+        """A phrase for each joint limit that stands in the way.
+
+        Of a few solutions without limits, the least excessive counts. Empty when there is none.
+        """
+        Ts = T[None]
+        starts = self._starts.setpoints[self._starts.nearest(Ts)[0]]
+        found = self._search.search(starts, np.tile(Ts, (len(starts), 1, 1)), self._unlimited)
+        limits = self._arm.limits
+        solutions = found.q[found.is_valid]
+        excess = np.maximum(limits.q_min - solutions, solutions - limits.q_max).clip(min=0.0)
+        if not len(solutions):
+            return ()
+        return limits.violations(solutions[excess.sum(axis=1).argmin()])
+
+
+def _tool_hint(arm: Arm) -> str:
+    tool_m = arm.T_gripper_tip.translation
+    hint = millimetres_hint(*tool_m.tolist())
+    return f"; the tool is {np.linalg.norm(tool_m):.6g} m long{hint}" if hint else ""
+
+
+def _se3(T: Vector) -> pin.SE3:
+    return pin.SE3(T[:3, :3], T[:3, 3])

@@ -1,0 +1,1 @@
+"""An arm's kinematics: by Pinocchio, in Denavit-Hartenberg parameters, as CasADi expressions."""

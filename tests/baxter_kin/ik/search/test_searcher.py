@@ -1,0 +1,162 @@
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+
+from baxter_kin import Arm, IKService, SeedMode, SeedType, UnknownNameError
+from baxter_kin.ik import (
+    FarthestFromLimits,
+    MostManipulable,
+    NearestTo,
+    Objective,
+    TowardsGoal,
+)
+from baxter_kin.ik.search.searcher import LANES, Backend, Searcher
+
+
+def poses_of(arm: Arm, count: int, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    qs = [arm.random_configuration(rng) for _ in range(count)]
+    return np.array([arm.T_base_tip(q).homogeneous for q in qs])
+
+
+@pytest.mark.parametrize("backend", ["auto", "casadi", Backend.COMPILED])
+def test_backends_are_taken_by_name(left: Arm, backend: str) -> None:
+    assert Searcher(left, backend).backend in (Backend.COMPILED, Backend.CASADI)
+
+
+def test_unknown_backend_names_the_known_ones(left: Arm) -> None:
+    with pytest.raises(UnknownNameError, match="unknown backend 'gpu'; use one of: auto, compiled"):
+        IKService(left, "gpu")
+
+
+@pytest.mark.parametrize("count", [1, 2, LANES[1] + 3, 2 * LANES[2] + LANES[1] + 1])
+def test_many_searches_are_each_as_one_alone(left: Arm, count: int) -> None:
+    searcher, Ts = Searcher(left), poses_of(left, count, 1)
+    starts = np.tile(left.start, (count, 1))
+    found = searcher.search(starts, Ts)
+    for i in (0, count // 2, count - 1):
+        alone = searcher.search(starts[i : i + 1], Ts[i : i + 1])
+        np.testing.assert_array_equal(found.q[i], alone.q[0])
+        assert found.is_valid[i] == alone.is_valid[0]
+
+
+def test_threads_do_not_disturb_each_other(left: Arm, ik: IKService) -> None:
+    rng = np.random.default_rng(4)
+    qs = [left.random_configuration(rng) for _ in range(4)]
+    expected = [ik.solve(left.T_base_tip(q), seed=q).q for q in qs]
+    wrong: list[int] = []
+
+    def work(i: int) -> None:
+        T = left.T_base_tip(qs[i])
+        results = (ik.solve(T, seed=qs[i]) for _ in range(300))
+        wrong.extend(i for r in results if not np.array_equal(r.q, expected[i]))
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+@pytest.mark.parametrize("backend", [Backend.AUTO, Backend.CASADI])
+def test_every_pose_of_every_kind_is_solved(arm: Arm, backend: Backend) -> None:
+    """Uniform, at one to three joint limits, elbow straight, wrist singular."""
+    service = IKService(arm, backend)
+    for qs in _kinds(arm, 300):
+        results = service.solve_batch([arm.T_base_tip(q) for q in qs])
+        assert [str(r.failure) for r in results if not r.is_valid] == []
+        assert max(r.position_error_m for r in results) <= 1e-6
+        assert max(r.orientation_error_rad for r in results) <= 1e-6
+
+
+def _kinds(arm: Arm, count: int) -> list[np.ndarray]:
+    rng, limits = np.random.default_rng(5), arm.limits
+    uniform = np.array([arm.random_configuration(rng) for _ in range(count)])
+    at_limits, straight, singular = uniform.copy(), uniform.copy(), uniform.copy()
+    for q in at_limits:
+        for joint in rng.choice(7, rng.integers(1, 4), replace=False):
+            q[joint] = (limits.q_min if rng.random() < 0.5 else limits.q_max)[joint]
+    straight[:, 3] = rng.uniform(0.1, 0.2, count)  # where the offset links line up
+    singular[:, 5] = 0.0
+    return [uniform, at_limits, straight, singular]
+
+
+def test_short_cut_and_batch_give_the_same_answer(left: Arm, ik: IKService) -> None:
+    rng = np.random.default_rng(6)
+    middle = (left.limits.q_min + left.limits.q_max) / 2
+    for _ in range(300):
+        T = left.T_base_tip(left.random_configuration(rng))
+        alone, (among,) = ik.solve(T, seed=middle), ik.solve_batch([T], seeds=[middle])
+        np.testing.assert_array_equal(alone.q, among.q)
+        assert alone.seed_type is among.seed_type
+
+
+def test_machine_code_and_virtual_machine_agree(left: Arm) -> None:
+    Ts = poses_of(left, 200, 7)
+    fast, slow = (IKService(left, b).solve_batch(list(Ts)) for b in ("auto", "casadi"))
+    for a, b in zip(fast, slow, strict=True):
+        np.testing.assert_allclose(a.q, b.q, atol=1e-6)
+
+
+def test_reference_agrees_that_the_solutions_are_optimal_poses(left: Arm, ik: IKService) -> None:
+    """IPOPT, started at a solution of the fast search, has nothing left to do.
+
+    As an interior-point method it keeps about 1e-6 rad off active limits.
+    """
+    reference = IKService(left, "ipopt")
+    for T in poses_of(left, 10, 8):
+        q = ik.solve(T).q
+        again = reference.solve(T, seed=q, mode=SeedMode.USER)
+        assert again.seed_type is SeedType.USER
+        np.testing.assert_allclose(again.q, q, atol=1e-4)
+
+
+def test_chain_starts_each_pose_from_the_last_solution(left: Arm, ik: IKService) -> None:
+    line = [left.T_base_tip(left.start) for _ in range(20)]
+    for i, T in enumerate(line):
+        T.translation = T.translation + np.array([0.0, 0.0, 0.01 * i])
+    results = ik.solve_batch(line, current=left.start, chain=True)
+    steps = np.diff([r.q for r in results], axis=0)
+    assert all(r.seed_type is SeedType.CURRENT for r in results)
+    assert np.abs(steps).max() < 0.1
+
+
+def test_stream_answers_as_the_batch_does(left: Arm, ik: IKService) -> None:
+    Ts = list(poses_of(left, 30, 9))
+    streamed = list(ik.solve_stream(iter(Ts), current=left.start))
+    for a, b in zip(streamed, ik.solve_batch(Ts, current=left.start), strict=True):
+        np.testing.assert_array_equal(a.q, b.q)
+
+
+OBJECTIVES = [
+    NearestTo(np.zeros(7)),
+    TowardsGoal(np.full(7, 0.5), np.arange(1.0, 8.0)),
+    FarthestFromLimits(),
+    MostManipulable(),
+]
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES, ids=lambda o: type(o).__name__)
+def test_an_objective_improves_on_the_first_solution(
+    left: Arm, ik: IKService, objective: Objective
+) -> None:
+    rng = np.random.default_rng(10)
+    for _ in range(5):
+        T = left.T_base_tip(left.random_configuration(rng))
+        first, best = ik.solve(T), ik.solve(T, objective=objective)
+        costs = objective.costs(left, np.array([first.q, best.q]))
+        assert costs[1] <= costs[0] + 1e-9
+        assert best.is_valid
+        assert best.position_error_m <= 1e-6
+        assert not left.limits.violations(best.q)
+
+
+def test_nearest_to_the_seed_is_what_the_reference_minimises(left: Arm, ik: IKService) -> None:
+    T = left.T_base_tip(left.start + 0.1)
+    best = ik.solve(T, seed=left.start, objective=NearestTo(left.start))
+    reference = IKService(left, "ipopt").solve(T, seed=left.start)
+    np.testing.assert_allclose(best.q, reference.q, atol=1e-6)

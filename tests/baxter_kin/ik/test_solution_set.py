@@ -1,0 +1,289 @@
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Arm, Baxter, ConfigurationError, IKService, PoseError, RequestError
+from baxter_kin.arrays import Vector
+from baxter_kin.ik.redundancy.continuation import EndKind
+from baxter_kin.ik.redundancy.objectives import NearestTo, best_on
+from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
+from baxter_kin.ik.solution_set import MOST_CANDIDATES, distinct_solutions, solutions
+from tests.conftest import at, overhead
+from tests.served_urdf import served_urdf
+
+ON_CURVE_RAD = 1e-6
+BLOCK = overhead(0.70, 0.15, -0.129)
+
+
+def independent_solutions(arm: Arm, T: pin.SE3, starts: int, seed: int) -> list[Vector]:
+    """Solutions by damped least squares from random seeds, clipped to the limits: no piece of what
+    is tested here.
+    """
+    rng = np.random.default_rng(seed)
+    attempts = (_descended(arm, T, arm.random_configuration(rng)) for _ in range(starts))
+    return [q for q in attempts if q is not None]
+
+
+def _descended(arm: Arm, T: pin.SE3, q: Vector) -> Vector | None:
+    for _ in range(40):
+        reached = arm.T_base_tip(q)
+        turn = pin.log3(T.rotation @ reached.rotation.T)
+        error = np.concatenate([T.translation - reached.translation, turn])
+        if np.linalg.norm(error) < 1e-11:
+            return q
+        J = arm.jacobian(q)
+        damped = J @ J.T + 1e-3 * (error @ error) * np.eye(6)
+        step = J.T @ np.linalg.solve(damped, error)
+        q = np.clip(q + step, arm.limits.q_min, arm.limits.q_max)
+    return None
+
+
+def holder(curves: tuple[SelfMotion, ...], q: Vector) -> int | None:
+    """Which curve `q` lies on."""
+    on = [i for i, curve in enumerate(curves) if curve.nearest(q)[1] < ON_CURVE_RAD]
+    assert len(on) <= 1
+    return on[0] if on else None
+
+
+@pytest.fixture(scope="module")
+def found(robot: Any) -> tuple[SelfMotion, ...]:
+    """The ways to reach the demo's first block pose, from solutions of a plain solver."""
+    arm = robot.arm("left")
+    return distinct_solutions(arm, independent_solutions(arm, BLOCK, 150, seed=1))
+
+
+def test_every_other_solution_lies_on_one_of_the_curves(arm: Arm) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(3):
+        T = arm.T_base_tip(arm.random_configuration(rng))
+        curves = distinct_solutions(arm, independent_solutions(arm, T, 100, seed=2))
+        others = independent_solutions(arm, T, 100, seed=3)
+        assert others
+        assert None not in [holder(curves, q) for q in others]
+
+
+def test_every_candidate_is_on_one_curve(left: Arm, found: tuple[SelfMotion, ...]) -> None:
+    candidates = independent_solutions(left, BLOCK, 150, seed=1)
+    assert None not in [holder(found, q) for q in candidates]
+
+
+def test_every_curve_reaches_the_pose(left: Arm, found: tuple[SelfMotion, ...]) -> None:
+    for curve in found:
+        difference = left.T_base_tip(curve.at(0.5 * curve.length_rad)).actInv(BLOCK)
+        assert np.linalg.norm(pin.log6(difference).vector) < 1e-9
+
+
+def test_curves_are_apart(found: tuple[SelfMotion, ...]) -> None:
+    assert len(found) > 1
+    for i, curve in enumerate(found):
+        for other in found[:i]:
+            assert min(other.nearest(q)[1] for q in curve.q[::10]) > 1e-2
+
+
+def test_best_over_all_curves_beats_every_solution(
+    left: Arm, found: tuple[SelfMotion, ...]
+) -> None:
+    objective = NearestTo(left.neutral)
+    best = np.array([best_on(curve, objective) for curve in found])
+    others = np.array(independent_solutions(left, BLOCK, 100, seed=4))
+    least = objective.costs(left, others).min()
+    assert objective.costs(left, best).min() <= least + 1e-12
+
+
+def test_order_is_by_length(found: tuple[SelfMotion, ...]) -> None:
+    lengths = [curve.length_rad for curve in found]
+    assert lengths == sorted(lengths, reverse=True)
+
+
+def test_order_does_not_depend_on_the_candidates(left: Arm, found: tuple[SelfMotion, ...]) -> None:
+    again = distinct_solutions(left, reversed(independent_solutions(left, BLOCK, 150, seed=1)))
+    assert [c.length_rad for c in again] == pytest.approx([c.length_rad for c in found], abs=1e-6)
+    assert [c.ends for c in again] == [c.ends for c in found]
+
+
+def test_same_candidate_twice_is_one_solution(left: Arm) -> None:
+    assert len(distinct_solutions(left, [left.start, left.start])) == 1
+
+
+def test_point_of_a_curve_is_no_other_solution(left: Arm) -> None:
+    curve = trace_self_motion(left, left.start)
+    points = [curve.at(s) for s in np.linspace(0.0, curve.length_rad, 20)]
+    assert len(distinct_solutions(left, points)) == 1
+
+
+def test_candidates_may_miss_the_pose_as_a_service_does(left: Arm) -> None:
+    """By 1e-6 m and rad, also where a joint stands on its limit."""
+    curve = trace_self_motion(left, left.start)
+    rng = np.random.default_rng(6)
+    points = [curve.at(s) for s in np.linspace(0.0, curve.length_rad, 20)]
+    candidates = [q + 2e-7 * rng.uniform(-1.0, 1.0, 7) for q in points]
+    inside = [np.clip(q, left.limits.q_min, left.limits.q_max) for q in candidates]
+    assert len(distinct_solutions(left, inside, T_base_tip=curve.T_base_tip)) == 1
+
+
+def test_no_candidates_no_solutions(left: Arm) -> None:
+    assert distinct_solutions(left, []) == ()
+
+
+def test_solutions_come_from_a_service(ik: IKService) -> None:
+    curves = solutions(ik, BLOCK, starts=6)
+    assert curves
+    assert all(curve.pose_residual < 1e-9 for curve in curves)
+
+
+def test_pose_of_which_a_piece_was_missed_has_eleven(left: Arm, ik: IKService) -> None:
+    """Random seeds led to 10; the eleventh is 3 rad long."""
+    q = (-1.416317, -1.827109, -0.598712, 0.95013, 1.787514, -1.458849, 0.568832)
+    curves = solutions(ik, left.T_base_tip(q))
+    assert len(curves) == 11
+    assert sum(curve.length_rad > 2.9 for curve in curves) == 4
+
+
+@pytest.mark.parametrize("held", [0, 2, 4])
+def test_solutions_hold_every_other_solution(robot: Any, held: int) -> None:
+    """Of poses from configurations with so many joints at limits."""
+    for side, seed in (("left", 20), ("right", 21)):
+        arm, rng = robot.arm(side), np.random.default_rng(seed)
+        q = arm.random_configuration(rng)
+        at_limits = rng.permutation(7)[:held]
+        q[at_limits] = arm.limits.q_max[at_limits]
+        T = arm.T_base_tip(q)
+        curves = solutions(IKService(arm), T)
+        for other in [q, *independent_solutions(arm, T, 60, seed=8)]:
+            assert min(curve.nearest(other)[1] for curve in curves) < 1e-4
+
+
+CORNERED = [
+    [1.70167993878, 1.0443488648307344, 3.05417993878, 1.42441708, -0.06325, -1.57079632679, 2.339],
+    [-0.48514126853, 1.047, 1.1315255858299293, 2.618, 3.059, -1.57079632679, -1.583915925166547],
+    [-1.267772644728416, 1.047, 2.6609278854205, 0.160593487500, -3.059, 2.094, -3.059],
+]
+"""Configurations of the left arm that cannot move: joints at limits stop it both ways."""
+
+
+@pytest.mark.parametrize("q", CORNERED)
+def test_solution_cornered_between_limits_is_a_piece(
+    left: Arm, ik: IKService, q: list[float]
+) -> None:
+    curves = solutions(ik, left.T_base_tip(q))
+    (cornered,) = [curve for curve in curves if curve.nearest(q)[1] < 1e-6]
+    assert cornered.length_rad < 1e-6
+    assert {end.kind for end in cornered.ends} == {EndKind.LIMIT}
+    assert all(not left.limits.violations(point) for curve in curves for point in curve.q)
+
+
+def test_more_starts_find_nothing_more(ik: IKService) -> None:
+    one, other = (solutions(ik, BLOCK, starts=starts) for starts in (1, 300))
+    assert [c.length_rad for c in one] == pytest.approx([c.length_rad for c in other], abs=1e-6)
+
+
+def test_solutions_of_a_tool_reach_its_pose(left: Arm) -> None:
+    tipped = left.with_tip(pin.SE3(pin.utils.rotate("x", 0.4), np.array([0.05, 0.0, 0.2])))
+    T = tipped.T_base_tip(left.start)
+    curves = solutions(IKService(tipped), T)
+    assert min(curve.nearest(left.start)[1] for curve in curves) < 1e-6
+    for curve in curves:
+        difference = tipped.T_base_tip(curve.at(0.5 * curve.length_rad)).actInv(T)
+        assert np.linalg.norm(pin.log6(difference).vector) < 1e-11
+
+
+def test_pieces_are_of_the_arm_as_it_is(robot: Any) -> None:
+    """Also of one whose joints are not where those of the stock robot are."""
+    arm, rng = Arm("left", robot.model), np.random.default_rng(12)
+    for i in range(1, 8):
+        off = pin.exp6(np.concatenate([5e-3 * rng.uniform(-1, 1, 3), 1e-2 * rng.uniform(-1, 1, 3)]))
+        arm.model.jointPlacements[i] = arm.model.jointPlacements[i] * off
+    T = arm.T_base_tip(arm.start)
+    curves = distinct_solutions(arm, independent_solutions(arm, T, 60, seed=1))
+    assert curves
+    for curve in curves:
+        for q in curve.q:
+            assert np.linalg.norm(pin.log6(arm.T_base_tip(q).actInv(T)).vector) < 1e-11
+
+
+CALIBRATED = [
+    [-1.70167993878, 0.577773317903, 1.325334048397, -0.05, -3.059, 1.951729631474, 2.604904680837],
+    [-0.9592524447, -1.9142184511, 2.990260422, 0.247286426, 0.1654163201, 1.770201325, -2.4610039],
+]
+"""Configurations of a calibrated left arm whose loops lie 0.1 rad and more from all closed forms of
+the arm as drawn."""
+
+
+@pytest.mark.parametrize("q", CALIBRATED)
+def test_all_pieces_of_a_calibrated_arm_are_found(q: list[float]) -> None:
+    arm = Baxter.load(served_urdf(np.random.default_rng(7))).arm("left")
+    T = arm.T_base_tip(q)
+    curves = solutions(IKService(arm), T)
+    for other in [np.array(q), *independent_solutions(arm, T, 100, seed=2)]:
+        assert min(curve.nearest(other)[1] for curve in curves) < 1e-4
+
+
+def test_same_pose_has_the_same_solutions(ik: IKService) -> None:
+    once, again = (solutions(ik, BLOCK, starts=3) for _ in range(2))
+    for one, other in zip(once, again, strict=True):
+        np.testing.assert_array_equal(one.q, other.q)
+
+
+def test_pose_out_of_reach_has_no_solutions(ik: IKService) -> None:
+    assert solutions(ik, at(3.0, 0.0, 0.0), starts=2) == ()
+
+
+def test_candidate_of_another_pose_is_refused_by_index(left: Arm) -> None:
+    with pytest.raises(ConfigurationError, match=r"candidates\[1\] misses the pose by"):
+        distinct_solutions(left, [left.start, left.neutral])
+
+
+def test_candidate_outside_the_limits_is_refused_by_index_and_name(left: Arm) -> None:
+    with pytest.raises(ConfigurationError, match=r"candidates\[1\] .* left_s0 = 5 rad"):
+        distinct_solutions(left, [left.start, [5.0, *left.start[1:]]])
+
+
+@pytest.mark.parametrize("candidate", [np.zeros(6), [np.nan] * 7, "q"])
+def test_malformed_candidate_is_refused_by_index(left: Arm, candidate: Any) -> None:
+    with pytest.raises(ConfigurationError, match=r"candidates\[0\]"):
+        distinct_solutions(left, [candidate])
+
+
+def test_candidates_that_are_no_iterable_are_refused(left: Arm) -> None:
+    with pytest.raises(RequestError, match="candidates must be an iterable, got NoneType"):
+        distinct_solutions(left, None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("starts", [0, -1, 1.5, True, None])
+def test_malformed_number_of_starts_is_refused(ik: IKService, starts: Any) -> None:
+    with pytest.raises(RequestError, match="starts must be a whole number"):
+        solutions(ik, BLOCK, starts=starts)
+
+
+def test_malformed_pose_is_refused(ik: IKService) -> None:
+    with pytest.raises(PoseError):
+        solutions(ik, np.eye(3))
+
+
+@pytest.mark.parametrize("starts", [MOST_CANDIDATES + 1, 10**12, 10**400])
+def test_starts_have_a_greatest_value(ik: IKService, starts: int) -> None:
+    with pytest.raises(RequestError, match=f"from 1 to {MOST_CANDIDATES}, got"):
+        solutions(ik, BLOCK, starts=starts)
+
+
+@pytest.mark.parametrize("rng", [5, "seed", np.random], ids=str)
+def test_seeds_are_drawn_by_a_generator(ik: IKService, rng: Any) -> None:
+    with pytest.raises(RequestError, match="rng must be of class Generator"):
+        solutions(ik, BLOCK, rng=rng)
+
+
+def test_what_is_no_service_or_arm_is_refused(left: Arm) -> None:
+    with pytest.raises(RequestError, match="ik must be of class IKService, got int"):
+        solutions(5, BLOCK)  # type: ignore[arg-type]
+    with pytest.raises(RequestError, match="arm must be of class Arm, got int"):
+        distinct_solutions(5, [left.neutral])  # type: ignore[arg-type]
+
+
+def test_endless_candidates_are_refused(left: Arm) -> None:
+    with pytest.raises(RequestError, match=f"at most {MOST_CANDIDATES} candidates may come"):
+        distinct_solutions(left, itertools.repeat(left.neutral))
