@@ -29,8 +29,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin.arrays import Vector, finite_array
-from baxter_kin.display import OneLine, numbers, position
 from baxter_kin.errors import (
     PoseError,
     QuaternionOrderWarning,
@@ -38,6 +36,8 @@ from baxter_kin.errors import (
     member_of,
     quoted,
 )
+from baxter_kin.validation import Vector, finite_array
+from baxter_kin.value_objects import OneLine, numbers, position
 
 BASE_HEIGHT_M = 0.93
 """Height of `base` above `world`: where the original demo spawns the robot in Gazebo."""

@@ -24,9 +24,9 @@ from cattrs import BaseValidationError, Converter, ForbiddenExtraKeysError, gen,
 from cattrs.cols import homogenous_tuple_structure_factory
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector
 from baxter_kin.errors import LONGEST_NAME, BaxterError, quoted, shortened
 from baxter_kin.json_text import Json, UnfitError
+from baxter_kin.validation import Vector
 
 MOST_AXES, LONGEST_EMPTY = 3, 1000
 """Of an array, and of each axis of one without numbers."""

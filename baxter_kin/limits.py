@@ -10,9 +10,6 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, finite_array, finite_scalar, positive_scalar
-from baxter_kin.copying import Frozen, FrozenMapping
-from baxter_kin.display import OneLine, count, phrase
 from baxter_kin.errors import (
     ConfigurationError,
     LimitsError,
@@ -21,6 +18,8 @@ from baxter_kin.errors import (
     quoted,
     shortened,
 )
+from baxter_kin.validation import Vector, finite_array, finite_scalar, positive_scalar
+from baxter_kin.value_objects import Frozen, FrozenMapping, OneLine, count, phrase
 
 DEFAULT_ACCELERATION_RAD_S2 = 2.0
 """Rethink published no acceleration limit; this is what MoveIt's Baxter configuration uses."""

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector, finite_array
-from baxter_kin.copying import FrozenMapping
 from baxter_kin.description import HandMount, RobotDescription, UrdfSource
-from baxter_kin.display import OneLine, count
 from baxter_kin.errors import ConfigurationError, DescriptionError, UnknownNameError, expect
-from baxter_kin.fields import Checked
 from baxter_kin.kinematics.arm import LIMBS, Arm, known_limb
+from baxter_kin.validation import Checked, Vector, finite_array
+from baxter_kin.value_objects import FrozenMapping, OneLine, count
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

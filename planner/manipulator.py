@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits
-from baxter_kin.arrays import Vector, finite_array, float_array
-from baxter_kin.copying import Frozen
 from baxter_kin.description import RobotIdentity
-from baxter_kin.display import OneLine, millimetres
 from baxter_kin.errors import expect
-from baxter_kin.fields import check_fields
+from baxter_kin.validation import Vector, check_fields, finite_array, float_array
+from baxter_kin.value_objects import Frozen, OneLine, millimetres
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
 from planner.collision.robot_body import RobotBody, identity_of

@@ -11,13 +11,20 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKResult
-from baxter_kin.arrays import Vector, finite_array, finite_scalar
-from baxter_kin.copying import Frozen
 from baxter_kin.description import RobotIdentity
-from baxter_kin.display import OneLine, clear, count, millimetres, phrase, seconds, sentence
 from baxter_kin.errors import ConfigurationError, UnknownNameError, expect_all
-from baxter_kin.fields import Checked, check_fields
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import Checked, Vector, check_fields, finite_array, finite_scalar
+from baxter_kin.value_objects import (
+    Frozen,
+    OneLine,
+    clear,
+    count,
+    millimetres,
+    phrase,
+    seconds,
+    sentence,
+)
 from planner.clearance import Clearance, SweptContact, SweptProof, least
 from planner.errors import TaskError
 from planner.motion.straight_line import LineTolerance

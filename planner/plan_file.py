@@ -20,11 +20,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 
-from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import FileError, shown_path
 from baxter_kin.files import PathLike, open_to_read, replace_file
 from baxter_kin.json_data import from_json, shown, to_json
 from baxter_kin.json_text import Json, as_lines, from_text
+from baxter_kin.value_objects import FrozenMapping
 from planner.errors import PlanFileError, PlannerError
 from planner.plan import Plan
 from planner.scene.mesh import Mesh

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import pinocchio as pin
 
-from baxter_kin.arrays import finite_scalar
-from baxter_kin.copying import FrozenMapping
-from baxter_kin.display import LONGEST_PART, OneLine, listing
 from baxter_kin.errors import UnknownNameError, expect, expect_all, quoted
 from baxter_kin.frames import checked_pose
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import finite_scalar
+from baxter_kin.value_objects import LONGEST_PART, FrozenMapping, OneLine, listing
 from planner.errors import SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.scene.bodies import Scene

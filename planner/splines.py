@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from baxter_kin import JointLimits
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.trajectory import Trajectory
 
 AT_KNOT = (

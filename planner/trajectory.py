@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
-from baxter_kin.arrays import Indices, Vector, finite_array, float_array
-from baxter_kin.copying import Frozen
-from baxter_kin.display import OneLine, count, line, seconds, shown, side_of
 from baxter_kin.errors import expect, expect_all, quoted
+from baxter_kin.validation import Indices, Vector, finite_array, float_array
+from baxter_kin.value_objects import Frozen, OneLine, count, line, seconds, shown, side_of
 from planner.errors import TrajectoryError
 
 CONTINUITY_TOLERANCE = 1e-8

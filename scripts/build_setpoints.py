@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.files import replace_file
 from baxter_kin.ik.search.searcher import Searcher
 from baxter_kin.ik.seeds import pose_features
 from baxter_kin.kinematics.arm import MIRROR
 from baxter_kin.model import Baxter
+from baxter_kin.validation import Indices, Vector
 
 SAMPLES = 40_000
 REGIONS = 64

@@ -24,7 +24,7 @@ import pinocchio as pin
 from numpy.polynomial import chebyshev
 
 from baxter_kin import Arm, Baxter, IKService, JointLimits, pose_from_quaternion
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.motion.guess import followed
 from planner.motion.straight_line import LEAST_LENGTH, StraightLine
 from planner.motion.straight_move import plan_straight_move

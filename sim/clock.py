@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from baxter_kin.arrays import Vector, positive_scalar
+from baxter_kin.validation import Vector, positive_scalar
 from sim.errors import SimulationError
 
 DEFAULT_TICK_S = 0.01

@@ -9,12 +9,10 @@ from typing import TypeAlias
 
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector, finite_array, finite_scalar, float_array
-from baxter_kin.copying import Frozen
-from baxter_kin.display import OneLine, count, phrase, seconds
 from baxter_kin.errors import quoted
-from baxter_kin.fields import check_fields
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import Vector, check_fields, finite_array, finite_scalar, float_array
+from baxter_kin.value_objects import Frozen, OneLine, count, phrase, seconds
 from planner import Body, Grasp, Move
 from planner.grasping.grasp import Miss
 from sim.errors import SimulationError

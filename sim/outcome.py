@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from baxter_kin.arrays import finite_scalar
-from baxter_kin.display import OneLine, seconds, sentence
-from baxter_kin.fields import Checked
+from baxter_kin.validation import Checked, finite_scalar
+from baxter_kin.value_objects import OneLine, seconds, sentence
 from sim.errors import SimulationError
 
 

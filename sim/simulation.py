@@ -17,10 +17,10 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from baxter_kin.arrays import finite_scalar
-from baxter_kin.display import OneLine, seconds
 from baxter_kin.errors import expect, expect_all
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import finite_scalar
+from baxter_kin.value_objects import OneLine, seconds
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan
 from planner.collision.robot_body import identity_of
 from planner.plan import Step

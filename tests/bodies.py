@@ -12,8 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.copying import FrozenMapping
 from baxter_kin.frames import PoseLike
+from baxter_kin.value_objects import FrozenMapping
 from planner import Body, Grasp, Hand
 from planner.collision.robot_body import LinkBody, RobotBody, Triangulated
 

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner import Body
 from planner.scene.bodies import Box
 from sim import Recording

@@ -32,8 +32,8 @@ from baxter_kin import (
     StampedPose,
     UnknownNameError,
 )
-from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import CopyError
+from baxter_kin.value_objects import FrozenMapping
 from planner import (
     Manipulator,
     PickAndPlace,

@@ -22,7 +22,7 @@ import planner
 import planner.verification
 import sim
 from baxter_kin import Arm, Baxter, IKFailure, IKResult, IKService, JointLimits, SeedType, ik
-from baxter_kin.display import LONGEST, OneLine, clear, line, millimetres, numbers, seconds
+from baxter_kin.value_objects import LONGEST, OneLine, clear, line, millimetres, numbers, seconds
 from planner import Body, Clearance, Grip, Manipulator, Plan, PlanFailure, RobotBody, Scene, Sphere
 from sim import Recorder, Simulation, World
 from sim.view.viewer import Viewer

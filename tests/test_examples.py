@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter, IKService, pose_from_quaternion
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from examples import right_arm, sorting, three_poses, tower
 from examples.workbench import SIDES, TABLE_Z_M, Workbench, on_table, play, scattered
 from planner import make_block, verify

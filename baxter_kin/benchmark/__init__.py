@@ -11,15 +11,26 @@ imported here that would load it.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
 from baxter_kin.command_line import EXIT_INTERRUPTED
 from baxter_kin.errors import FileError, MissingLibraryError
 
-__all__ = ["EXIT_INTERRUPTED", "main"]
+__all__ = ["EXIT_INTERRUPTED", "are_threads_limited", "limit_threads", "main"]
 
 EXIT_FAILED = 1
+
+_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+)
+"""OpenMP and the BLAS libraries read these once, when NumPy or a solver is first imported."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -37,3 +48,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("stopped by Ctrl-C", file=sys.stderr)
         return EXIT_INTERRUPTED
     return 0
+
+
+def limit_threads() -> None:
+    """Ask for one thread per library.
+
+    Raises:
+        RuntimeError: when NumPy is loaded already, which is too late.
+    """
+    if "numpy" in sys.modules:
+        raise RuntimeError("threads must be limited before NumPy is imported; it is loaded already")
+    os.environ.update(dict.fromkeys(_VARIABLES, "1"))
+
+
+def are_threads_limited() -> bool:
+    """Whether every library has been asked for one thread."""
+    return all(os.environ.get(variable) == "1" for variable in _VARIABLES)

@@ -1,7 +1,6 @@
 """`python -m baxter_kin.benchmark`, with one thread per numerical library."""
 
-from baxter_kin.benchmark import main
-from baxter_kin.benchmark.threads import limit_threads
+from baxter_kin.benchmark import limit_threads, main
 from baxter_kin.command_line import run_process
 
 if __name__ == "__main__":

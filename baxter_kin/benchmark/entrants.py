@@ -1,22 +1,61 @@
 """Who may take part: our solvers and the peers. Nothing of theirs is imported before it is needed.
 
-Another row is another line in `OURS` or `PEERS`.
+Another row is another line in `OURS` or `PEERS`; a `Contestant` is a solver as it is measured.
 """
 
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+import pinocchio as pin
 
-from baxter_kin.benchmark.contestant import Contestant
-from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import BaxterError
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Vector
+from baxter_kin.value_objects import FrozenMapping
+
+BatchCall: TypeAlias = Callable[[Sequence[pin.SE3], Sequence[Vector]], Sequence[Any]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contestant:
+    """A solver as three steps, of which only the middle one is timed.
+
+    Attributes:
+        name: as the table shows it.
+        version: of the package it comes from.
+        settings: everything that was chosen for it, as a phrase.
+        prepare: pose and seed, shape (7,), rad, as the solver takes them; not timed.
+        call: the public call, on what `prepare` gave; timed.
+        read: joint values of what `call` gave, shape (7,), rad, or None when the solver itself
+            says that it found none; not timed.
+        forward: the solver's own forward kinematics, a 4 x 4 matrix seen from base, to check that
+            it solves the same arm; None when it has none of its own.
+        call_batch: many poses and seeds in one call, one result each as of `call`; None when it has
+            no such call.
+        is_ours: whether it is this toolkit.
+    """
+
+    name: str
+    version: str
+    settings: str
+    prepare: Callable[[pin.SE3, Vector], tuple[Any, ...]]
+    call: Callable[..., Any]
+    read: Callable[[Any], Vector | None]
+    forward: Callable[[Vector], Vector] | None = None
+    call_batch: BatchCall | None = None
+    is_ours: bool = False
+
+
+def short(number: float) -> str:
+    """A tolerance as people write it, such as 1e-5."""
+    return np.format_float_scientific(number, trim="-", exp_digits=1)
+
 
 SAME_CHAIN = 1e-12
 """Entries of two tip poses (m, and of the rotation matrix) may differ by this much; rounding alone
@@ -61,7 +100,7 @@ class OtherChainError(BaxterError):
 def _toolbox(key: str, tolerance: float) -> Entrant:
     return Entrant(
         key,
-        "peers.toolbox",
+        "solvers.toolbox",
         {"tolerance": tolerance},
         needs=("roboticstoolbox",),
         install="pip install roboticstoolbox-python",
@@ -71,7 +110,7 @@ def _toolbox(key: str, tolerance: float) -> Entrant:
 def _trac_ik(key: str, epsilon: float) -> Entrant:
     return Entrant(
         key,
-        "peers.tracik",
+        "solvers.tracik",
         {"epsilon": epsilon},
         needs=("trac_ik",),
         install="pip install pytracik",
@@ -79,8 +118,8 @@ def _trac_ik(key: str, epsilon: float) -> Entrant:
 
 
 OURS = (
-    Entrant("baxter-kin", "ours"),
-    Entrant("baxter-kin-casadi", "ours", {"backend": "casadi"}),
+    Entrant("baxter-kin", "solvers.ours"),
+    Entrant("baxter-kin-casadi", "solvers.ours", {"backend": "casadi"}),
 )
 """With machine code where a compiler is found, and in CasADi's virtual machine."""
 
@@ -91,11 +130,11 @@ PEERS = (
     _trac_ik("trac-ik-tight", 5e-7),
     Entrant(
         "pink",
-        "peers.pink_loop",
+        "solvers.pink_loop",
         needs=("pink", "qpsolvers", "daqp"),
         install="pip install pin-pink daqp",
     ),
-    Entrant("kdl", "peers.kdl", needs=("PyKDL",), install="apt install python3-pykdl"),
+    Entrant("kdl", "solvers.kdl", needs=("PyKDL",), install="apt install python3-pykdl"),
 )
 """Roboticstoolbox and TRAC-IK take part twice: with the tolerance they are usually measured with,
 and with one that implies the 1e-6 asked for here."""

@@ -18,9 +18,9 @@ from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from baxter_kin.arrays import Vector
 from baxter_kin.benchmark.measurement import Measurement
 from baxter_kin.files import replace_file
+from baxter_kin.validation import Vector
 
 OUR_COLOURS = ("#000000", "#0072b2", "#56b4e9")
 PEER_COLOURS = ("#d55e00", "#e69f00", "#009e73", "#66c2a5", "#cc79a7", "#999999")

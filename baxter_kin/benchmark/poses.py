@@ -14,8 +14,8 @@ from enum import Enum
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.kinematics.arm import LIMBS, Arm
+from baxter_kin.validation import Vector
 
 NEAR_RAD = 0.1
 """A near seed differs from the solution by at most this much in every joint."""

@@ -7,15 +7,11 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from baxter_kin.benchmark.batch import BatchMeasurement, measure_batch
-from baxter_kin.benchmark.contestant import Contestant
-from baxter_kin.benchmark.entrants import ENTRANTS, Absence, enter
-from baxter_kin.benchmark.machine import Machine
-from baxter_kin.benchmark.measurement import Measurement, measure
+from baxter_kin.benchmark.entrants import ENTRANTS, Absence, Contestant, enter
+from baxter_kin.benchmark.measurement import BatchMeasurement, Measurement, measure, measure_batch
 from baxter_kin.benchmark.options import Options
-from baxter_kin.benchmark.outcome import Outcome
 from baxter_kin.benchmark.poses import draw_poses
-from baxter_kin.benchmark.table import markdown
+from baxter_kin.benchmark.report import Machine, Outcome, markdown
 from baxter_kin.benchmark.verification import Verifier
 from baxter_kin.command_line import log_told
 from baxter_kin.kinematics.arm import Arm

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.model import Baxter
+from baxter_kin.validation import Vector
 
 TOLERANCE = 1e-6
 """Distance in m and angle in rad within which a pose counts as solved."""

@@ -7,7 +7,7 @@ import threading
 import casadi as ca
 import numpy as np
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 
 
 class BufferedFunction(threading.local):

@@ -14,9 +14,9 @@ from functools import cached_property
 from typing import TypeAlias
 from xml.sax.saxutils import quoteattr
 
-from baxter_kin.copying import FrozenMapping
 from baxter_kin.errors import DescriptionError, quoted
-from baxter_kin.fields import check_fields
+from baxter_kin.validation import check_fields
+from baxter_kin.value_objects import FrozenMapping
 
 Triple: TypeAlias = "tuple[float, float, float]"
 

@@ -11,12 +11,11 @@ from baxter_kin.ik.redundancy.objectives import (
 )
 from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
 from baxter_kin.ik.result import IKFailure, IKResult
-from baxter_kin.ik.samples import sample_solutions
 from baxter_kin.ik.search.ipopt import Program
 from baxter_kin.ik.search.searcher import Backend
 from baxter_kin.ik.seeds import SeedMode, SeedType
 from baxter_kin.ik.service import IKService
-from baxter_kin.ik.solution_set import distinct_solutions, solutions
+from baxter_kin.ik.solution_set import distinct_solutions, sample_solutions, solutions
 from baxter_kin.ik.tolerance import Tolerance
 
 __all__ = [

@@ -17,12 +17,12 @@ from typing import Protocol
 
 import numpy as np
 
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import UnknownNameError
 from baxter_kin.ik.geometry.closed_form import ClosedForm
 from baxter_kin.ik.task import Task
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Indices, Vector
 
 ROTATION_WEIGHT_M = 0.3
 """What rotation counts when poses are compared: metres per unit of the matrices' difference."""

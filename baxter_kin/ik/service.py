@@ -16,8 +16,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, float_array
-from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
 from baxter_kin.ik.redundancy.objectives import (
@@ -37,6 +35,8 @@ from baxter_kin.ik.search.solver import Solver, Solvers
 from baxter_kin.ik.seeds import SeedMode, SeedType
 from baxter_kin.ik.tolerance import Tolerance
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Vector, float_array
+from baxter_kin.value_objects import OneLine
 
 SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
 """A configuration by joint name or in joint order, rad."""

@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Vector
 
 ROLLS = 16
 """Rotations about a free axis that starts are computed for."""

@@ -17,9 +17,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, finite_scalar, float_array
-from baxter_kin.display import OneLine
 from baxter_kin.errors import RequestError, UnknownNameError, degrees_hint, expect, quoted
+from baxter_kin.validation import Vector, finite_scalar, float_array
+from baxter_kin.value_objects import OneLine
 
 AXES = ("x", "y", "z")
 

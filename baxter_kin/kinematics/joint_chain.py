@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 
 
 class JointChain:

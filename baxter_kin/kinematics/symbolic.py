@@ -17,9 +17,9 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
+from baxter_kin.validation import Indices, Vector
 
 RIGHT_ANGLE = 1e-10
 """Geometry this close to right angles and intersecting axes, in rad and m, is taken for them: URDFs

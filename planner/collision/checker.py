@@ -10,9 +10,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin import Arm
-from baxter_kin.arrays import Indices, Vector, finite_array
-from baxter_kin.display import OneLine, count
 from baxter_kin.errors import ConfigurationError, expect
+from baxter_kin.validation import Indices, Vector, finite_array
+from baxter_kin.value_objects import OneLine, count
 from planner.clearance import Clearance
 from planner.collision.distances import UNKNOWN_DEPTH_M
 from planner.collision.motion_bounds import MotionBounds

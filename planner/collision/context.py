@@ -15,9 +15,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin.arrays import Vector, finite_array, float_array
-from baxter_kin.display import OneLine, millimetres
 from baxter_kin.errors import ConfigurationError, expect
+from baxter_kin.validation import Vector, finite_array, float_array
+from baxter_kin.value_objects import OneLine, millimetres
 from planner.clearance import Clearance, SweptResult
 from planner.collision.checker import ClearanceChecker
 from planner.collision.continuous import checked_margin_m, prove_clear

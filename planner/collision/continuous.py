@@ -26,8 +26,8 @@ from typing import NamedTuple, NoReturn, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin.arrays import Indices, Vector, finite_scalar
 from baxter_kin.errors import expect
+from baxter_kin.validation import Indices, Vector, finite_scalar
 from planner.clearance import Clearance, SweptContact, SweptProof, SweptResult
 from planner.collision.checker import FARTHEST_JOINT, ClearanceChecker
 from planner.collision.distances import UNKNOWN_DEPTH_M

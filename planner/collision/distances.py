@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Indices, Vector
+from baxter_kin.validation import Indices, Vector
 from planner.scene.contact import DISTANCE_TOLERANCE_M
 
 UNKNOWN_DEPTH_M = -0.01

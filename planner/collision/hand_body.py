@@ -17,11 +17,11 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
-from baxter_kin.copying import FrozenMapping
 from baxter_kin.description import RobotDescription
 from baxter_kin.description.mounting import is_finger, is_tool
 from baxter_kin.description.urdf import ShapeKind, UrdfJoint, UrdfShape
+from baxter_kin.validation import Vector
+from baxter_kin.value_objects import FrozenMapping
 from planner.collision.robot_body import LinkBody, RobotBody, Triangulated
 from planner.errors import SceneError
 from planner.scene.contact import hull_of, triangles_of

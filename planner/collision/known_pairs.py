@@ -18,8 +18,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.arrays import Vector
 from baxter_kin.description import RobotDescription
+from baxter_kin.validation import Vector
 
 ROUNDING = 1e-9
 """How far from the drawings, m and of rotations, a joint may be and still count as drawn."""

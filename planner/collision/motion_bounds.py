@@ -24,8 +24,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Arm
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import expect
+from baxter_kin.validation import Indices, Vector
 from planner.errors import TrajectoryError
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import coal
 import numpy as np
 
-from baxter_kin.arrays import Indices, Vector
+from baxter_kin.validation import Indices, Vector
 from planner.collision.checker import ClearanceChecker
 from planner.collision.distances import NO_DISTANCE_M, UNKNOWN_DEPTH_M
 from planner.collision.motion_bounds import Placed

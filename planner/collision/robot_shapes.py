@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.arrays import whole_scalar
-from baxter_kin.display import OneLine
 from baxter_kin.errors import expect
+from baxter_kin.validation import whole_scalar
+from baxter_kin.value_objects import OneLine
 from planner.collision.distances import Enclosure
 from planner.collision.hand_body import fitted
 from planner.collision.known_pairs import KnownPairs

@@ -16,9 +16,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Arm
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose
+from baxter_kin.validation import Indices, Vector
 from planner.clearance import Clearance
 from planner.collision.distances import Distances, Enclosure
 from planner.collision.motion_bounds import Covers

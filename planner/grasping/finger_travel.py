@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Indices, Vector
+from baxter_kin.validation import Indices, Vector
 from planner.clearance import SweptContact, SweptProof, SweptResult
 from planner.collision.continuous import Around, contact_of, prove_motion
 from planner.collision.shape_pairs import CheckedPairs, ShapePairs

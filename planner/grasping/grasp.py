@@ -18,8 +18,8 @@ from enum import Enum
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.display import OneLine, millimetres, sentence
-from baxter_kin.fields import Checked
+from baxter_kin.validation import Checked
+from baxter_kin.value_objects import OneLine, millimetres, sentence
 from planner.errors import SceneError
 from planner.scene.bodies import Body, Part
 

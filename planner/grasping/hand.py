@@ -14,12 +14,11 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.arrays import finite_scalar
 from baxter_kin.description.calibration import finger_joints
-from baxter_kin.display import OneLine
 from baxter_kin.errors import ConfigurationError, expect, millimetres_hint
-from baxter_kin.fields import Checked
 from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.validation import Checked, finite_scalar
+from baxter_kin.value_objects import OneLine
 from planner.collision.robot_shapes import RobotShapes
 from planner.errors import SceneError
 from planner.grasping.grasp import LEAST_PAD_M, Grasp, Miss, MissKind, Overlap, centre_off_m, extent

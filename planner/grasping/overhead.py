@@ -12,8 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector, finite_scalar, positive_scalar
 from baxter_kin.errors import expect
+from baxter_kin.validation import Vector, finite_scalar, positive_scalar
 from planner.errors import SceneError
 from planner.grasping.grasp import extent
 from planner.grasping.hand import Hand

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
-from baxter_kin.arrays import Vector, positive_scalar
 from baxter_kin.errors import expect
+from baxter_kin.validation import Vector, positive_scalar
 from planner.collision.context import CollisionContext
 from planner.collision.continuous import checked_margin_m
 from planner.collision.obstacles import JOINTS, Obstacles

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from baxter_kin import Arm, JointLimits
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.motion.joint_move import rest_to_rest_s
 from planner.motion.straight_line import StraightLine
 from planner.splines import Sketch, trajectory_of

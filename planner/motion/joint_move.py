@@ -16,8 +16,8 @@ import ruckig
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
-from baxter_kin.arrays import Vector, finite_array, float_array
 from baxter_kin.errors import expect
+from baxter_kin.validation import Vector, finite_array, float_array
 from planner.errors import MotionError, TrajectoryError
 from planner.trajectory import CONTINUITY_TOLERANCE, JointState, Trajectory, joined
 

@@ -12,12 +12,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, finite_array, finite_scalar, float_array
-from baxter_kin.copying import Frozen
-from baxter_kin.display import OneLine, millimetres, position
 from baxter_kin.errors import expect, millimetres_hint
 from baxter_kin.frames import PoseLike, angle_between, checked_pose
 from baxter_kin.kinematics.joint_chain import JointChain
+from baxter_kin.validation import Vector, finite_array, finite_scalar, float_array
+from baxter_kin.value_objects import Frozen, OneLine, millimetres, position
 from planner.errors import MotionError, StraightMoveError
 from planner.scene.bodies import FARTHEST_M
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, IKService, JointLimits
-from baxter_kin.arrays import Vector, finite_scalar, whole_scalar
 from baxter_kin.errors import expect, millimetres_hint
 from baxter_kin.frames import PoseLike
 from baxter_kin.ik import sample_solutions
 from baxter_kin.ik.geometry.reach import ReachBound
+from baxter_kin.validation import Vector, finite_scalar, whole_scalar
 from planner.errors import MotionError, StraightMoveError
 from planner.motion.guess import Followed, Way, along, drawn_to
 from planner.motion.joint_move import plan_joint_move, rest_to_rest_s, stopping_at

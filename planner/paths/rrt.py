@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike
 from ompl import base, geometric, util
 
 from baxter_kin import JointLimits
-from baxter_kin.arrays import Vector, positive_scalar
 from baxter_kin.errors import expect
+from baxter_kin.validation import Vector, positive_scalar
 from planner.collision.sampling import IsFree
 from planner.errors import MotionError
 

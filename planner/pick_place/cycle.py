@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.collision.context import CollisionContext
 from planner.errors import MotionError
 from planner.motion.straight_move import plan_straight_move

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.frames import raised
+from baxter_kin.validation import Vector
 from planner.clearance import SweptContact, SweptProof
 from planner.collision.context import CollisionContext
 from planner.errors import MotionError

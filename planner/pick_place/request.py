@@ -7,8 +7,8 @@ from dataclasses import InitVar, dataclass, field
 
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect, expect_all
+from baxter_kin.validation import Vector
 from planner.collision.continuous import checked_margin_m
 from planner.errors import MotionError, SceneError, TaskError
 from planner.manipulator import Manipulator

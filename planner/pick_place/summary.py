@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import float_array
 from baxter_kin.errors import ConfigurationError
-from baxter_kin.fields import Checked
+from baxter_kin.validation import Checked, float_array
 from planner.clearance import SHOWN_M, Clearance
 from planner.collision.context import CollisionContext
 from planner.errors import TaskError

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import pinocchio as pin
 
-from baxter_kin.arrays import positive_scalar
-from baxter_kin.display import OneLine, phrase, position
 from baxter_kin.errors import BaxterError, expect, millimetres_hint
 from baxter_kin.frames import checked_pose, raised
+from baxter_kin.validation import positive_scalar
+from baxter_kin.value_objects import OneLine, phrase, position
 from planner.errors import TaskError
 from planner.scene.bodies import FARTHEST_M
 

@@ -11,12 +11,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, finite_array, positive_scalar
-from baxter_kin.copying import FrozenMapping
-from baxter_kin.display import LONGEST_PART, OneLine, count, listing, position
 from baxter_kin.errors import expect, expect_all, millimetres_hint, quoted, shortened
-from baxter_kin.fields import is_text
 from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.validation import Vector, finite_array, is_text, positive_scalar
+from baxter_kin.value_objects import LONGEST_PART, FrozenMapping, OneLine, count, listing, position
 from planner.errors import SceneError
 from planner.scene.mesh import Mesh, checked_size
 

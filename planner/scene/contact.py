@@ -14,8 +14,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Indices, Vector, finite_array, finite_scalar
 from baxter_kin.errors import expect, quoted
+from baxter_kin.validation import Indices, Vector, finite_array, finite_scalar
 from planner.errors import SceneError
 from planner.scene.bodies import Body, Box, Cylinder, Part, Scene, Shape, Sphere
 from planner.scene.mesh import Mesh

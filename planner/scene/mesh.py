@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Indices, Vector, finite_array, float_array
-from baxter_kin.copying import Frozen
-from baxter_kin.display import OneLine, count
 from baxter_kin.errors import millimetres_hint
+from baxter_kin.validation import Indices, Vector, finite_array, float_array
+from baxter_kin.value_objects import Frozen, OneLine, count
 from planner.errors import SceneError
 
 LARGEST_SHAPE_M = 10.0

@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 import shapely
 
-from baxter_kin.arrays import Vector
 from baxter_kin.frames import BASE_HEIGHT_M, raised
+from baxter_kin.validation import Vector
 from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere
 from planner.scene.contact import PRESSING_TOLERANCE_M, contact_point, travel_to_contact
 from planner.scene.mesh import Mesh

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.plan import Move
 from planner.verification.certificate import Check, Worst, greatest, least
 from planner.verification.clearance import Found, StepFound, least_of

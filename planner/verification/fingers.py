@@ -14,7 +14,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.scene.bodies import Body
 from planner.verification.body.pressing import depth_m
 from planner.verification.body.solid import Solid, distance_request, solids_of

@@ -12,8 +12,8 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.errors import quoted
+from baxter_kin.validation import Vector
 from planner.plan import Grip, GripperAction, Move, Plan
 from planner.scene.bodies import Body, Scene
 from planner.situation import Situation

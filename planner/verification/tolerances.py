@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from baxter_kin.arrays import finite_scalar
-from baxter_kin.display import OneLine
 from baxter_kin.errors import expect
+from baxter_kin.validation import finite_scalar
+from baxter_kin.value_objects import OneLine
 from planner.errors import TaskError
 from planner.plan import Plan
 

@@ -13,9 +13,9 @@ from functools import cache, lru_cache
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.description import RobotDescription
 from baxter_kin.errors import DescriptionError
+from baxter_kin.validation import Vector
 from planner.errors import TaskError
 
 

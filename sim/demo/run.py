@@ -12,10 +12,10 @@ from itertools import count
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.command_line import log_told
 from baxter_kin.errors import BaxterError
 from baxter_kin.model import Baxter
+from baxter_kin.validation import Vector
 from planner import (
     LineTolerance,
     Manipulator,

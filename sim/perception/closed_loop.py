@@ -19,11 +19,10 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
-from baxter_kin.display import OneLine, count, millimetres, phrase, position, sentence
 from baxter_kin.errors import expect
-from baxter_kin.fields import Checked
 from baxter_kin.frames import checked_pose, raised
+from baxter_kin.validation import Checked, Vector
+from baxter_kin.value_objects import OneLine, count, millimetres, phrase, position, sentence
 from planner import (
     Body,
     Grasp,

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector, finite_scalar
-from baxter_kin.display import OneLine
 from baxter_kin.errors import expect
+from baxter_kin.validation import Vector, finite_scalar
+from baxter_kin.value_objects import OneLine
 from planner import Body
 from sim.errors import SimulationError
 from sim.perception.pose_source import PoseSource, Sighting, checked_source

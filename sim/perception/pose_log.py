@@ -15,11 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import pose_from_quaternion, quaternion_xyzw
-from baxter_kin.arrays import finite_scalar
-from baxter_kin.copying import NotCopied
-from baxter_kin.display import OneLine, count, phrase, position, seconds
 from baxter_kin.errors import BaxterError, expect, expect_all, quoted, shown_path
-from baxter_kin.fields import check_fields
+from baxter_kin.validation import check_fields, finite_scalar
+from baxter_kin.value_objects import NotCopied, OneLine, count, phrase, position, seconds
 from planner import Scene
 from sim.errors import RecordingError, SimulationError
 from sim.files import Line, LineFile, read_lines

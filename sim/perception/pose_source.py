@@ -15,9 +15,9 @@ from typing import Protocol
 
 import pinocchio as pin
 
-from baxter_kin.arrays import finite_scalar
-from baxter_kin.display import OneLine, seconds
 from baxter_kin.errors import expect, quoted
+from baxter_kin.validation import finite_scalar
+from baxter_kin.value_objects import OneLine, seconds
 from planner import Body
 from sim.errors import SimulationError
 from sim.events import Observer, Snapshot

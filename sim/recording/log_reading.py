@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from baxter_kin.arrays import Vector
 from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike
 from baxter_kin.json_data import from_json, shown
 from baxter_kin.json_text import Json, from_text
+from baxter_kin.validation import Vector
 from planner import Body
 from sim.errors import RecordingError
 from sim.events import Event

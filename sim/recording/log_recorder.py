@@ -21,13 +21,13 @@ back as the same float. `sim.recording.log_reading` reads it.
 from __future__ import annotations
 
 from baxter_kin import Baxter
-from baxter_kin.copying import NotCopied
 from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
 from baxter_kin.json_data import to_json
 from baxter_kin.json_text import Json, as_text
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.value_objects import NotCopied
 from planner import Body, Scene
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot

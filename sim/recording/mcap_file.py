@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from baxter_kin import Baxter
-from baxter_kin.arrays import Vector
-from baxter_kin.copying import NotCopied
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
 from baxter_kin.frames import Frame
+from baxter_kin.validation import Vector
+from baxter_kin.value_objects import NotCopied
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot
 from sim.files import Output

@@ -29,12 +29,12 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector
 from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import expect, shown_path
 from baxter_kin.files import PathLike
 from baxter_kin.json_data import from_json, shown, to_json
 from baxter_kin.json_text import as_text, from_text
+from baxter_kin.validation import Vector
 from planner import Body
 from sim.errors import RecordingError
 from sim.files import checked_path, opened, replace_file

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import Vector
 from sim.errors import RecordingError
 from sim.events import Event, EventKind, Observer, Snapshot
 from sim.recording.recording import Recording

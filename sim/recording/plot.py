@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter, JointLimits
-from baxter_kin.arrays import Vector
 from baxter_kin.errors import UnknownNameError, expect
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import Vector
 from sim.errors import RecordingError
 from sim.events import Event, EventKind
 from sim.recording.recorded_motion import ArmMotion, arm_joints

@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin import IKResult
-from baxter_kin.arrays import Vector, finite_array, finite_rows, finite_scalar
-from baxter_kin.copying import Frozen
-from baxter_kin.display import OneLine, count, phrase, seconds, side_of
 from baxter_kin.errors import expect, quoted
-from baxter_kin.fields import check_fields
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
+from baxter_kin.validation import Vector, check_fields, finite_array, finite_rows, finite_scalar
+from baxter_kin.value_objects import Frozen, OneLine, count, phrase, seconds, side_of
 from planner import Move, Trajectory
 from sim.errors import RecordingError
 from sim.events import Event

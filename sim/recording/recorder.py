@@ -15,10 +15,10 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter, quaternion_xyzw
-from baxter_kin.arrays import Vector, whole_scalar
-from baxter_kin.display import count
 from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import Vector, whole_scalar
+from baxter_kin.value_objects import count
 from planner import Body, Scene
 from sim.errors import RecordingError
 from sim.events import Event, EventKind, Observer, Snapshot

@@ -13,12 +13,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baxter_kin.arrays import Vector, finite_array, float_array
-from baxter_kin.copying import Frozen, FrozenMapping
 from baxter_kin.description import RobotIdentity
-from baxter_kin.display import OneLine, count, line, listing, seconds, shown
 from baxter_kin.errors import UnknownNameError, expect, expect_all, quoted
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import Vector, finite_array, float_array
+from baxter_kin.value_objects import (
+    Frozen,
+    FrozenMapping,
+    OneLine,
+    count,
+    line,
+    listing,
+    seconds,
+    shown,
+)
 from planner import Body, Scene
 from sim.errors import RecordingError
 from sim.events import Event

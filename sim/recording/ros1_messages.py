@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from sim.errors import RecordingError
 
 NANOSECONDS = 1_000_000_000

@@ -10,12 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from baxter_kin import Baxter
-from baxter_kin.arrays import Vector
-from baxter_kin.copying import NotCopied
-from baxter_kin.display import OneLine
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
+from baxter_kin.validation import Vector
+from baxter_kin.value_objects import NotCopied, OneLine
 from sim.errors import RecordingError
 from sim.events import Observer, Snapshot
 from sim.files import LineFile

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from baxter_kin import Baxter
-from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect, shown_path
 from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import Vector
 from sim.errors import RecordingError
 from sim.files import Line, checked_path, read_lines
 from sim.recording.recording import NotedRecording, Recording

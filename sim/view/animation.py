@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from sim.recording.recording import Recording
 from sim.view.meshcat_commands import Command, set_property, short_numbers
 from sim.view.scenegraph import RobotTree, body_path

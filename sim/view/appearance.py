@@ -17,10 +17,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
-from baxter_kin.copying import FrozenMapping
 from baxter_kin.description import RobotDescription
 from baxter_kin.description.mounting import is_finger, is_tool
 from baxter_kin.description.urdf import Urdf, UrdfJoint
+from baxter_kin.value_objects import FrozenMapping
 from planner.collision.hand_body import around
 from sim.errors import SimulationError
 

@@ -13,10 +13,10 @@ import math
 from collections.abc import Iterable, Iterator
 
 from baxter_kin import Baxter
-from baxter_kin.arrays import positive_scalar
-from baxter_kin.display import OneLine
 from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike, replace_file
+from baxter_kin.validation import positive_scalar
+from baxter_kin.value_objects import OneLine
 from planner.collision.hand_body import fitted
 from planner.collision.robot_body import RobotBody
 from sim.errors import RecordingError

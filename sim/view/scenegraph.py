@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector
 from baxter_kin.frames import BASE_HEIGHT_M
+from baxter_kin.validation import Vector
 from planner.collision.robot_body import LinkBody, RobotBody
 from planner.scene.bodies import Body, Box, Cylinder, Part
 from planner.scene.mesh import Mesh

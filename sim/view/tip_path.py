@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from sim.recording.recording import Recording
 from sim.view.animation import frame_samples, telling_samples
 from sim.view.gripper_status import GripperPhase

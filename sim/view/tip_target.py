@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter, IKResult, IKService, SeedMode
-from baxter_kin.arrays import Vector, finite_scalar
 from baxter_kin.errors import expect
+from baxter_kin.validation import Vector, finite_scalar
 from planner import Body
 from planner.scene.bodies import Cylinder, Part
 from sim.errors import ViewerError

@@ -15,10 +15,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
-from baxter_kin.arrays import Vector, finite_array, finite_scalar
-from baxter_kin.copying import NotCopied
-from baxter_kin.display import OneLine
 from baxter_kin.errors import expect, quoted
+from baxter_kin.validation import Vector, finite_array, finite_scalar
+from baxter_kin.value_objects import NotCopied, OneLine
 from planner import Body
 from sim.errors import ViewerError
 from sim.view.appearance import Appearance

@@ -16,11 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baxter_kin.arrays import Vector
-from baxter_kin.display import OneLine, millimetres, phrase, seconds
 from baxter_kin.errors import expect
-from baxter_kin.fields import Checked
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import Checked, Vector
+from baxter_kin.value_objects import OneLine, millimetres, phrase, seconds
 from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
 from planner.collision.context import Touches
 from planner.collision.shape_pairs import Held

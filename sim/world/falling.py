@@ -16,10 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector, finite_scalar
-from baxter_kin.display import OneLine, millimetres, phrase, position
-from baxter_kin.fields import Checked, check_fields
 from baxter_kin.frames import raised
+from baxter_kin.validation import Checked, Vector, check_fields, finite_scalar
+from baxter_kin.value_objects import OneLine, millimetres, phrase, position
 from planner import Body
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
 from planner.scene.support import Landing, land, levelled

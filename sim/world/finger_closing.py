@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from baxter_kin.display import OneLine, millimetres
-from baxter_kin.fields import Checked
+from baxter_kin.validation import Checked
+from baxter_kin.value_objects import OneLine, millimetres
 from planner import Grasp
 from planner.grasping.grasp import Miss, MissKind
 from sim.errors import SimulationError

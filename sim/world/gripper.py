@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from baxter_kin.arrays import finite_scalar
-from baxter_kin.display import OneLine, millimetres
 from baxter_kin.errors import expect
-from baxter_kin.fields import Checked
+from baxter_kin.validation import Checked, finite_scalar
+from baxter_kin.value_objects import OneLine, millimetres
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.errors import SimulationError
 from sim.world.finger_closing import Closing, closing_of

@@ -11,10 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector, finite_array, finite_scalar
-from baxter_kin.copying import Frozen
-from baxter_kin.display import OneLine, millimetres, phrase
-from baxter_kin.fields import check_fields
+from baxter_kin.validation import Vector, check_fields, finite_array, finite_scalar
+from baxter_kin.value_objects import Frozen, OneLine, millimetres, phrase
 from planner import Body, Box, Grasp, Hand, Part
 from planner.grasping.grasp import extent
 from planner.grasping.hand import CLOSING_AXIS

@@ -14,10 +14,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
-from baxter_kin.arrays import Vector, finite_scalar
-from baxter_kin.display import OneLine, listing
 from baxter_kin.errors import expect, quoted
 from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.validation import Vector, finite_scalar
+from baxter_kin.value_objects import OneLine, listing
 from planner import Body, Hand, RobotShapes, Scene
 from planner.collision.robot_body import RobotBody
 from planner.errors import SceneError

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import BaxterError, FileError, UnknownNameError
-from baxter_kin.arrays import finite_array, finite_scalar
 from baxter_kin.errors import (
     LONGEST_NAME,
     LONGEST_QUOTE,
@@ -18,6 +17,7 @@ from baxter_kin.errors import (
     quoted,
     shortened,
 )
+from baxter_kin.validation import finite_array, finite_scalar
 
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.binary(),

@@ -16,7 +16,6 @@ from baxter_kin import (
     StampedPose,
     UnknownNameError,
 )
-from baxter_kin.arrays import Vector
 from baxter_kin.frames import (
     T_world_base,
     angle_between,
@@ -26,6 +25,7 @@ from baxter_kin.frames import (
     quaternion_xyzw,
     read_with_w_first,
 )
+from baxter_kin.validation import Vector
 from tests.conftest import OVERHEAD_XYZW
 
 ROUNDING = 1e-12

@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector
 from baxter_kin.errors import BaxterError, PoseError
 from baxter_kin.json_data import from_json, to_json, unchecked
 from baxter_kin.json_text import as_lines, as_text, from_text
+from baxter_kin.validation import Vector
 
 FINITE = st.floats(-1e30, 1e30)
 JSON = st.recursive(

@@ -11,7 +11,7 @@ import pinocchio as pin
 from hypothesis import assume
 
 from baxter_kin import Arm, IKService, JointLimits, pose_from_quaternion
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner import LineTolerance, StraightLine, StraightMoveError, Trajectory, plan_straight_move
 from planner.motion.straight_line import STRICT
 

@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter, ElectricGripper
-from baxter_kin.arrays import Vector
 from baxter_kin.description import StockFiles
 from baxter_kin.description.hands import FINGER_MESHES, TIP_MESHES
+from baxter_kin.validation import Vector
 from planner import (
     Manipulator,
     PickAndPlace,

@@ -19,9 +19,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Vector
 
 SUBSTITUTIONS = 3
 

@@ -34,11 +34,11 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.errors import DescriptionError
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import QUARTERS
+from baxter_kin.validation import Vector
 
 ROUNDING = 1e-12
 """Of positions (m) and unit vectors, beside the deviation."""

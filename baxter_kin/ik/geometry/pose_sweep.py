@@ -29,10 +29,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.ik.geometry.shoulder_sweep import MARGIN_M, MARGIN_RAD
 from baxter_kin.ik.geometry.uncertain import Flags, UncertainAngle, UncertainVector
+from baxter_kin.validation import Vector
 
 FIRST_CELLS = 24, 16
 """Of s0 and of w0."""

@@ -15,8 +15,8 @@ import math
 
 import numpy as np
 
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.geometry.linkage import Linkage
+from baxter_kin.validation import Vector
 
 CELLS, SPLIT, LEVELS = 32, 8, 3
 """The s0 range starts as 32 cells; those that could still hold the least distance are split in

@@ -22,7 +22,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, finite_array
 from baxter_kin.errors import PoseError
 from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.ik.geometry.pose_sweep import MANY_SURVIVORS, MOST_SURVIVORS, PoseSweep
@@ -32,6 +31,7 @@ from baxter_kin.ik.geometry.shoulder_sweep import ShoulderSweep
 from baxter_kin.ik.geometry.uncertain import Flags
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import JOINTS, Arm
+from baxter_kin.validation import Vector, finite_array
 
 RADII_M = np.array([1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1])
 """Distances that the sweeps can certify; the largest that holds is reported."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 
 
 @dataclass(frozen=True, slots=True)

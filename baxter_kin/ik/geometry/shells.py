@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.geometry.linkage import FAR_M, Linkage
 from baxter_kin.ik.geometry.position_sweep import PositionSweep
 from baxter_kin.ik.geometry.shoulder_sweep import MARGIN_M
+from baxter_kin.validation import Vector
 
 
 class Shells:

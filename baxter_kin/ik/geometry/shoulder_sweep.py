@@ -27,9 +27,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.ik.geometry.uncertain import Flags, UncertainAngle, UncertainVector
+from baxter_kin.validation import Vector
 
 MARGIN_M = MARGIN_RAD = 5e-6
 """Every proof also holds for wrists and tool axes this far off. A solution counts as valid within

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 
 Flags: TypeAlias = NDArray[np.bool_]
 

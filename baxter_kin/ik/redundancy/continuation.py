@@ -24,12 +24,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.ik.redundancy.curve_functions import MAX_TURN_RAD, MIN_STEP_RAD, RESIDUAL_TOLERANCE
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints, whole_turns_off
 from baxter_kin.ik.redundancy.root_finding import root
 from baxter_kin.ik.redundancy.segment import Segment, arc_lengths, cubics
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
+from baxter_kin.validation import Indices, Vector
 
 MAX_POINTS = 50_000
 """In one direction, so that nothing runs for ever; curves of Baxter have hundreds."""

@@ -13,13 +13,13 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from baxter_kin.arrays import Vector
 from baxter_kin.compilation.buffered import BufferedFunction
 from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.ik.redundancy.curve_functions import LANES, curve_functions
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import dimensions_of
+from baxter_kin.validation import Vector
 
 
 class Corrected(NamedTuple):

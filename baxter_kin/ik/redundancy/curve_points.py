@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 
 
 @dataclass(frozen=True, slots=True, eq=False)

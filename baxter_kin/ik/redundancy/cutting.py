@@ -14,7 +14,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.ik.redundancy.continuation import (
     LONGER_ARC,
     LONGEST_STEP_RAD,
@@ -31,6 +30,7 @@ from baxter_kin.ik.redundancy.loop import Loop
 from baxter_kin.ik.redundancy.root_finding import least
 from baxter_kin.ik.redundancy.segment import Segment, cubics
 from baxter_kin.ik.redundancy.solution_curve import TOUCHING_RAD, PoseFibre
+from baxter_kin.validation import Indices, Vector
 
 NEAR_LIMITS_RAD = 0.02
 """Longest step along a loop where it may cross limits. Shorter pieces are found all the same,

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.redundancy.continuation import CurveEnd, EndKind, walk_both_ways
 from baxter_kin.ik.redundancy.curve_functions import RESIDUAL_TOLERANCE, SINGULAR
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints
 from baxter_kin.ik.redundancy.segment import feet
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
+from baxter_kin.validation import Vector
 
 ON_LOOP_RAD, ALONG = 1e-3, 0.9
 """How near to the cubics between its points a configuration of the pose lies on a loop, and the

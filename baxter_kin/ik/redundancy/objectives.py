@@ -14,13 +14,12 @@ from typing import Protocol
 
 import numpy as np
 
-from baxter_kin.arrays import Vector, finite_array, finite_rows
-from baxter_kin.copying import Frozen
-from baxter_kin.display import OneLine, numbers
 from baxter_kin.errors import ConfigurationError, RequestError, expect, member_of, quoted
 from baxter_kin.ik.redundancy.root_finding import least
 from baxter_kin.ik.redundancy.self_motion import SelfMotion
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Vector, finite_array, finite_rows
+from baxter_kin.value_objects import Frozen, OneLine, numbers
 
 PRECISION_RAD = 1e-9
 """To which the best arc length is narrowed down; a smooth minimum cannot be located better than to

@@ -13,7 +13,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector
 from baxter_kin.errors import ConfigurationError
 from baxter_kin.ik.geometry.closed_form import ClosedForm
 from baxter_kin.ik.redundancy.continuation import EndKind, filled
@@ -26,6 +25,7 @@ from baxter_kin.ik.redundancy.self_motion import SelfMotion, curve_of, trace_sel
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
 from baxter_kin.ik.search.searcher import Search
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Vector
 
 SAME_CURVE_RAD = 1e-4
 """How near to a curve a candidate lies on it. Candidates reach the pose to 1e-6 only, which moves

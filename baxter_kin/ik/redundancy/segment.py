@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, whole_turns_off
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
+from baxter_kin.validation import Indices, Vector
 
 _EXACT = 1e-13
 """Residual, m and rad together, of a corrected point: what rounding leaves after one step more."""

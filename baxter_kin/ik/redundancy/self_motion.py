@@ -16,17 +16,22 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.arrays import Vector, finite_array, finite_rows, finite_scalar, positive_scalar
-from baxter_kin.copying import Frozen
-from baxter_kin.display import OneLine, count
 from baxter_kin.errors import ConfigurationError, RequestError, expect
-from baxter_kin.fields import check_fields
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.redundancy.continuation import CurveEnd, EndKind, filled, walk_both_ways
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints
 from baxter_kin.ik.redundancy.segment import Segment, arc_lengths
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import (
+    Vector,
+    check_fields,
+    finite_array,
+    finite_rows,
+    finite_scalar,
+    positive_scalar,
+)
+from baxter_kin.value_objects import Frozen, OneLine, count
 
 STEP_RAD = 0.02
 """Longest step along the curve: a few hundred points for a whole curve."""

@@ -18,11 +18,11 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.redundancy.curve_functions import RESIDUAL_TOLERANCE, SINGULAR
 from baxter_kin.ik.redundancy.curve_kernel import Corrected, CurveKernel, Steps
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints, whole_turns_off
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Vector
 
 TOUCHING_RAD = 1e-11
 """How far outside its limits a joint may be by rounding: of the pose, of limits, of what touches

@@ -14,7 +14,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.ik.result import (
     ORIENTATION_TOLERANCE_RAD,
     POSITION_TOLERANCE_M,
@@ -32,6 +31,7 @@ from baxter_kin.ik.seeds import (
     SeedType,
     starts_around,
 )
+from baxter_kin.validation import Indices, Vector
 
 COARSE_ROUNDS = (1, 1, 2, 4)
 """How many computed starts are tried at once; the first that leads to a solution counts."""

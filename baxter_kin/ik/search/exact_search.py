@@ -31,11 +31,11 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.frames import ROTATION_TOLERANCE
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape, SymbolicChain, dimensions_of
+from baxter_kin.validation import Vector
 
 ITERATIONS = 15
 """Per start. Measured on 4,000 uniform poses: from the middle of the joint ranges 85 % converge in

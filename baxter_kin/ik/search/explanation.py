@@ -10,7 +10,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Vector
 from baxter_kin.errors import millimetres_hint
 from baxter_kin.frames import read_with_w_first
 from baxter_kin.ik.geometry.linkage import FAR_M
@@ -20,6 +19,7 @@ from baxter_kin.ik.search.searcher import Search
 from baxter_kin.ik.seeds import NullSpaceMap, SeedType
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Vector
 
 AT_LIMIT_RAD = 1e-6
 

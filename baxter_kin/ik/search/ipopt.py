@@ -22,10 +22,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
-from baxter_kin.display import OneLine, count
 from baxter_kin.errors import RequestError, expect
-from baxter_kin.fields import Checked
 from baxter_kin.frames import quaternion_xyzw
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD
 from baxter_kin.ik.search.exact_search import CONVERGED_M, CONVERGED_RAD
@@ -37,6 +34,8 @@ from baxter_kin.ik.task import Task
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.symbolic import SymbolicArm, quaternion_product
+from baxter_kin.validation import Checked, Vector
+from baxter_kin.value_objects import OneLine, count
 
 MAX_ITERATIONS = 100
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import casadi as ca
 
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.search.exact_search import arm_symbols, target_function
 from baxter_kin.ik.seeds import MAP_STARTS, ROTATION_WEIGHT_M, setpoint_table
 from baxter_kin.kinematics.symbolic import Shape
+from baxter_kin.validation import Vector
 
 PATIENCE = {8: 0.1, 10: 0.03, 12: 0.01}
 """The error, m and 0.6 rad together, that a search may have left at iterations of these numbers.

@@ -16,7 +16,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.compilation.buffered import BufferedFunction
 from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.errors import member_of
@@ -33,6 +32,7 @@ from baxter_kin.ik.task import Task
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import LIMBS, Arm
 from baxter_kin.kinematics.symbolic import Shape
+from baxter_kin.validation import Indices, Vector
 
 LANES = (1, 16, 64, 256)
 """How many searches one call does in a row. Calls of the largest run side by side; what remains

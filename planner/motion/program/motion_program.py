@@ -24,7 +24,7 @@ import casadi as ca
 import numpy as np
 
 from baxter_kin import Arm, JointLimits
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.collision.obstacles import LinearBounds
 from planner.motion.program.clearance_rows import clearance_rows
 from planner.motion.program.phases import MotionTask, Phase

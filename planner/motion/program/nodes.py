@@ -14,10 +14,10 @@ import casadi as ca
 import numpy as np
 
 from baxter_kin import Arm
-from baxter_kin.arrays import Vector
 from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape, SymbolicChain, dimensions_of
+from baxter_kin.validation import Vector
 from planner.motion.straight_line import StraightLine
 
 LINE_NUMBERS = 19

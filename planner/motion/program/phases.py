@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.motion.straight_line import StraightLine
 
 

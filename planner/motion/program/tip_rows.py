@@ -12,7 +12,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from baxter_kin.arrays import Indices, Vector
+from baxter_kin.validation import Indices, Vector
 from planner.collision.obstacles import JOINTS
 from planner.motion.program.nodes import NodeFunctions, above, moving, on_line
 from planner.motion.program.phases import Phase

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from baxter_kin import Arm, JointLimits
-from baxter_kin.arrays import Indices, Vector
+from baxter_kin.validation import Indices, Vector
 from planner.collision.obstacles import JOINTS, PAIRS
 from planner.motion.program.nodes import (
     GEOMETRY_NUMBERS,

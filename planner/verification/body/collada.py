@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.errors import DescriptionError
+from baxter_kin.validation import Indices, Vector
 from planner.verification.body.collada_mesh import Surface, numbers, surface_of
 
 LARGEST_FILE = 64 * 2**20

@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from baxter_kin.arrays import Indices, Vector
+from baxter_kin.validation import Indices, Vector
 
 Surface: TypeAlias = tuple[Vector, Indices]
 """Vertices, shape (n, 3), and triangles, shape (m, 3)."""

@@ -13,7 +13,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Indices, Vector
+from baxter_kin.validation import Indices, Vector
 from planner.verification.body.solid import Solid, distance_request, separation
 from planner.verification.body.stretch import IN_HAND, Stretch, relative_arms
 from planner.verification.urdf_robot import UrdfRobot

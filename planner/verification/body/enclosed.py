@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.verification.body.solid import Solid
 
 BLOCKED = 0.65

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baxter_kin.arrays import Indices, Vector
+from baxter_kin.validation import Indices, Vector
 from planner.verification.body.distances import Distances
 from planner.verification.body.solid import ACCURACY_M
 

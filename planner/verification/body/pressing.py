@@ -11,7 +11,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.verification.body.solid import Solid, distance_request
 
 DEEPEST_M = 0.064

@@ -13,7 +13,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.scene.bodies import Body
 from planner.scene.contact import coal_shape
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.plan import Grip, Move
 from planner.verification.body.solid import Solid
 from planner.verification.urdf_robot import UrdfRobot

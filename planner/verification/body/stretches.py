@@ -12,7 +12,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.plan import GripperAction
 from planner.scene.bodies import Body, Scene
 from planner.verification.body import links

@@ -17,9 +17,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.description import StockFiles
 from baxter_kin.errors import DescriptionError
+from baxter_kin.validation import Vector
 from planner.scene.contact import surface
 from planner.verification.body.collada import read_collada
 

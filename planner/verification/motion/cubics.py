@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from baxter_kin.arrays import Indices, Vector
+from baxter_kin.validation import Indices, Vector
 from planner.trajectory import Trajectory
 
 _BISECTIONS = 64

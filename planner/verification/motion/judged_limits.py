@@ -12,9 +12,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from baxter_kin import JointLimits
-from baxter_kin.arrays import Vector
 from baxter_kin.errors import expect
 from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, DEFAULT_ORIGINS
+from baxter_kin.validation import Vector
 from planner.errors import TaskError
 from planner.verification.urdf_robot import UrdfRobot
 

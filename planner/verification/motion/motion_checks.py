@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from baxter_kin import JointLimits
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.plan import Move, Plan
 from planner.verification.certificate import Check, Worst, greatest, least
 from planner.verification.motion.cubics import Cubics, States

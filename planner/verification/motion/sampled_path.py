@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baxter_kin.arrays import Indices, Vector
+from baxter_kin.validation import Indices, Vector
 from planner.verification.motion.cubics import Cubics
 
 _BISECTIONS = 48

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
 from baxter_kin.frames import angle_between
+from baxter_kin.validation import Vector
 from planner.plan import Grip, Move, Plan
 from planner.trajectory import Trajectory
 from planner.verification.certificate import Check, Worst, greatest

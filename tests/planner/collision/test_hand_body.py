@@ -12,10 +12,10 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter, ElectricGripper
-from baxter_kin.arrays import Indices, Vector
 from baxter_kin.description import StockFiles
 from baxter_kin.description.hands import FINGER_MESHES, TIP_MESHES
 from baxter_kin.description.urdf import ShapeKind, UrdfShape
+from baxter_kin.validation import Indices, Vector
 from planner import ClearanceChecker, Hand, RobotBody, RobotShapes, Scene, make_block
 from planner.collision.hand_body import around, fitted
 from planner.errors import SceneError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner import Body, Box, Manipulator, Mesh, Part, Scene
 from planner.collision.context import CollisionContext
 from planner.collision.obstacles import JOINTS, LOOKS, REACH_M, Obstacles

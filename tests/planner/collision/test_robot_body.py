@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter
 from scipy.spatial import ConvexHull, cKDTree
 
 from baxter_kin import Baxter
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.collision.distances import Enclosure
 from planner.collision.robot_body import LinkBody, RobotBody
 from planner.verification.body.collada import read_collada

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits, PoseError
-from baxter_kin.arrays import Vector
 from baxter_kin.kinematics.arm import MIRROR
+from baxter_kin.validation import Vector
 from planner import (
     LineTolerance,
     MotionError,

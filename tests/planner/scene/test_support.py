@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner import Box, Cylinder, Part, Sphere
 from planner.scene.bodies import Shape
 from planner.scene.support import beside, bottom_area, touched_area

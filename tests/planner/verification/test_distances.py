@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin.arrays import Vector
+from baxter_kin.validation import Vector
 from planner.scene.bodies import Box, Cylinder, Shape, Sphere
 from planner.scene.contact import coal_shape
 from planner.scene.mesh import Mesh

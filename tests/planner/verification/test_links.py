@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin.arrays import Vector
 from baxter_kin.description import ElectricGripper, RobotDescription
+from baxter_kin.validation import Vector
 from planner.verification.body import links
 from planner.verification.body.enclosed import is_enclosed
 from planner.verification.body.robot_body import RobotBody, robot_body

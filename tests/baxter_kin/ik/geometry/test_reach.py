@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Arm, Baxter, BaxterError, Tolerance
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.ik.geometry.reach import ReachBound
 from baxter_kin.ik.geometry.shoulder_sweep import MARGIN_M
+from baxter_kin.validation import Vector
 
 MIRROR_Y = np.diag([1.0, -1.0, 1.0])
 

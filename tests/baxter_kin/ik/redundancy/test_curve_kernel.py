@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Arm
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.redundancy.curve_functions import MAX_TURN_RAD, curve_functions
 from baxter_kin.ik.redundancy.curve_kernel import CurveKernel
 from baxter_kin.kinematics.dh_parameters import DHParameters
+from baxter_kin.validation import Vector
 
 ROUNDING = 1e-9
 """Of null vectors and determinants, relative to the singular values that occur."""

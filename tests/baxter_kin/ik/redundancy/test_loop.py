@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.redundancy.cutting import Piece, pieces_inside
 from baxter_kin.ik.redundancy.loop import loops_near
 from baxter_kin.ik.redundancy.self_motion import trace_self_motion
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
 from baxter_kin.ik.solution_set import distinct_solutions
+from baxter_kin.validation import Vector
 from tests.baxter_kin.ik.redundancy.test_self_motion import ALONE, CLOSED, pose_error, singular_near
 
 WITH_TINY_PIECE = [

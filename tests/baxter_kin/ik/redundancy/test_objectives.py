@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, ConfigurationError, RequestError
-from baxter_kin.arrays import Vector
 from baxter_kin.ik.redundancy.objectives import (
     FarthestFromLimits,
     MostManipulable,
@@ -22,6 +21,7 @@ from baxter_kin.ik.redundancy.objectives import (
 )
 from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
 from baxter_kin.ik.solution_set import distinct_solutions
+from baxter_kin.validation import Vector
 from tests.baxter_kin.ik.redundancy.test_loop import WITH_TINY_PIECE
 from tests.baxter_kin.ik.redundancy.test_self_motion import ALONE, CLOSED, singular_near
 

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, BaxterError, ConfigurationError, PoseError, RequestError
-from baxter_kin.arrays import Vector
 from baxter_kin.frames import angle_between
 from baxter_kin.ik.redundancy.continuation import EndKind
 from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
 from baxter_kin.kinematics.arm import MIRROR
+from baxter_kin.validation import Vector
 
 EXACT = 1e-9
 """In m and rad: what is asked of every pose on a curve."""

@@ -10,8 +10,8 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Arm, Baxter, IKService
-from baxter_kin.arrays import Vector
 from baxter_kin.frames import raised
+from baxter_kin.validation import Vector
 from planner import StraightLine, Trajectory
 from planner.motion.guess import Way, along
 from planner.motion.program import nodes

@@ -13,8 +13,8 @@ import numpy as np
 import pinocchio as pin
 from roboticstoolbox import ET, ETS
 
-from baxter_kin.benchmark.contestant import Contestant, short
-from baxter_kin.benchmark.peers.chain import placements_about_z
+from baxter_kin.benchmark.entrants import Contestant, short
+from baxter_kin.benchmark.solvers.chain import placements_about_z
 from baxter_kin.kinematics.arm import Arm
 
 SEARCHES = 1000

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
-from baxter_kin.benchmark.peers.chain import placements_about_z
+from baxter_kin.benchmark.solvers.chain import placements_about_z
 from tests.served_urdf import served_urdf
 
 ROUNDING = 1e-13

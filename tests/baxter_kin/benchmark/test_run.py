@@ -13,10 +13,16 @@ import pytest
 import baxter_kin.benchmark
 from baxter_kin.benchmark import main
 from baxter_kin.benchmark.options import Options, parse_options
-from baxter_kin.benchmark.outcome import Outcome
 from baxter_kin.benchmark.poses import Scenario
+from baxter_kin.benchmark.report import (
+    BATCH_COLUMNS,
+    COLUMNS,
+    Outcome,
+    markdown,
+    percent,
+    three_digits,
+)
 from baxter_kin.benchmark.run import run_benchmark
-from baxter_kin.benchmark.table import BATCH_COLUMNS, COLUMNS, markdown, percent, three_digits
 
 PROGRAM = [sys.executable, "-m", "baxter_kin.benchmark"]
 COUNT = 20

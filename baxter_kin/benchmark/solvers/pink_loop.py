@@ -10,9 +10,9 @@ from pink import Configuration, solve_ik
 from pink.limits import ConfigurationLimit, VelocityLimit
 from pink.tasks import FrameTask
 
-from baxter_kin.arrays import Vector
-from baxter_kin.benchmark.contestant import Contestant, short
+from baxter_kin.benchmark.entrants import Contestant, short
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Vector
 
 STEPS = 200
 STEP_S = 1.0

@@ -11,10 +11,10 @@ from importlib.metadata import version
 import numpy as np
 from trac_ik import TracIK
 
-from baxter_kin.arrays import Vector
-from baxter_kin.benchmark.contestant import Contestant, short
+from baxter_kin.benchmark.entrants import Contestant, short
 from baxter_kin.description import StockFiles
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Vector
 
 TIMEOUT_S = 0.005
 """As published by its authors for Baxter (Beeson and Ames, Humanoids 2015), and its default."""

@@ -14,22 +14,24 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.arrays import Vector
-from baxter_kin.benchmark.batch import measure_batch, usable_cores
-from baxter_kin.benchmark.contestant import Contestant
-from baxter_kin.benchmark.entrants import PEERS, Absence, Entrant, enter
-from baxter_kin.benchmark.machine import Machine
-from baxter_kin.benchmark.measurement import BLOCK, Measurement, measure
+from baxter_kin.benchmark.entrants import PEERS, Absence, Contestant, Entrant, enter
+from baxter_kin.benchmark.measurement import (
+    BLOCK,
+    Measurement,
+    measure,
+    measure_batch,
+    usable_cores,
+)
 from baxter_kin.benchmark.options import Options
-from baxter_kin.benchmark.outcome import Outcome
 from baxter_kin.benchmark.poses import PoseSet, Scenario, draw_poses
-from baxter_kin.benchmark.table import markdown
+from baxter_kin.benchmark.report import Machine, Outcome, markdown
 from baxter_kin.benchmark.verification import (
     LIMIT_ROUNDING_RAD,
     LOOSE_LIMIT_RAD,
     TOLERANCE,
     Verifier,
 )
+from baxter_kin.validation import Vector
 
 
 @pytest.fixture(scope="module")
@@ -209,13 +211,13 @@ def test_solver_without_batches_is_left_out(poses: PoseSet, verifier: Verifier) 
 
 
 def test_absent_solver_says_how_to_install_it(left: Arm) -> None:
-    entrant = Entrant("ghost", "peers.ghost", needs=("no_such_solver",), install="pip install it")
+    entrant = Entrant("ghost", "solvers.ghost", needs=("no_such_solver",), install="pip install it")
     absence = enter(entrant, left)
     assert absence == Absence("ghost", "no_such_solver is not installed; run: pip install it")
 
 
 def test_solver_that_cannot_start_is_absent_with_the_reason(left: Arm) -> None:
-    absence = enter(Entrant("odd", "ours", {"no_such_option": 1}), left)
+    absence = enter(Entrant("odd", "solvers.ours", {"no_such_option": 1}), left)
     assert isinstance(absence, Absence)
     assert absence.reason.startswith("odd could not start: TypeError")
 
@@ -254,7 +256,7 @@ if INSTALLED:  # they are an extra of their own, and not to be had on every Pyth
 
 
 def test_threads_cannot_be_limited_after_numpy_was_loaded() -> None:
-    program = "import numpy; from baxter_kin.benchmark.threads import limit_threads as l; l()"
+    program = "import numpy; from baxter_kin.benchmark import limit_threads as l; l()"
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )

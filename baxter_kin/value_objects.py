@@ -1,23 +1,96 @@
-"""How objects show themselves: one short line with what matters, units included.
+"""What value objects have in common: they are shown in one line, copied whole, and read-only.
 
 A class that inherits from `OneLine` is shown as its name and a few facts in parentheses. Of a
 dataclass that names none, the facts are its fields, those left out that are as they are by default:
 `Noise(position_m=0.003)`. A dataclass needs `repr=False`, so that Python writes none of its own.
-
 A line is there to be read, not to be evaluated or parsed: numbers are rounded.
+
+A `Frozen` dataclass is made anew when it is copied or unpickled, so its checks run again.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
-from typing import Any
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import quoted, shortened
+from baxter_kin.errors import CopyError, quoted, shortened
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+class FrozenMapping(Mapping[K, V]):
+    """A mapping that nobody can change; unlike `types.MappingProxyType` it can be pickled."""
+
+    __slots__ = ("_items",)
+
+    def __init__(self, items: Mapping[K, V]) -> None:
+        self._items = dict(items)
+
+    def __getitem__(self, key: K) -> V:
+        return self._items[key]
+
+    def __iter__(self) -> Iterator[K]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __repr__(self) -> str:
+        return repr(self._items)
+
+
+class Frozen:
+    """Base of frozen dataclasses with arrays: these are read-only in a copy as well.
+
+    NumPy forgets that an array is read-only when it is pickled.
+    """
+
+    __slots__ = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        cls: Any = type(self)
+        return _remade, (cls, tuple(getattr(self, each.name) for each in fields(cls)))
+
+
+class NotCopied:
+    """Base of what holds an open file, a socket or a thread."""
+
+    __slots__ = ()
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse.
+
+        Raises:
+            CopyError: always.
+        """
+        raise CopyError(
+            f"a {type(self).__name__} holds an open file, socket or thread and cannot be pickled or"
+            " copied; make another one where it is needed"
+        )
+
+
+def _remade(cls: Any, values: tuple[Any, ...]) -> Any:
+    """An instance with these values of its fields; they were checked when the first was made."""
+    made = object.__new__(cls)
+    for each, value in zip(fields(cls), values, strict=True):
+        object.__setattr__(made, each.name, _read_only(value))
+    return made
+
+
+def _read_only(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, (tuple, FrozenMapping)):
+        for part in value.values() if isinstance(value, FrozenMapping) else value:
+            _read_only(part)
+    return value
+
 
 LONGEST = 120
 """Characters of a line."""

@@ -11,10 +11,10 @@ import numpy as np
 import pinocchio as pin
 import PyKDL
 
-from baxter_kin.arrays import Vector
-from baxter_kin.benchmark.contestant import Contestant, short
-from baxter_kin.benchmark.peers.chain import placements_about_z
+from baxter_kin.benchmark.entrants import Contestant, short
+from baxter_kin.benchmark.solvers.chain import placements_about_z
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Vector
 
 ITERATIONS = 100
 """Its default."""

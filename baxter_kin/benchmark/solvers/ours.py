@@ -7,11 +7,11 @@ from typing import Any
 
 import pinocchio as pin
 
-from baxter_kin.arrays import Vector
-from baxter_kin.benchmark.contestant import Contestant
-from baxter_kin.benchmark.machine import version_of
+from baxter_kin.benchmark.entrants import Contestant
+from baxter_kin.benchmark.report import version_of
 from baxter_kin.ik import IKResult, IKService
 from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import Vector
 
 
 def contestant(arm: Arm, **options: Any) -> Contestant:

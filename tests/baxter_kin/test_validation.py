@@ -7,13 +7,97 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import baxter_kin.ik
 import planner
 import sim
 from baxter_kin import BaxterError
-from baxter_kin.fields import check_fields
+from baxter_kin.validation import check_fields, finite_array, finite_rows, float_array, whole_scalar
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        [True, False],
+        np.ones(2, dtype=np.bool_),
+        ["1", "2"],
+        np.array(["1", 2], dtype=object),
+        np.array([None, 1.0], dtype=object),
+        np.array(["2020-01-01"], dtype="datetime64[D]"),
+        np.array([1], dtype="timedelta64[s]"),
+        [1j],
+        [10**400],
+        {1.0},
+        [[1.0], [1.0, 2.0]],
+        (x for x in [1.0]),
+        None,
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_what_is_no_real_number_is_refused(values: Any) -> None:
+    with pytest.raises(BaxterError, match="q must be real numbers"):
+        float_array(values, "q", BaxterError)
+
+
+def test_masked_entries_are_refused_and_unmasked_ones_taken() -> None:
+    masked = np.ma.array([1.0, 2.0], mask=[True, False])
+    with pytest.raises(BaxterError, match="q has masked entries"):
+        float_array(masked, "q", BaxterError)
+    taken = float_array(np.ma.array([1.0, 2.0]), "q", BaxterError)
+    assert type(taken) is np.ndarray
+    assert taken.tolist() == [1.0, 2.0]
+
+
+def test_a_range_that_fills_the_memory_is_refused() -> None:
+    with pytest.raises(BaxterError, match="q has 1000000000000 numbers; up to 100000000 are taken"):
+        float_array(range(10**12), "q", BaxterError)
+
+
+def test_large_integers_are_numbers() -> None:
+    assert float_array([10**30, 1], "q", BaxterError).tolist() == [1e30, 1.0]
+
+
+@given(st.lists(st.lists(st.floats(-9, 9), min_size=3, max_size=3), min_size=1))
+def test_rows_are_copied_and_frozen(rows: list[list[float]]) -> None:
+    given_rows = np.array(rows)
+    array = finite_rows(given_rows, 3, "rows", BaxterError)
+    given_rows[:] = 10.0
+    assert array.tolist() == rows
+    assert not array.flags.writeable
+
+
+@pytest.mark.parametrize("rows", [np.zeros(3), np.zeros((2, 4)), np.zeros((1, 2, 3)), 5.0])
+def test_rows_of_another_width_are_refused(rows: Any) -> None:
+    with pytest.raises(BaxterError, match=r"it must have shape \(n, 3\)"):
+        finite_rows(rows, 3, "rows", BaxterError)
+
+
+def test_numbers_that_are_not_finite_are_refused() -> None:
+    for make in (lambda v: finite_array(v, (1, 1), "q", BaxterError), _rows_of_one):
+        with pytest.raises(BaxterError, match=r"q must be finite numbers, got \[\[nan\]\]"):
+            make([[np.nan]])
+
+
+def _rows_of_one(values: Any) -> object:
+    return finite_rows(values, 1, "q", BaxterError)
+
+
+@given(st.integers(-10, 10))
+def test_whole_numbers_within_bounds_are_taken(value: int) -> None:
+    if 1 <= value <= 5:
+        assert whole_scalar(np.int64(value), "n", BaxterError, least=1, most=5) == value
+    else:
+        with pytest.raises(BaxterError, match=f"n must be a whole number from 1 to 5, got {value}"):
+            whole_scalar(value, "n", BaxterError, least=1, most=5)
+
+
+@pytest.mark.parametrize("value", [True, 1.0, "1", None, np.ones(1), 10**400], ids=str)
+def test_what_is_no_whole_number_is_refused(value: Any) -> None:
+    with pytest.raises(BaxterError, match="n must be a whole number from 1 to 5"):
+        whole_scalar(value, "n", BaxterError, least=1, most=5)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,259 @@
+"""What was measured, and on what machine: as JSON, and as markdown that is ready for a README."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from baxter_kin.benchmark import are_threads_limited
+from baxter_kin.benchmark import verification as limits
+from baxter_kin.benchmark.entrants import Absence, Contestant
+from baxter_kin.benchmark.measurement import BatchMeasurement, Measurement
+from baxter_kin.benchmark.options import Options
+from baxter_kin.files import replace_file
+
+_PACKAGES = ("baxter-kin", "numpy", "pin", "casadi")
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """Processor, Python and the versions that matter.
+
+    Attributes:
+        cpu: its model name.
+        cores: how many the system has.
+        python: its version.
+        packages: versions by name.
+        has_limited_threads: whether numerical libraries were held to one thread.
+    """
+
+    cpu: str
+    cores: int
+    python: str
+    packages: dict[str, str]
+    has_limited_threads: bool
+
+    @classmethod
+    def this(cls) -> Machine:
+        """The one this runs on."""
+        return cls(
+            cpu=_cpu(),
+            cores=os.cpu_count() or 1,
+            python=f"{platform.python_implementation()} {platform.python_version()}",
+            packages={name: version_of(name) for name in _PACKAGES},
+            has_limited_threads=are_threads_limited(),
+        )
+
+    def __str__(self) -> str:
+        packages = ", ".join(f"{name} {number}" for name, number in self.packages.items())
+        limited = "one thread a library" if self.has_limited_threads else "threads not limited"
+        return f"{self.cpu}, {self.cores} cores; {self.python}, {packages}; {limited}"
+
+
+def _cpu() -> str:
+    """The model name as Linux tells it, else what Python knows."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return next(filter(None, names), platform.processor() or platform.machine())
+
+
+def version_of(package: str) -> str:
+    """The version of an installed package; "unknown" when it runs from its sources."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What was asked for, what took part, and what was measured.
+
+    Attributes:
+        options: what the user asked for.
+        machine: what it ran on.
+        contestants: solvers that took part, by key.
+        absences: solvers that did not, and why.
+        rows: one per solver, arm and scenario.
+        batches: one per solver with a batch call, and arm; empty unless asked for.
+    """
+
+    options: Options
+    machine: Machine
+    contestants: dict[str, Contestant]
+    absences: Sequence[Absence]
+    rows: Sequence[Measurement]
+    batches: Sequence[BatchMeasurement]
+
+    def write(self, path: Path) -> None:
+        """Write every number as JSON; what is infinite or not a number becomes null.
+
+        Raises:
+            FileError: when the file cannot be written.
+        """
+        text = json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n"
+        replace_file(path, text.encode())
+
+    def as_json(self) -> dict[str, Any]:
+        """As JSON's types."""
+        return {
+            "format_version": FORMAT_VERSION,
+            "count": self.options.count,
+            "seed": self.options.seed,
+            "machine": asdict(self.machine),
+            "tolerances": _tolerances(),
+            "solvers": [_solver(key, who) for key, who in self.contestants.items()],
+            "not_measured": [asdict(absence) for absence in self.absences],
+            "measurements": [_measurement(row) for row in self.rows],
+            "batches": [{**asdict(row), "scenario": row.scenario.value} for row in self.batches],
+        }
+
+
+def _tolerances() -> dict[str, float]:
+    return {
+        "solved_position_m": limits.TOLERANCE,
+        "solved_orientation_rad": limits.TOLERANCE,
+        "solved_limit_rad": limits.LIMIT_ROUNDING_RAD,
+        "loose_per_axis": limits.LOOSE_TOLERANCE,
+        "loose_limit_rad": limits.LOOSE_LIMIT_RAD,
+    }
+
+
+def _solver(key: str, contestant: Contestant) -> dict[str, str]:
+    return {
+        "key": key,
+        "name": contestant.name,
+        "version": contestant.version,
+        "settings": contestant.settings,
+    }
+
+
+def _measurement(row: Measurement) -> dict[str, Any]:
+    return {
+        "solver": row.key,
+        "limb": row.limb,
+        "scenario": row.scenario.value,
+        "solve_rate": row.solve_rate,
+        "loose_solve_rate": row.loose_solve_rate,
+        "wrong_claims": row.wrong_claims,
+        "mean_ms": row.mean_ms,
+        "median_ms": row.median_ms,
+        "p99_ms": row.p99_ms,
+        "max_ms": row.max_ms,
+        "errors": row.errors,
+        "times_ms": row.times_ms.tolist(),
+        "is_solved": list(row.is_solved),
+        "position_errors_m": [_finite(verdict.position_error_m) for verdict in row.verdicts],
+        "orientation_errors_rad": [
+            _finite(verdict.orientation_error_rad) for verdict in row.verdicts
+        ],
+    }
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None
+
+
+COLUMNS = (
+    "solver",
+    "solved (1e-6)",
+    "solved (1e-5)",
+    "mean ms",
+    "median ms",
+    "p99 ms",
+    "max ms",
+)
+BATCH_COLUMNS = ("solver", "batch", "solved (1e-6)", "poses/s, one core", "poses/s, all cores")
+
+
+def markdown(outcome: Outcome) -> str:
+    """Tables, then what their columns mean and how each solver was set up."""
+    parts = [f"Measured on {outcome.machine}.", *_tables(outcome)]
+    if outcome.batches:
+        parts.append(_batch_table(outcome.batches))
+    parts.append("\n".join(f"- {note}" for note in _notes(outcome)))
+    return "\n\n".join(parts) + "\n"
+
+
+def _tables(outcome: Outcome) -> Iterable[str]:
+    groups: dict[tuple[str, str], list[Measurement]] = {}
+    for row in outcome.rows:
+        groups.setdefault((row.limb, row.scenario.caption), []).append(row)
+    for (limb, caption), rows in groups.items():
+        title = f"**{limb.capitalize()} arm, {caption}** ({len(rows[0].verdicts)} poses)"
+        yield title + "\n\n" + _table(COLUMNS, [_cells(row) for row in rows])
+
+
+def _cells(row: Measurement) -> tuple[str, ...]:
+    times = (row.mean_ms, row.median_ms, row.p99_ms, row.max_ms)
+    rates = (row.solve_rate, row.loose_solve_rate)
+    return (row.contestant.name, *map(percent, rates), *map(three_digits, times))
+
+
+def _batch_table(batches: Sequence[BatchMeasurement]) -> str:
+    rows = []
+    for batch in batches:
+        one = batch.poses_per_s_one_core
+        rows.append(
+            (
+                batch.name,
+                f"{batch.count}, {batch.limb}, {batch.scenario.value}",
+                percent(batch.solve_rate),
+                "-" if one is None else f"{one:,.0f}",
+                f"{batch.poses_per_s:,.0f} ({batch.cores})",
+            )
+        )
+    return "**`solve_batch`**\n\n" + _table(BATCH_COLUMNS, rows)
+
+
+def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    rule = ["---", *["---:"] * (len(columns) - 1)]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in [columns, rule, *rows])
+
+
+def _notes(outcome: Outcome) -> Iterable[str]:
+    yield (
+        "Solved (1e-6): by Pinocchio on the whole robot's URDF, whatever the solver says: within "
+        "1e-6 m and 1e-6 rad of the pose, inside the joint limits. Solved (1e-5): as TRAC-IK "
+        "counts: within 1e-5 (m, rad) along and about each axis, limits within 1e-6 rad."
+    )
+    yield (
+        "Times: of every call, solved or not, around the solver's public call only. All solve the "
+        "same poses in one process, in turns."
+    )
+    for key, contestant in outcome.contestants.items():
+        yield f"{contestant.name} (`{key}`, {contestant.version}): {contestant.settings}."
+    yield from dict.fromkeys(f"Not measured: {absence.reason}." for absence in outcome.absences)
+    yield from _complaints(outcome.rows)
+
+
+def _complaints(rows: Iterable[Measurement]) -> Iterable[str]:
+    for row in rows:
+        where = f"{row.contestant.name}, {row.limb} arm, {row.scenario.value}"
+        if row.wrong_claims:
+            yield f"{where}: {row.wrong_claims} answers given as valid are not within 1e-5."
+        for text, times in row.errors.items():
+            yield f"{where}: {times} calls raised {text}."
+
+
+def percent(ratio: float) -> str:
+    """A ratio as per cent with two decimals, rounded down, so that only all is 100 %."""
+    return "100 %" if ratio == 1.0 else f"{math.floor(1e4 * ratio + 1e-6) / 100:.2f} %"
+
+
+def three_digits(number: float) -> str:
+    """Three significant digits without an exponent, at least down to 1e-4."""
+    return f"{number:,.0f}" if number >= 100.0 else f"{number:.3g}"
