@@ -36,7 +36,7 @@ from baxter_kin.errors import (
     member_of,
     quoted,
 )
-from baxter_kin.validation import Vector, finite_array
+from baxter_kin.validation import FloatArray, finite_array
 from baxter_kin.value_objects import OneLine, numbers, position
 
 BASE_HEIGHT_M = 0.93
@@ -135,7 +135,7 @@ def pose_from_quaternion(
     return pin.SE3(pin.Quaternion(w, x, y, z).toRotationMatrix(), position)
 
 
-def read_with_w_first(R: Vector) -> Vector:
+def read_with_w_first(R: FloatArray) -> FloatArray:
     """The rotation that is meant when R was made of a quaternion w, x, y, z read as x, y, z, w.
 
     Args:
@@ -148,7 +148,7 @@ def read_with_w_first(R: Vector) -> Vector:
     return np.array(pin.Quaternion(w, x, y, z).toRotationMatrix())
 
 
-def quaternion_xyzw(T: pin.SE3) -> Vector:
+def quaternion_xyzw(T: pin.SE3) -> FloatArray:
     """The rotation of a pose as a unit quaternion, shape (4,), x, y, z, w, with w >= 0.
 
     Raises:
@@ -186,7 +186,7 @@ def raised(T_base: pin.SE3, height_m: float) -> pin.SE3:
     return pin.SE3(T_base.rotation, T_base.translation + lift)
 
 
-def pose_matrices(poses: Sequence[PoseLike], first: int = 0) -> Vector:
+def pose_matrices(poses: Sequence[PoseLike], first: int = 0) -> FloatArray:
     """Valid poses seen from base, as matrices, shape (n, 4, 4).
 
     Args:
@@ -213,13 +213,13 @@ def pose_matrices(poses: Sequence[PoseLike], first: int = 0) -> Vector:
     return Ts
 
 
-def _is_matrix(pose: object) -> TypeGuard[Vector]:
+def _is_matrix(pose: object) -> TypeGuard[FloatArray]:
     """Whether it has the right shape for a pose, and numbers of full precision."""
     return type(pose) is np.ndarray and pose.shape == (4, 4) and pose.dtype == np.float64
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _are_poses(Ts: Vector) -> NDArray[np.bool_]:
+def _are_poses(Ts: FloatArray) -> NDArray[np.bool_]:
     """Which of matrices, shape (n, 4, 4), are poses, by the tests of `checked_pose`."""
     columns = [np.ascontiguousarray(Ts[:, :3, j].T) for j in range(3)]
     is_pose = np.isfinite(Ts).all(axis=(1, 2))
@@ -232,7 +232,7 @@ def _are_poses(Ts: Vector) -> NDArray[np.bool_]:
     return np.asarray(is_pose & (turn > 0.0))
 
 
-def _unit_quaternion(quat: Vector, normalise: bool) -> Vector:
+def _unit_quaternion(quat: FloatArray, normalise: bool) -> FloatArray:
     largest = float(np.abs(quat).max())
     scale = largest if normalise and largest > 0.0 else 1.0  # lest squares over- or underflow
     length = float(np.linalg.norm(quat / scale))
@@ -246,7 +246,7 @@ def _unit_quaternion(quat: Vector, normalise: bool) -> Vector:
     return quat / scale / length
 
 
-def _is_written_identity(given: ArrayLike, quat: Vector) -> bool:
+def _is_written_identity(given: ArrayLike, quat: FloatArray) -> bool:
     """Whether it is the identity with w first, in numbers as one writes them.
 
     What NumPy computed, it keeps in numbers of its own.
@@ -263,7 +263,7 @@ def _checked_at(index: int, pose: PoseLike) -> pin.SE3:
         raise PoseError(f"poses[{index}]: {cause}") from None
 
 
-def angle_between(R_base_a: Vector, R_base_b: Vector) -> float:
+def angle_between(R_base_a: FloatArray, R_base_b: FloatArray) -> float:
     """The angle of the rotation from a to b, in [0, pi], exact for small angles too.
 
     Uses atan2(sin, cos) of the relative rotation: the arc cosine alone loses half the digits
@@ -278,7 +278,7 @@ def angle_between(R_base_a: Vector, R_base_b: Vector) -> float:
     return math.atan2(float(np.linalg.norm(sine_axis)), 0.5 * (float(np.trace(R)) - 1.0))
 
 
-def _check_homogeneous(T: Vector) -> None:
+def _check_homogeneous(T: FloatArray) -> None:
     R = T[:3, :3]
     if np.abs(T[3] - [0.0, 0.0, 0.0, 1.0]).max() > ROTATION_TOLERANCE:
         raise PoseError(f"the last row of a pose is 0, 0, 0, 1; got {quoted(T[3].tolist())}")

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from baxter_kin.errors import LONGEST_NAME, BaxterError, quoted, shortened
 from baxter_kin.json_text import Json, UnfitError
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 MOST_AXES, LONGEST_EMPTY = 3, 1000
 """Of an array, and of each axis of one without numbers."""
@@ -188,7 +188,7 @@ _POSE = {"rotation": (3, 3), "translation": (3,)}
 
 
 def _read_pose(data: Any, _: Any) -> pin.SE3:
-    arrays: Any = Mapping[str, Vector]
+    arrays: Any = Mapping[str, FloatArray]
     parts = _CONVERTER.structure(data, arrays)
     if {name: part.shape for name, part in parts.items()} != _POSE:
         raise UnfitError(f"must be a pose, arrays of the shapes {_POSE}, got {shown(data)}")

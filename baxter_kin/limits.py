@@ -18,7 +18,7 @@ from baxter_kin.errors import (
     quoted,
     shortened,
 )
-from baxter_kin.validation import Vector, finite_array, finite_scalar, positive_scalar
+from baxter_kin.validation import FloatArray, finite_array, finite_scalar, positive_scalar
 from baxter_kin.value_objects import Frozen, FrozenMapping, OneLine, count, phrase
 
 DEFAULT_ACCELERATION_RAD_S2 = 2.0
@@ -56,11 +56,11 @@ class JointLimits(Frozen, OneLine):
     """
 
     names: tuple[str, ...]
-    q_min: Vector
-    q_max: Vector
-    v_max: Vector
-    a_max: Vector
-    j_max: Vector
+    q_min: FloatArray
+    q_max: FloatArray
+    v_max: FloatArray
+    a_max: FloatArray
+    j_max: FloatArray
     origins: Mapping[str, str] = field(default_factory=lambda: DEFAULT_ORIGINS)
 
     def __post_init__(self) -> None:
@@ -108,7 +108,7 @@ class JointLimits(Frozen, OneLine):
         v, a, j = (f"{bound.max():g}" for bound in (self.v_max, self.a_max, self.j_max))
         return joints, f"up to {v} rad/s, {a} rad/s^2, {j} rad/s^3"
 
-    def _violations(self, q: Vector, tolerance: float) -> tuple[str, ...]:
+    def _violations(self, q: FloatArray, tolerance: float) -> tuple[str, ...]:
         outside = (q < self.q_min - tolerance) | (q > self.q_max + tolerance)
         if not outside.any():
             return ()
@@ -118,7 +118,7 @@ class JointLimits(Frozen, OneLine):
             for i in np.flatnonzero(outside)
         )
 
-    def check(self, q: ArrayLike, what: str = "q", tolerance: float = 0.0) -> Vector:
+    def check(self, q: ArrayLike, what: str = "q", tolerance: float = 0.0) -> FloatArray:
         """`q` as a read-only array, shape (n,), known to be inside the limits.
 
         A position outside by no more than `tolerance` is clamped to its limit.
@@ -143,7 +143,7 @@ class JointLimits(Frozen, OneLine):
         clamped.setflags(write=False)
         return clamped
 
-    def _is_inside(self, q: ArrayLike) -> TypeGuard[Vector]:
+    def _is_inside(self, q: ArrayLike) -> TypeGuard[FloatArray]:
         """Whether it is an array inside the limits, so that nothing else need be asked of it."""
         return (
             type(q) is np.ndarray  # no masked array

@@ -10,7 +10,7 @@ import pinocchio as pin
 from baxter_kin.description import HandMount, RobotDescription, UrdfSource
 from baxter_kin.errors import ConfigurationError, DescriptionError, UnknownNameError, expect
 from baxter_kin.kinematics.arm import LIMBS, Arm, known_limb
-from baxter_kin.validation import Checked, Vector, finite_array
+from baxter_kin.validation import Checked, FloatArray, finite_array
 from baxter_kin.value_objects import FrozenMapping, OneLine, count
 
 
@@ -71,7 +71,7 @@ class Baxter(Checked, OneLine, error=DescriptionError):
         """
         return self.arms[known_limb(side)]
 
-    def configuration(self, joints: Mapping[str, float] | None = None) -> Vector:
+    def configuration(self, joints: Mapping[str, float] | None = None) -> FloatArray:
         """A full configuration, rad and m: neutral arms, closed hands, then `joints`.
 
         Raises:

@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.errors import BaxterError, quoted
 
-Vector: TypeAlias = NDArray[np.float64]
+FloatArray: TypeAlias = NDArray[np.float64]
 Indices: TypeAlias = NDArray[np.intp]
 
 MOST_NUMBERS = 10**8
@@ -40,7 +40,7 @@ MOST_NUMBERS = 10**8
 
 def finite_array(
     values: ArrayLike, shape: tuple[int, ...], what: str, error: type[BaxterError]
-) -> Vector:
+) -> FloatArray:
     """A read-only float copy of `values`, which must be finite and of one shape.
 
     Args:
@@ -59,7 +59,7 @@ def finite_array(
     return _frozen(array, what, error)
 
 
-def finite_rows(values: ArrayLike, width: int, what: str, error: type[BaxterError]) -> Vector:
+def finite_rows(values: ArrayLike, width: int, what: str, error: type[BaxterError]) -> FloatArray:
     """The same of shape (n, `width`), for any n.
 
     Raises:
@@ -115,7 +115,7 @@ def whole_scalar(
     raise error(f"{what} must be a whole number from {least} to {most}, got {quoted(value)}")
 
 
-def float_array(values: ArrayLike, what: str, error: type[BaxterError]) -> Vector:
+def float_array(values: ArrayLike, what: str, error: type[BaxterError]) -> FloatArray:
     """A float copy of `values`, of any shape, finite or not.
 
     Real numbers alone: text, truth values, complex numbers, times and masked entries are refused.
@@ -136,7 +136,7 @@ def float_array(values: ArrayLike, what: str, error: type[BaxterError]) -> Vecto
         raise error(f"{what} must be real numbers, got {quoted(values)}") from cause
 
 
-def _frozen(array: Vector, what: str, error: type[BaxterError]) -> Vector:
+def _frozen(array: FloatArray, what: str, error: type[BaxterError]) -> FloatArray:
     if not np.isfinite(array).all():
         raise error(f"{what} must be finite numbers, got {quoted(array.tolist())}")
     array.setflags(write=False)

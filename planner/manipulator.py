@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits
 from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import expect
-from baxter_kin.validation import Vector, check_fields, finite_array, float_array
+from baxter_kin.validation import FloatArray, check_fields, finite_array, float_array
 from baxter_kin.value_objects import Frozen, OneLine, millimetres
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
@@ -47,7 +47,7 @@ class Manipulator(Frozen, OneLine):
     hand: Hand
     shapes: RobotShapes
     limits: JointLimits
-    q_others: Vector = field(repr=False)
+    q_others: FloatArray = field(repr=False)
 
     def __post_init__(self) -> None:
         check_fields(self, TaskError)
@@ -62,7 +62,7 @@ class Manipulator(Frozen, OneLine):
         limb: str,
         *,
         speed_ratio: float = 1.0,
-        q_others: Vector | None = None,
+        q_others: FloatArray | None = None,
         body: RobotBody | None = None,
     ) -> Manipulator:
         """Everything for one limb, its velocity limits scaled by `speed_ratio` in (0, 1].
@@ -99,7 +99,7 @@ class Manipulator(Frozen, OneLine):
         index = self.robot.indices(self.hand.joint_names)[0]
         return float(np.clip(self.q_others[index], 0.0, self.hand.stroke_m))
 
-    def configurations(self, qs: ArrayLike, finger_m: float) -> Iterator[Vector]:
+    def configurations(self, qs: ArrayLike, finger_m: float) -> Iterator[FloatArray]:
         """Full configurations, shape (19,), for arm configurations, shape (m, 7).
 
         Raises:
@@ -153,7 +153,7 @@ class Manipulator(Frozen, OneLine):
         return repr(self.arm), opening, f"up to {self.limits.v_max.max():g} rad/s"
 
 
-def _at_rest(robot: Baxter, shapes: RobotShapes) -> Vector:
+def _at_rest(robot: Baxter, shapes: RobotShapes) -> FloatArray:
     """Both arms in neutral, all hands open."""
     arms = [arm for side, arm in robot.arms.items() if Hand.is_on(robot, side)]
     hands = [Hand.of(robot, arm, shapes) for arm in arms]

@@ -14,7 +14,7 @@ from baxter_kin import IKResult
 from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import ConfigurationError, UnknownNameError, expect_all
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import Checked, Vector, check_fields, finite_array, finite_scalar
+from baxter_kin.validation import Checked, FloatArray, check_fields, finite_array, finite_scalar
 from baxter_kin.value_objects import (
     Frozen,
     OneLine,
@@ -186,7 +186,7 @@ class Plan(Frozen, OneLine):
     """
 
     limb: str
-    q_start: Vector
+    q_start: FloatArray
     steps: tuple[Step, ...]
     failure: PlanFailure | None = None
     situation: Situation | None = None

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from baxter_kin import JointLimits
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.trajectory import Trajectory
 
 AT_KNOT = (
@@ -33,11 +33,11 @@ DIFFERENCES = (
 """Weights of neighbouring controls for those of the first to the third derivative, likewise."""
 
 
-def weights_at(fractions: Vector) -> Vector:
+def weights_at(fractions: FloatArray) -> FloatArray:
     """Weights of the four controls of an interval, for its positions at fractions, (m,): (m, 4)."""
     u = np.asarray(fractions)[:, None]
     powers = u ** np.arange(4)
-    weights: Vector = powers @ _IN_INTERVAL
+    weights: FloatArray = powers @ _IN_INTERVAL
     return weights
 
 
@@ -64,8 +64,8 @@ class Sketch(NamedTuple):
         duration_s: zero for a single configuration.
     """
 
-    q: Vector
-    v_ends: Vector
+    q: FloatArray
+    v_ends: FloatArray
     duration_s: float
 
     @classmethod
@@ -85,7 +85,7 @@ class Sketch(NamedTuple):
         return len(self.q) - 1
 
     @property
-    def controls(self) -> Vector:
+    def controls(self) -> FloatArray:
         """Of the spline that passes all of it, shape (n + 3, joints), rad."""
         count = len(self.q) + 2
         weights = np.zeros((count, count))
@@ -93,11 +93,11 @@ class Sketch(NamedTuple):
             weights[k, k : k + 3] = AT_KNOT[0]
         weights[-2, :3] = weights[-1, -3:] = AT_KNOT[1] * (count - 3)
         given = np.concatenate([self.q, self.v_ends * self.duration_s])
-        controls: Vector = np.linalg.solve(weights, given)
+        controls: FloatArray = np.linalg.solve(weights, given)
         return controls
 
 
-def trajectory_of(controls: Vector, duration_s: float, limits: JointLimits) -> Trajectory:
+def trajectory_of(controls: FloatArray, duration_s: float, limits: JointLimits) -> Trajectory:
     """The motion that a spline is.
 
     Args:

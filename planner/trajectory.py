@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
 from baxter_kin.errors import expect, expect_all, quoted
-from baxter_kin.validation import Indices, Vector, finite_array, float_array
+from baxter_kin.validation import FloatArray, Indices, finite_array, float_array
 from baxter_kin.value_objects import Frozen, OneLine, count, line, seconds, shown, side_of
 from planner.errors import TrajectoryError
 
@@ -26,9 +26,9 @@ CONTINUITY_TOLERANCE = 1e-8
 class JointState(NamedTuple):
     """Position, velocity and acceleration, each of shape (n,) or (m, n); rad and s."""
 
-    q: Vector
-    v: Vector
-    a: Vector
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
 
     def __repr__(self) -> str:
         if type(self.v) is not np.ndarray or self.v.dtype.kind != "f":
@@ -64,11 +64,11 @@ class Trajectory(Frozen, OneLine):
     """
 
     limits: JointLimits
-    knots_s: Vector
-    q: Vector
-    v: Vector
-    a: Vector
-    j: Vector
+    knots_s: FloatArray
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+    j: FloatArray
 
     def __post_init__(self) -> None:
         joints = len(expect(self.limits, JointLimits, "limits", TrajectoryError).names)
@@ -99,15 +99,15 @@ class Trajectory(Frozen, OneLine):
         return float(self.knots_s[-1])
 
     @property
-    def q_start(self) -> Vector:
+    def q_start(self) -> FloatArray:
         """First position, shape (n,), rad."""
-        first: Vector = self.q[0]
+        first: FloatArray = self.q[0]
         return first
 
     @property
-    def q_goal(self) -> Vector:
+    def q_goal(self) -> FloatArray:
         """Last position, shape (n,), rad."""
-        last: Vector = self.q[-1]
+        last: FloatArray = self.q[-1]
         return last
 
     def sample(self, t: ArrayLike) -> JointState:
@@ -140,12 +140,12 @@ class Trajectory(Frozen, OneLine):
         return Trajectory(self.limits, knots, *backwards)
 
     @property
-    def turning_times(self) -> Vector:
+    def turning_times(self) -> FloatArray:
         """Times at which some joint turns between two knots, shape (k,), s."""
         after = self._turns
         return (self.knots_s[:-1, None] + after)[after > 0.0]
 
-    def position_extrema(self) -> tuple[Vector, Vector]:
+    def position_extrema(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest position of each joint, exact; two arrays of shape (n,), rad."""
         segments = np.arange(len(self.j))
         candidates = np.concatenate([self.q, *(self._advanced(segments, t).q for t in self._turns)])
@@ -165,7 +165,7 @@ class Trajectory(Frozen, OneLine):
     def _facts(self) -> tuple[str, ...]:
         return side_of(self.limits.names), seconds(self.duration), count(len(self.knots_s), "knot")
 
-    def _advanced(self, i: Indices, dt: Vector) -> JointState:
+    def _advanced(self, i: Indices, dt: FloatArray) -> JointState:
         """The state a time `dt` after knot `i`."""
         jerks = np.concatenate([self.j, np.zeros((1, self.j.shape[1]))])
         q, v, a, j = self.q[i], self.v[i], self.a[i], jerks[i]
@@ -176,7 +176,7 @@ class Trajectory(Frozen, OneLine):
         )
 
     @property
-    def _turns(self) -> Vector:
+    def _turns(self) -> FloatArray:
         """How long after a knot each joint turns, at most twice, s, (2, m, n); 0 where it does not.
 
         The two roots of v + a t + j t^2 / 2, in the form that does not cancel.
@@ -188,21 +188,21 @@ class Trajectory(Frozen, OneLine):
             return self._inside(np.array([large / j, 2 * v / large]))
 
     @property
-    def turning_velocities(self) -> Vector:
+    def turning_velocities(self) -> FloatArray:
         """Velocities where acceleration passes zero inside a segment, else at its start, (m, n)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             t = -self.a[:-1] / self.j
         return self._advanced(np.arange(len(self.j)), self._inside(t)).v
 
-    def _inside(self, t: Vector) -> Vector:
+    def _inside(self, t: FloatArray) -> FloatArray:
         """Times within their segment; zero, the knot itself, for those that are not."""
         length = np.diff(self.knots_s)[:, None]
         return np.where((t > 0.0) & (t < length), t, 0.0)
 
-    def _rest(self) -> tuple[Vector, Vector, Vector]:
+    def _rest(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         return self.q[-1], np.zeros_like(self.v[-1]), np.zeros_like(self.a[-1])
 
-    def _checked_times(self, t: ArrayLike) -> Vector:
+    def _checked_times(self, t: ArrayLike) -> FloatArray:
         times = float_array(t, "times", TrajectoryError)
         if times.ndim > 1:
             raise TrajectoryError(f"times have shape {times.shape}; give one time or shape (m,)")

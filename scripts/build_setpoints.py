@@ -21,7 +21,7 @@ from baxter_kin.ik.search.searcher import Searcher
 from baxter_kin.ik.seeds import pose_features
 from baxter_kin.kinematics.arm import MIRROR
 from baxter_kin.model import Baxter
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 
 SAMPLES = 40_000
 REGIONS = 64
@@ -54,7 +54,7 @@ def main() -> None:
     print(f"{len(left)} setpoints per arm in {TARGET}; one search solves {np.mean(shares):.3f}")
 
 
-def _regions(features: Vector, rng: np.random.Generator) -> tuple[Vector, Indices]:
+def _regions(features: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, Indices]:
     middles = features[rng.choice(len(features), REGIONS, replace=False)]
     for _ in range(LLOYD_STEPS):
         nearest = _nearest(features, middles)
@@ -62,14 +62,14 @@ def _regions(features: Vector, rng: np.random.Generator) -> tuple[Vector, Indice
     return middles, _nearest(features, middles)
 
 
-def _nearest(features: Vector, middles: Vector) -> Indices:
+def _nearest(features: FloatArray, middles: FloatArray) -> Indices:
     distances = (middles**2).sum(axis=1) - 2 * features @ middles.T
     nearest: Indices = distances.argmin(axis=1)
     return nearest
 
 
 def _row(
-    searcher: Searcher, qs: Vector, Ts: Vector, region: Indices, rng: np.random.Generator
+    searcher: Searcher, qs: FloatArray, Ts: FloatArray, region: Indices, rng: np.random.Generator
 ) -> dict[str, object]:
     candidates = rng.choice(region, min(CANDIDATES, len(region)), replace=False)
     probes = rng.choice(region, min(PROBES, len(region)), replace=False)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from baxter_kin import Arm, Baxter, IKResult, IKService
 from baxter_kin.command_line import add_urdf
 
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 SHARES = {
     "uniform": 0.1,
@@ -89,7 +89,7 @@ def rows(robot: Baxter, ik: IKService, count: int, seed: int) -> Iterator[Row]:
         yield row(robot, ik, family, q)
 
 
-def row(robot: Baxter, ik: IKService, family: str, q_known: Vector) -> Row:
+def row(robot: Baxter, ik: IKService, family: str, q_known: FloatArray) -> Row:
     """Solve the poses of known configurations, shape (n, 7), rad."""
     unsolved = proven = wrong = 0
     worst, seconds = np.zeros(2), 0.0
@@ -112,14 +112,14 @@ def row(robot: Baxter, ik: IKService, family: str, q_known: Vector) -> Row:
     return Row(family, len(q_known), unsolved, proven, wrong, *worst.tolist(), each_us)
 
 
-def tip(robot: Baxter, arm: Arm, q: Vector) -> pin.SE3:
+def tip(robot: Baxter, arm: Arm, q: FloatArray) -> pin.SE3:
     """The tip's pose by the whole robot's model."""
     data, full = robot.model.createData(), robot.configuration(arm.joints(q))
     pin.framesForwardKinematics(robot.model, data, full)
     return pin.SE3(data.oMf[robot.model.getFrameId(arm.tip_frame)])
 
 
-def residuals(robot: Baxter, arm: Arm, T: pin.SE3, result: IKResult) -> Vector:
+def residuals(robot: Baxter, arm: Arm, T: pin.SE3, result: IKResult) -> FloatArray:
     """Distance (m) and angle (rad) of a solution; infinite outside the limits."""
     if ((result.q < arm.limits.q_min) | (result.q > arm.limits.q_max)).any():
         return np.full(2, np.inf)
@@ -127,7 +127,9 @@ def residuals(robot: Baxter, arm: Arm, T: pin.SE3, result: IKResult) -> Vector:
     return np.array([np.linalg.norm(away.translation), np.linalg.norm(pin.log3(away.rotation))])
 
 
-def configurations(arm: Arm, count: int, rng: np.random.Generator) -> Iterator[tuple[str, Vector]]:
+def configurations(
+    arm: Arm, count: int, rng: np.random.Generator
+) -> Iterator[tuple[str, FloatArray]]:
     """The families, each with known configurations of shape (n, 7), rad."""
     counts = {family: round(share * count) for family, share in SHARES.items()}
     yield "uniform", uniform(arm, counts["uniform"], rng)
@@ -142,46 +144,46 @@ def configurations(arm: Arm, count: int, rng: np.random.Generator) -> Iterator[t
         yield f"nearly singular{where}", near
 
 
-def uniform(arm: Arm, count: int, rng: np.random.Generator) -> Vector:
+def uniform(arm: Arm, count: int, rng: np.random.Generator) -> FloatArray:
     """Between the limits."""
     return rng.uniform(arm.limits.q_min, arm.limits.q_max, (count, 7))
 
 
-def at_limits(arm: Arm, q: Vector, rng: np.random.Generator, most: int = 7) -> Vector:
+def at_limits(arm: Arm, q: FloatArray, rng: np.random.Generator, most: int = 7) -> FloatArray:
     """The same with one to `most` joints at a limit, either one."""
     ends = np.where(rng.random(q.shape) < 0.5, arm.limits.q_min, arm.limits.q_max)
     rank = rng.random(q.shape).argsort(axis=1)
-    moved: Vector = np.where(rank < rng.integers(1, most + 1, (len(q), 1)), ends, q)
+    moved: FloatArray = np.where(rank < rng.integers(1, most + 1, (len(q), 1)), ends, q)
     return moved
 
 
-def corners(arm: Arm, count: int, rng: np.random.Generator) -> Vector:
+def corners(arm: Arm, count: int, rng: np.random.Generator) -> FloatArray:
     """All 128, and configurations close to them on the inside."""
     exact = np.array(list(product(*zip(arm.limits.q_min, arm.limits.q_max, strict=True))))
     chosen = exact[rng.integers(len(exact), size=max(count - len(exact), 0))]
     inwards = np.where(chosen == arm.limits.q_min, 1.0, -1.0)
-    near: Vector = chosen + inwards * rng.uniform(0.0, NEAR_CORNER_RAD, chosen.shape)
+    near: FloatArray = chosen + inwards * rng.uniform(0.0, NEAR_CORNER_RAD, chosen.shape)
     return np.concatenate([exact, near])
 
 
-def right_angles(arm: Arm, count: int, rng: np.random.Generator) -> Vector:
+def right_angles(arm: Arm, count: int, rng: np.random.Generator) -> FloatArray:
     """Most joints at multiples of a quarter turn, the others anywhere."""
     q = uniform(arm, count, rng)
     angles = 0.5 * np.pi * rng.integers(-2, 3, q.shape)
     is_inside = (angles >= arm.limits.q_min) & (angles <= arm.limits.q_max)
-    turned: Vector = np.where(is_inside & (rng.random(q.shape) < 0.8), angles, q)
+    turned: FloatArray = np.where(is_inside & (rng.random(q.shape) < 0.8), angles, q)
     return turned
 
 
 def singular(
     arm: Arm, count: int, rng: np.random.Generator, most_at_limits: int
-) -> tuple[Vector, NDArray[np.bool_]]:
+) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Configurations where the Jacobian has lost a rank, and which of their joints are inside.
 
     By Newton's method on the products of the Jacobian with its last left singular vector and its
     last two right ones, from random configurations; joints at limits stay there.
     """
-    found: list[tuple[Vector, NDArray[np.bool_]]] = []
+    found: list[tuple[FloatArray, NDArray[np.bool_]]] = []
     while sum(len(q) for q, _ in found) < count:
         q = uniform(arm, max(count // 2, 50), rng)
         if most_at_limits:
@@ -196,7 +198,7 @@ def singular(
     return q, is_free
 
 
-def towards_singularity(arm: Arm, q: Vector, is_free: NDArray[np.bool_]) -> Vector:
+def towards_singularity(arm: Arm, q: FloatArray, is_free: NDArray[np.bool_]) -> FloatArray:
     """A Newton step, of least norm and not too long, shape (n, 7), rad."""
     J = jacobians(arm, q)
     U, _, Vt = np.linalg.svd(J)
@@ -209,17 +211,17 @@ def towards_singularity(arm: Arm, q: Vector, is_free: NDArray[np.bool_]) -> Vect
     slopes *= is_free[:, None] / DIFFERENCE_RAD
     step = -np.einsum("njk,nk->nj", np.linalg.pinv(slopes, rcond=1e-6), residual)
     length = np.linalg.norm(step, axis=1, keepdims=True).clip(min=LONGEST_STEP_RAD)
-    shortened: Vector = step * (LONGEST_STEP_RAD / length)
+    shortened: FloatArray = step * (LONGEST_STEP_RAD / length)
     return shortened
 
 
-def least_singular_value(arm: Arm, q: Vector) -> Vector:
+def least_singular_value(arm: Arm, q: FloatArray) -> FloatArray:
     """Of the Jacobians at configurations, shape (n, 7): shape (n,)."""
-    values: Vector = np.linalg.svd(jacobians(arm, q), compute_uv=False)[:, -1]
+    values: FloatArray = np.linalg.svd(jacobians(arm, q), compute_uv=False)[:, -1]
     return values
 
 
-def jacobians(arm: Arm, q: Vector) -> Vector:
+def jacobians(arm: Arm, q: FloatArray) -> FloatArray:
     """At configurations, shape (n, 7): shape (n, 6, 7)."""
     return np.array([arm.jacobian(each) for each in q]).reshape(-1, 6, 7)
 

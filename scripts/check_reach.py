@@ -28,7 +28,7 @@ from baxter_kin import Arm, Baxter, IKResult, IKService
 from baxter_kin.ik.search.ipopt import NearestSearcher
 from baxter_kin.ik.seeds import NullSpaceMap
 
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 NEAREST_M, FARTHEST_M = 1e-6, 0.06
 STEP_M, RESOLUTION_M, LONGEST_M = 0.1, 1e-8, 2.5
@@ -85,7 +85,7 @@ def cost_of_grid(ik: IKService, spacing_m: float) -> str:
     return f"{mean_us:.1f} us for each of {is_out.sum()} of {len(Ts)} poses out of reach"
 
 
-def boundary(ik: IKService, rng: np.random.Generator) -> tuple[pin.SE3, Vector] | None:
+def boundary(ik: IKService, rng: np.random.Generator) -> tuple[pin.SE3, FloatArray] | None:
     """The last pose within reach on a way out, and the direction (3,); None where none ends it."""
     q = ik.arm.random_configuration(rng)
     T, outward = ik.arm.T_base_tip(q), rng.normal(size=3)
@@ -106,8 +106,8 @@ def boundary(ik: IKService, rng: np.random.Generator) -> tuple[pin.SE3, Vector] 
 
 
 def way_out(
-    ik: IKService, T: pin.SE3, outward: Vector, begin_m: float, q: Vector
-) -> tuple[float, Vector]:
+    ik: IKService, T: pin.SE3, outward: FloatArray, begin_m: float, q: FloatArray
+) -> tuple[float, FloatArray]:
     """How far one search after the other gets from a solution, and the last solution."""
     inside_m, step_m = begin_m, STEP_M
     while step_m > RESOLUTION_M and inside_m < LONGEST_M:
@@ -120,7 +120,7 @@ def way_out(
     return inside_m, q
 
 
-def moved(T: pin.SE3, by: Vector) -> pin.SE3:
+def moved(T: pin.SE3, by: FloatArray) -> pin.SE3:
     """A pose moved by a vector (3,) of base."""
     return pin.SE3(T.rotation, T.translation + by)
 

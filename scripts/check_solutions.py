@@ -37,7 +37,7 @@ from baxter_kin.ik import (
 )
 from baxter_kin.ik.redundancy.objectives import Objective
 
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 AT_LIMITS = 0.3
 """Share of the poses that have joints at limits."""
@@ -109,7 +109,7 @@ def report(side: str, tallies: list[Tally], kinds: list[Objective]) -> bool:
     return not (missing or outside or residual > RESIDUAL or (worse > WORSE).any())
 
 
-def tally(ik: IKService, q_known: Vector, restarts: int, rng: np.random.Generator) -> Tally:
+def tally(ik: IKService, q_known: FloatArray, restarts: int, rng: np.random.Generator) -> Tally:
     """Compare for the pose of a known configuration, shape (7,), rad."""
     arm = ik.arm
     T = arm.T_base_tip(q_known)
@@ -137,7 +137,7 @@ def objectives(arm: Arm, rng: np.random.Generator) -> list[Objective]:
     return [NearestTo(seed), towards, FarthestFromLimits(), MostManipulable()]
 
 
-def compare(ik: IKService, T: pin.SE3, kind: Objective, dense: Vector) -> tuple[float, float]:
+def compare(ik: IKService, T: pin.SE3, kind: Objective, dense: FloatArray) -> tuple[float, float]:
     """By how much the best of dense samples, shape (n, 7), is better; and the time, ms."""
     begin = perf_counter()
     result = ik.solve(T, objective=kind)
@@ -146,16 +146,16 @@ def compare(ik: IKService, T: pin.SE3, kind: Objective, dense: Vector) -> tuple[
     return max(float(found - kind.costs(ik.arm, dense).min()), 0.0), each_ms
 
 
-def restarted(ik: IKService, T: pin.SE3, restarts: int, rng: np.random.Generator) -> Vector:
+def restarted(ik: IKService, T: pin.SE3, restarts: int, rng: np.random.Generator) -> FloatArray:
     """Solutions from random seeds, shape (n, 7), rad."""
     limits = ik.arm.limits
     seeds = rng.uniform(limits.q_min, limits.q_max, (restarts, 7))
     found = ik.search.search(seeds, np.repeat(T.homogeneous[None], restarts, axis=0))
-    valid: Vector = found.q[found.is_valid]
+    valid: FloatArray = found.q[found.is_valid]
     return valid
 
 
-def missing_lengths(arm: Arm, curves: tuple[SelfMotion, ...], reference: Vector) -> list[float]:
+def missing_lengths(arm: Arm, curves: tuple[SelfMotion, ...], reference: FloatArray) -> list[float]:
     """Of long pieces that hold solutions, shape (n, 7), and are not among the curves; rad."""
     lengths, left = [], reference
     for curve in curves:
@@ -168,7 +168,7 @@ def missing_lengths(arm: Arm, curves: tuple[SelfMotion, ...], reference: Vector)
     return lengths
 
 
-def distances(curve: SelfMotion, q: Vector) -> Vector:
+def distances(curve: SelfMotion, q: FloatArray) -> FloatArray:
     """From configurations, shape (n, 7), to the polygon through a curve, shape (n,), rad."""
     chords = np.diff(curve.q, axis=0)
     if not len(chords):
@@ -179,7 +179,7 @@ def distances(curve: SelfMotion, q: Vector) -> Vector:
     starts = np.square(q).sum(axis=1)[:, None] - 2.0 * q @ curve.q[:-1].T
     starts += np.square(curve.q[:-1]).sum(axis=1)
     off = starts + squares * share * (share - 2.0 * along)
-    nearest: Vector = np.sqrt(off.min(axis=1).clip(min=0.0))
+    nearest: FloatArray = np.sqrt(off.min(axis=1).clip(min=0.0))
     return nearest
 
 
@@ -192,7 +192,7 @@ def worst_residual(arm: Arm, T: pin.SE3, curve: SelfMotion) -> float:
     return max(float(np.linalg.norm(miss)) for miss in misses)
 
 
-def configurations(arm: Arm, count: int, rng: np.random.Generator) -> Iterator[Vector]:
+def configurations(arm: Arm, count: int, rng: np.random.Generator) -> Iterator[FloatArray]:
     """Known ones, shape (7,) each, rad."""
     for i in range(count):
         q = arm.random_configuration(rng)

@@ -39,7 +39,7 @@ from sim.demo.scene import OVERHEAD_XYZW, demo_bodies
 DENSE_RAD = 0.005
 SHELVES, SHELF_GAP_M, BOARD_M, SHELF_DEPTH_M, SHELF_REACH_M = 20, 0.30, 0.02, 0.4, 0.2
 TABLE_TOP_M = -0.155
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,8 +48,8 @@ class Problem:
 
     manipulator: Manipulator
     context: CollisionContext
-    q_start: Vector
-    q_goal: Vector
+    q_start: FloatArray
+    q_goal: FloatArray
 
     def least_distance_m(self, motion: Trajectory) -> float:
         """Of all pairs at dense samples, computed one by one."""
@@ -143,7 +143,7 @@ def _beside(
     y: float,
     side: int,
     rng: np.random.Generator,
-) -> Vector | None:
+) -> FloatArray | None:
     """A free configuration over the table, beside a wall at y, the hand down and turned."""
     for _ in range(50):
         x, z = rng.uniform(0.55, 0.8), rng.uniform(-0.1, 0.05)
@@ -190,7 +190,7 @@ def _print(title: str, problems: list[Problem], outcomes: list[Outcome]) -> None
     print(f"greatest share of a limit   {max(max(m.peak_ratios()) for _, m in found):.12f}")
 
 
-def _spread(times: Vector) -> str:
+def _spread(times: FloatArray) -> str:
     return (
         f"{np.median(times):.0f} ms median, {np.quantile(times, 0.9):.0f} ms in nine of ten, "
         f"{times.max():.0f} ms max"

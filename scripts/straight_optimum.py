@@ -24,7 +24,7 @@ import pinocchio as pin
 from numpy.polynomial import chebyshev
 
 from baxter_kin import Arm, Baxter, IKService, JointLimits, pose_from_quaternion
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.motion.guess import followed
 from planner.motion.straight_line import LEAST_LENGTH, StraightLine
 from planner.motion.straight_move import plan_straight_move
@@ -42,7 +42,7 @@ class Case(NamedTuple):
 
     label: str
     arm: Arm
-    q_start: Vector
+    q_start: FloatArray
     T_base_goal: pin.SE3
     limits: JointLimits
     speed_m_s: float = 0.0
@@ -123,7 +123,7 @@ def _rates(case: Case) -> tuple[ca.Function, ca.Function]:
     return ca.Function("rates", [x], [rates]), ca.Function("jerks", [x, jerk], [jerks])
 
 
-def _unknown_bounds(case: Case, segments: int) -> tuple[Vector, Vector]:
+def _unknown_bounds(case: Case, segments: int) -> tuple[FloatArray, FloatArray]:
     states = 3 * (segments + 1)
     high = np.full(states + segments + 1, np.inf)
     low = -high
@@ -134,7 +134,7 @@ def _unknown_bounds(case: Case, segments: int) -> tuple[Vector, Vector]:
     return low, high
 
 
-def _guess(segments: int) -> Vector:
+def _guess(segments: int) -> FloatArray:
     """A minimum-jerk motion of one second."""
     t = np.linspace(0.0, 1.0, segments + 1)
     s = t**3 * (10 - 15 * t + 6 * t**2)
@@ -142,7 +142,7 @@ def _guess(segments: int) -> Vector:
     return np.concatenate([np.stack([s, v, a], axis=1).ravel(), np.diff(a) * segments, [1.0]])
 
 
-def _coefficients(case: Case) -> Vector:
+def _coefficients(case: Case) -> FloatArray:
     """The path of least norm as Chebyshev polynomials in 2 s - 1, shape (DEGREE + 1, 7)."""
     s = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
     steps = np.unique(np.concatenate([s[1:], np.linspace(0.0, 1.0, STEPS + 1)[1:]]))
@@ -204,7 +204,7 @@ def _others(arm: Arm, ik: IKService) -> Iterator[Case]:
         yield Case(f"{arm.side} {label}", arm, _solution(arm, ik, start), goal, arm.limits)
 
 
-def _solution(arm: Arm, ik: IKService, T: pin.SE3) -> Vector:
+def _solution(arm: Arm, ik: IKService, T: pin.SE3) -> FloatArray:
     return ik.solve(T, current=arm.start).q
 
 

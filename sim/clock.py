@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from baxter_kin.validation import Vector, positive_scalar
+from baxter_kin.validation import FloatArray, positive_scalar
 from sim.errors import SimulationError
 
 DEFAULT_TICK_S = 0.01
@@ -43,7 +43,7 @@ class Clock:
         """Whether time has passed since the last tick."""
         return self.time_s > (self._next_tick - 1) * self._tick_s
 
-    def ticks_until(self, end_s: float) -> Vector:
+    def ticks_until(self, end_s: float) -> FloatArray:
         """The times of the ticks from now until then, shape (n,), s."""
         return self._tick_s * np.array(self._numbers(end_s), dtype=np.float64)
 

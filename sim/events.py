@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from baxter_kin.errors import quoted
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import Vector, check_fields, finite_array, finite_scalar, float_array
+from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_scalar, float_array
 from baxter_kin.value_objects import Frozen, OneLine, count, phrase, seconds
 from planner import Body, Grasp, Move
 from planner.grasping.grasp import Miss
@@ -102,7 +102,7 @@ class Snapshot(Frozen, OneLine):
     """
 
     time_s: float
-    q: Vector
+    q: FloatArray
     T_base_bodies: Mapping[str, pin.SE3]
     grippers: Mapping[str, GripperState]
     caption: str

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner import Body
 from planner.scene.bodies import Box
 from sim import Recording
@@ -108,12 +108,12 @@ class Closeness:
         return name.partition("#")[0] if "#" in name else name.rpartition("_")[0]
 
 
-def _travels_m(recording: Recording) -> Vector:
+def _travels_m(recording: Recording) -> FloatArray:
     """How far any point has moved at most since the snapshot before, shape (n,), m."""
     turned = np.abs(np.diff(recording.q, axis=0)).sum(axis=1)
     fallen = [
         np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1)
         for poses in recording.body_poses.values()
     ]
-    travels: Vector = np.append(0.0, LEVER_M * turned + np.max(fallen, axis=0))
+    travels: FloatArray = np.append(0.0, LEVER_M * turned + np.max(fallen, axis=0))
     return travels

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter, IKService, pose_from_quaternion
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from examples import right_arm, sorting, three_poses, tower
 from examples.workbench import SIDES, TABLE_Z_M, Workbench, on_table, play, scattered
 from planner import make_block, verify
@@ -57,7 +57,7 @@ class Run:
     def recording(self) -> Recording:
         return load_recording(self.folder / "run.npz")
 
-    def centre(self, block: str) -> Vector:
+    def centre(self, block: str) -> FloatArray:
         """Where a block ended: the centre of a cube is its origin."""
         return self.recording.body_poses[block][-1, :3]
 

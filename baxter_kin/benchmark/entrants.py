@@ -16,10 +16,10 @@ import pinocchio as pin
 
 from baxter_kin.errors import BaxterError
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import FrozenMapping
 
-BatchCall: TypeAlias = Callable[[Sequence[pin.SE3], Sequence[Vector]], Sequence[Any]]
+BatchCall: TypeAlias = Callable[[Sequence[pin.SE3], Sequence[FloatArray]], Sequence[Any]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,10 +44,10 @@ class Contestant:
     name: str
     version: str
     settings: str
-    prepare: Callable[[pin.SE3, Vector], tuple[Any, ...]]
+    prepare: Callable[[pin.SE3, FloatArray], tuple[Any, ...]]
     call: Callable[..., Any]
-    read: Callable[[Any], Vector | None]
-    forward: Callable[[Vector], Vector] | None = None
+    read: Callable[[Any], FloatArray | None]
+    forward: Callable[[FloatArray], FloatArray] | None = None
     call_batch: BatchCall | None = None
     is_ours: bool = False
 

@@ -20,7 +20,7 @@ import pinocchio as pin
 from baxter_kin.benchmark.entrants import BatchCall, Contestant, describe
 from baxter_kin.benchmark.poses import PoseSet, Scenario
 from baxter_kin.benchmark.verification import Verdict, Verifier
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 BLOCK = 100
 """Contestants take turns in blocks of so many poses: long enough for warm caches, short enough for
@@ -53,7 +53,7 @@ class Measurement:
     errors: dict[str, int] = field(default_factory=dict)
 
     @property
-    def times_ms(self) -> Vector:
+    def times_ms(self) -> FloatArray:
         """Time of every call, solved or not, shape (n,), ms."""
         return np.array(self.times_ns, dtype=np.float64) / 1e6
 
@@ -133,7 +133,7 @@ class _Raised:
 
 
 def _measure_block(
-    row: Measurement, targets: tuple[pin.SE3, ...], seeds: Vector, verifier: Verifier
+    row: Measurement, targets: tuple[pin.SE3, ...], seeds: FloatArray, verifier: Verifier
 ) -> None:
     """Time the calls back to back, then look at the answers."""
     prepare, call = row.contestant.prepare, row.contestant.call

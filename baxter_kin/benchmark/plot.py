@@ -20,7 +20,7 @@ from matplotlib.ticker import FuncFormatter
 
 from baxter_kin.benchmark.measurement import Measurement
 from baxter_kin.files import replace_file
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 OUR_COLOURS = ("#000000", "#0072b2", "#56b4e9")
 PEER_COLOURS = ("#d55e00", "#e69f00", "#009e73", "#66c2a5", "#cc79a7", "#999999")
@@ -60,7 +60,7 @@ def draw(rows: Sequence[Measurement], path: Path) -> None:
     replace_file(path, picture.getvalue())
 
 
-def solved_over_time(row: Measurement) -> tuple[Vector, Vector]:
+def solved_over_time(row: Measurement) -> tuple[FloatArray, FloatArray]:
     """Times of the solved poses, ascending, ms, and the per cent of all poses solved by then."""
     times_ms = np.sort(row.times_ms[np.array(row.is_solved, dtype=bool)])
     return times_ms, 100.0 * np.arange(1, len(times_ms) + 1) / len(row.times_ns)

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.kinematics.arm import LIMBS, Arm
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 NEAR_RAD = 0.1
 """A near seed differs from the solution by at most this much in every joint."""
@@ -64,8 +64,8 @@ class PoseSet:
 
     arm: Arm
     scenario: Scenario
-    q_goals: Vector
-    q_seeds: Vector
+    q_goals: FloatArray
+    q_seeds: FloatArray
     T_base_tips: tuple[pin.SE3, ...]
 
     def __len__(self) -> int:
@@ -87,25 +87,25 @@ def draw_poses(arm: Arm, scenario: Scenario, *, count: int, seed: int) -> PoseSe
     return PoseSet(arm, scenario, q_goals, q_seeds, poses)
 
 
-def smallest_singular_value(arm: Arm, q: Vector) -> float:
+def smallest_singular_value(arm: Arm, q: FloatArray) -> float:
     """Of the tip's Jacobian, in its mixed units of m and rad; zero at a singularity."""
     return float(np.linalg.svd(arm.jacobian(q), compute_uv=False)[-1])
 
 
-def _mid(arm: Arm, count: int) -> Vector:
+def _mid(arm: Arm, count: int) -> FloatArray:
     return np.tile((arm.limits.q_min + arm.limits.q_max) / 2.0, (count, 1))
 
 
-def _near(arm: Arm, q_goals: Vector, rng: np.random.Generator) -> Vector:
+def _near(arm: Arm, q_goals: FloatArray, rng: np.random.Generator) -> FloatArray:
     offsets = rng.uniform(-NEAR_RAD, NEAR_RAD, q_goals.shape)
     return np.clip(q_goals + offsets, arm.limits.q_min, arm.limits.q_max)
 
 
-def _uniform(arm: Arm, rng: np.random.Generator) -> Vector:
+def _uniform(arm: Arm, rng: np.random.Generator) -> FloatArray:
     return arm.random_configuration(rng)
 
 
-def _at_limits(arm: Arm, rng: np.random.Generator) -> Vector:
+def _at_limits(arm: Arm, rng: np.random.Generator) -> FloatArray:
     """One to three joints exactly on a limit, the others uniform."""
     q = arm.random_configuration(rng)
     for joint in rng.choice(len(q), size=rng.integers(1, 4), replace=False):
@@ -113,33 +113,33 @@ def _at_limits(arm: Arm, rng: np.random.Generator) -> Vector:
     return q
 
 
-def _elbow_straight(arm: Arm, rng: np.random.Generator) -> Vector:
+def _elbow_straight(arm: Arm, rng: np.random.Generator) -> FloatArray:
     """Arm stretched so that the tip cannot move away from the shoulder; the rest uniform."""
 
-    def start() -> Vector:
+    def start() -> FloatArray:
         q = arm.random_configuration(rng)
         q[E1] = STRETCHED_E1_RAD
         return q
 
-    def is_stretched(q: Vector) -> bool:
+    def is_stretched(q: FloatArray) -> bool:
         return bool(abs(q[E1] - STRETCHED_E1_RAD) <= WINDOW_RAD)
 
     return _singular(arm, start, (E0, E1), is_stretched)
 
 
-def _wrist_singular(arm: Arm, rng: np.random.Generator) -> Vector:
+def _wrist_singular(arm: Arm, rng: np.random.Generator) -> FloatArray:
     """Wrist straight and turned so that one rotation is lost (w1 near 0); the rest uniform.
 
     A straight wrist alone is no singularity of a 7-joint arm. It is one for some angle of w0, about
     a quarter turn, where no other joint makes up for the lost rotation.
     """
 
-    def start() -> Vector:
+    def start() -> FloatArray:
         q = arm.random_configuration(rng)
         q[W0], q[W1] = rng.choice([-1.0, 1.0]) * np.pi / 2.0, 0.0
         return q
 
-    def is_straight(q: Vector) -> bool:
+    def is_straight(q: FloatArray) -> bool:
         return bool(abs(q[W1]) <= WINDOW_RAD)
 
     return _singular(arm, start, (W0, W1), is_straight)
@@ -147,10 +147,10 @@ def _wrist_singular(arm: Arm, rng: np.random.Generator) -> Vector:
 
 def _singular(
     arm: Arm,
-    start: Callable[[], Vector],
+    start: Callable[[], FloatArray],
     joints: tuple[int, int],
-    is_wanted: Callable[[Vector], bool],
-) -> Vector:
+    is_wanted: Callable[[FloatArray], bool],
+) -> FloatArray:
     """The first start that moving two joints makes singular inside the limits."""
     while True:
         q = _made_singular(arm, start(), joints)
@@ -159,7 +159,7 @@ def _singular(
             return q
 
 
-def _made_singular(arm: Arm, q: Vector, joints: tuple[int, int]) -> Vector:
+def _made_singular(arm: Arm, q: FloatArray, joints: tuple[int, int]) -> FloatArray:
     """Gauss-Newton on J(q)^T u = 0 over two joint angles and the unit wrench u.
 
     A 6 x 7 matrix loses rank on a set of codimension 2, so two joints suffice. It may not converge;
@@ -175,14 +175,14 @@ def _made_singular(arm: Arm, q: Vector, joints: tuple[int, int]) -> Vector:
     return q
 
 
-def _slope(arm: Arm, q: Vector, joint: int) -> Vector:
+def _slope(arm: Arm, q: FloatArray, joint: int) -> FloatArray:
     """Derivative of the Jacobian by one joint, by central differences, shape (6, 7)."""
     step = np.zeros(len(q))
     step[joint] = 1e-6
     return (arm.jacobian(q + step) - arm.jacobian(q - step)) / 2e-6
 
 
-_DRAW: dict[Scenario, Callable[[Arm, np.random.Generator], Vector]] = {
+_DRAW: dict[Scenario, Callable[[Arm, np.random.Generator], FloatArray]] = {
     Scenario.MID_RANGE: _uniform,
     Scenario.AT_LIMITS: _at_limits,
     Scenario.ELBOW_STRAIGHT: _elbow_straight,

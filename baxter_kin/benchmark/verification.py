@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.model import Baxter
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 TOLERANCE = 1e-6
 """Distance in m and angle in rad within which a pose counts as solved."""
@@ -70,7 +70,7 @@ class Verifier:
         self._indices = [robot.model.joints[joint_id].idx_q for joint_id in joint_ids]
         self._tip_id = robot.model.getFrameId(arm.tip_frame)
 
-    def T_base_tip(self, q: Vector) -> pin.SE3:
+    def T_base_tip(self, q: FloatArray) -> pin.SE3:
         """Forward kinematics of joint values of shape (7,), rad."""
         whole = self._neutral.copy()
         whole[self._indices] = q
@@ -92,13 +92,13 @@ class Verifier:
             is_claimed=True,
         )
 
-    def _limit_excess(self, q: Vector) -> float:
+    def _limit_excess(self, q: FloatArray) -> float:
         below = self._model.lowerPositionLimit[self._indices] - q
         above = q - self._model.upperPositionLimit[self._indices]
         return max(0.0, float(below.max()), float(above.max()))
 
 
-def _seven_numbers(q: object) -> Vector | None:
+def _seven_numbers(q: object) -> FloatArray | None:
     try:
         values = np.array(q, dtype=np.float64)
     except (TypeError, ValueError):

@@ -7,7 +7,7 @@ import threading
 import casadi as ca
 import numpy as np
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 
 class BufferedFunction(threading.local):
@@ -28,7 +28,7 @@ class BufferedFunction(threading.local):
         for i, array in enumerate(self.outputs):
             self._buffer.set_res(i, array.data)  # type: ignore[call-arg]  # neither here
 
-    def __call__(self, *rows: Vector) -> list[Vector]:
+    def __call__(self, *rows: FloatArray) -> list[FloatArray]:
         """Each output's columns as rows, copied, for each input's columns as rows.
 
         Of an input that gets fewer rows than it has columns, the rest is what it was before.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.ik.seeds import SeedType
-from baxter_kin.validation import Vector, check_fields, finite_array, finite_scalar
+from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_scalar
 from baxter_kin.value_objects import Frozen, FrozenMapping, OneLine, sentence, side_of
 
 POSITION_TOLERANCE_M = 1e-6
@@ -106,7 +106,7 @@ class IKResult(Frozen, OneLine):
     """
 
     joint_names: tuple[str, ...]
-    q: Vector
+    q: FloatArray
     seed_type: SeedType
     position_error_m: float
     orientation_error_rad: float
@@ -126,7 +126,7 @@ class IKResult(Frozen, OneLine):
     def trusted(
         cls,
         joint_names: tuple[str, ...],
-        q: Vector,
+        q: FloatArray,
         seed_type: SeedType,
         errors: tuple[float, float],
         failure: IKFailure | None = None,

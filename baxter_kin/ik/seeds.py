@@ -22,7 +22,7 @@ from baxter_kin.ik.geometry.closed_form import ClosedForm
 from baxter_kin.ik.task import Task
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 
 ROTATION_WEIGHT_M = 0.3
 """What rotation counts when poses are compared: metres per unit of the matrices' difference."""
@@ -89,7 +89,7 @@ _LABELS = {
 }
 
 
-def starts_around(arm: Arm, q_seeds: Vector, count: int) -> Iterator[Vector]:
+def starts_around(arm: Arm, q_seeds: FloatArray, count: int) -> Iterator[FloatArray]:
     """The seeds themselves, then points scattered around them, the same ones every time.
 
     Args:
@@ -110,7 +110,7 @@ def starts_around(arm: Arm, q_seeds: Vector, count: int) -> Iterator[Vector]:
 class ComputedStarts(Protocol):
     """What computes starts for poses."""
 
-    def starts(self, Ts: Vector, count: int) -> Vector:
+    def starts(self, Ts: FloatArray, count: int) -> FloatArray:
         """So many for each pose, shape (m, 4, 4), best first: shape (m, count, 7), rad."""
 
 
@@ -124,7 +124,7 @@ class ScatteredStarts:
     def __init__(self, arm: Arm) -> None:
         self._limits = arm.limits
 
-    def starts(self, Ts: Vector, count: int) -> Vector:
+    def starts(self, Ts: FloatArray, count: int) -> FloatArray:
         """So many, uniform between the limits, for poses (m, 4, 4): shape (m, count, 7), rad."""
         rng, limits = np.random.default_rng(2), self._limits
         q = rng.uniform(limits.q_min, limits.q_max, (count, 7))
@@ -142,12 +142,12 @@ class NullSpaceMap:
         self._arm, self._task = arm.at_gripper, Task.of(arm, tolerance)
 
     @cached_property
-    def setpoints(self) -> Vector:
+    def setpoints(self) -> FloatArray:
         """The stored configurations, shape (n, 7), rad, clipped to the arm's limits."""
         limits = self._arm.limits
         return setpoint_table(self._arm.side)[1].clip(limits.q_min, limits.q_max)
 
-    def nearest(self, Ts: Vector) -> Indices:
+    def nearest(self, Ts: FloatArray) -> Indices:
         """The setpoints whose regions are nearest to any of the poses that would do, nearest first.
 
         Args:
@@ -185,17 +185,17 @@ class _StartsInTurns:
     def __init__(self, closed_form: ClosedForm, task: Task) -> None:
         self._closed_form, self._task = closed_form, task
 
-    def starts(self, Ts: Vector, count: int) -> Vector:
+    def starts(self, Ts: FloatArray, count: int) -> FloatArray:
         """Starts for poses, shape (m, 4, 4): shape (m, count, 7), rad."""
         poses = self._task.gripper_poses(Ts)
         each = -(-count // poses.shape[1])
         starts = self._closed_form.starts(poses.reshape(-1, 4, 4), each)
-        in_turns: Vector = starts.reshape(len(Ts), -1, each, 7).transpose(0, 2, 1, 3)
+        in_turns: FloatArray = starts.reshape(len(Ts), -1, each, 7).transpose(0, 2, 1, 3)
         return in_turns.reshape(len(Ts), -1, 7)[:, :count]
 
 
 @cache
-def setpoint_table(side: str) -> tuple[Vector, Vector]:
+def setpoint_table(side: str) -> tuple[FloatArray, FloatArray]:
     """Stored regions of poses and a configuration for each.
 
     Args:
@@ -212,7 +212,7 @@ def setpoint_table(side: str) -> tuple[Vector, Vector]:
     return pose_features(middles), np.array([row["q_rad"] for row in rows])
 
 
-def pose_features(Ts: Vector) -> Vector:
+def pose_features(Ts: FloatArray) -> FloatArray:
     """Poses as points whose distances compare them, shape (m, 12), in metres.
 
     Args:

@@ -35,7 +35,7 @@ from baxter_kin.ik.search.solver import Solver, Solvers
 from baxter_kin.ik.seeds import SeedMode, SeedType
 from baxter_kin.ik.tolerance import Tolerance
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector, float_array
+from baxter_kin.validation import FloatArray, float_array
 from baxter_kin.value_objects import OneLine
 
 SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
@@ -324,7 +324,7 @@ class IKService(OneLine):
         batch.solve(solver)
         return list(batch.results(solver))
 
-    def _seed_table(self, requests: _Requests) -> dict[SeedType, Vector]:
+    def _seed_table(self, requests: _Requests) -> dict[SeedType, FloatArray]:
         """The seeds of each type, shape (n, 7), rad; NaN where there is none."""
         table = {}
         if requests.seeds is not None:
@@ -334,7 +334,7 @@ class IKService(OneLine):
             table[SeedType.CURRENT] = np.tile(q, (len(requests.poses), 1))
         return table
 
-    def _user_seeds(self, seeds: list[Any], first: int) -> Vector:
+    def _user_seeds(self, seeds: list[Any], first: int) -> FloatArray:
         if all(type(seed) is np.ndarray and seed.shape == (7,) for seed in seeds):
             together = float_array(seeds, "seeds", ConfigurationError)
             limits, slack = self.arm.limits, SEED_TOLERANCE_RAD
@@ -348,7 +348,7 @@ class IKService(OneLine):
                 table[i] = self._checked_seed(seed, name)
         return table
 
-    def _checked_seed(self, seed: SeedLike, what: str) -> Vector:
+    def _checked_seed(self, seed: SeedLike, what: str) -> FloatArray:
         q = self.arm.configuration(seed, what)
         return self.arm.limits.check(q, what, SEED_TOLERANCE_RAD)
 
@@ -363,7 +363,7 @@ def _checked_scope(objective: object, scope: str | Scope | None) -> Scope:
     return Scope.ALL if scope is None else Scope.of(scope)
 
 
-def _frozen(q: Vector) -> Vector:
+def _frozen(q: FloatArray) -> FloatArray:
     """A copy that nobody can change."""
     q = q.copy()
     q.setflags(write=False)

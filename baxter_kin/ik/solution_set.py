@@ -23,7 +23,7 @@ from baxter_kin.ik.redundancy.self_motion import POSE_MISMATCH, STEP_RAD, SelfMo
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
 from baxter_kin.ik.service import IKService
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector, whole_scalar
+from baxter_kin.validation import FloatArray, whole_scalar
 
 MOST_CANDIDATES = 2_000
 """How many candidates may come, and so how many starts: a second or two of work."""
@@ -116,7 +116,7 @@ def _listed(candidates: Iterable[ArrayLike]) -> list[ArrayLike]:
     return given
 
 
-def _check_same_pose(fibre: PoseFibre, candidates: list[Vector]) -> None:
+def _check_same_pose(fibre: PoseFibre, candidates: list[FloatArray]) -> None:
     for i, q in enumerate(candidates):
         miss = float(np.linalg.norm(fibre.error(q)))
         if miss > POSE_MISMATCH:
@@ -136,7 +136,7 @@ DIGITS = 4
 """Samples that agree in so many digits of a radian are the same."""
 
 
-def sample_solutions(ik: IKService, T_base_tip: PoseLike, *, turns: int = 48) -> Vector:
+def sample_solutions(ik: IKService, T_base_tip: PoseLike, *, turns: int = 48) -> FloatArray:
     """Solutions all over the solution set of a pose, one for each branch and angle of s0.
 
     Unlike `solutions`, which traces the set, this takes about two milliseconds and
@@ -161,11 +161,11 @@ def sample_solutions(ik: IKService, T_base_tip: PoseLike, *, turns: int = 48) ->
     q, misfit = closed_form.configurations(Ts @ arm.T_gripper_tip.inverse().homogeneous)
     inside = q[0].clip(limits.q_min, limits.q_max)
     is_near = (misfit[0] == 0.0) & (np.abs(q[0] - inside).max(axis=1) <= SLACK_RAD)
-    starts: Vector = inside[is_near]
+    starts: FloatArray = inside[is_near]
     if not len(starts):
         return starts
     found = ik.search.search(starts, np.repeat(Ts, len(starts), axis=0))
     solved = found.q[found.is_valid]
     _, first = np.unique(solved.round(DIGITS), axis=0, return_index=True)
-    samples: Vector = solved[np.sort(first)]
+    samples: FloatArray = solved[np.sort(first)]
     return samples

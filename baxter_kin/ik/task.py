@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 ROLLS = 16
 """Rotations about a free axis that starts are computed for."""
@@ -67,13 +67,13 @@ class Task:
         return [*self.order, 3]
 
     @cached_property
-    def widths(self) -> Vector:
+    def widths(self) -> FloatArray:
         """What is allowed along and about the turned axes, and of tilt, shape (7,), m and rad."""
         order = list(self.order)
         allowed = np.array([self.tolerance.position_m, self.tolerance.rotation_rad])
         return np.append(allowed[:, order].ravel(), self.tolerance.tilt_rad)
 
-    def numbers(self, T_last_gripper: pin.SE3) -> tuple[Vector, Vector, Vector]:
+    def numbers(self, T_last_gripper: pin.SE3) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What the search function takes of it (`baxter_kin.ik.search.task_search`).
 
         The turned tip seen from the last axis, `widths`, and 1 where the roll is free.
@@ -81,13 +81,13 @@ class Task:
         tip = T_last_gripper.homogeneous @ self.turned(self.T_gripper_tip.homogeneous)
         return tip, self.widths, np.array([float(self.roll_is_free)])
 
-    def turned(self, Ts: Vector) -> Vector:
+    def turned(self, Ts: FloatArray) -> FloatArray:
         """Frames, shape (..., 4, 4), with the free axis as z."""
-        turned: Vector = Ts if self.tolerance.free_axis in {None, 2} else Ts[..., self.columns]
+        turned: FloatArray = Ts if self.tolerance.free_axis in {None, 2} else Ts[..., self.columns]
         return turned
 
     @cached_property
-    def variants(self) -> Vector:
+    def variants(self) -> FloatArray:
         """Tip frames seen from the requested one that would do, shape (n, 4, 4): a sample."""
         if self.tolerance.is_position_only:
             rotations = _quarter_turns()
@@ -97,13 +97,13 @@ class Task:
             rotations = [np.eye(3)]
         return np.array([pin.SE3(R, np.zeros(3)).homogeneous for R in rotations])
 
-    def gripper_poses(self, Ts: Vector) -> Vector:
+    def gripper_poses(self, Ts: FloatArray) -> FloatArray:
         """Gripper poses that would do for tip poses, shape (m, 4, 4): shape (m, n, 4, 4)."""
-        poses: Vector = Ts[:, None] @ self.variants @ self.T_gripper_tip.inverse().homogeneous
+        poses: FloatArray = Ts[:, None] @ self.variants @ self.T_gripper_tip.inverse().homogeneous
         return poses
 
 
-def _rolls(free_axis: int, lean_rad: float) -> list[Vector]:
+def _rolls(free_axis: int, lean_rad: float) -> list[FloatArray]:
     """Rotations about an axis, in equal steps, every second one followed by a lean of that axis."""
     axis, across = np.eye(3)[free_axis], np.eye(3)[free_axis - 1]
     rolls = [pin.exp3(2 * np.pi / ROLLS * i * axis) for i in range(ROLLS)]
@@ -111,7 +111,7 @@ def _rolls(free_axis: int, lean_rad: float) -> list[Vector]:
     return [leans[_DIRECTION_STEP * i % ROLLS] @ R if i % 2 else R for i, R in enumerate(rolls)]
 
 
-def _quarter_turns() -> list[Vector]:
+def _quarter_turns() -> list[FloatArray]:
     """The 24 rotations of a cube."""
     turns = [pin.exp3(np.pi / 2 * axis) for axis in np.eye(3)]
     found = [np.eye(3)]

@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import RequestError, UnknownNameError, degrees_hint, expect, quoted
-from baxter_kin.validation import Vector, finite_scalar, float_array
+from baxter_kin.validation import FloatArray, finite_scalar, float_array
 from baxter_kin.value_objects import OneLine
 
 AXES = ("x", "y", "z")
@@ -159,7 +159,7 @@ class Tolerance(OneLine):
                 "needs one axis free (inf) and zero for the others, a box bounds those instead"
             )
 
-    def _rotation(self, R: Vector) -> Vector:
+    def _rotation(self, R: FloatArray) -> FloatArray:
         """The rotation vector; with a free axis that of the tilt."""
         if self.free_axis is None:
             return np.asarray(pin.log3(R))
@@ -167,7 +167,7 @@ class Tolerance(OneLine):
         across = np.cross(axis, reached)
         sine = float(np.linalg.norm(across))
         angle = math.atan2(sine, float(axis @ reached))
-        tilt: Vector = across if sine == 0.0 else across * (angle / sine)
+        tilt: FloatArray = across if sine == 0.0 else across * (angle / sine)
         return tilt
 
 

@@ -21,7 +21,7 @@ from baxter_kin.errors import (
 from baxter_kin.frames import checked_pose
 from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, JointLimits
-from baxter_kin.validation import Vector, finite_array, float_array
+from baxter_kin.validation import FloatArray, finite_array, float_array
 
 LIMBS = ("left", "right")
 JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
@@ -138,7 +138,7 @@ class Arm:
         pin.forwardKinematics(self.model, data, q)
         return pin.SE3(pin.updateFramePlacement(self.model, data, self._tip_id))
 
-    def T_base_tips(self, qs: ArrayLike) -> Vector:
+    def T_base_tips(self, qs: ArrayLike) -> FloatArray:
         """Forward kinematics of many configurations at once, shape (m, 7), rad: (m, 4, 4).
 
         Raises:
@@ -147,10 +147,10 @@ class Arm:
         given = float_array(qs, "qs", ConfigurationError)
         qs = finite_array(given, (given.size // 7, 7), "qs", ConfigurationError)
         T_last_tip = self.model.frames[self._tip_id].placement.homogeneous
-        tips: Vector = self.chain.poses(qs)[:, -1] @ T_last_tip
+        tips: FloatArray = self.chain.poses(qs)[:, -1] @ T_last_tip
         return tips
 
-    def jacobian(self, q: ArrayLike) -> Vector:
+    def jacobian(self, q: ArrayLike) -> FloatArray:
         """The geometric Jacobian of the tip, shape (6, 7): twist of the tip per joint velocity.
 
         Rows are linear velocity (m/s), then angular (rad/s), along the axes of base, at the tip.
@@ -163,7 +163,7 @@ class Arm:
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         return np.array(pin.computeFrameJacobian(self.model, data, q, self._tip_id, axes))
 
-    def configuration(self, joints: Mapping[str, float] | ArrayLike, what: str = "q") -> Vector:
+    def configuration(self, joints: Mapping[str, float] | ArrayLike, what: str = "q") -> FloatArray:
         """Joint values by name or in order, as an array of shape (7,), rad.
 
         Raises:
@@ -192,7 +192,7 @@ class Arm:
         q = finite_array(q, (7,), "q", ConfigurationError)
         return dict(zip(self.joint_names, q.tolist(), strict=True))
 
-    def random_configuration(self, rng: np.random.Generator) -> Vector:
+    def random_configuration(self, rng: np.random.Generator) -> FloatArray:
         """A configuration drawn uniformly between the position limits, shape (7,), rad.
 
         Raises:

@@ -25,7 +25,7 @@ import pinocchio as pin
 
 from baxter_kin.errors import DescriptionError, RequestError, expect
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 LEAST_TWIST_SINE = 0.5
 """Neighbouring axes nearer to parallel than 30 degrees are no Baxter's."""
@@ -44,10 +44,10 @@ class DHParameters:
         T_last_tip: the tip seen from the last axis: z along it, origin where the last normal ends.
     """
 
-    a_m: Vector
-    alpha_rad: Vector
-    d_m: Vector
-    theta_rad: Vector
+    a_m: FloatArray
+    alpha_rad: FloatArray
+    d_m: FloatArray
+    theta_rad: FloatArray
     T_base_first: pin.SE3
     T_last_tip: pin.SE3
 
@@ -82,7 +82,7 @@ class DHParameters:
         return cls(a, alpha, d, theta, _frame(z[0], x[0], leaving[0]), T_last_tip)
 
 
-def _axes(arm: Arm) -> tuple[Vector, Vector]:
+def _axes(arm: Arm) -> tuple[FloatArray, FloatArray]:
     """Directions and points of the joints' axes at q = 0, seen from base, each shape (7, 3)."""
     model, data = arm.model, arm.model.createData()
     if model.nq != 7 or model.nv != 7:
@@ -98,7 +98,7 @@ def _axes(arm: Arm) -> tuple[Vector, Vector]:
     return z, o
 
 
-def _feet(z: Vector, o: Vector, x: Vector) -> tuple[Vector, Vector, Vector]:
+def _feet(z: FloatArray, o: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Where the common normals leave an axis and arrive at the next, and how long they are."""
     leaving, arriving, lengths = np.empty((6, 3)), np.empty((6, 3)), np.empty(6)
     for i in range(6):
@@ -108,5 +108,5 @@ def _feet(z: Vector, o: Vector, x: Vector) -> tuple[Vector, Vector, Vector]:
     return leaving, arriving, lengths
 
 
-def _frame(z: Vector, x: Vector, origin: Vector) -> pin.SE3:
+def _frame(z: FloatArray, x: FloatArray, origin: FloatArray) -> pin.SE3:
     return pin.SE3(np.stack([x, np.cross(z, x), z], axis=1), origin)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 
 class JointChain:
@@ -15,7 +15,7 @@ class JointChain:
         axes: of each joint in its own frame, unit vectors, shape (n, 3).
     """
 
-    def __init__(self, T_parent_joints: Vector, axes: Vector) -> None:
+    def __init__(self, T_parent_joints: FloatArray, axes: FloatArray) -> None:
         """By the poses of the joints at zero, each seen from the one before, shape (n, 4, 4)."""
         self._T_parent_joints, self.axes = T_parent_joints, axes
         x, y, z = axes.T
@@ -30,7 +30,7 @@ class JointChain:
         axes = [np.ravel(joint.S)[3:] for joint in model.createData().joints[1:]]
         return cls(np.array(placements), np.array(axes))
 
-    def poses(self, qs: Vector) -> Vector:
+    def poses(self, qs: FloatArray) -> FloatArray:
         """Poses of the joints at configurations, shape (m, n), rad: shape (m, n, 4, 4).
 
         Seen from where the first is mounted. What Pinocchio gives one configuration at a time;
@@ -40,7 +40,7 @@ class JointChain:
         turns = np.zeros((*qs.shape, 4, 4))
         turns[..., :3, :3] = np.eye(3) + sine * self._K + versine * self._K_squared
         turns[..., 3, 3] = 1.0
-        poses: Vector = self._T_parent_joints @ turns
+        poses: FloatArray = self._T_parent_joints @ turns
         for joint in range(1, len(self.axes)):
             poses[:, joint] = poses[:, joint - 1] @ poses[:, joint]
         return poses

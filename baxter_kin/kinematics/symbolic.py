@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 
 RIGHT_ANGLE = 1e-10
 """Geometry this close to right angles and intersecting axes, in rad and m, is taken for them: URDFs
@@ -44,7 +44,7 @@ class Shape(Enum):
     """All, as calibration leaves them."""
 
     @classmethod
-    def of(cls, dimensions: Vector) -> Shape:
+    def of(cls, dimensions: FloatArray) -> Shape:
         """The simplest that an arm of these dimensions has."""
         off = np.abs(dimensions - _NOMINAL)
         off[list(cls.SQUARE.value)] = 0.0
@@ -56,7 +56,7 @@ class Shape(Enum):
         return np.array(self.value)
 
 
-def dimensions_of(dh: DHParameters) -> Vector:
+def dimensions_of(dh: DHParameters) -> FloatArray:
     """What the chain between first and last axis is made of, shape (31,), m and rad.
 
     `a` (6), cosines and sines of `alpha` (6 and 6), `d` (5), `theta` less `QUARTERS` (5), and the
@@ -265,6 +265,6 @@ def _quaternion(dh: DHParameters, q: ca.SX) -> ca.SX:
     return quaternion_product(quat, _coefficients(dh.T_last_tip.rotation))
 
 
-def _coefficients(R: Vector) -> ca.SX:
-    xyzw: Vector = pin.Quaternion(R).coeffs()
+def _coefficients(R: FloatArray) -> ca.SX:
+    xyzw: FloatArray = pin.Quaternion(R).coeffs()
     return ca.SX(xyzw)

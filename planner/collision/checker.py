@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin import Arm
 from baxter_kin.errors import ConfigurationError, expect
-from baxter_kin.validation import Indices, Vector, finite_array
+from baxter_kin.validation import FloatArray, Indices, finite_array
 from baxter_kin.value_objects import OneLine, count
 from planner.clearance import Clearance
 from planner.collision.distances import UNKNOWN_DEPTH_M
@@ -129,7 +129,7 @@ class ClearanceChecker(OneLine):
         pair, distance_m = self._nearest(full)
         return self.checked.between(pair, distance_m)
 
-    def configuration(self, q: ArrayLike) -> Vector:
+    def configuration(self, q: ArrayLike) -> FloatArray:
         """A full configuration, shape (19,), known to be one that distances can be measured in.
 
         Raises:
@@ -153,7 +153,7 @@ class ClearanceChecker(OneLine):
         return self.checked.is_contact
 
     def distances_m(
-        self, full: Vector, pairs: Iterable[int], within_m: float = np.inf
+        self, full: FloatArray, pairs: Iterable[int], within_m: float = np.inf
     ) -> list[float]:
         """The distances of some pairs at a checked full configuration, shape (19,).
 
@@ -166,7 +166,7 @@ class ClearanceChecker(OneLine):
     def _facts(self) -> tuple[str, ...]:
         return repr(self.arm), f"{count(len(self.pairs), 'pair')} of shapes"
 
-    def _nearest(self, full: Vector) -> tuple[int, float]:
+    def _nearest(self, full: FloatArray) -> tuple[int, float]:
         """The nearest pair and its distance.
 
         Bounds below zero say nothing of how deep two are inside each other.

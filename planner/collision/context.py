@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.errors import ConfigurationError, expect
-from baxter_kin.validation import Vector, finite_array, float_array
+from baxter_kin.validation import FloatArray, finite_array, float_array
 from baxter_kin.value_objects import OneLine, millimetres
 from planner.clearance import Clearance, SweptResult
 from planner.collision.checker import ClearanceChecker
@@ -67,7 +67,7 @@ class CollisionContext(OneLine):
         self._proven: tuple[Trajectory | None, SweptResult | None] = None, None  # asked for twice
 
     @property
-    def q_others(self) -> Vector:
+    def q_others(self) -> FloatArray:
         """Where all other joints stand, shape (19,); of the arm's own it says nothing."""
         return self._q_full.copy()
 
@@ -141,7 +141,7 @@ class CollisionContext(OneLine):
     def _touches(self) -> Touches:
         return Touches(self.checker, self.margin_m)
 
-    def _full(self, q: ArrayLike) -> Vector:
+    def _full(self, q: ArrayLike) -> FloatArray:
         """A configuration with the rest of the robot, shape (19,); the next call overwrites it."""
         if not _is_near(q):
             q = finite_array(q, (7,), "q", ConfigurationError)
@@ -151,14 +151,14 @@ class CollisionContext(OneLine):
         self._q_full[self._where] = q
         return self._q_full
 
-    def _nearest(self, qs_full: list[Vector], margin_m: float) -> Vector:
+    def _nearest(self, qs_full: list[FloatArray], margin_m: float) -> FloatArray:
         """The least distance of every pair over some full configurations, shape (pairs,), m.
 
         Those beyond what makes them keep the whole margin are not measured any closer.
         """
         pairs, within_m = range(len(self.checker.may_touch)), margin_m / KEPT_SHARE
         found = [self.checker.distances_m(q, pairs, within_m) for q in qs_full]
-        least: Vector = np.min(found, axis=0)
+        least: FloatArray = np.min(found, axis=0)
         return least
 
 
@@ -178,7 +178,7 @@ class Touches:
     """
 
     def __init__(
-        self, checker: ClearanceChecker, margin_m: float = 0.0, nearest_m: Vector | None = None
+        self, checker: ClearanceChecker, margin_m: float = 0.0, nearest_m: FloatArray | None = None
     ) -> None:
         self._made_of = checker, margin_m, nearest_m
         self._model, self._geometry = checker.robot, checker.for_contacts.copy()
@@ -200,7 +200,7 @@ class Touches:
     def __reduce__(self) -> tuple[type[Touches], tuple[object, ...]]:
         return type(self), self._made_of
 
-    def __call__(self, q_full: Vector) -> bool:
+    def __call__(self, q_full: FloatArray) -> bool:
         """At a full configuration, checked, shape (19,)."""
         found = pin.computeCollisions(self._model, self._data, self._broad_phase, q_full, True)
         return bool(found)

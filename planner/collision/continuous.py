@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.errors import expect
-from baxter_kin.validation import Indices, Vector, finite_scalar
+from baxter_kin.validation import FloatArray, Indices, finite_scalar
 from planner.clearance import Clearance, SweptContact, SweptProof, SweptResult
 from planner.collision.checker import FARTHEST_JOINT, ClearanceChecker
 from planner.collision.distances import UNKNOWN_DEPTH_M
@@ -113,20 +113,20 @@ class _Tasks:
         pair: which pair, for each task, shape (k,).
     """
 
-    starts_s: Vector
-    ends_s: Vector
+    starts_s: FloatArray
+    ends_s: FloatArray
     interval: Indices
     pair: Indices
 
     @classmethod
-    def of(cls, starts_s: Vector, ends_s: Vector, pairs: Indices) -> _Tasks:
+    def of(cls, starts_s: FloatArray, ends_s: FloatArray, pairs: Indices) -> _Tasks:
         """Every pair of some over every interval."""
         count = len(starts_s)
         interval = np.repeat(np.arange(count), len(pairs))
         return cls(starts_s, ends_s, interval, np.tile(pairs, count))
 
     @property
-    def middles_s(self) -> Vector:
+    def middles_s(self) -> FloatArray:
         """Middles of the intervals, shape (m,)."""
         return (self.starts_s + self.ends_s) / 2
 
@@ -155,9 +155,9 @@ class Around(NamedTuple):
         motions_m: bounds on how far they come nearer during the interval, likewise.
     """
 
-    poses: Vector
-    gaps_m: Callable[[Indices, Indices], Vector]
-    motions_m: Callable[[Indices, Indices], Vector]
+    poses: FloatArray
+    gaps_m: Callable[[Indices, Indices], FloatArray]
+    motions_m: Callable[[Indices, Indices], FloatArray]
 
 
 class Motion(Protocol):
@@ -167,35 +167,35 @@ class Motion(Protocol):
     def duration_s(self) -> float:
         """From its begin to its end."""
 
-    def around(self, starts_s: Vector, ends_s: Vector) -> Around:
+    def around(self, starts_s: FloatArray, ends_s: FloatArray) -> Around:
         """The shapes in the middle of intervals, shape (m,) both, and their motion about it."""
 
 
 class ArmMotion:
     """A trajectory of the arm of a checker, all else at rest."""
 
-    def __init__(self, checker: ClearanceChecker, trajectory: Trajectory, full: Vector) -> None:
+    def __init__(self, checker: ClearanceChecker, trajectory: Trajectory, full: FloatArray) -> None:
         self.duration_s = trajectory.duration
         self._full, self._span = full, JointSpan(trajectory)
         self._motion_bounds = checker.motion_bounds
         self._covers, self._padding_m = checker.checked.covers, checker.checked.padding_m
         self._moving, self._other = _outer_first(checker.pairs, self._motion_bounds.depth)
 
-    def around(self, starts_s: Vector, ends_s: Vector) -> Around:
+    def around(self, starts_s: FloatArray, ends_s: FloatArray) -> Around:
         """By lever arms and exact turns."""
         qs, turns = self._span.around_middle(starts_s, ends_s)
         placed = self._motion_bounds.place(self._full, qs)
 
-        def gaps_m(interval: Indices, pair: Indices) -> Vector:
+        def gaps_m(interval: Indices, pair: Indices) -> FloatArray:
             moving, other = self._moving[pair], self._other[pair]
             gaps = self._covers.gaps_m(placed.shapes, interval, moving, other)
             return gaps - self._padding_m[pair]
 
-        def motions_m(interval: Indices, pair: Indices) -> Vector:
+        def motions_m(interval: Indices, pair: Indices) -> FloatArray:
             seen_from = self._motion_bounds.depth[self._other[pair]]
             shapes, column = np.unique(self._moving[pair], return_inverse=True)
             motions = self._motion_bounds.motions_m(placed, turns, shapes)
-            moved: Vector = motions[interval, column, seen_from]
+            moved: FloatArray = motions[interval, column, seen_from]
             return moved
 
         return Around(placed.shapes, gaps_m, motions_m)
@@ -239,7 +239,7 @@ class _Search:
         self._duration_s = motion.duration_s
         self._touch: NDArray[np.bool_] = checked.is_contact
         self._needed_m = checked.needed_m(margin_m)
-        self._too_close_m: Vector = np.nextafter(self._needed_m + RESOLUTION_M, np.inf)
+        self._too_close_m: FloatArray = np.nextafter(self._needed_m + RESOLUTION_M, np.inf)
         self._nearest = Clearance(least_m, "", "")
         self._proven_m = np.inf
         self._intervals = self._evaluations = 0
@@ -301,20 +301,22 @@ class _Search:
         distances = self._measured(tasks, around.poses, gaps, within_m)
         return tasks.only(self._open(tasks, _sure(distances) - motions))
 
-    def _wanted_m(self) -> Vector:
+    def _wanted_m(self) -> FloatArray:
         """The distance that each pair shall be proven to keep, as it looks now, shape (n,)."""
         least_m = self._nearest.distance_m
         wanted_m = max(self._margin_m, min(TIGHTNESS * least_m, least_m - SLACK_M))
         return np.where(self._touch, self._needed_m, wanted_m)
 
-    def _open(self, tasks: _Tasks, kept_m: Vector) -> NDArray[np.bool_]:
+    def _open(self, tasks: _Tasks, kept_m: FloatArray) -> NDArray[np.bool_]:
         """Whether keeping so much, shape (k,), is not enough yet for each task."""
         enough = kept_m > self._wanted_m()[tasks.pair]
         counted = kept_m[enough & ~self._touch[tasks.pair]]
         self._proven_m = min(self._proven_m, float(counted.min(initial=np.inf)))
         return ~enough
 
-    def _measured(self, tasks: _Tasks, poses: Vector, gaps: Vector, within_m: Vector) -> Vector:
+    def _measured(
+        self, tasks: _Tasks, poses: FloatArray, gaps: FloatArray, within_m: FloatArray
+    ) -> FloatArray:
         """Distances in the middle of the intervals, shape (k,), m, or lower bounds on them.
 
         Args:
@@ -344,7 +346,7 @@ class _Search:
         self._judge(tasks, found, np.arange(len(found)), exact.tolist())
         return found
 
-    def _judge(self, tasks: _Tasks, found: Vector, each: Indices, exact: Sequence[int]) -> None:
+    def _judge(self, tasks: _Tasks, found: FloatArray, each: Indices, exact: Sequence[int]) -> None:
         """Stop where one of some is too near; and take over the nearest of those known exactly."""
         pairs = tasks.pair[each]
         is_too_close = (found[each] < self._too_close_m[pairs]).any()
@@ -355,11 +357,11 @@ class _Search:
         if least >= 0 and found[least] < self._nearest.distance_m:
             self._nearest = self._found(tasks, found, least)
 
-    def _found(self, tasks: _Tasks, distances: Vector, task: int) -> Clearance:
+    def _found(self, tasks: _Tasks, distances: FloatArray, task: int) -> Clearance:
         time_s = float(tasks.middles_s[tasks.interval[task]])
         return self._checked.between(int(tasks.pair[task]), distances[task], time_s)
 
-    def _stop(self, tasks: _Tasks, distances: Vector, task: int) -> NoReturn:
+    def _stop(self, tasks: _Tasks, distances: FloatArray, task: int) -> NoReturn:
         raise _NotClearError(
             SweptContact(
                 self._found(tasks, distances, task),
@@ -379,7 +381,7 @@ class _NotClearError(Exception):
         super().__init__(str(contact))
 
 
-def _sure(distances: Vector) -> Vector:
+def _sure(distances: FloatArray) -> FloatArray:
     """What is left of measured distances, shape (k,), m, when they are as wrong as they may be."""
     return distances - ACCURACY_M * np.maximum(1.0, distances)
 

@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.scene.contact import DISTANCE_TOLERANCE_M
 
 UNKNOWN_DEPTH_M = -0.01
@@ -52,11 +52,11 @@ class Enclosure:
         triangles: shape (m, 3), turned outwards.
     """
 
-    vertices: Vector
+    vertices: FloatArray
     triangles: Indices
 
     @cached_property
-    def bounds(self) -> tuple[Vector, Vector]:
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
         """The corners of the box around what it encloses; the wrong way round for nothing."""
         return self.vertices.min(axis=0, initial=np.inf), self.vertices.max(axis=0, initial=-np.inf)
 
@@ -65,7 +65,7 @@ class Enclosure:
         """Nothing counts as inside."""
         return cls(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp))
 
-    def winds_about(self, point: Vector) -> bool:
+    def winds_about(self, point: FloatArray) -> bool:
         """Whether it encloses a point of its own frame, shape (3,)."""
         low, high = self.bounds
         if (point < low).any() or (point > high).any():
@@ -117,7 +117,7 @@ class Distances:
         self._poses = np.zeros((0, 4, 4))
         self._placed: list[coal.Transform3s | None] = []
 
-    def place(self, poses: Vector) -> None:
+    def place(self, poses: FloatArray) -> None:
         """Bring the shapes to poses in base, shape (n, 4, 4)."""
         self._poses = poses
         self._placed = [None] * len(poses)
@@ -201,7 +201,7 @@ class Distances:
         return placed
 
 
-def _point_of(geometry: coal.CollisionGeometry) -> Vector:
+def _point_of(geometry: coal.CollisionGeometry) -> FloatArray:
     """A point of a shape, in its own frame, shape (3,), m."""
     if isinstance(geometry, coal.BVHModelBase):
         return np.array(geometry.vertex(0))

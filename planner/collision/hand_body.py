@@ -20,7 +20,7 @@ import pinocchio as pin
 from baxter_kin.description import RobotDescription
 from baxter_kin.description.mounting import is_finger, is_tool
 from baxter_kin.description.urdf import ShapeKind, UrdfJoint, UrdfShape
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import FrozenMapping
 from planner.collision.robot_body import LinkBody, RobotBody, Triangulated
 from planner.errors import SceneError
@@ -103,7 +103,7 @@ def around(shape: UrdfShape) -> Triangulated:
     return Triangulated(placed, triangles.astype(np.int64))
 
 
-def _directions(count: int) -> Vector:
+def _directions(count: int) -> FloatArray:
     """Unit vectors all over a ball, shape (count, 3): a spiral by the golden angle (Vogel 1979)."""
     number = np.arange(count) + 0.5
     z, turn = 1.0 - 2.0 * number / count, math.pi * (1.0 + math.sqrt(5.0)) * number

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from baxter_kin import Baxter
 from baxter_kin.description import RobotDescription
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 ROUNDING = 1e-9
 """How far from the drawings, m and of rotations, a joint may be and still count as drawn."""
@@ -123,6 +123,6 @@ def other_side(name: str) -> str:
     return name
 
 
-def _range(model: pin.Model, joint: int) -> Vector:
+def _range(model: pin.Model, joint: int) -> FloatArray:
     at = model.joints[joint].idx_q
     return np.array([model.lowerPositionLimit[at], model.upperPositionLimit[at]])

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from baxter_kin import Arm
 from baxter_kin.errors import expect
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.errors import TrajectoryError
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
@@ -38,8 +38,8 @@ class Placed(NamedTuple):
         shapes: poses of all shapes in base, shape (m, n, 4, 4).
     """
 
-    joints: Vector
-    shapes: Vector
+    joints: FloatArray
+    shapes: FloatArray
 
 
 class MotionBounds:
@@ -68,7 +68,7 @@ class MotionBounds:
         self._others = np.zeros(0)
         self._covers = covers
 
-    def place(self, full: Vector, qs: Vector) -> Placed:
+    def place(self, full: FloatArray, qs: FloatArray) -> Placed:
         """Poses at arm configurations, shape (m, 7), the other joints as in `full`, shape (19,)."""
         others = np.array(full)
         others[self.q_index] = 0.0
@@ -79,7 +79,7 @@ class MotionBounds:
         shapes[:, self._moved] = joints[:, self.depth[self._moved] - 1] @ self._T_arm_shapes
         return Placed(joints, shapes)
 
-    def _stand(self, others: Vector) -> None:
+    def _stand(self, others: FloatArray) -> None:
         """Take over where all shapes stand, those of the arm as they are on its joints."""
         pin.forwardKinematics(self._robot, self._data, others)
         joints = np.array([T.homogeneous for T in self._data.oMi])
@@ -88,12 +88,14 @@ class MotionBounds:
         self._T_arm_shapes = np.linalg.inv(joints[on]) @ self._standing[self._moved]
         self._others = others
 
-    def axes(self, placed: Placed) -> Vector:
+    def axes(self, placed: Placed) -> FloatArray:
         """The joints' axes at m configurations, in base, shape (m, 7, 3)."""
-        turned: Vector = (placed.joints[..., :3, :3] @ self._joint_chain.axes[:, :, None])[..., 0]
+        turned: FloatArray = (placed.joints[..., :3, :3] @ self._joint_chain.axes[:, :, None])[
+            ..., 0
+        ]
         return turned
 
-    def motions_m(self, placed: Placed, turns: Vector, shapes: Indices) -> Vector:
+    def motions_m(self, placed: Placed, turns: FloatArray, shapes: Indices) -> FloatArray:
         """How far any point of a shape moves while each joint turns by at most so much.
 
         Args:
@@ -110,7 +112,7 @@ class MotionBounds:
         moved[:, :, :-1] = np.cumsum(steps[:, :, ::-1], axis=2)[:, :, ::-1]
         return moved
 
-    def _levers(self, placed: Placed, shapes: Indices) -> Vector:
+    def _levers(self, placed: Placed, shapes: Indices) -> FloatArray:
         """Greatest distance of each shape from each axis before it, (m, n, 7)."""
         covers, count = self._covers, len(self._chain)
         ends = _points(placed.shapes[:, shapes], covers.ends[shapes])  # m, n, 2, 3
@@ -131,14 +133,16 @@ class Covers(NamedTuple):
     a capsule between `ends`, (n, 2, 3), of `radii`, (n,).
     """
 
-    lowest: Vector
-    highest: Vector
-    centres: Vector
-    ball_radii: Vector
-    ends: Vector
-    radii: Vector
+    lowest: FloatArray
+    highest: FloatArray
+    centres: FloatArray
+    ball_radii: FloatArray
+    ends: FloatArray
+    radii: FloatArray
 
-    def gaps_m(self, poses: Vector, number: Indices, first: Indices, second: Indices) -> Vector:
+    def gaps_m(
+        self, poses: FloatArray, number: Indices, first: Indices, second: Indices
+    ) -> FloatArray:
         """Lower bounds on the distances of pairs, shape (k,), metres; negative says nothing.
 
         The first of each pair is taken as a ball around it, the second as a box around it.
@@ -155,7 +159,7 @@ class Covers(NamedTuple):
         inside = np.einsum("kji,kj->ki", T[:, :3, :3], apart)  # in the frame of the second
         outside = np.maximum(self.lowest[second] - inside, inside - self.highest[second])
         distances = np.linalg.norm(np.maximum(outside, 0.0), axis=1)
-        gaps: Vector = distances - self.ball_radii[first]
+        gaps: FloatArray = distances - self.ball_radii[first]
         return gaps
 
     def with_those_of(self, geometries: list[coal.CollisionGeometry]) -> Covers:
@@ -203,7 +207,9 @@ class JointSpan:
         self._times = np.unique(np.clip(times, 0.0, trajectory.duration))
         self._positions = trajectory.sample(self._times).q
 
-    def around_middle(self, starts_s: Vector, ends_s: Vector) -> tuple[Vector, Vector]:
+    def around_middle(
+        self, starts_s: FloatArray, ends_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Where the joints are in the middle of intervals, and how far they get from there.
 
         Args:
@@ -224,15 +230,17 @@ class JointSpan:
         lowest = np.maximum(middles - self._over(np.minimum, first, last, middles), 0.0)
         return middles, np.maximum(ends, np.maximum(highest, lowest)) + CONTINUITY_TOLERANCE
 
-    def _over(self, extreme: np.ufunc, first: Indices, last: Indices, empty: Vector) -> Vector:
+    def _over(
+        self, extreme: np.ufunc, first: Indices, last: Indices, empty: FloatArray
+    ) -> FloatArray:
         """The extreme of the collected positions first .. last - 1; `empty` where there is none."""
         padded = np.concatenate([self._positions, self._positions[-1:]])
         bounds = np.column_stack([first, last]).reshape(-1)
-        found: Vector = extreme.reduceat(padded, bounds, axis=0)[::2]
+        found: FloatArray = extreme.reduceat(padded, bounds, axis=0)[::2]
         return np.where((last > first)[:, None], found, empty)
 
 
-def _capsule(geometry: coal.CollisionGeometry, half: Vector) -> tuple[Vector, float]:
+def _capsule(geometry: coal.CollisionGeometry, half: FloatArray) -> tuple[FloatArray, float]:
     """From the middle to an end, shape (3,), and the radius, of a capsule around a shape."""
     axis = np.zeros(3)
     if isinstance(geometry, coal.Sphere):
@@ -245,7 +253,7 @@ def _capsule(geometry: coal.CollisionGeometry, half: Vector) -> tuple[Vector, fl
     return axis, float(np.linalg.norm(half - axis))
 
 
-def _points(poses: Vector, points: Vector) -> Vector:
+def _points(poses: FloatArray, points: FloatArray) -> FloatArray:
     """Points (n, k, 3) of the frames in `poses`, (m, n, 4, 4), as (m, n, k, 3) of base."""
     return points @ poses[..., :3, :3].swapaxes(-1, -2) + poses[..., None, :3, 3]
 

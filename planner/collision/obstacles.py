@@ -14,7 +14,7 @@ from typing import NamedTuple
 import coal
 import numpy as np
 
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.collision.checker import ClearanceChecker
 from planner.collision.distances import NO_DISTANCE_M, UNKNOWN_DEPTH_M
 from planner.collision.motion_bounds import Placed
@@ -49,8 +49,8 @@ class LinearBounds(NamedTuple):
         excess_m: the least excess, over all intervals; `REACH_M` where nothing is as near.
     """
 
-    weights: Vector
-    numbers: Vector
+    weights: FloatArray
+    numbers: FloatArray
     excess_m: float
 
 
@@ -62,7 +62,7 @@ class Obstacles:
     """
 
     def __init__(
-        self, checker: ClearanceChecker, q_others: Vector, resting: Vector, margin_m: float
+        self, checker: ClearanceChecker, q_others: FloatArray, resting: FloatArray, margin_m: float
     ) -> None:
         """Take the shapes, and look how near they are where the arm rests.
 
@@ -89,7 +89,7 @@ class Obstacles:
         if len(resting):
             self.needed_m = self._kept(self._motion_bounds.place(self._full, resting), margin_m)
 
-    def bounds(self, controls: Vector) -> LinearBounds:
+    def bounds(self, controls: FloatArray) -> LinearBounds:
         """Near a motion by its controls, shape (n + 3, 7)."""
         fractions = np.arange(LOOKS) / LOOKS
         windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)  # n, 7, 4
@@ -115,7 +115,7 @@ class Obstacles:
         weights = weights_at(fractions[deepest])
         return LinearBounds(weights, numbers, float(least.min()))
 
-    def _kept(self, placed: Placed, margin_m: float) -> Vector:
+    def _kept(self, placed: Placed, margin_m: float) -> FloatArray:
         gaps, least = self._gaps_m(placed), np.full(len(self._pairs), np.inf)
         for k, near in enumerate(gaps < margin_m / KEPT_SHARE):
             for i in np.flatnonzero(near).tolist():
@@ -123,14 +123,14 @@ class Obstacles:
         inside = np.where(self._is_own, -np.inf, least - DEEPER_M)
         return np.where(least <= 0.0, inside, np.minimum(margin_m, KEPT_SHARE * least))
 
-    def _gaps_m(self, placed: Placed) -> Vector:
+    def _gaps_m(self, placed: Placed) -> FloatArray:
         """Lower bounds on all distances, shape (configurations, pairs)."""
         count, pairs = len(placed.shapes), len(self._numbers)
         at, number = np.repeat(np.arange(count), pairs), np.tile(self._numbers, count)
         return self._checked.gaps_m(placed.shapes, at, number).reshape(count, pairs)
 
     def _nearest(
-        self, placed: Placed, k: int, gaps: Vector, most: int, within_m: float = REACH_M
+        self, placed: Placed, k: int, gaps: FloatArray, most: int, within_m: float = REACH_M
     ) -> list[tuple[float, int]]:
         """The least excesses at a configuration, up to so many, and of which pairs.
 
@@ -171,7 +171,7 @@ class Obstacles:
             self._poses[shape] = coal.Transform3s(T[:3, :3], T[:3, 3])
         return self._poses[shape]
 
-    def _slope(self, placed: Placed, k: int, i: int, axes: Vector) -> Vector:
+    def _slope(self, placed: Placed, k: int, i: int, axes: FloatArray) -> FloatArray:
         """Of a distance at a configuration, by the joints, shape (7,)."""
         self._distance(placed, k, i)
         joints = placed.joints[k]

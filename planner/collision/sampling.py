@@ -10,11 +10,11 @@ from typing import TypeAlias
 import numpy as np
 
 from baxter_kin.errors import expect
-from baxter_kin.validation import Vector, positive_scalar
+from baxter_kin.validation import FloatArray, positive_scalar
 from planner.errors import TrajectoryError
 from planner.trajectory import Trajectory
 
-IsFree: TypeAlias = Callable[[Vector], bool]
+IsFree: TypeAlias = Callable[[FloatArray], bool]
 """Whether an arm touches nothing at a configuration, shape (n,), rad."""
 
 SCREENING_STEP_RAD = 0.03
@@ -37,7 +37,7 @@ def looks_clear(trajectory: Trajectory, is_free: IsFree, step_rad: float) -> boo
     return all(is_free(qs[i]) for i in bisecting(len(times)))
 
 
-def sample_times(trajectory: Trajectory, step_rad: float) -> Vector:
+def sample_times(trajectory: Trajectory, step_rad: float) -> FloatArray:
     """Times between which no joint moves by more than `step_rad`, both ends included.
 
     Raises:
@@ -63,8 +63,8 @@ def bisecting(count: int) -> tuple[int, ...]:
     return tuple(dict.fromkeys([0, count - 1, *inner])) if count else ()
 
 
-def _top_speeds(trajectory: Trajectory) -> Vector:
+def _top_speeds(trajectory: Trajectory) -> FloatArray:
     """The speed of the fastest joint in every segment, exact, shape (m,), rad/s."""
     v = trajectory.v
-    speeds: Vector = np.abs([v[:-1], v[1:], trajectory.turning_velocities]).max(axis=(0, 2))
+    speeds: FloatArray = np.abs([v[:-1], v[1:], trajectory.turning_velocities]).max(axis=(0, 2))
     return speeds

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from baxter_kin import Arm
 from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import Clearance
 from planner.collision.distances import Distances, Enclosure
 from planner.collision.motion_bounds import Covers
@@ -159,13 +159,13 @@ class CheckedPairs:
         added = [shape.geometry for shape in built.made[len(robot.made) :]]
         self.covers: Covers = robot.covers.with_those_of(added)
         self.numbers: Indices = np.array(built.numbers, dtype=np.intp).reshape(-1, 2)
-        self.needs_m: Vector = np.full(len(self.numbers), np.nan)
+        self.needs_m: FloatArray = np.full(len(self.numbers), np.nan)
         self.needs_m[list(built.needs_m)] = list(built.needs_m.values())
         outside, thicker = (
             np.array([getattr(each, name) for each in built.made])[self.numbers].sum(axis=1)
             for name in ("margin_m", "padding_m")
         )
-        self.padding_m: Vector = outside + np.where(self.is_contact, 0.0, thicker)
+        self.padding_m: FloatArray = outside + np.where(self.is_contact, 0.0, thicker)
         self.distances = Distances(
             self.geometry,
             [each.enclosure for each in built.made],
@@ -179,11 +179,11 @@ class CheckedPairs:
         """Whether a pair need not keep a margin, shape (n,)."""
         return ~np.isnan(self.needs_m)
 
-    def needed_m(self, margin_m: float) -> Vector:
+    def needed_m(self, margin_m: float) -> FloatArray:
         """What the distance of every pair must exceed when a margin is asked for, shape (n,)."""
         return np.where(self.is_contact, self.needs_m, margin_m)
 
-    def gaps_m(self, poses: Vector, number: Indices, pair: Indices) -> Vector:
+    def gaps_m(self, poses: FloatArray, number: Indices, pair: Indices) -> FloatArray:
         """Lower bounds on distances, less the padding, shape (k,), m.
 
         Args:

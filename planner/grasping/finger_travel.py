@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import SweptContact, SweptProof, SweptResult
 from planner.collision.continuous import Around, contact_of, prove_motion
 from planner.collision.shape_pairs import CheckedPairs, ShapePairs
@@ -100,7 +100,7 @@ class TravelCheck:
         first, second = self._checked.numbers.T
         self._rates = np.abs(signs[first] - signs[second])
 
-    def at(self, q: Vector, margin_m: float) -> SweptResult:
+    def at(self, q: FloatArray, margin_m: float) -> SweptResult:
         """A proof for an arm that stands at `q`, shape (7,), rad, or what speaks against it."""
         motion = self._motion(self._poses(q), self._manipulator.arm.T_base_tip(q))
         return prove_motion(self._checked, motion, margin_m, np.flatnonzero(self._rates > 0.0))
@@ -116,13 +116,13 @@ class TravelCheck:
         motion, counts = self._motion(poses, T_base_tip), counts & (self._rates > 0.0)
         return contact_of(self._checked, motion, margin_m, np.flatnonzero(counts))
 
-    def _motion(self, poses: Vector, T_base_tip: pin.SE3) -> FingerMotion:
+    def _motion(self, poses: FloatArray, T_base_tip: pin.SE3) -> FingerMotion:
         travel = self._travel
         poses[1, self._pushed, :3, 3] += travel.pushed_m * T_base_tip.rotation[:, 1]
         length_m = max(abs(travel.end_m - travel.begin_m), abs(travel.pushed_m))
         return FingerMotion(poses, length_m, self._rates, self._checked)
 
-    def _poses(self, q: Vector) -> Vector:
+    def _poses(self, q: FloatArray) -> FloatArray:
         """Poses of all shapes with the fingers where they begin and end, shape (2, n, 4, 4)."""
         robot, geometry = self._manipulator.robot.model, self._checked.geometry
         data, placed = robot.createData(), geometry.createData()
@@ -151,9 +151,9 @@ class FingerMotion:
         checked: the pairs.
     """
 
-    ends: Vector
+    ends: FloatArray
     length_m: float
-    rates: Vector
+    rates: FloatArray
     checked: CheckedPairs
 
     @property
@@ -161,18 +161,18 @@ class FingerMotion:
         """With a finger that goes at `FINGER_SPEED_M_S`."""
         return self.length_m / FINGER_SPEED_M_S
 
-    def around(self, starts_s: Vector, ends_s: Vector) -> Around:
+    def around(self, starts_s: FloatArray, ends_s: FloatArray) -> Around:
         """By interpolation."""
         shares = (starts_s + ends_s)[:, None, None] / (2 * max(self.duration_s, SHORTEST_S))
         poses = np.repeat(self.ends[:1], len(starts_s), axis=0)
         poses[..., :3, 3] += shares * (self.ends[1] - self.ends[0])[..., :3, 3]
         travels = FINGER_SPEED_M_S * (ends_s - starts_s) / 2
 
-        def gaps_m(interval: Indices, pair: Indices) -> Vector:
+        def gaps_m(interval: Indices, pair: Indices) -> FloatArray:
             return self.checked.gaps_m(poses, interval, pair)
 
-        def motions_m(interval: Indices, pair: Indices) -> Vector:
-            moved: Vector = travels[interval] * self.rates[pair]
+        def motions_m(interval: Indices, pair: Indices) -> FloatArray:
+            moved: FloatArray = travels[interval] * self.rates[pair]
             return moved
 
         return Around(poses, gaps_m, motions_m)
@@ -181,7 +181,7 @@ class FingerMotion:
 def prove_travel(
     manipulator: Manipulator,
     travels: Sequence[FingerTravel],
-    q: Vector,
+    q: FloatArray,
     *,
     margin_m: float = 0.0,
 ) -> SweptResult:

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import expect
-from baxter_kin.validation import Vector, finite_scalar, positive_scalar
+from baxter_kin.validation import FloatArray, finite_scalar, positive_scalar
 from planner.errors import SceneError
 from planner.grasping.grasp import extent
 from planner.grasping.hand import Hand
@@ -88,7 +88,7 @@ def _best_yaw(hand: Hand, body: Body, preferred: float) -> float:
     return min(best, key=lambda yaw: abs(math.remainder(yaw - preferred, math.tau)))
 
 
-def _sides(part: Part, R_base_body: Vector) -> Iterator[float]:
+def _sides(part: Part, R_base_body: FloatArray) -> Iterator[float]:
     """Yaws at which the closing axis is along or across an axis of a shape, level in base."""
     if isinstance(part.shape, Mesh):
         yield from np.arange(0.0, math.pi, MESH_STEP_RAD).tolist()
@@ -98,7 +98,7 @@ def _sides(part: Part, R_base_body: Vector) -> Iterator[float]:
             yield from (math.atan2(y, x), math.atan2(x, -y))
 
 
-def _axes(shape: Shape) -> Vector:
+def _axes(shape: Shape) -> FloatArray:
     """Axes of a shape that it is not round about, in rows, shape (n, 3)."""
     if isinstance(shape, Box):
         return np.eye(3)
@@ -125,7 +125,7 @@ def _tip_z(hand: Hand, body: Body, clear_m: float) -> float:
     return max(centred, off_the_ground, under_the_palm)
 
 
-def _yawed(yaw: float) -> Vector:
+def _yawed(yaw: float) -> FloatArray:
     """R_base_tip of the tool that points down, turned by a yaw about z of base."""
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ R_BASE_DOWN

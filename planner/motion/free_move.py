@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
 from baxter_kin.errors import expect
-from baxter_kin.validation import Vector, positive_scalar
+from baxter_kin.validation import FloatArray, positive_scalar
 from planner.collision.context import CollisionContext
 from planner.collision.continuous import checked_margin_m
 from planner.collision.obstacles import JOINTS, Obstacles
@@ -167,7 +167,7 @@ class _Search:
         )
         return next((motion for (motion,) in motions if self.is_clear(motion)), None)
 
-    def _corners(self, is_free: IsFree, step_rad: float) -> Vector | None:
+    def _corners(self, is_free: IsFree, step_rad: float) -> FloatArray | None:
         left_s = self.deadline_s - time.monotonic()
         if left_s <= 0.0:
             return None
@@ -187,7 +187,7 @@ def _program() -> MotionProgram:
     return MotionProgram([Phase(INTERVALS, rests=True, at_goal=True)], keeps_clear=True)
 
 
-def _through(corners: Vector, limits: JointLimits) -> Sketch:
+def _through(corners: FloatArray, limits: JointLimits) -> Sketch:
     """Along straight lines, without a stop; a guess."""
     times = np.cumsum([0.0, *rest_to_rest_s(np.diff(corners, axis=0), limits)])
     t = np.linspace(0.0, 1.0, INTERVALS + 1)

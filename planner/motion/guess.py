@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from baxter_kin import Arm, JointLimits
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.motion.joint_move import rest_to_rest_s
 from planner.motion.straight_line import StraightLine
 from planner.splines import Sketch, trajectory_of
@@ -40,7 +40,7 @@ class Way(NamedTuple):
     ends_at_rest: bool = False
 
 
-def along(arm: Arm, limits: JointLimits, q: Vector, way: Way) -> Sketch | Followed:
+def along(arm: Arm, limits: JointLimits, q: FloatArray, way: Way) -> Sketch | Followed:
     """Along a line, from rest at a configuration; how far where the arm cannot follow.
 
     Args:
@@ -66,13 +66,13 @@ def along(arm: Arm, limits: JointLimits, q: Vector, way: Way) -> Sketch | Follow
     return Sketch(qs, v_ends, duration_s)
 
 
-def drawn_to(sketch: Sketch, q_end: Vector, duration_s: float) -> Sketch:
+def drawn_to(sketch: Sketch, q_end: FloatArray, duration_s: float) -> Sketch:
     """The same from rest to rest, but for an end elsewhere and another duration."""
     share = _eased(np.linspace(0.0, 1.0, len(sketch.q)))[:, None]
     return Sketch(sketch.q + share * (q_end - sketch.q[-1]), sketch.v_ends, duration_s)
 
 
-def _eased(t: Vector) -> Vector:
+def _eased(t: FloatArray) -> FloatArray:
     """From 0 to 1, at rest at both."""
     return t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
 
@@ -86,20 +86,20 @@ class Followed(NamedTuple):
         q: where it is there, shape (7,), rad.
     """
 
-    qs: list[Vector]
+    qs: list[FloatArray]
     fraction: float
-    q: Vector
+    q: FloatArray
 
 
 def followed(
-    arm: Arm, limits: JointLimits, q: Vector, line: StraightLine, fractions: Sequence[float]
+    arm: Arm, limits: JointLimits, q: FloatArray, line: StraightLine, fractions: Sequence[float]
 ) -> Followed:
     """Configurations at fractions of a line, one after the other, as far as the arm can follow.
 
     Newton's method with steps of least norm (Whitney, "Resolved motion rate control of manipulators
     and human prostheses", 1969); joints that meet a limit are held there.
     """
-    found: list[Vector] = []
+    found: list[FloatArray] = []
     at = 0.0
     for s in fractions:
         to = s
@@ -116,8 +116,8 @@ def followed(
 
 
 def _corrected(
-    arm: Arm, limits: JointLimits, q: Vector, line: StraightLine, s: float
-) -> Vector | None:
+    arm: Arm, limits: JointLimits, q: FloatArray, line: StraightLine, s: float
+) -> FloatArray | None:
     for _ in range(STEPS):
         error = line.error(s, arm.T_base_tip(q))
         if np.linalg.norm(error) <= ACCURACY:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
 from baxter_kin.errors import expect
-from baxter_kin.validation import Vector, finite_array, float_array
+from baxter_kin.validation import FloatArray, finite_array, float_array
 from planner.errors import MotionError, TrajectoryError
 from planner.trajectory import CONTINUITY_TOLERANCE, JointState, Trajectory, joined
 
@@ -85,7 +85,7 @@ def plan_joint_move(
     return trajectory
 
 
-def rest_to_rest_s(displacement: ArrayLike, limits: JointLimits) -> Vector:
+def rest_to_rest_s(displacement: ArrayLike, limits: JointLimits) -> FloatArray:
     """Durations of the fastest motions from rest to rest, shape (...,), s.
 
     What `plan_joint_move` takes, a hundred times faster and for many ways at once. One joint
@@ -113,11 +113,11 @@ def rest_to_rest_s(displacement: ArrayLike, limits: JointLimits) -> Vector:
     cruising = way / v + v / a_top + a_top / j
     needs_less = j * unlimited / 4.0 <= a_top
     joints = np.where(needs_less, unlimited, np.where(v_top <= v, steady, cruising))
-    slowest: Vector = joints.max(axis=-1)
+    slowest: FloatArray = joints.max(axis=-1)
     return slowest
 
 
-def stopping_at(corners: Vector, limits: JointLimits) -> Trajectory:
+def stopping_at(corners: FloatArray, limits: JointLimits) -> Trajectory:
     """The fastest motion along straight lines from corner to corner, (m, n), at rest in each."""
     return joined([plan_joint_move(q, q_next, limits) for q, q_next in pairwise(corners)])
 
@@ -136,8 +136,8 @@ def _checked_state(
 
 
 def _checked_rate(
-    what: str, rate: ArrayLike | None, bound: Vector, names: tuple[str, ...]
-) -> Vector:
+    what: str, rate: ArrayLike | None, bound: FloatArray, names: tuple[str, ...]
+) -> FloatArray:
     if rate is None:
         return np.zeros(len(names))
     array = finite_array(rate, (len(names),), what, MotionError)
@@ -230,7 +230,7 @@ def _trajectory(
         raise MotionError(f"the limits leave no room for exact arithmetic: {cause}") from cause
 
 
-def _phases(profile: ruckig.Profile) -> tuple[Vector, Vector]:
+def _phases(profile: ruckig.Profile) -> tuple[FloatArray, FloatArray]:
     """When each of one joint's phases of constant jerk begins, shape (10,), and that jerk.
 
     Up to two to brake come before the seven; no jerk after the last.
@@ -240,7 +240,7 @@ def _phases(profile: ruckig.Profile) -> tuple[Vector, Vector]:
     return np.cumsum([0.0, *lasting]), np.array(jerks)
 
 
-def _merged(times: list[Vector], duration: float) -> Vector:
+def _merged(times: list[FloatArray], duration: float) -> FloatArray:
     """All phase boundaries in order, those closer than rounding made one; 0 and the end stay."""
     knots = [0.0]
     for t in np.unique(np.concatenate(times)).tolist():

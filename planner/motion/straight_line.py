@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from baxter_kin.errors import expect, millimetres_hint
 from baxter_kin.frames import PoseLike, angle_between, checked_pose
 from baxter_kin.kinematics.joint_chain import JointChain
-from baxter_kin.validation import Vector, finite_array, finite_scalar, float_array
+from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
 from baxter_kin.value_objects import Frozen, OneLine, millimetres, position
 from planner.errors import MotionError, StraightMoveError
 from planner.scene.bodies import FARTHEST_M
@@ -89,7 +89,7 @@ class StraightLine(Frozen, OneLine):
 
     T_base_start: pin.SE3
     T_base_goal: pin.SE3
-    twist: Vector = field(init=False)
+    twist: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
         """Check both poses and compute the twist.
@@ -154,7 +154,7 @@ class StraightLine(Frozen, OneLine):
             return float(turn @ pin.log3(T.rotation @ start.rotation.T) / (turn @ turn))
         return float(way @ (T.translation - start.translation) / max(way @ way, LEAST_LENGTH**2))
 
-    def off(self, T_base_tips: ArrayLike) -> tuple[Vector, Vector]:
+    def off(self, T_base_tips: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """How far tips, shape (m, 4, 4), are off its nearest points: m and rad, shape (m,) each.
 
         Raises:
@@ -171,10 +171,10 @@ class StraightLine(Frozen, OneLine):
         R = (turns[:, 0, :3, :3] @ self.T_base_start.rotation).swapaxes(1, 2) @ T[:, :3, :3]
         sines = [R[:, i, j] - R[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))]
         cosines = np.trace(R, axis1=1, axis2=2) - 1.0
-        off_rad: Vector = np.arctan2(np.linalg.norm(sines, axis=0), cosines)
+        off_rad: FloatArray = np.arctan2(np.linalg.norm(sines, axis=0), cosines)
         return np.linalg.norm(away - s[:, None] * way, axis=1), off_rad
 
-    def error(self, s: float, T_base_tip: pin.SE3) -> Vector:
+    def error(self, s: float, T_base_tip: pin.SE3) -> FloatArray:
         """The twist from a pose to the one at s, shape (6,), m and rad, along the axes of base.
 
         Raises:

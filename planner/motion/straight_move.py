@@ -14,7 +14,7 @@ from baxter_kin.errors import expect, millimetres_hint
 from baxter_kin.frames import PoseLike
 from baxter_kin.ik import sample_solutions
 from baxter_kin.ik.geometry.reach import ReachBound
-from baxter_kin.validation import Vector, finite_scalar, whole_scalar
+from baxter_kin.validation import FloatArray, finite_scalar, whole_scalar
 from planner.errors import MotionError, StraightMoveError
 from planner.motion.guess import Followed, Way, along, drawn_to
 from planner.motion.joint_move import plan_joint_move, rest_to_rest_s, stopping_at
@@ -193,7 +193,7 @@ def _near(
     tolerance: LineTolerance,
     fineness: int,
     *,
-    other: tuple[Vector, float] | None = None,
+    other: tuple[FloatArray, float] | None = None,
 ) -> Trajectory | None:
     """What is found near steps of least norm; or near those drawn to another end, if it is faster.
 
@@ -237,7 +237,7 @@ def _program(phase: Phase) -> MotionProgram:
     return MotionProgram((phase,))
 
 
-def _rates(line: StraightLine, which: str, speed: float, acceleration: float) -> Vector:
+def _rates(line: StraightLine, which: str, speed: float, acceleration: float) -> FloatArray:
     """First and second derivative of the line's fraction by time, shape (2,)."""
     speed = finite_scalar(speed, f"speed_{which}_m_s", MotionError)
     acceleration = finite_scalar(acceleration, f"acceleration_{which}_m_s2", MotionError)
@@ -259,7 +259,7 @@ def _rates(line: StraightLine, which: str, speed: float, acceleration: float) ->
     return np.array([speed, acceleration]) / line.length_m
 
 
-def _refuse_too_fast(arm: Arm, limits: JointLimits, task: MotionTask, q_end: Vector) -> None:
+def _refuse_too_fast(arm: Arm, limits: JointLimits, task: MotionTask, q_end: FloatArray) -> None:
     """Stop where even the joint velocities of least norm at an end have more than all limits allow.
 
     Raises:
@@ -285,7 +285,7 @@ def _why_not(arm: Arm, limits: JointLimits, line: StraightLine, end: Followed) -
     return StraightMoveError(end.fraction, f"{reason}{hint}")
 
 
-def _stopped(arm: Arm, limits: JointLimits, q: Vector) -> str:
+def _stopped(arm: Arm, limits: JointLimits, q: FloatArray) -> str:
     for which, bound in (("lower", limits.q_min), ("upper", limits.q_max)):
         at_limit = np.flatnonzero(np.abs(q - bound) <= NEAR_LIMIT_RAD)
         if at_limit.size:

@@ -24,7 +24,7 @@ from ompl import base, geometric, util
 
 from baxter_kin import JointLimits
 from baxter_kin.errors import expect
-from baxter_kin.validation import Vector, positive_scalar
+from baxter_kin.validation import FloatArray, positive_scalar
 from planner.collision.sampling import IsFree
 from planner.errors import MotionError
 
@@ -52,7 +52,7 @@ def search_corners(
     rng: np.random.Generator,
     timeout_s: float,
     step_rad: float = EDGE_STEP_RAD,
-) -> Vector | None:
+) -> FloatArray | None:
     """Corners from start to goal, the straight lines between them free at samples.
 
     Args:
@@ -131,8 +131,8 @@ def _space(limits: JointLimits, is_free: IsFree, fraction: float) -> base.SpaceI
 
 
 def _solution(
-    space: base.SpaceInformation, ends: tuple[Vector, Vector], deadline_s: float
-) -> Vector | None:
+    space: base.SpaceInformation, ends: tuple[FloatArray, FloatArray], deadline_s: float
+) -> FloatArray | None:
     """The corners that RRT-Connect finds, shape (m, n), if they reach the goal."""
     problem = base.ProblemDefinition(space)
     states = [_state(space, q) for q in ends]
@@ -147,12 +147,12 @@ def _solution(
     return np.array([_vector(s, ends[0].size) for s in problem.getSolutionPath().getStates()])
 
 
-def _state(space: base.SpaceInformation, q: Vector) -> base.State:
+def _state(space: base.SpaceInformation, q: FloatArray) -> base.State:
     state = space.allocState()
     for i, angle in enumerate(q.tolist()):
         state[i] = angle
     return state
 
 
-def _vector(state: base.State, joints: int) -> Vector:
+def _vector(state: base.State, joints: int) -> FloatArray:
     return np.array([state[i] for i in range(joints)])

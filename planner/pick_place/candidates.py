@@ -17,7 +17,7 @@ import pinocchio as pin
 from baxter_kin import IKService, JointLimits
 from baxter_kin.errors import expect
 from baxter_kin.ik import sample_solutions
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.collision.context import CollisionContext
 from planner.errors import MotionError
 from planner.motion.free_move import MARGIN_M
@@ -40,8 +40,8 @@ in the angle of s0."""
 class Pair(NamedTuple):
     """A solution at the pick and one at the place, shape (7,) both, rad."""
 
-    q_pick: Vector
-    q_place: Vector
+    q_pick: FloatArray
+    q_place: FloatArray
 
 
 class Solutions:
@@ -55,7 +55,7 @@ class Solutions:
             is free.
     """
 
-    def __init__(self, stage: str, qs: Vector, context: CollisionContext) -> None:
+    def __init__(self, stage: str, qs: FloatArray, context: CollisionContext) -> None:
         self.stage, self.qs, self._context = stage, qs, context
         roomy = context.with_margin(context.margin_m + MARGIN_M)
         self.is_free = cache(lambda index: context.is_free(qs[index]))
@@ -163,14 +163,16 @@ def transfer_bound_s(
     return float(times.min(initial=np.inf))
 
 
-def _samples(ik: IKService, T_base_tip: pin.SE3) -> Vector:
+def _samples(ik: IKService, T_base_tip: pin.SE3) -> FloatArray:
     """Samples; where all of them miss a small solution set, the one that the service finds."""
     samples = sample_solutions(ik, T_base_tip)
     found = ik.solve(T_base_tip)
     return found.q[None] if not len(samples) and found.is_valid else samples
 
 
-def _leading_to(ik: IKService, qs: Vector, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
+def _leading_to(
+    ik: IKService, qs: FloatArray, T_base_tip: pin.SE3
+) -> tuple[FloatArray, FloatArray]:
     """Those configurations from which the search reaches a pose, and where it arrives."""
     if not len(qs):
         return qs, qs

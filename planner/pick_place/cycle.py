@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import pinocchio as pin
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.collision.context import CollisionContext
 from planner.errors import MotionError
 from planner.motion.straight_move import plan_straight_move
@@ -62,12 +62,12 @@ class Cycle(NamedTuple):
         return dict(zip(MOVES, self, strict=True))
 
     @property
-    def q_pick(self) -> Vector:
+    def q_pick(self) -> FloatArray:
         """The configuration at the pick, shape (7,), rad."""
         return self.down_to_pick.q_goal
 
     @property
-    def q_place(self) -> Vector:
+    def q_place(self) -> FloatArray:
         """The configuration at the place, shape (7,), rad."""
         return self.down_to_place.q_goal
 
@@ -87,7 +87,7 @@ class StoppingCycles:
         self._request, self._task, self._contexts = request, task, contexts
         self._planned: dict[tuple[str, bytes], Trajectory | NoSolutionError] = {}
 
-    def of(self, q_pick: Vector, q_place: Vector) -> Cycle:
+    def of(self, q_pick: FloatArray, q_place: FloatArray) -> Cycle:
         """The motions for a pair of solutions, those between the lines around what is there.
 
         Raises:
@@ -114,7 +114,7 @@ class StoppingCycles:
         )
         return Cycle(to_pick, down_pick, up_pick, to_place, down_place, up_end)
 
-    def _line(self, stage: str, q: Vector, T_base_top: pin.SE3) -> Trajectory:
+    def _line(self, stage: str, q: FloatArray, T_base_top: pin.SE3) -> Trajectory:
         key = stage, q.tobytes()
         if key not in self._planned:
             arm, limits = self._request.manipulator.arm, self._request.manipulator.limits

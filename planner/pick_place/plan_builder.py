@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pinocchio as pin
 
 from baxter_kin.frames import raised
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.clearance import SweptContact, SweptProof
 from planner.collision.context import CollisionContext
 from planner.errors import MotionError
@@ -47,7 +47,7 @@ class PlanBuilder:
         self._start = Situation.of(request.manipulator, request.scene, request.held)
 
     @property
-    def q(self) -> Vector:
+    def q(self) -> FloatArray:
         """Where the arm stands after the steps so far, shape (7,), rad."""
         moves = [step for step in self.steps if isinstance(step, Move)]
         return moves[-1].trajectory.q_goal if moves else self._request.q_start
@@ -92,7 +92,7 @@ class PlanBuilder:
         move = Move(label, trajectory, T_base_tip, ik, proof.nearest, proof, is_straight)
         self.steps.append(move)
 
-    def add_free_move(self, label: str, q_goal: Vector, context: CollisionContext) -> None:
+    def add_free_move(self, label: str, q_goal: FloatArray, context: CollisionContext) -> None:
         """Add a move to a configuration, around what is in the way.
 
         Raises:
@@ -176,7 +176,7 @@ def proven(label: str, motion: Trajectory, context: CollisionContext) -> SweptPr
 
 def free_motion(
     label: str,
-    ends: tuple[Vector, Vector],
+    ends: tuple[FloatArray, FloatArray],
     manipulator: Manipulator,
     context: CollisionContext,
     timeout_s: float = TIMEOUT_S,
@@ -198,7 +198,7 @@ def free_motion(
         raise NoSolutionError.at(label, str(cause)) from cause
 
 
-def refuse_blocked(label: str, q: Vector, context: CollisionContext, where: str) -> None:
+def refuse_blocked(label: str, q: FloatArray, context: CollisionContext, where: str) -> None:
     """Stop when the arm is too close to something at a configuration.
 
     Raises:

@@ -8,7 +8,7 @@ from dataclasses import InitVar, dataclass, field
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect, expect_all
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.collision.continuous import checked_margin_m
 from planner.errors import MotionError, SceneError, TaskError
 from planner.manipulator import Manipulator
@@ -46,7 +46,7 @@ class PlanRequest:
     held: Sequence[Holding] = ()
     line_tolerance: LineTolerance = STRICT
     q_name: InitVar[str] = "q_start"
-    q_start: Vector = field(init=False)
+    q_start: FloatArray = field(init=False)
 
     def __post_init__(self, q_given: ArrayLike, q_name: str) -> None:
         arm = expect(self.manipulator, Manipulator, "manipulator", TaskError).arm

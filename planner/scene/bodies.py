@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect, expect_all, millimetres_hint, quoted, shortened
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.validation import Vector, finite_array, is_text, positive_scalar
+from baxter_kin.validation import FloatArray, finite_array, is_text, positive_scalar
 from baxter_kin.value_objects import LONGEST_PART, FrozenMapping, OneLine, count, listing, position
 from planner.errors import SceneError
 from planner.scene.mesh import Mesh, checked_size
@@ -42,7 +42,7 @@ class Box:
         x, y, z = (_checked_length(edge, "box edge") for edge in size.tolist())
         object.__setattr__(self, "size_m", (x, y, z))
 
-    def support_m(self, direction: Vector) -> float:
+    def support_m(self, direction: FloatArray) -> float:
         """How far the shape extends from its centre along a unit direction, shape (3,)."""
         along = finite_array(direction, (3,), "direction", SceneError)
         return float(np.abs(along) @ np.array(self.size_m)) / 2
@@ -64,7 +64,7 @@ class Cylinder:
         _checked_length(self.radius_m, "cylinder radius_m")
         _checked_length(self.length_m, "cylinder length_m")
 
-    def support_m(self, direction: Vector) -> float:
+    def support_m(self, direction: FloatArray) -> float:
         """How far the shape extends from its centre along a unit direction, shape (3,)."""
         x, y, z = finite_array(direction, (3,), "direction", SceneError).tolist()
         return float(self.radius_m * math.hypot(x, y) + abs(z) * self.length_m / 2)
@@ -83,7 +83,7 @@ class Sphere:
     def __post_init__(self) -> None:
         _checked_length(self.radius_m, "sphere radius_m")
 
-    def support_m(self, direction: Vector) -> float:
+    def support_m(self, direction: FloatArray) -> float:
         """How far the shape extends from its centre along a unit direction, shape (3,)."""
         finite_array(direction, (3,), "direction", SceneError)
         return self.radius_m
@@ -184,7 +184,7 @@ class Body(OneLine):
         return min(lows), max(highs)
 
     @property
-    def centre_base(self) -> Vector:
+    def centre_base(self) -> FloatArray:
         """The middle of the body's axis-aligned bounding box in base, shape (3,), m."""
         return np.array([sum(self.extent_m(axis)) / 2 for axis in np.eye(3)])
 

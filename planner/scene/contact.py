@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect, quoted
-from baxter_kin.validation import Indices, Vector, finite_array, finite_scalar
+from baxter_kin.validation import FloatArray, Indices, finite_array, finite_scalar
 from planner.errors import SceneError
 from planner.scene.bodies import Body, Box, Cylinder, Part, Scene, Shape, Sphere
 from planner.scene.mesh import Mesh
@@ -78,7 +78,7 @@ def travel_to_contact(
     return min((travel for travel in travels if travel is not None), default=None)
 
 
-def _travel(moving: _Placed, still: _Placed, along: Vector, room_m: float) -> float | None:
+def _travel(moving: _Placed, still: _Placed, along: FloatArray, room_m: float) -> float | None:
     """The same for one convex shape and another."""
     (first, T_first), (second, T_second) = moving, still
     pair = coal.ComputeDistance(first, second)  # keeps bare pointers: both must stay alive here
@@ -103,7 +103,7 @@ def gap_m(first: Part, second: Part) -> float:
     return _nearest(_pieces(first), _pieces(second))[0]
 
 
-def contact_point(first: Part, second: Part) -> Vector:
+def contact_point(first: Part, second: Part) -> FloatArray:
     """The point of a shape that is nearest to another, both placed in one frame, shape (3,), m."""
     return _nearest(_pieces(first), _pieces(second))[1]
 
@@ -159,7 +159,7 @@ def coal_pose(T: pin.SE3) -> coal.Transform3s:
     return coal.Transform3s(T.rotation, T.translation)
 
 
-def convex(vertices: Vector, triangles: Indices) -> coal.Convex:
+def convex(vertices: FloatArray, triangles: Indices) -> coal.Convex:
     """Coal's convex shape of a surface, shapes (n, 3), m, and (m, 3)."""
     points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     for vertex in vertices:
@@ -181,7 +181,7 @@ def hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
     return hull_of(vertices)
 
 
-def hull_of(points: Vector) -> coal.Convex:
+def hull_of(points: FloatArray) -> coal.Convex:
     """The convex hull of points that are not all in a plane, shape (n, 3), m."""
     vertices = coal.StdVec_Vec3s()
     for point in points:
@@ -189,19 +189,19 @@ def hull_of(points: Vector) -> coal.Convex:
     return coal.Convex.convexHull(vertices, True, "Qt")
 
 
-def triangles_of(geometry: coal.ConvexBase) -> tuple[Vector, Indices]:
+def triangles_of(geometry: coal.ConvexBase) -> tuple[FloatArray, Indices]:
     """The surface of a convex shape of coal, shapes (n, 3), m, and (m, 3), seen from outside."""
     faces = [geometry.polygons(i) for i in range(geometry.num_polygons)]
     triangles: Indices = np.array([[face[k] for k in range(3)] for face in faces])
     return np.array(geometry.points()), triangles
 
 
-def surface(vertices: Vector, triangles: Indices) -> coal.BVHModelOBBRSS:
+def surface(vertices: FloatArray, triangles: Indices) -> coal.BVHModelOBBRSS:
     """Coal's triangles, shapes (n, 3), m, and (m, 3); nothing is known of inside and outside."""
     return _filled(coal.BVHModelOBBRSS(), vertices, triangles)
 
 
-def surface_for_contacts(vertices: Vector, triangles: Indices) -> coal.BVHModelOBB:
+def surface_for_contacts(vertices: FloatArray, triangles: Indices) -> coal.BVHModelOBB:
     """The same in a tree of oriented boxes, in which contacts are found fastest.
 
     Coal bounds a box, or another convex shape, by a swept sphere too loosely to leave out triangles
@@ -218,7 +218,7 @@ def boxed(made: coal.BVHModelOBBRSS) -> coal.BVHModelOBB:
     return surface_for_contacts(np.array(made.vertices()), triangles)
 
 
-def _filled(empty: coal.BVHModelBase, vertices: Vector, triangles: Indices) -> Any:
+def _filled(empty: coal.BVHModelBase, vertices: FloatArray, triangles: Indices) -> Any:
     empty.beginModel(len(triangles), len(vertices))
     empty.addVertices(vertices)
     empty.addTriangles(triangles)
@@ -246,7 +246,7 @@ def shape_of(geometry: coal.CollisionGeometry) -> Shape:
     )
 
 
-def _nearest(first: list[_Placed], second: list[_Placed]) -> tuple[float, Vector]:
+def _nearest(first: list[_Placed], second: list[_Placed]) -> tuple[float, FloatArray]:
     """The least distance of some shapes to others, and the point of the first where that is."""
     request, result, found = coal.DistanceRequest(), coal.DistanceResult(), []
     for one, other in product(first, second):
@@ -268,7 +268,7 @@ def _placed(body: Body) -> list[_Placed]:
     ]
 
 
-def _unit(direction: ArrayLike) -> Vector:
+def _unit(direction: ArrayLike) -> FloatArray:
     along = finite_array(direction, (3,), "direction", SceneError)
     length = float(np.linalg.norm(along))
     if abs(length - 1.0) > UNIT_TOLERANCE:

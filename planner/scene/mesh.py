@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import millimetres_hint
-from baxter_kin.validation import Indices, Vector, finite_array, float_array
+from baxter_kin.validation import FloatArray, Indices, finite_array, float_array
 from baxter_kin.value_objects import Frozen, OneLine, count
 from planner.errors import SceneError
 
@@ -48,7 +48,7 @@ class Mesh(Frozen, OneLine):
             index is out of range, a triangle has no area, or there are none or too many.
     """
 
-    vertices: Vector
+    vertices: FloatArray
     triangles: Indices
     is_convex: bool = field(init=False)
 
@@ -67,11 +67,11 @@ class Mesh(Frozen, OneLine):
         object.__setattr__(self, "is_convex", _is_convex(vertices, self.triangles))
 
     @property
-    def corners(self) -> Vector:
+    def corners(self) -> FloatArray:
         """The corners of every triangle, shape (m, 3, 3), m."""
         return self.vertices[self.triangles]
 
-    def support_m(self, direction: Vector) -> float:
+    def support_m(self, direction: FloatArray) -> float:
         """How far it extends from the origin of its frame along a unit direction, shape (3,)."""
         along = finite_array(direction, (3,), "direction", SceneError)
         return float((self.vertices @ along).max())
@@ -114,7 +114,7 @@ def _checked_triangles(triangles: ArrayLike, count: int) -> Indices:
     return indices
 
 
-def _refuse_slivers(corners: Vector) -> None:
+def _refuse_slivers(corners: FloatArray) -> None:
     edges = corners[:, [1, 2, 0]] - corners
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
     twice_area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
@@ -126,7 +126,7 @@ def _refuse_slivers(corners: Vector) -> None:
         )
 
 
-def _is_convex(vertices: Vector, triangles: Indices) -> bool:
+def _is_convex(vertices: FloatArray, triangles: Indices) -> bool:
     """Whether the triangles are the whole surface of a convex volume, seen from outside."""
     if not _is_closed(triangles):
         return False

@@ -18,7 +18,7 @@ import pinocchio as pin
 import shapely
 
 from baxter_kin.frames import BASE_HEIGHT_M, raised
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere
 from planner.scene.contact import PRESSING_TOLERANCE_M, contact_point, travel_to_contact
 from planner.scene.mesh import Mesh
@@ -54,10 +54,10 @@ class Landing:
     body: Body
     drop_m: float
     supports: tuple[str, ...]
-    areas: tuple[Vector, ...]
+    areas: tuple[FloatArray, ...]
 
     @property
-    def beside(self) -> Vector | None:
+    def beside(self) -> FloatArray | None:
         """The way from what it stands on to its centre, shape (2,), m; None when it stands."""
         return beside(self.body.centre_base[:2], self.areas)
 
@@ -108,7 +108,7 @@ def levelled(body: Body) -> Body:
     return turned.at(raised(turned.T_base_body, max(0.0, sunk_m)))
 
 
-def touched_area(above: Part, below: Part) -> Vector:
+def touched_area(above: Part, below: Part) -> FloatArray:
     """Where a shape touches another below it, both placed in base: corners, shape (n, 2), m."""
     bottom, top = _slice(above, -1.0), _slice(below, +1.0)
     if abs(float(bottom[0, 2] - top[0, 2])) <= 2 * SLICE_M:
@@ -116,13 +116,13 @@ def touched_area(above: Part, below: Part) -> Vector:
         overlap = upper.intersection(lower)
         if overlap.area <= EDGE_M * overlap.length:  # edges meet, by rounding or not
             overlap = upper.intersection(lower.buffer(EDGE_M, join_style="mitre"))
-        corners: Vector = shapely.get_coordinates(overlap)
+        corners: FloatArray = shapely.get_coordinates(overlap)
         if len(corners):
             return corners
     return contact_point(above, below)[None, :2]
 
 
-def bottom_area(parts: Iterable[Part]) -> Vector:
+def bottom_area(parts: Iterable[Part]) -> FloatArray:
     """Where shapes placed in base touch a level floor: corners, shape (n, 2), m."""
     slices = [_slice(part, -1.0) for part in parts]
     lowest = min(float(points[:, 2].min()) for points in slices)
@@ -130,29 +130,29 @@ def bottom_area(parts: Iterable[Part]) -> Vector:
     return np.concatenate(touching)[:, :2]
 
 
-def beside(point: Vector, areas: Iterable[Vector]) -> Vector | None:
+def beside(point: FloatArray, areas: Iterable[FloatArray]) -> FloatArray | None:
     """The way from the hull of some areas to a point, shape (2,), m; None when it is above it."""
     way = shapely.shortest_line(_hull(np.concatenate(list(areas))), shapely.Point(point))
     begin, end = shapely.get_coordinates(way)
-    found: Vector = end - begin
+    found: FloatArray = end - begin
     return None if np.linalg.norm(found) <= EDGE_M else found
 
 
-def _hull(points: Vector) -> shapely.Geometry:
+def _hull(points: FloatArray) -> shapely.Geometry:
     """The convex hull seen from above: a polygon, a line or a point."""
     return shapely.MultiPoint(points[:, :2]).convex_hull
 
 
-def _slice(part: Part, sign: float) -> Vector:
+def _slice(part: Part, sign: float) -> FloatArray:
     """The lowest (-1) or highest (+1) points of a shape placed in base, shape (n, 3)."""
     T, shape = part.T_body_part, part.shape
     points = np.array([T.act(point) for point in _corners(shape, sign * T.rotation[2])])
     heights = sign * points[:, 2]
-    found: Vector = points[heights >= heights.max() - SLICE_M]
+    found: FloatArray = points[heights >= heights.max() - SLICE_M]
     return found
 
 
-def _corners(shape: Box | Cylinder | Sphere | Mesh, up: Vector) -> Vector:
+def _corners(shape: Box | Cylinder | Sphere | Mesh, up: FloatArray) -> FloatArray:
     """Points of a shape, in its frame, whose hull has the same extremes along a direction."""
     if isinstance(shape, Box):
         return np.array(list(product((-0.5, 0.5), repeat=3))) * shape.size_m

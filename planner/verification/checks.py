@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.plan import Move
 from planner.verification.certificate import Check, Worst, greatest, least
 from planner.verification.clearance import Found, StepFound, least_of
@@ -29,7 +29,7 @@ NO_TRAVEL, NO_PROOFS = "no gripper action", "nothing is stated"
 
 
 def start_checks(
-    robot: UrdfRobot, q_standing: Vector, story: Story, allowed: Tolerances
+    robot: UrdfRobot, q_standing: FloatArray, story: Story, allowed: Tolerances
 ) -> Iterator[Check]:
     """The fingers of both hands start within their stroke; those of the hand that moves, as one.
 

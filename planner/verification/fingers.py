@@ -14,7 +14,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.scene.bodies import Body
 from planner.verification.body.pressing import depth_m
 from planner.verification.body.solid import Solid, distance_request, solids_of
@@ -123,9 +123,9 @@ def drop_m(body: Body, below: Body, room_m: float) -> float:
 def travel_m(
     moving: Sequence[Solid],
     still: Sequence[Solid],
-    direction: Vector,
+    direction: FloatArray,
     room_m: float,
-    begin: Vector,
+    begin: FloatArray,
 ) -> float:
     """How far shapes go in a direction until one touches; infinite if none does within the room.
 

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import quoted
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.plan import Grip, GripperAction, Move, Plan
 from planner.scene.bodies import Body, Scene
 from planner.situation import Situation
@@ -49,7 +49,7 @@ class Run:
         is_put_down: whether it lets the carried body go right after.
     """
 
-    q_start: Vector
+    q_start: FloatArray
     moves: tuple[Move, ...]
     scene: Scene
     finger_m: float
@@ -75,7 +75,7 @@ class FingerTravel:
     """
 
     grip: Grip
-    q_arm: Vector
+    q_arm: FloatArray
     scene: Scene
     between: Carried | None
     begin_m: float
@@ -141,7 +141,7 @@ class Story:
                 self._grip(step)
         self.stages.append(self._run)
 
-    def _begin(self, q_start: Vector, situation: Situation) -> Run:
+    def _begin(self, q_start: FloatArray, situation: Situation) -> Run:
         """What the hands hold is no part of the scene."""
         scene, carried = situation.scene, None
         for holding in situation.held:
@@ -168,10 +168,10 @@ class Story:
         self.stages.append(FingerTravel(grip, run.q_start, run.scene, carried, *at))
 
     @property
-    def _q(self) -> Vector:
+    def _q(self) -> FloatArray:
         """Where the arm stands now."""
         moves = self._run.moves
-        last: Vector = moves[-1].trajectory.q[-1] if moves else self._run.q_start
+        last: FloatArray = moves[-1].trajectory.q[-1] if moves else self._run.q_start
         return last
 
     def _grip(self, grip: Grip) -> None:
@@ -264,5 +264,5 @@ def _apart_m(first: pin.SE3, second: pin.SE3) -> float:
     """How far apart two poses put a body's origin, or the ends of its axes of a metre each."""
     ends = np.eye(4)
     ends[3] = 1.0
-    apart: Vector = (first.homogeneous - second.homogeneous) @ ends
+    apart: FloatArray = (first.homogeneous - second.homogeneous) @ ends
     return float(np.linalg.norm(apart, axis=0).max())

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from baxter_kin.description import RobotDescription
 from baxter_kin.errors import DescriptionError
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.errors import TaskError
 
 
@@ -97,19 +97,19 @@ class UrdfRobot:
         return tuple(str(self.model.names[joint]) for joint in self.arm_joints)
 
     @property
-    def q_range(self) -> tuple[Vector, Vector]:
+    def q_range(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest positions of the arm's joints, rad."""
         where = self._indices(self.arm_joints)
         return self.model.lowerPositionLimit[where], self.model.upperPositionLimit[where]
 
     @property
-    def v_max(self) -> Vector:
+    def v_max(self) -> FloatArray:
         """Greatest speeds of the arm's joints, rad/s."""
-        fastest: Vector = self.model.velocityLimit[self._indices(self.arm_joints)]
+        fastest: FloatArray = self.model.velocityLimit[self._indices(self.arm_joints)]
         return fastest
 
     @property
-    def tip_reach_m(self) -> Vector:
+    def tip_reach_m(self) -> FloatArray:
         """How far the tip is from each joint of the arm at most, shape (n,), m."""
         steps = [
             float(np.linalg.norm(self.model.jointPlacements[j].translation))
@@ -118,7 +118,7 @@ class UrdfRobot:
         steps.append(float(np.linalg.norm(self.T_wrist_tip().translation)))
         return np.cumsum(steps[::-1])[::-1].copy()
 
-    def finger_positions(self, q: Vector) -> list[tuple[str, float, float]]:
+    def finger_positions(self, q: FloatArray) -> list[tuple[str, float, float]]:
         """Name, position and how far outside its stroke it is of every finger of both hands, m."""
         low, high = self.model.lowerPositionLimit, self.model.upperPositionLimit
         found = []
@@ -129,11 +129,11 @@ class UrdfRobot:
                 found.append((str(self.model.names[joint]), float(q[where]), float(outside)))
         return found
 
-    def finger_skew_m(self, q: Vector) -> float:
+    def finger_skew_m(self, q: FloatArray) -> float:
         """How much farther one finger of the arm's hand is open than the other, m."""
         return float(np.ptp(q[self._indices(self.fingers)] * self._opening))
 
-    def standing(self, joints: Mapping[str, float]) -> Vector:
+    def standing(self, joints: Mapping[str, float]) -> FloatArray:
         """A full configuration from joints by name.
 
         Raises:
@@ -148,30 +148,32 @@ class UrdfRobot:
                 )
         return np.array([joints[name] for name in names])
 
-    def opening(self, q: Vector) -> float:
+    def opening(self, q: FloatArray) -> float:
         """How far the fingers of a full configuration are open, m."""
         return float((q[self._indices(self.fingers)] * self._opening).mean())
 
-    def configurations(self, q_standing: Vector, qs: Vector, finger_m: float) -> Vector:
+    def configurations(self, q_standing: FloatArray, qs: FloatArray, finger_m: float) -> FloatArray:
         """Full configurations for arm configurations, shape (k, 7), and an opening of the hand."""
         full = np.tile(q_standing, (len(qs), 1))
         full[:, self._indices(self.arm_joints)] = qs
         full[:, self._indices(self.fingers)] = finger_m * self._opening
         return full
 
-    def finger_configurations(self, q_standing: Vector, q_arm: Vector, fingers_m: Vector) -> Vector:
+    def finger_configurations(
+        self, q_standing: FloatArray, q_arm: FloatArray, fingers_m: FloatArray
+    ) -> FloatArray:
         """Full configurations for one arm configuration and openings of the hand, shape (k,)."""
         full = np.tile(self.configurations(q_standing, q_arm[None], 0.0), (len(fingers_m), 1))
         full[:, self._indices(self.fingers)] = np.outer(fingers_m, self._opening)
         return full
 
-    def T_base_tip(self, q_standing: Vector, q_arm: Vector) -> pin.SE3:
+    def T_base_tip(self, q_standing: FloatArray, q_arm: FloatArray) -> pin.SE3:
         """Where the tip is."""
         full = self.configurations(q_standing, q_arm[None], 0.0)[0]
         pin.forwardKinematics(self.model, self._data, full)
         return pin.SE3(pin.updateFramePlacement(self.model, self._data, self._tip))
 
-    def T_base_other_tip(self, q_standing: Vector, limb: str) -> pin.SE3:
+    def T_base_other_tip(self, q_standing: FloatArray, limb: str) -> pin.SE3:
         """Where the tip of an arm that stands still is."""
         pin.forwardKinematics(self.model, self._data, q_standing)
         tip = self.model.getFrameId(f"{limb}_gripper")

@@ -15,7 +15,7 @@ import pinocchio as pin
 from baxter_kin.command_line import log_told
 from baxter_kin.errors import BaxterError
 from baxter_kin.model import Baxter
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner import (
     LineTolerance,
     Manipulator,
@@ -157,7 +157,7 @@ class _Demo:
         """Plan for where everything seems to be, execute, and try again after a miss."""
         numbers, most = count(1), 1 + (self._options.retries or 0)
 
-        def plan(task: PickAndPlace, _: Manipulator, scene: Scene, q: Vector) -> Plan:
+        def plan(task: PickAndPlace, _: Manipulator, scene: Scene, q: FloatArray) -> Plan:
             if (number := next(numbers)) > 1:
                 self._narrator.say(f"  looks again, attempt {number} of {most}")
             return self._planned_cycle(cycle, task, scene, q)
@@ -180,7 +180,7 @@ class _Demo:
         return Transfer(BLOCK, self._T_block_tip, goal, task.hover_m, task.clear_m)
 
     def _planned_cycle(
-        self, cycle: _Cycle, task: PickAndPlace, scene: Scene, q_start: Vector
+        self, cycle: _Cycle, task: PickAndPlace, scene: Scene, q_start: FloatArray
     ) -> Plan:
         """The plan of a cycle, noted in the report, and saved when it is the first."""
         options = self._options

@@ -21,7 +21,7 @@ import pinocchio as pin
 
 from baxter_kin.errors import expect
 from baxter_kin.frames import checked_pose, raised
-from baxter_kin.validation import Checked, Vector
+from baxter_kin.validation import Checked, FloatArray
 from baxter_kin.value_objects import OneLine, count, millimetres, phrase, position, sentence
 from planner import (
     Body,
@@ -42,7 +42,7 @@ from sim.perception.pose_source import PoseSource, checked_source
 from sim.simulation import Simulation
 from sim.world.falling import come_to_rest
 
-Planner: TypeAlias = Callable[[PickAndPlace, Manipulator, Scene, Vector], Plan]
+Planner: TypeAlias = Callable[[PickAndPlace, Manipulator, Scene, FloatArray], Plan]
 """Plans a task in a scene, from where the arm stands; `plan_pick_and_place` is one."""
 
 LOOKS = 10

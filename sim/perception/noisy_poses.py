@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import expect
-from baxter_kin.validation import Vector, finite_scalar
+from baxter_kin.validation import FloatArray, finite_scalar
 from baxter_kin.value_objects import OneLine
 from planner import Body
 from sim.errors import SimulationError
@@ -85,7 +85,7 @@ class NoisyPoses(OneLine):
         return (repr(self._noise),)
 
 
-def displaced(body: Body, shift_base: Vector, yaw_rad: float) -> Body:
+def displaced(body: Body, shift_base: FloatArray, yaw_rad: float) -> Body:
     """A body moved, and turned about the vertical through its centre.
 
     Args:

@@ -13,7 +13,7 @@ from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike
 from baxter_kin.json_data import from_json, shown
 from baxter_kin.json_text import Json, from_text
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner import Body
 from sim.errors import RecordingError
 from sim.events import Event
@@ -29,9 +29,9 @@ class _Snapshot:
     """The entries of a line that tells a snapshot."""
 
     time_s: float
-    q: Vector
-    gripper_percent: Vector
-    poses: Mapping[str, Vector | None] = field(default_factory=dict)
+    q: FloatArray
+    gripper_percent: FloatArray
+    poses: Mapping[str, FloatArray | None] = field(default_factory=dict)
     caption: str | None = None
 
 
@@ -115,7 +115,7 @@ class _Story:
         if shot.caption is not None:
             self.captions.append((shot.time_s, shot.caption))
 
-    def _track(self, name: str) -> Vector:
+    def _track(self, name: str) -> FloatArray:
         absent = np.full(7, np.nan)
         track, now = np.empty((len(self.snapshots), 7)), absent
         for row, shot in enumerate(self.snapshots):

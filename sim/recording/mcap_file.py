@@ -21,7 +21,7 @@ from baxter_kin import Baxter
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
 from baxter_kin.frames import Frame
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import NotCopied
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot
@@ -161,14 +161,14 @@ class _Velocities:
     def __init__(self, joint_names: tuple[str, ...]) -> None:
         self._names = joint_names
         self._moves: dict[str, RecordedMove] = {}
-        self._last: tuple[float, Vector] | None = None
+        self._last: tuple[float, FloatArray] | None = None
 
     def begin(self, move: RecordedMove) -> None:
         """From now on that arm follows this move, if its joints are recorded."""
         if set(move.joint_names) <= set(self._names):
             self._moves[move.limb] = move
 
-    def at(self, time_s: float, q: Vector) -> Vector:
+    def at(self, time_s: float, q: FloatArray) -> FloatArray:
         """Velocities, shape (n,), rad/s and m/s."""
         velocity = np.zeros_like(q)
         if self._last is not None and time_s > self._last[0]:

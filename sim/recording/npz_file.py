@@ -34,7 +34,7 @@ from baxter_kin.errors import expect, shown_path
 from baxter_kin.files import PathLike
 from baxter_kin.json_data import from_json, shown, to_json
 from baxter_kin.json_text import as_text, from_text
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner import Body
 from sim.errors import RecordingError
 from sim.files import checked_path, opened, replace_file
@@ -104,7 +104,7 @@ def load_recording(path: PathLike) -> Recording:
             raise RecordingError(f"{shown_path(file)}: {cause}") from cause
 
 
-def _arrays(recording: Recording) -> dict[str, Vector]:
+def _arrays(recording: Recording) -> dict[str, FloatArray]:
     count = len(recording.times_s)
     poses = list(recording.body_poses.values())
     return {

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from sim.errors import RecordingError
 from sim.events import Event, EventKind, Observer, Snapshot
 from sim.recording.recording import Recording
@@ -68,6 +68,6 @@ def _snapshot(recording: Recording, row: int, caption: str) -> Snapshot:
     )
 
 
-def _pose(row: Vector) -> pin.SE3:
+def _pose(row: FloatArray) -> pin.SE3:
     """The pose of a row: x, y, z, quaternion x, y, z, w."""
     return pin.SE3(pin.Quaternion(row[3:]).normalized(), row[:3])

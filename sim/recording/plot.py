@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from baxter_kin import Baxter, JointLimits
 from baxter_kin.errors import UnknownNameError, expect
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from sim.errors import RecordingError
 from sim.events import Event, EventKind
 from sim.recording.recorded_motion import ArmMotion, arm_joints
@@ -183,7 +183,7 @@ def _draw_arm(
 def _draw_panel(
     axes: Any, motion: ArmMotion, row: _Row, joint: int, bounds: tuple[float, float]
 ) -> None:
-    values: Vector = getattr(motion, row.key)[:, joint]
+    values: FloatArray = getattr(motion, row.key)[:, joint]
     style = "steps-post" if row.steps else "default"
     known = _known(motion)
     for mask, colour in ((_widened(~known), DIFFERENCE_COLOUR), (known, EXACT_COLOUR)):
@@ -219,14 +219,14 @@ def _draw_labels(axes: Any, events: list[Event]) -> None:
         )
 
 
-def _bounds(row: _Row, limits: JointLimits) -> tuple[Vector, Vector]:
+def _bounds(row: _Row, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
     if row.key == "q":
         return limits.q_min, limits.q_max
-    most: Vector = getattr(limits, f"{row.key}_max")
+    most: FloatArray = getattr(limits, f"{row.key}_max")
     return -most, most
 
 
-def _view(values: Vector, low: float, high: float) -> tuple[float, float]:
+def _view(values: FloatArray, low: float, high: float) -> tuple[float, float]:
     """What a panel shows: the limits and a margin, and values beyond as far as is sensible."""
     reach = (high - low) / 2 * LARGEST_VIEW
     middle = (low + high) / 2

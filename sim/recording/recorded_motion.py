@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from baxter_kin import IKResult
 from baxter_kin.errors import expect, quoted
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
-from baxter_kin.validation import Vector, check_fields, finite_array, finite_rows, finite_scalar
+from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_rows, finite_scalar
 from baxter_kin.value_objects import Frozen, OneLine, count, phrase, seconds, side_of
 from planner import Move, Trajectory
 from sim.errors import RecordingError
@@ -102,11 +102,11 @@ class ArmMotion(Frozen, OneLine):
     """
 
     joint_names: tuple[str, ...]
-    times_s: Vector
-    q: Vector
-    v: Vector
-    a: Vector
-    j: Vector
+    times_s: FloatArray
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+    j: FloatArray
     is_exact: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
@@ -149,8 +149,8 @@ def arm_joints(side: str) -> tuple[str, ...]:
 
 def arm_motion(
     joint_names: tuple[str, ...],
-    times_s: Vector,
-    q: Vector,
+    times_s: FloatArray,
+    q: FloatArray,
     moves: Sequence[RecordedMove],
     *,
     with_knots: bool = False,
@@ -193,7 +193,7 @@ def _joined(joint_names: tuple[str, ...], pieces: Sequence[ArmMotion]) -> ArmMot
 
 
 def _explained_rows(
-    move: RecordedMove, joint_names: tuple[str, ...], times_s: Vector, q: Vector
+    move: RecordedMove, joint_names: tuple[str, ...], times_s: FloatArray, q: FloatArray
 ) -> NDArray[np.intp]:
     """The rows that the move explains, up to the first that it does not: it was cut short there."""
     inside = (times_s >= move.start_s - ROUNDING_S) & (times_s <= move.end_s + ROUNDING_S)
@@ -203,7 +203,7 @@ def _explained_rows(
     return rows[: wrong[0]] if wrong.size else rows
 
 
-def _knotted(move: RecordedMove, times: Vector) -> Vector:
+def _knotted(move: RecordedMove, times: FloatArray) -> FloatArray:
     """Those times, and the knots of the move between them and at its ends, if it came to them."""
     knots = move.start_s + move.trajectory.knots_s
     step = np.diff(times).max(initial=ROUNDING_S) + ROUNDING_S
@@ -211,7 +211,7 @@ def _knotted(move: RecordedMove, times: Vector) -> Vector:
     return np.union1d(times, knots[reached])
 
 
-def _of_move(move: RecordedMove, joint_names: tuple[str, ...], times: Vector) -> ArmMotion:
+def _of_move(move: RecordedMove, joint_names: tuple[str, ...], times: FloatArray) -> ArmMotion:
     trajectory = move.trajectory
     order = [move.joint_names.index(name) for name in joint_names]
     t = np.clip(times - move.start_s, 0.0, trajectory.duration)
@@ -221,19 +221,19 @@ def _of_move(move: RecordedMove, joint_names: tuple[str, ...], times: Vector) ->
     return ArmMotion(joint_names, times, q, v, a, j, np.ones(len(times), dtype=bool))
 
 
-def _of_samples(joint_names: tuple[str, ...], times: Vector, q: Vector) -> ArmMotion:
+def _of_samples(joint_names: tuple[str, ...], times: FloatArray, q: FloatArray) -> ArmMotion:
     v = _differences(times, q)
     a = _differences(times, v)
     exact = np.zeros(len(times), dtype=bool)
     return ArmMotion(joint_names, times, q, v, a, _differences(times, a), exact)
 
 
-def _differences(times: Vector, values: Vector) -> Vector:
+def _differences(times: FloatArray, values: FloatArray) -> FloatArray:
     """Central differences by time; zero for a single sample."""
     if len(times) < 2:
         return np.zeros_like(values)
     moved = values - values[0]  # exactly zero, and so are its slopes, where nothing moves
-    slopes: Vector = np.gradient(moved, times, axis=0)
+    slopes: FloatArray = np.gradient(moved, times, axis=0)
     return slopes
 
 

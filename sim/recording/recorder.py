@@ -17,7 +17,7 @@ import pinocchio as pin
 from baxter_kin import Baxter, quaternion_xyzw
 from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import Vector, whole_scalar
+from baxter_kin.validation import FloatArray, whole_scalar
 from baxter_kin.value_objects import count
 from planner import Body, Scene
 from sim.errors import RecordingError
@@ -153,7 +153,7 @@ class Recorder(Observer):
         while self._events and self._events[0].time_s < first_s:
             self._events.popleft()
 
-    def _track(self, name: str) -> Vector:
+    def _track(self, name: str) -> FloatArray:
         absent = np.full(7, np.nan)
         poses = (shot.T_base_bodies.get(name) for shot in self._snapshots)
         return np.array([absent if T is None else pose_row(T) for T in poses])

@@ -16,7 +16,7 @@ import numpy as np
 from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import UnknownNameError, expect, expect_all, quoted
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import Vector, finite_array, float_array
+from baxter_kin.validation import FloatArray, finite_array, float_array
 from baxter_kin.value_objects import (
     Frozen,
     FrozenMapping,
@@ -55,11 +55,11 @@ class Recording(Frozen, OneLine):
     """
 
     joint_names: tuple[str, ...]
-    times_s: Vector
-    q: Vector
-    gripper_percent: Vector
+    times_s: FloatArray
+    q: FloatArray
+    gripper_percent: FloatArray
     bodies: Mapping[str, Body]
-    body_poses: Mapping[str, Vector]
+    body_poses: Mapping[str, FloatArray]
     captions: tuple[tuple[float, str], ...]
     events: tuple[Event, ...]
     moves: tuple[RecordedMove, ...] = ()
@@ -120,7 +120,7 @@ class Recording(Frozen, OneLine):
         rows, bodies = count(len(self.times_s), "snapshot"), listing(self.bodies, "body")
         return rows, seconds(self.duration_s), count(len(self.events), "event"), bodies
 
-    def _frozen_poses(self) -> Mapping[str, Vector]:
+    def _frozen_poses(self) -> Mapping[str, FloatArray]:
         if not isinstance(self.body_poses, Mapping):
             raise RecordingError(
                 f"body_poses must be a mapping, got {type(self.body_poses).__name__}"

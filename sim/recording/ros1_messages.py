@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from sim.errors import RecordingError
 
 NANOSECONDS = 1_000_000_000
@@ -96,7 +96,7 @@ def nanoseconds(time_s: float) -> int:
 
 
 def joint_state(
-    number: int, time_ns: int, names: tuple[str, ...], position: Vector, velocity: Vector
+    number: int, time_ns: int, names: tuple[str, ...], position: FloatArray, velocity: FloatArray
 ) -> bytes:
     """A `JOINT_STATE`: rad and rad/s, or m and m/s; it says nothing of efforts."""
     return b"".join(
@@ -139,5 +139,5 @@ def _texts(items: tuple[str, ...]) -> bytes:
     return struct.pack("<I", len(items)) + b"".join(_text(item) for item in items)
 
 
-def _floats(values: Vector) -> bytes:
+def _floats(values: FloatArray) -> bytes:
     return struct.pack("<I", len(values)) + np.asarray(values, "<f8").tobytes()

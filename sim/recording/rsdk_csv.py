@@ -13,7 +13,7 @@ from baxter_kin import Baxter
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import NotCopied, OneLine
 from sim.errors import RecordingError
 from sim.events import Observer, Snapshot
@@ -42,7 +42,7 @@ class CsvFile(NotCopied, OneLine):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def write(self, time_s: float, arms: Vector, percent: Vector) -> None:
+    def write(self, time_s: float, arms: FloatArray, percent: FloatArray) -> None:
         """One row, which reaches the system at once.
 
         Args:

@@ -17,7 +17,7 @@ from baxter_kin import Baxter
 from baxter_kin.errors import expect, shown_path
 from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from sim.errors import RecordingError
 from sim.files import Line, checked_path, read_lines
 from sim.recording.recording import NotedRecording, Recording
@@ -52,7 +52,7 @@ class _Table:
     """
 
     lines: list[int]
-    columns: dict[str, Vector]
+    columns: dict[str, FloatArray]
     notes: list[str]
 
 
@@ -196,7 +196,7 @@ def _number(text: str) -> float:
         return math.nan
 
 
-def _gaps(times: Vector) -> list[str]:
+def _gaps(times: FloatArray) -> list[str]:
     """A note for all gaps, with the first and the longest."""
     pauses = np.diff(times)
     if pauses.size == 0:
@@ -251,7 +251,9 @@ def _far_outside(
     )
 
 
-def _configurations(robot: Baxter, columns: dict[str, Vector], percent: Vector) -> Vector:
+def _configurations(
+    robot: Baxter, columns: dict[str, FloatArray], percent: FloatArray
+) -> FloatArray:
     """Full configurations, shape (n, 19): arms and fingers as recorded, the rest in neutral."""
     q = np.tile(robot.configuration(), (len(percent), 1))
     for i, (side, arm) in enumerate(robot.arms.items()):
@@ -264,7 +266,7 @@ def _configurations(robot: Baxter, columns: dict[str, Vector], percent: Vector) 
     return q
 
 
-def _gripper(percent: Vector, side: str) -> tuple[Vector, list[str]]:
+def _gripper(percent: FloatArray, side: str) -> tuple[FloatArray, list[str]]:
     """Positions inside 0 .. 100, and what was odd about them."""
     notes = []
     absent = np.isnan(percent)

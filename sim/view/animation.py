@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from sim.recording.recording import Recording
 from sim.view.meshcat_commands import Command, set_property, short_numbers
 from sim.view.scenegraph import RobotTree, body_path
@@ -44,8 +44,8 @@ class Track:
 
     path: str
     key: str
-    times_s: Vector
-    values: Vector
+    times_s: FloatArray
+    values: FloatArray
 
     @property
     def is_constant(self) -> bool:
@@ -95,7 +95,7 @@ def animation_commands(tracks: Iterable[Track], duration_s: float) -> list[Comma
     return [*(track.first() for track in tracks), animation]
 
 
-def _joint_track(tree: RobotTree, joint: int, times: Vector, q: Vector) -> Track:
+def _joint_track(tree: RobotTree, joint: int, times: FloatArray, q: FloatArray) -> Track:
     """Between keyframes the browser turns the short way, so they are at most a radian apart."""
     frames = frame_samples(times)
     times, q = times[frames], q[frames]
@@ -105,7 +105,7 @@ def _joint_track(tree: RobotTree, joint: int, times: Vector, q: Vector) -> Track
     return Track(tree.paths[joint], key, times[chosen], values)
 
 
-def _body_tracks(path: str, times: Vector, poses: Vector) -> Iterator[Track]:
+def _body_tracks(path: str, times: FloatArray, poses: FloatArray) -> Iterator[Track]:
     present = np.asarray(np.isfinite(poses).all(axis=1))
     changes = np.flatnonzero(np.diff(present)) + 1
     visible = np.concatenate([[0], changes])
@@ -119,13 +119,13 @@ def _body_tracks(path: str, times: Vector, poses: Vector) -> Iterator[Track]:
         yield Track(path, key, times[frames][telling], values[telling])
 
 
-def _continued(poses: Vector, present: NDArray[np.bool_]) -> Vector:
+def _continued(poses: FloatArray, present: NDArray[np.bool_]) -> FloatArray:
     """The poses with those missing taken from the last one before, or the first one after."""
     last = np.maximum.accumulate(np.where(present, np.arange(len(poses)), -1))
     return poses[np.where(last < 0, present.argmax(), last)]
 
 
-def _same_side(quats_xyzw: Vector) -> Vector:
+def _same_side(quats_xyzw: FloatArray) -> FloatArray:
     """The same rotations, each quaternion on the side of the sphere where the one before it is."""
     dots = np.einsum("ij,ij->i", quats_xyzw[1:], quats_xyzw[:-1])
     signs = np.cumprod(np.concatenate([[1.0], np.where(dots < 0.0, -1.0, 1.0)]))
@@ -135,7 +135,7 @@ def _same_side(quats_xyzw: Vector) -> Vector:
 FRAMES_PER_S = 30.0
 
 
-def frame_samples(times_s: Vector) -> NDArray[np.intp]:
+def frame_samples(times_s: FloatArray) -> NDArray[np.intp]:
     """Indices of at most `FRAMES_PER_S` samples a second, with the first and the last.
 
     Args:
@@ -146,7 +146,7 @@ def frame_samples(times_s: Vector) -> NDArray[np.intp]:
     return np.union1d(first_of_frame, [len(times_s) - 1])
 
 
-def telling_samples(times_s: Vector, values: Vector, tolerance: float) -> NDArray[np.intp]:
+def telling_samples(times_s: FloatArray, values: FloatArray, tolerance: float) -> NDArray[np.intp]:
     """Indices of the samples from which straight interpolation gives all the others.
 
     Args:
@@ -171,7 +171,7 @@ def telling_samples(times_s: Vector, values: Vector, tolerance: float) -> NDArra
     return np.flatnonzero(kept)
 
 
-def _worst(times_s: Vector, values: Vector) -> tuple[int, float]:
+def _worst(times_s: FloatArray, values: FloatArray) -> tuple[int, float]:
     """The sample farthest from the straight line between the ends, and how far it is."""
     share = ((times_s - times_s[0]) / (times_s[-1] - times_s[0]))[:, None]
     deviations = np.abs(values[0] + share * (values[-1] - values[0]) - values).max(axis=1)

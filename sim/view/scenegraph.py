@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin.frames import BASE_HEIGHT_M
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.collision.robot_body import LinkBody, RobotBody
 from planner.scene.bodies import Body, Box, Cylinder, Part
 from planner.scene.mesh import Mesh
@@ -142,7 +142,7 @@ class RobotTree:
             return "position", (axis * value).tolist()
         return "quaternion", [*(axis * math.sin(value / 2)).tolist(), math.cos(value / 2)]
 
-    def motions(self, joint: int, values: Vector) -> tuple[str, Vector]:
+    def motions(self, joint: int, values: FloatArray) -> tuple[str, FloatArray]:
         """The same for many values, shape (n,): the property, and an array (n, 3) or (n, 4)."""
         turns, axis = self._axes[joint]
         if not turns:
@@ -187,7 +187,7 @@ def pose_commands(path: str, T_base_node: pin.SE3) -> Iterator[Command]:
 
 
 def line_command(
-    path: str, points_base: Vector, radius_m: float, rgb: Rgb, *, uuid: str | None = None
+    path: str, points_base: FloatArray, radius_m: float, rgb: Rgb, *, uuid: str | None = None
 ) -> Command:
     """A line through points, shape (n, 3), metres, drawn as a thin tube.
 
@@ -213,7 +213,7 @@ def _moving_nodes(model: pin.Model) -> dict[str, str]:
     return dict(zip(model.names, paths, strict=True))
 
 
-def _axes(model: pin.Model) -> list[tuple[bool, Vector]]:
+def _axes(model: pin.Model) -> list[tuple[bool, FloatArray]]:
     """For each joint whether it turns (else it slides), and its axis, shape (3,), unit."""
     data = model.createData()
     axes = []
@@ -288,7 +288,7 @@ def _fading_disc() -> Command:
     )
 
 
-def _tube(points: Vector, radius_m: float) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+def _tube(points: FloatArray, radius_m: float) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     """A square prism along each stretch of the line: vertices (8 n, 3) and faces (8 n, 3)."""
     along = np.diff(points, axis=0)
     upright = np.abs(along[:, 2]) > 0.9 * np.linalg.norm(along, axis=1)

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from sim.recording.recording import Recording
 from sim.view.animation import frame_samples, telling_samples
 from sim.view.gripper_status import GripperPhase
@@ -51,8 +51,8 @@ class PathPiece:
     """
 
     side: str
-    times_s: Vector
-    points_base: Vector
+    times_s: FloatArray
+    points_base: FloatArray
     is_holding: bool
 
 
@@ -66,7 +66,7 @@ class TipTracker:
             side: robot.model.getFrameId(arm.tip_frame) for side, arm in robot.arms.items()
         }
 
-    def points(self, q: Vector) -> dict[str, Vector]:
+    def points(self, q: FloatArray) -> dict[str, FloatArray]:
         """By side, the tip's place in base, shape (3,), metres, at a configuration (19,)."""
         pin.forwardKinematics(self._model, self._data, q)
         return {
@@ -103,14 +103,16 @@ def recorded_paths(
             yield from _pieces(side, times, points, holding)
 
 
-def _holding_at(times: Vector, phases: Sequence[tuple[float, GripperPhase]]) -> NDArray[np.bool_]:
+def _holding_at(
+    times: FloatArray, phases: Sequence[tuple[float, GripperPhase]]
+) -> NDArray[np.bool_]:
     starts = np.array([start for start, _ in phases])
     holding = np.array([phase.is_holding for _, phase in phases])
     return holding[np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)]
 
 
 def _pieces(
-    side: str, times: Vector, points: Vector, holding: NDArray[np.bool_]
+    side: str, times: FloatArray, points: FloatArray, holding: NDArray[np.bool_]
 ) -> Iterator[PathPiece]:
     """The way cut where the hand grasps or lets go, and where the tip jumps."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -126,7 +128,7 @@ def _pieces(
             yield PathPiece(side, at, where, bool(holding[start]))
 
 
-def _telling(points: Vector, stretch_m: float) -> NDArray[np.intp]:
+def _telling(points: FloatArray, stretch_m: float) -> NDArray[np.intp]:
     """Indices of points that draw the line: rests left out, and what lies straight between two."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     moved = np.flatnonzero(np.concatenate([[True], steps > 0.0]))
@@ -155,12 +157,12 @@ class Trail:
             side: whose tip; the pieces are nodes under `/path/<side>`.
         """
         self._root = f"/path/{side}"
-        self._points: list[Vector] = []
+        self._points: list[FloatArray] = []
         self._is_holding = False
         self._number = 0
         self._kept: deque[str] = deque()
 
-    def advance(self, point_base: Vector, *, is_holding: bool) -> list[Command]:
+    def advance(self, point_base: FloatArray, *, is_holding: bool) -> list[Command]:
         """The tip is there now: what to draw and what to remove; mostly nothing.
 
         Args:
@@ -181,7 +183,7 @@ class Trail:
         self._points.append(point_base)
         return self._drawn()
 
-    def _begin(self, points: list[Vector], is_holding: bool) -> None:
+    def _begin(self, points: list[FloatArray], is_holding: bool) -> None:
         self._points = points
         self._is_holding = is_holding
         self._number += 1

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from baxter_kin import Baxter, IKResult, IKService, SeedMode
 from baxter_kin.errors import expect
-from baxter_kin.validation import Vector, finite_scalar
+from baxter_kin.validation import FloatArray, finite_scalar
 from planner import Body
 from planner.scene.bodies import Cylinder, Part
 from sim.errors import ViewerError
@@ -172,7 +172,7 @@ class TipTarget:
         return lengths + angles
 
 
-def _axis(direction: Vector, rgba: _Rgba) -> Part:
+def _axis(direction: FloatArray, rgba: _Rgba) -> Part:
     """A rod from the origin along one of the axes."""
     R = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction).toRotationMatrix()
     middle = AXIS_LENGTH_M / 2 * direction

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
 from baxter_kin.errors import expect, quoted
-from baxter_kin.validation import Vector, finite_array, finite_scalar
+from baxter_kin.validation import FloatArray, finite_array, finite_scalar
 from baxter_kin.value_objects import NotCopied, OneLine
 from planner import Body
 from sim.errors import ViewerError
@@ -68,7 +68,7 @@ class Viewer(NotCopied, OneLine):
         self._tree = RobotTree(robot.model, Appearance.of(robot))
         self._audience = Audience()
         self._q = np.full(len(self._tree.paths), np.nan)
-        self._poses: dict[str, Vector] = {}
+        self._poses: dict[str, FloatArray] = {}
         self._told: dict[str, object] = {}
         self._grippers: dict[str, GripperPhase] = {}
         self._tracker = TipTracker(robot)
@@ -100,7 +100,7 @@ class Viewer(NotCopied, OneLine):
         )
 
     @property
-    def q(self) -> Vector:
+    def q(self) -> FloatArray:
         """The full configuration shown, shape (19,), rad and m; a copy."""
         return self._q.copy()
 
@@ -175,7 +175,7 @@ class Viewer(NotCopied, OneLine):
         """Stop serving and free the port. A second call does nothing."""
         self._server.close()
 
-    def _joint_commands(self, q: Vector) -> Iterator[Command]:
+    def _joint_commands(self, q: FloatArray) -> Iterator[Command]:
         moved = ~(np.abs(q - self._q) < JOINT_STEP)
         for joint in np.flatnonzero(moved).tolist():
             key, value = self._tree.motion(joint, float(q[joint]))
@@ -190,7 +190,7 @@ class Viewer(NotCopied, OneLine):
                 )
             self._grippers[side] = expect(phase, GripperPhase, f"{side} gripper", ViewerError)
 
-    def _trail_commands(self, q: Vector) -> Iterator[Command]:
+    def _trail_commands(self, q: FloatArray) -> Iterator[Command]:
         for side, point in self._tracker.points(q).items():
             phase = self._grippers.get(side)
             is_holding = phase is not None and phase.is_holding
@@ -203,7 +203,7 @@ class Viewer(NotCopied, OneLine):
                 yield from pose_commands(body_path(name), T_base_body)
                 self._poses[name] = pose
 
-    def _known(self, name: str) -> Vector:
+    def _known(self, name: str) -> FloatArray:
         if name not in self._poses:
             shown = ", ".join(self._poses) or "none"
             raise ViewerError(f"the view has no body {quoted(name)}; it shows: {shown}")

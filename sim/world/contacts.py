@@ -18,7 +18,7 @@ import numpy as np
 
 from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import Checked, Vector
+from baxter_kin.validation import Checked, FloatArray
 from baxter_kin.value_objects import OneLine, millimetres, phrase, seconds
 from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
 from planner.collision.context import Touches
@@ -105,7 +105,7 @@ class ContactWatch:
         return self._found(side, full, np.abs(positions - begin_m) / speed_m_s, around)
 
     def _found(
-        self, side: str, path: Vector, times: Vector, around: _Surroundings
+        self, side: str, path: FloatArray, times: FloatArray, around: _Surroundings
     ) -> list[Contact]:
         lasting = self._lasting[side]
         found: list[Contact] = []
@@ -120,7 +120,7 @@ class ContactWatch:
         self._lasting[side] = around.touched_at(path[-1])
         return found
 
-    def _configurations(self, side: str, qs: Vector) -> Vector:
+    def _configurations(self, side: str, qs: FloatArray) -> FloatArray:
         """Full configurations, shape (n, 19), for those of an arm, shape (n, 7)."""
         full = np.tile(self._world.q, (len(qs), 1))
         full[:, list(self._world.robot.indices(self._world.robot.arm(side).joint_names))] = qs
@@ -156,7 +156,7 @@ class _Surroundings:
         self._touches = Touches(self._checker, -PRESSING_TOLERANCE_M)
         self._held = None if held is None else held.body.name
 
-    def is_touched(self, q: Vector) -> bool:
+    def is_touched(self, q: FloatArray) -> bool:
         """Whether anything is run into at a full configuration."""
         return self._touches(q)
 
@@ -179,7 +179,7 @@ class _Surroundings:
             <= PRESSING_TOLERANCE_M
         ]
 
-    def touched_at(self, q: Vector) -> frozenset[str]:
+    def touched_at(self, q: FloatArray) -> frozenset[str]:
         """Which of the bodies left out are run into at a full configuration."""
         return frozenset(
             name
@@ -187,7 +187,7 @@ class _Surroundings:
             if _Surroundings(self._world, self._side, only=name).is_touched(q)
         )
 
-    def deepest(self, q: Vector, time_s: float, free_s: float) -> Contact:
+    def deepest(self, q: FloatArray, time_s: float, free_s: float) -> Contact:
         """The worst contact at a full configuration."""
         distances = self._checker.distances_m(q, range(len(self._checker.may_touch)))
         pair = int(np.argmin(distances))

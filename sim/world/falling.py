@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.frames import raised
-from baxter_kin.validation import Checked, Vector, check_fields, finite_scalar
+from baxter_kin.validation import Checked, FloatArray, check_fields, finite_scalar
 from baxter_kin.value_objects import OneLine, millimetres, phrase, position
 from planner import Body
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
@@ -131,7 +131,7 @@ def come_to_rest(body: Body, others: Sequence[Body]) -> Rest:
     )
 
 
-def _beside_its_footing(landing: Landing, way: Vector) -> Body:
+def _beside_its_footing(landing: Landing, way: FloatArray) -> Body:
     """The body moved sideways until nothing of it is above its footing."""
     along = way / np.linalg.norm(way)
     reach = max(float((area @ along).max()) for area in landing.areas)

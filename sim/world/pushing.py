@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.validation import Vector, check_fields, finite_array, finite_scalar
+from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_scalar
 from baxter_kin.value_objects import Frozen, OneLine, millimetres, phrase
 from planner import Body, Box, Grasp, Hand, Part
 from planner.grasping.grasp import extent
@@ -45,7 +45,7 @@ class Push(Frozen, OneLine):
     by: str
     begin_m: float
     end_m: float
-    axis_base: Vector
+    axis_base: FloatArray
     T_base_begin: pin.SE3
     is_riding: bool = False
 
@@ -123,7 +123,7 @@ class Squeeze:
     begin_m: float = field(init=False)
     finger_m: float = field(init=False)
     _movers: list[Mover] = field(init=False)
-    _lift: Vector = field(init=False)
+    _lift: FloatArray = field(init=False)
     _known: dict[tuple[str, str], list[tuple[float, Part, Part]]] = field(
         init=False, default_factory=dict
     )
@@ -203,7 +203,7 @@ class Squeeze:
         return None if found is None else (found - PRESSING_TOLERANCE_M) / rate
 
     def _part_travel(
-        self, part: Part, along: Vector, other: Part, room_m: float, mover: Mover
+        self, part: Part, along: FloatArray, other: Part, room_m: float, mover: Mover
     ) -> float | None:
         """The same for two shapes; the first lifted, so that it passes over what it stands on."""
         travel = travel_to_contact(_moved(part, self._lift), along, other, room_m)
@@ -283,6 +283,6 @@ def _gap_along_y(
     return still[1][0] - moving[1][1] if sign > 0 else moving[1][0] - still[1][1]
 
 
-def _moved(part: Part, way: Vector) -> Part:
+def _moved(part: Part, way: FloatArray) -> Part:
     T = part.T_body_part
     return part.at(pin.SE3(T.rotation, T.translation + way))

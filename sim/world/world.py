@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from baxter_kin import Baxter
 from baxter_kin.errors import expect, quoted
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.validation import Vector, finite_scalar
+from baxter_kin.validation import FloatArray, finite_scalar
 from baxter_kin.value_objects import OneLine, listing
 from planner import Body, Hand, RobotShapes, Scene
 from planner.collision.robot_body import RobotBody
@@ -73,7 +73,7 @@ class World(OneLine):
             self.set_fingers(side, hand.stroke_m)
 
     @property
-    def q(self) -> Vector:
+    def q(self) -> FloatArray:
         """The full configuration, shape (19,), rad and m; a copy."""
         return self._q.copy()
 
@@ -91,9 +91,9 @@ class World(OneLine):
         known = self._known(name)
         return self._bodies[known].at(self._poses[known])
 
-    def arm_q(self, side: str) -> Vector:
+    def arm_q(self, side: str) -> FloatArray:
         """Where an arm stands, shape (7,), rad."""
-        q: Vector = self._q[self._arm_indices[self._side(side)]]
+        q: FloatArray = self._q[self._arm_indices[self._side(side)]]
         return q
 
     def T_base_tip(self, side: str) -> pin.SE3:

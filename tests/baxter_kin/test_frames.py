@@ -25,7 +25,7 @@ from baxter_kin.frames import (
     quaternion_xyzw,
     read_with_w_first,
 )
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from tests.conftest import OVERHEAD_XYZW
 
 ROUNDING = 1e-12
@@ -211,7 +211,7 @@ def test_angle_between_is_exact_for_small_angles_too(angle: float) -> None:
         (np.full((3, 3), np.nan), "finite"),
     ],
 )
-def test_what_is_no_rotation_has_no_quaternion(R: Vector, message: str) -> None:
+def test_what_is_no_rotation_has_no_quaternion(R: FloatArray, message: str) -> None:
     with pytest.raises(PoseError, match=message):
         quaternion_xyzw(pin.SE3(R, np.zeros(3)))
 

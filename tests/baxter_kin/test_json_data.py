@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from baxter_kin.errors import BaxterError, PoseError
 from baxter_kin.json_data import from_json, to_json, unchecked
 from baxter_kin.json_text import as_lines, as_text, from_text
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 FINITE = st.floats(-1e30, 1e30)
 JSON = st.recursive(
@@ -72,7 +72,7 @@ class Thing:
     corner: tuple[float, float] = (0.0, 0.0)
     moods: tuple[Mood, ...] = ()
     numbers: Mapping[Level, float] = field(default_factory=dict)
-    rows: Vector | None = None
+    rows: FloatArray | None = None
     T: pin.SE3 | None = None
     made: int = field(default=3, init=False)
 
@@ -138,8 +138,8 @@ def test_the_format_is_this() -> None:
 
 
 @given(hnp.arrays(np.float64, hnp.array_shapes(min_side=0, max_dims=3), elements=FINITE))
-def test_arrays_of_any_shape_come_back_bit_by_bit(array: Vector) -> None:
-    again = kept(array, Vector)
+def test_arrays_of_any_shape_come_back_bit_by_bit(array: FloatArray) -> None:
+    again = kept(array, FloatArray)
     assert again.shape == array.shape
     assert again.tobytes() == array.tobytes()
 
@@ -147,7 +147,7 @@ def test_arrays_of_any_shape_come_back_bit_by_bit(array: Vector) -> None:
 def test_arrays_are_known_by_the_annotation_of_this_numpy() -> None:
     """NumPy 2.5 made its alias generic itself, where it used to stand for the class."""
     array = np.arange(6.0).reshape(2, 3)
-    for annotation in (Vector, NDArray[np.float64], np.ndarray[Any, np.dtype[np.float64]]):
+    for annotation in (FloatArray, NDArray[np.float64], np.ndarray[Any, np.dtype[np.float64]]):
         assert kept(array, annotation).tolist() == array.tolist()
 
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 from hypothesis import assume
 
 from baxter_kin import Arm, IKService, JointLimits, pose_from_quaternion
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner import LineTolerance, StraightLine, StraightMoveError, Trajectory, plan_straight_move
 from planner.motion.straight_line import STRICT
 
@@ -29,7 +29,7 @@ def above(height_m: float, side: str = "left") -> pin.SE3:
 
 
 @cache
-def q_above(arm: Arm, height_m: float = DESCENT_M) -> Vector:
+def q_above(arm: Arm, height_m: float = DESCENT_M) -> FloatArray:
     """A configuration of the arm there."""
     return IKService(arm).solve(above(height_m, arm.side), current=arm.start).q
 
@@ -62,7 +62,7 @@ def drawn_move(
     return motion, StraightLine(arm.T_base_tip(q), goal)
 
 
-def random_goal(arm: Arm, q: Vector, rng: np.random.Generator, longest_m: float) -> pin.SE3:
+def random_goal(arm: Arm, q: FloatArray, rng: np.random.Generator, longest_m: float) -> pin.SE3:
     """A pose not farther than that from the one at q, turned by up to 0.5 rad in half the cases."""
     T = arm.T_base_tip(q)
     shift, turn = rng.normal(size=3), rng.normal(size=3)

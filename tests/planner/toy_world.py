@@ -14,7 +14,7 @@ from planner.collision.context import CollisionContext
 from planner.collision.obstacles import JOINTS, PAIRS, REACH_M, LinearBounds, Obstacles
 from planner.splines import weights_at
 
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 LIMITS = JointLimits(
     names=("first", "second"),
@@ -37,7 +37,7 @@ class Disc:
     y: float
     radius: float
 
-    def distance(self, q: Vector) -> float:
+    def distance(self, q: FloatArray) -> float:
         """From a configuration to its edge."""
         return float(np.hypot(q[0] - self.x, q[1] - self.y) - self.radius)
 
@@ -51,7 +51,7 @@ class Ring:
     radius: float
     width: float
 
-    def distance(self, q: Vector) -> float:
+    def distance(self, q: FloatArray) -> float:
         """From a configuration to its edge."""
         return float(abs(np.hypot(q[0] - self.x, q[1] - self.y) - self.radius) - self.width / 2)
 
@@ -63,23 +63,23 @@ class ToySpace(CollisionContext):
     things: tuple[Disc | Ring, ...]
     margin_m: float = 0.0
 
-    def is_free(self, q: Vector) -> bool:  # type: ignore[override]
+    def is_free(self, q: FloatArray) -> bool:  # type: ignore[override]
         """Whether it is outside all of them."""
         return self.clearance(q).distance_m > self.margin_m
 
-    def clearance(self, q: Vector) -> Clearance:  # type: ignore[override]
+    def clearance(self, q: FloatArray) -> Clearance:  # type: ignore[override]
         """The distance to the nearest."""
         return Clearance(min(o.distance(q) for o in self.things), "finger", "disc")
 
     def with_margin(  # type: ignore[override]
-        self, margin_m: float, *ends: Vector
+        self, margin_m: float, *ends: FloatArray
     ) -> ToySpace:
         """The space around larger obstacles."""
         least = min(self.clearance(q).distance_m for q in ends)
         return ToySpace(self.things, min(margin_m, least / 2))
 
     def obstacles(  # type: ignore[override]
-        self, margin_m: float, resting: Vector
+        self, margin_m: float, resting: FloatArray
     ) -> ToyObstacles:
         """The same for motions, which rest at configurations, shape (k, n)."""
         return ToyObstacles(self.with_margin(margin_m, *resting))
@@ -91,7 +91,7 @@ class ToyObstacles(Obstacles):
 
     space: ToySpace
 
-    def bounds(self, controls: Vector) -> LinearBounds:
+    def bounds(self, controls: FloatArray) -> LinearBounds:
         """In the middle of each interval, shape (n + 3, 7)."""
         weights = weights_at(np.array([0.5]))
         windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)
@@ -114,12 +114,12 @@ DISC = Disc(0.0, 0.0, 0.8)
 AROUND_DISC = ToySpace((DISC,))
 
 
-def least_distance(space: ToySpace, qs: Vector) -> float:
+def least_distance(space: ToySpace, qs: FloatArray) -> float:
     """Of many configurations, shape (m, 2)."""
     return min(space.clearance(q).distance_m for q in qs)
 
 
-def along(corners: Vector, step: float = 1e-3) -> Vector:
+def along(corners: FloatArray, step: float = 1e-3) -> FloatArray:
     """Points on the straight lines between corners, at most a step apart."""
     lines = []
     for start, end in pairwise(corners):

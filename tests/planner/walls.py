@@ -12,7 +12,7 @@ from planner.collision.context import CollisionContext
 from planner.collision.sampling import sample_times
 from tests.conftest import at, overhead
 
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 TABLE_TOP_M = -0.155
 DENSE_RAD = 0.005
@@ -41,12 +41,12 @@ class Room:
         """Where the arm is free."""
         return CollisionContext(self.checker, self.full(self.manipulator.arm.neutral))
 
-    def full(self, q: Vector) -> Vector:
+    def full(self, q: FloatArray) -> FloatArray:
         """A configuration of the whole robot."""
         hand = self.manipulator.hand
         return next(self.manipulator.configurations(q[None], hand.stroke_m))
 
-    def distance_m(self, q: Vector) -> float:
+    def distance_m(self, q: FloatArray) -> float:
         """The clearance, computed pair by pair."""
         return self.checker.clearance(self.full(q)).distance_m
 
@@ -55,7 +55,7 @@ class Room:
         qs = motion.sample(sample_times(motion, DENSE_RAD)).q
         return min(self.distance_m(q) for q in qs)
 
-    def beside(self, y: float, z: float = -0.1) -> Vector:
+    def beside(self, y: float, z: float = -0.1) -> FloatArray:
         """The hand down over the table."""
         ik = self.manipulator.ik.solve(overhead(0.65, y, z), current=self.manipulator.arm.start)
         assert ik.is_valid

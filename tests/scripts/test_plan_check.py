@@ -36,7 +36,7 @@ from planner import (
 from tests.bodies import grasp_of
 from tests.conftest import at
 
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 TABLE_TOP_M = -0.155
 PICK_M = (0.70, 0.15)
@@ -68,7 +68,9 @@ def block(height_m: float = 0.05, width_m: float = 0.03) -> Body:
     return make_block("block", centre, edge_m=(width_m, width_m, height_m))
 
 
-def grasp_q(m: Manipulator, body: Body, lift_m: float = 0.0, tip_m: float | None = None) -> Vector:
+def grasp_q(
+    m: Manipulator, body: Body, lift_m: float = 0.0, tip_m: float | None = None
+) -> FloatArray:
     """The arm where the hand is about to close on a body, or above that."""
     T = overhead_grasp(m.hand, body)
     z = T.translation[2] if tip_m is None else TABLE_TOP_M + tip_m
@@ -82,7 +84,7 @@ def plan_of(
     m: Manipulator,
     scene: Scene,
     steps: Sequence[Move | Grip],
-    q: Vector,
+    q: FloatArray,
     *,
     finger_m: float | None = None,
     held: tuple[Holding, ...] = (),
@@ -99,7 +101,7 @@ CLOSE = Grip("close", GripperAction.CLOSE, "block")
 OPEN = Grip("open", GripperAction.OPEN)
 
 
-def lift(m: Manipulator, q: Vector, height_m: float = 0.06) -> Move:
+def lift(m: Manipulator, q: FloatArray, height_m: float = 0.06) -> Move:
     T = m.arm.T_base_tip(q)
     up = pin.SE3(T.rotation, T.translation + np.array([0.0, 0.0, height_m]))
     return Move("lift", plan_straight_move(m.arm, q, up, m.limits), is_straight=True)

@@ -9,7 +9,7 @@ import pytest
 from baxter_kin import Baxter, ElectricGripper
 from baxter_kin.description import StockFiles
 from baxter_kin.description.hands import FINGER_MESHES, TIP_MESHES
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner import (
     Manipulator,
     PickAndPlace,
@@ -34,7 +34,7 @@ THINNED_M = 3e-3
 """What is drawn is thinned out; see `test_appearance`."""
 
 
-def bounds(points: Vector) -> Vector:
+def bounds(points: FloatArray) -> FloatArray:
     return np.array([points.min(axis=0), points.max(axis=0)])
 
 

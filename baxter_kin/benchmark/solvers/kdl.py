@@ -14,7 +14,7 @@ import PyKDL
 from baxter_kin.benchmark.entrants import Contestant, short
 from baxter_kin.benchmark.solvers.chain import placements_about_z
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 ITERATIONS = 100
 """Its default."""
@@ -60,7 +60,7 @@ class _Chain:
         status = self._solver.CartToJnt(q_seed, T_base_tip, q)
         return q if status >= 0 else None
 
-    def forward(self, q: Vector) -> Vector:
+    def forward(self, q: FloatArray) -> FloatArray:
         frame = PyKDL.Frame()
         self._forward.JntToCart(_joints(q), frame)
         return np.array([[frame[row, column] for column in range(4)] for row in range(3)] + [_LAST])
@@ -80,10 +80,10 @@ def _chain(arm: Arm) -> Any:
 
 
 def _frame(T: pin.SE3) -> Any:
-    return PyKDL.Frame(PyKDL.Rotation(*T.rotation.ravel()), PyKDL.Vector(*T.translation))
+    return PyKDL.Frame(PyKDL.Rotation(*T.rotation.ravel()), PyKDL.FloatArray(*T.translation))
 
 
-def _joints(q: Vector) -> Any:
+def _joints(q: FloatArray) -> Any:
     array = PyKDL.JntArray(len(q))
     for index, value in enumerate(q):
         array[index] = value

@@ -11,7 +11,7 @@ from baxter_kin.benchmark.entrants import Contestant
 from baxter_kin.benchmark.report import version_of
 from baxter_kin.ik import IKResult, IKService
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 
 def contestant(arm: Arm, **options: Any) -> Contestant:
@@ -23,7 +23,7 @@ def contestant(arm: Arm, **options: Any) -> Contestant:
     """
     service = IKService(arm, **options)
 
-    def solve_batch(poses: Sequence[pin.SE3], seeds: Sequence[Vector]) -> Sequence[IKResult]:
+    def solve_batch(poses: Sequence[pin.SE3], seeds: Sequence[FloatArray]) -> Sequence[IKResult]:
         return service.solve_batch(poses, seeds=seeds)
 
     chosen = ", ".join(f"{name} {value}" for name, value in options.items())

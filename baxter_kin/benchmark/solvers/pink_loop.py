@@ -12,7 +12,7 @@ from pink.tasks import FrameTask
 
 from baxter_kin.benchmark.entrants import Contestant, short
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 STEPS = 200
 STEP_S = 1.0
@@ -55,7 +55,7 @@ class _Loop:
             arm.tip_frame, position_cost=1.0, orientation_cost=1.0, lm_damping=DAMPING
         )
 
-    def solve(self, T_base_tip: pin.SE3, q_seed: Vector) -> Vector | None:
+    def solve(self, T_base_tip: pin.SE3, q_seed: FloatArray) -> FloatArray | None:
         self._task.set_target(T_base_tip)
         configuration = Configuration(self._model, self._data, q_seed)
         for _ in range(STEPS):

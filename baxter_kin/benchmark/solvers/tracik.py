@@ -14,7 +14,7 @@ from trac_ik import TracIK
 from baxter_kin.benchmark.entrants import Contestant, short
 from baxter_kin.description import StockFiles
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 TIMEOUT_S = 0.005
 """As published by its authors for Baxter (Beeson and Ames, Humanoids 2015), and its default."""
@@ -31,7 +31,7 @@ def contestant(arm: Arm, *, epsilon: float) -> Contestant:
     solver = TracIK("base", arm.tip_frame, urdf, timeout=TIMEOUT_S, epsilon=epsilon)
     solver.joint_limits = arm.limits.q_min, arm.limits.q_max  # it reads them in single precision
 
-    def forward(q: Vector) -> Vector:
+    def forward(q: FloatArray) -> FloatArray:
         T_base_tip = np.eye(4)
         T_base_tip[:3, 3], T_base_tip[:3, :3] = solver.fk(q)
         return T_base_tip

@@ -21,7 +21,7 @@ import numpy as np
 
 from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 SUBSTITUTIONS = 3
 
@@ -32,7 +32,7 @@ _LEAST_M = 1e-12
 
 _SIGNS = np.array([(e1, e0, w1) for e1 in (1, -1) for e0 in (1, -1) for w1 in (1, -1)], float)
 
-_Parts: TypeAlias = tuple[Vector, Vector, Vector]
+_Parts: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 """A direction along a stage's axis, along its offset, and along axis x offset; or a point, m."""
 
 
@@ -56,7 +56,7 @@ class ClosedForm:
         self._w0 = np.repeat(np.arange(rolls) * (2.0 * np.pi / rolls), len(_SIGNS))
         self._signs = np.tile(_SIGNS.T, rolls)
 
-    def starts(self, Ts: Vector, count: int) -> Vector:
+    def starts(self, Ts: FloatArray, count: int) -> FloatArray:
         """Starts for poses, the one that violates the limits least first; all inside the limits.
 
         Args:
@@ -75,7 +75,7 @@ class ClosedForm:
             chosen[part] = np.take_along_axis(q, best[:, :, None], axis=1)
         return chosen.clip(self._q_min, self._q_max)
 
-    def configurations(self, Ts: Vector) -> tuple[Vector, Vector]:
+    def configurations(self, Ts: FloatArray) -> tuple[FloatArray, FloatArray]:
         """All of them, the limits of s0 apart inside the limits or not.
 
         Args:
@@ -105,7 +105,7 @@ class ClosedForm:
         q[..., 1:] = (q[..., 1:] + np.pi) % (2.0 * np.pi) - np.pi
         return q, (misfit + clipped).reshape(len(Ts), -1)
 
-    def _turns(self, wrist: Vector) -> Vector:
+    def _turns(self, wrist: FloatArray) -> FloatArray:
         """The angles of s0 to try for wrists seen from the first axis, (m, 3): shape (m, n).
 
         Beside those in equal steps, the two where the shoulder points to the wrist or away from it:
@@ -116,7 +116,9 @@ class ClosedForm:
         wrapped = np.arctan2(np.sin(both), np.cos(both)).clip(self._q_min[0], self._q_max[0])
         return np.hstack([np.tile(self._s0, (len(wrist), 1)), wrapped])
 
-    def _elbow(self, target: _Parts, w0: Vector, sign: Vector) -> tuple[Vector, Vector]:
+    def _elbow(
+        self, target: _Parts, w0: FloatArray, sign: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """e1 from |W - S|, and by how much its cosine was clipped."""
         arm, offset = self._arm, self._arm.wrist_offset_m * np.cos(w0)
         square = sum(part**2 for part in target) - arm.upper_span_m**2 - arm.fore_span_m**2
@@ -128,8 +130,8 @@ class ClosedForm:
         return e1, np.abs(cosine - inside)
 
     def _shoulder_angles(
-        self, target: _Parts, e1: Vector, w0: Vector, sign: Vector
-    ) -> tuple[Vector, Vector, Vector]:
+        self, target: _Parts, e1: FloatArray, w0: FloatArray, sign: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """s1 and e0 from the direction of W - S, and by how much a sine was clipped."""
         arm, (radially, down, sideways) = self._arm, target
         swing, across = arm.wrist_offset_m * np.cos(w0), arm.wrist_offset_m * np.sin(w0)
@@ -144,20 +146,20 @@ class ClosedForm:
         return s1, roll - np.arctan2(across, r), np.abs(sine - inside)
 
 
-def _seen(v: Vector, azimuth: Vector) -> _Parts:
+def _seen(v: FloatArray, azimuth: FloatArray) -> _Parts:
     """Vectors of base, (m, 3), along radial, down and sideways, each (m, n, 1)."""
     (x, y, z), c, s = v.T[:, :, None], np.cos(azimuth), np.sin(azimuth)
     down = np.broadcast_to(-z, azimuth.shape)
     return (c * x + s * y)[..., None], down[..., None], (c * y - s * x)[..., None]
 
 
-def _bent(parts: _Parts, angle: Vector) -> _Parts:
+def _bent(parts: _Parts, angle: FloatArray) -> _Parts:
     """A direction seen from a stage's axes, after its bend."""
     (axis, offset, across), c, s = parts, np.cos(angle), np.sin(angle)
     return c * axis + s * offset, c * offset - s * axis, across
 
 
-def _rolled(parts: _Parts, angle: Vector) -> _Parts:
+def _rolled(parts: _Parts, angle: FloatArray) -> _Parts:
     """A direction seen from a stage's axes, after its roll."""
     (axis, offset, across), c, s = parts, np.cos(angle), np.sin(angle)
     return axis, c * offset + s * across, c * across - s * offset

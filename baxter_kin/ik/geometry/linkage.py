@@ -38,7 +38,7 @@ from baxter_kin.errors import DescriptionError
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import QUARTERS
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 ROUNDING = 1e-12
 """Of positions (m) and unit vectors, beside the deviation."""
@@ -96,7 +96,7 @@ class Linkage:
     fore_m: float
     wrist_offset_m: float
     hand_m: float
-    q_offset: Vector
+    q_offset: FloatArray
     q_min: tuple[float, ...]
     q_max: tuple[float, ...]
     deviation: Deviation
@@ -128,7 +128,7 @@ class Linkage:
         _check_kinematics(linkage, arm)
         return linkage
 
-    def targets(self, Ts: Vector) -> Vector:
+    def targets(self, Ts: FloatArray) -> FloatArray:
         """Where poses put the last axis, seen from the first one.
 
         Args:
@@ -139,10 +139,10 @@ class Linkage:
         """
         near = Ts.clip(-FAR_M, FAR_M)
         seen = self.T_base_first.inverse().homogeneous @ near
-        targets: Vector = seen @ self.T_last_tip.inverse().homogeneous
+        targets: FloatArray = seen @ self.T_last_tip.inverse().homogeneous
         return targets
 
-    def wrist_and_axis(self, q: Vector) -> tuple[Vector, Vector]:
+    def wrist_and_axis(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """W (m) and t, both shape (3,), seen from the first axis.
 
         Args:
@@ -215,7 +215,9 @@ class Linkage:
         return math.sqrt(fore**2 + hand**2 + 2.0 * fore * hand * math.cos(turn))
 
 
-def _stage(axis: Vector, offset: Vector, bend: float, roll: float) -> tuple[Vector, Vector]:
+def _stage(
+    axis: FloatArray, offset: FloatArray, bend: float, roll: float
+) -> tuple[FloatArray, FloatArray]:
     bent = math.cos(bend) * axis + math.sin(bend) * offset
     swing = math.cos(bend) * offset - math.sin(bend) * axis
     return bent, math.cos(roll) * swing + math.sin(roll) * np.cross(bent, swing)
@@ -239,7 +241,7 @@ def _deviation(dh: DHParameters, lengths: _Lengths, hand_m: float) -> Deviation:
     return Deviation(wrist_m, axis, wrist_m + axis * hand_m)
 
 
-def _widened(low: Vector, high: Vector, lengths: _Lengths) -> tuple[Vector, Vector]:
+def _widened(low: FloatArray, high: FloatArray, lengths: _Lengths) -> tuple[FloatArray, FloatArray]:
     """Limits that hold the given ones, and such that the cases of the proofs are what they are.
 
     The elbow can be overbent, and bent by more than that; the wrist can be turned either way; the

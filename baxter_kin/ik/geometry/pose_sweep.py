@@ -32,7 +32,7 @@ import numpy as np
 from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.ik.geometry.shoulder_sweep import MARGIN_M, MARGIN_RAD
 from baxter_kin.ik.geometry.uncertain import Flags, UncertainAngle, UncertainVector
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 FIRST_CELLS = 24, 16
 """Of s0 and of w0."""
@@ -59,10 +59,10 @@ class _Cells(NamedTuple):
         half: half the widths of every cell, in s0 and in w0.
     """
 
-    s0: Vector
-    w0: Vector
-    e1_sign: Vector
-    s1_sign: Vector
+    s0: FloatArray
+    w0: FloatArray
+    e1_sign: FloatArray
+    s1_sign: FloatArray
     half: tuple[float, float]
 
     def part(self, which: Flags) -> _Cells:
@@ -94,7 +94,7 @@ class PoseSweep:
         self._margin_rad = MARGIN_RAD + linkage.deviation.axis
 
     def excludes(
-        self, target: Vector, radius_m: float, most_survivors: int = MOST_SURVIVORS
+        self, target: FloatArray, radius_m: float, most_survivors: int = MOST_SURVIVORS
     ) -> bool:
         """Whether no pose of that orientation so near to a target is within reach.
 
@@ -118,7 +118,7 @@ class PoseSweep:
             cells = cells.split()
         return False
 
-    def _survivors(self, target: Vector, radius_m: float, cells: _Cells) -> _Cells:
+    def _survivors(self, target: FloatArray, radius_m: float, cells: _Cells) -> _Cells:
         """The cells that may hold a solution."""
         wobble_m, half_s0 = radius_m + self._margin_m, cells.half[0]
         x, y, up = target[:3, 3].tolist()
@@ -145,7 +145,7 @@ class PoseSweep:
 
     def _holds_hand(
         self,
-        target: Vector,
+        target: FloatArray,
         cells: _Cells,
         s1: UncertainAngle,
         e0: UncertainAngle,
@@ -162,7 +162,7 @@ class PoseSweep:
         w2 = UncertainVector(bent, aside, off + w1.slack).angle
         return np.asarray(fits & self._allows(6, w2))
 
-    def _elbow(self, d: Vector, slack_m: float, cells: _Cells) -> tuple[UncertainAngle, Flags]:
+    def _elbow(self, d: FloatArray, slack_m: float, cells: _Cells) -> tuple[UncertainAngle, Flags]:
         """e1 for |v|, and where there is one."""
         arm, offset = self._arm, self._arm.wrist_offset_m * np.cos(cells.w0)
         amplitude = UncertainVector(
@@ -196,13 +196,13 @@ class PoseSweep:
 class _Seen(NamedTuple):
     """Joint angles at the middles of cells, from where directions are seen."""
 
-    s0: Vector
-    s1: Vector
-    e0: Vector
-    e1: Vector
-    w0: Vector
+    s0: FloatArray
+    s1: FloatArray
+    e0: FloatArray
+    e1: FloatArray
+    w0: FloatArray
 
-    def of(self, direction: Vector) -> tuple[Vector, Vector, Vector]:
+    def of(self, direction: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """A direction seen from the first axis: along f, k, and f x k, each (n,)."""
         x, y, up = direction.tolist()
         radially = x * np.cos(self.s0) + y * np.sin(self.s0)
@@ -215,7 +215,7 @@ class _Seen(NamedTuple):
 
 
 def _shoulder(
-    v: UncertainVector, along: UncertainAngle, sign: Vector
+    v: UncertainVector, along: UncertainAngle, sign: FloatArray
 ) -> tuple[UncertainAngle, Flags]:
     """s1 that gives v, radially and up, its component along u, and where it can."""
     least, most = along.middle - along.slack, along.middle + along.slack
@@ -225,7 +225,7 @@ def _shoulder(
     return UncertainAngle(middle, turn.slack + gamma.slack), is_possible
 
 
-def _rotated(a: Vector, b: Vector, angle: Vector) -> tuple[Vector, Vector]:
+def _rotated(a: FloatArray, b: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Components along axes that are turned by an angle from the first to the second."""
     cos, sin = np.cos(angle), np.sin(angle)
     return cos * a + sin * b, cos * b - sin * a

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from baxter_kin.ik.geometry.linkage import Linkage
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 CELLS, SPLIT, LEVELS = 32, 8, 3
 """The s0 range starts as 32 cells; those that could still hold the least distance are split in
@@ -34,7 +34,7 @@ class PositionSweep:
         self._s1_half = 0.5 * (linkage.q_max[1] - linkage.q_min[1])
         self._offsets = (2.0 * np.arange(SPLIT) + 1.0) / SPLIT - 1.0
 
-    def excess_m(self, point: Vector) -> float:
+    def excess_m(self, point: FloatArray) -> float:
         """A lower bound on how far the tip stays from a point; negative when nothing is proved.
 
         Args:
@@ -55,7 +55,7 @@ class PositionSweep:
             half /= SPLIT
         return min(settled, float(bounds.min()))
 
-    def _excess_at(self, s0: Vector, point: Vector) -> Vector:
+    def _excess_at(self, s0: FloatArray, point: FloatArray) -> FloatArray:
         """The bound at single angles of s0, shape (n,)."""
         x, y, z = point.tolist()
         radially = x * np.cos(s0) + y * np.sin(s0) - self._arm.shoulder_offset_m
@@ -68,5 +68,5 @@ class PositionSweep:
         angle = np.arctan2(np.sqrt(np.maximum(distance**2 - along**2, 0.0)), along)
         off = np.maximum(angle - self._arm.elbow_angle, 0.0)
         to_elbow = np.hypot(distance - self._upper * np.cos(off), self._upper * np.sin(off))
-        excess: Vector = to_elbow - self.tip_reach_m
+        excess: FloatArray = to_elbow - self.tip_reach_m
         return excess

@@ -31,7 +31,7 @@ from baxter_kin.ik.geometry.shoulder_sweep import ShoulderSweep
 from baxter_kin.ik.geometry.uncertain import Flags
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import JOINTS, Arm
-from baxter_kin.validation import Vector, finite_array
+from baxter_kin.validation import FloatArray, finite_array
 
 RADII_M = np.array([1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1])
 """Distances that the sweeps can certify; the largest that holds is reported."""
@@ -117,7 +117,7 @@ class ReachBound:
         proof = self._proof_by_shells(*self._target(T_base_tip * self._T_tip_gripper))
         return _less(proof, self._wrist_leeway_m)
 
-    def are_outside_shells(self, Ts: Vector) -> Flags:
+    def are_outside_shells(self, Ts: FloatArray) -> Flags:
         """Which poses the bounds "span" and "fold" alone prove out of reach, at a glance.
 
         Args:
@@ -128,7 +128,7 @@ class ReachBound:
         """
         return self._are_outside(self._targets(Ts)) if self._is_fixed else _nowhere(Ts)
 
-    def are_proven(self, Ts: Vector, levels: int = DECISION_LEVELS) -> Flags:
+    def are_proven(self, Ts: FloatArray, levels: int = DECISION_LEVELS) -> Flags:
         """Which poses are out of reach by any bound but "limits", proven for many at a time.
 
         Args:
@@ -148,7 +148,7 @@ class ReachBound:
         proven[~proven] = self._sweep.exclusions(left, radii_m, levels).is_proven
         return proven
 
-    def are_beyond_limits(self, Ts: Vector) -> Flags:
+    def are_beyond_limits(self, Ts: FloatArray) -> Flags:
         """Which poses are out of reach by the bound "limits": some milliseconds for each.
 
         Args:
@@ -168,10 +168,10 @@ class ReachBound:
         """Whether the gripper's pose is given exactly, but perhaps for its roll."""
         return self._is_posed and self._leeway_m == 0.0
 
-    def _targets(self, Ts: Vector) -> Vector:
+    def _targets(self, Ts: FloatArray) -> FloatArray:
         return self._arm.targets(Ts @ self._T_tip_gripper.homogeneous)
 
-    def _target(self, T_base_gripper: pin.SE3) -> tuple[Vector, Vector]:
+    def _target(self, T_base_gripper: pin.SE3) -> tuple[FloatArray, FloatArray]:
         """Where a pose puts the last axis, shape (4, 4), and the wrist seen from base, (3,)."""
         T = T_base_gripper.homogeneous
         if not np.isfinite(T).all():
@@ -179,7 +179,7 @@ class ReachBound:
         wrist_base = T_base_gripper.act(self._arm.T_last_tip.inverse().translation)
         return self._arm.targets(T[None])[0], wrist_base
 
-    def _are_outside(self, targets: Vector) -> Flags:
+    def _are_outside(self, targets: FloatArray) -> Flags:
         beyond_m, within_m = self._shells.wrist_excess_m(targets[:, :3, 3])
         outside: Flags = (beyond_m > 0.0) | (within_m > 0.0)
         return outside
@@ -191,7 +191,7 @@ class ReachBound:
             return proof
         return self._proof_by_limits(target, wrist, is_thorough)
 
-    def _proof_by_shells(self, target: Vector, wrist: Vector) -> ReachProof | None:
+    def _proof_by_shells(self, target: FloatArray, wrist: FloatArray) -> ReachProof | None:
         excesses = self._shells.wrist_excess_m(target[None, :3, 3])
         beyond_m, within_m = (float(excess_m[0]) for excess_m in excesses)
         names, shells = self._names, self._shells
@@ -201,7 +201,7 @@ class ReachBound:
             return ReachProof.of("fold", within_m, wrist, names, shells.fold_m)
         return None
 
-    def _proof_by_sweep(self, target: Vector, wrist: Vector) -> ReachProof | None:
+    def _proof_by_sweep(self, target: FloatArray, wrist: FloatArray) -> ReachProof | None:
         found = self._sweep.exclusions(target[None], RADII_M[:1], DECISION_LEVELS)
         if not found.is_proven[0]:
             return None
@@ -215,7 +215,7 @@ class ReachBound:
         return ReachProof.of(bound, radius_m, wrist, self._names)
 
     def _proof_by_limits(
-        self, target: Vector, wrist: Vector, is_thorough: bool
+        self, target: FloatArray, wrist: FloatArray, is_thorough: bool
     ) -> ReachProof | None:
         radius_m, *wider = RADII_M.tolist()
         most_cells = MANY_SURVIVORS if is_thorough else MOST_SURVIVORS
@@ -228,7 +228,7 @@ class ReachBound:
         return ReachProof.of("limits", radius_m, wrist, self._names)
 
 
-def _nowhere(Ts: Vector) -> Flags:
+def _nowhere(Ts: FloatArray) -> Flags:
     return np.zeros(len(Ts), dtype=np.bool_)
 
 

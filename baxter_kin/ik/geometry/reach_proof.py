@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,12 @@ class ReachProof:
 
     @classmethod
     def of(
-        cls, bound: str, excess_m: float, wrist: Vector, names: Mapping[str, str], most_m: float = 0
+        cls,
+        bound: str,
+        excess_m: float,
+        wrist: FloatArray,
+        names: Mapping[str, str],
+        most_m: float = 0,
     ) -> ReachProof:
         """The proof that a bound gives for a pose.
 
@@ -55,7 +60,7 @@ class ReachProof:
 
     @classmethod
     def of_position(
-        cls, bound: str, excess_m: float, tip: Vector, names: Mapping[str, str], most_m: float
+        cls, bound: str, excess_m: float, tip: FloatArray, names: Mapping[str, str], most_m: float
     ) -> ReachProof:
         """The same for a position of the tip, seen from base, shape (3,), m."""
         clause = _OF_POSITIONS[bound].format(length=_length(excess_m), most_m=most_m, **names)
@@ -80,7 +85,7 @@ _OF_POSITIONS = {
 }
 
 
-def _words(p_base: Vector) -> str:
+def _words(p_base: FloatArray) -> str:
     return "({:.6g}, {:.6g}, {:.6g}) m".format(*(round(x, 3) + 0.0 for x in p_base.tolist()))
 
 

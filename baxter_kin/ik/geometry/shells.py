@@ -13,7 +13,7 @@ import numpy as np
 from baxter_kin.ik.geometry.linkage import FAR_M, Linkage
 from baxter_kin.ik.geometry.position_sweep import PositionSweep
 from baxter_kin.ik.geometry.shoulder_sweep import MARGIN_M
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 
 class Shells:
@@ -41,21 +41,21 @@ class Shells:
         low, high = linkage.q_min[0], linkage.q_max[0]
         self._s0_middle, self._s0_half = 0.5 * (low + high), 0.5 * (high - low)
 
-    def wrist_excess_m(self, wrists: Vector) -> tuple[Vector, Vector]:
+    def wrist_excess_m(self, wrists: FloatArray) -> tuple[FloatArray, FloatArray]:
         """How far wrists, (m, 3), lie beyond the span, and how far inside the fold, (m,) each."""
         near, far = self._distances(wrists)
         return near - self._span_m - self._wrist_margin_m, self._fold_m - far - self._wrist_margin_m
 
-    def tip_excess_m(self, point: Vector) -> float:
+    def tip_excess_m(self, point: FloatArray) -> float:
         """How far a tip, (3,), lies beyond the straight arm."""
         nearest_m = float(self._distances(point[None])[0][0])
         return nearest_m - self._radius_m - self._tip_margin_m
 
-    def elbow_excess_m(self, point: Vector) -> float:
+    def elbow_excess_m(self, point: FloatArray) -> float:
         """How far a tip, (3,), lies beyond forearm and hand from where s0 and s1 let E go."""
         return self._position_sweep.excess_m(point) - self._tip_margin_m
 
-    def _distances(self, points: Vector) -> tuple[Vector, Vector]:
+    def _distances(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The least and the greatest distance of points, (m, 3), to S over all angles of s0.
 
         The distance grows with the angle between `radial` and the point's azimuth, up to half a
@@ -67,9 +67,9 @@ class Shells:
         off = np.abs(np.arctan2(np.sin(turn), np.cos(turn)))
         least, most = (off - self._s0_half).clip(min=0.0), (off + self._s0_half).clip(max=np.pi)
 
-        def distance(angle: Vector) -> Vector:
+        def distance(angle: FloatArray) -> FloatArray:
             radially, sideways = radius * np.cos(angle) - offset, radius * np.sin(angle)
-            length: Vector = np.hypot(np.hypot(radially, sideways), z)
+            length: FloatArray = np.hypot(np.hypot(radially, sideways), z)
             return length
 
         return distance(least), distance(most)

@@ -29,7 +29,7 @@ import numpy as np
 
 from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.ik.geometry.uncertain import Flags, UncertainAngle, UncertainVector
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 MARGIN_M = MARGIN_RAD = 5e-6
 """Every proof also holds for wrists and tool axes this far off. A solution counts as valid within
@@ -73,18 +73,18 @@ class _Cells(NamedTuple):
     """
 
     half: float
-    v: tuple[Vector, Vector, Vector]
-    t: tuple[Vector, Vector, Vector]
-    d: Vector
-    d_slack: Vector
-    plane_slack: Vector
+    v: tuple[FloatArray, FloatArray, FloatArray]
+    t: tuple[FloatArray, FloatArray, FloatArray]
+    d: FloatArray
+    d_slack: FloatArray
+    plane_slack: FloatArray
 
 
 class _Bounds(NamedTuple):
     """Lower and upper bounds of a quantity, of one shape."""
 
-    low: Vector
-    high: Vector
+    low: FloatArray
+    high: FloatArray
 
 
 class ShoulderSweep:
@@ -109,7 +109,7 @@ class ShoulderSweep:
         self._first_half = (high - low) / (2 * FIRST_CELLS)
         self._first_s0 = low + self._first_half * (2.0 * np.arange(FIRST_CELLS) + 1.0)
 
-    def exclusions(self, targets: Vector, radii_m: Vector, levels: int) -> Exclusions:
+    def exclusions(self, targets: FloatArray, radii_m: FloatArray, levels: int) -> Exclusions:
         """For which targets there is a proof.
 
         Args:
@@ -123,7 +123,7 @@ class ShoulderSweep:
             return Exclusions(np.zeros(0, bool), np.zeros(0, bool))
         return Exclusions(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
-    def _exclusions(self, targets: Vector, radii_m: Vector, levels: int) -> Exclusions:
+    def _exclusions(self, targets: FloatArray, radii_m: FloatArray, levels: int) -> Exclusions:
         count = len(targets)
         index, half = np.repeat(np.arange(count), FIRST_CELLS), self._first_half
         s0, needs_wrist = np.tile(self._first_s0, count), np.zeros(count, bool)
@@ -143,7 +143,9 @@ class ShoulderSweep:
         is_proven[index] = False
         return Exclusions(is_proven, needs_wrist)
 
-    def _cells(self, targets: Vector, radius_m: Vector, s0: Vector, half: float) -> _Cells:
+    def _cells(
+        self, targets: FloatArray, radius_m: FloatArray, s0: FloatArray, half: float
+    ) -> _Cells:
         (x, y, z), (tx, ty, tz) = targets[:, :3, 3].T, targets[:, :3, 2].T
         cos, sin, wobble = np.cos(s0), np.sin(s0), radius_m + self._margin_m
         radially = x * cos + y * sin - self._arm.shoulder_offset_m
@@ -199,7 +201,7 @@ class ShoulderSweep:
             self._cos_elbow * m_high + self._sin_elbow * away,
         )
 
-    def _foot(self, d: Vector) -> tuple[Vector, Vector]:
+    def _foot(self, d: FloatArray) -> tuple[FloatArray, FloatArray]:
         """W's coordinates m along S -> E and q across it, by the law of cosines."""
         square = d * d
         m = (square + (self._upper**2 - self._fore**2)) / (2.0 * self._upper)
@@ -217,7 +219,7 @@ class ShoulderSweep:
 
     def _most_advance(
         self, cells: _Cells, d: _Bounds, projection: _Bounds, s1: UncertainAngle
-    ) -> Vector:
+    ) -> FloatArray:
         """An upper bound of `t . (W - E)`, shape (b, 2, n): how far the forearm goes along t."""
         t_v = cells.t[0] * cells.v[0] + cells.t[1] * cells.v[1] + cells.t[2] * cells.v[2]
         t_u = cells.t[0] * np.cos(s1.middle) - cells.t[2] * np.sin(s1.middle)
@@ -232,7 +234,7 @@ class ShoulderSweep:
         upper = self._arm.upper_m * (t_u - u_slack)
         return t_v + cells.d_slack - upper - self._arm.elbow_offset_m * np.maximum(t_r, -1.0)
 
-    def _swing(self, d: _Bounds, projection: _Bounds, farthest: Vector) -> _Bounds:
+    def _swing(self, d: _Bounds, projection: _Bounds, farthest: FloatArray) -> _Bounds:
         """Bounds of |v - (u . v) u|, shape (b, 1, n), given the greatest |u . v|."""
         nearest = np.maximum(np.maximum(projection.low, -projection.high), 0.0)
         low = np.maximum(d.low * d.low - farthest * farthest, self._least_square_swing)

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 Flags: TypeAlias = NDArray[np.bool_]
 
@@ -22,8 +22,8 @@ _LEAST = 1e-9
 class UncertainAngle(NamedTuple):
     """An angle, and how far it may be off, rad; by more than half a turn, it may be any."""
 
-    middle: Vector
-    slack: Vector
+    middle: FloatArray
+    slack: FloatArray
 
     def part(self, which: Flags) -> UncertainAngle:
         """Some of several."""
@@ -42,12 +42,12 @@ class UncertainAngle(NamedTuple):
 class UncertainVector(NamedTuple):
     """A vector in a plane by its components, and how far its end may be off."""
 
-    x: Vector
-    y: Vector
-    slack: Vector
+    x: FloatArray
+    y: FloatArray
+    slack: FloatArray
 
     @property
-    def length(self) -> Vector:
+    def length(self) -> FloatArray:
         """At the middle."""
         return np.asarray(np.hypot(self.x, self.y))
 
@@ -58,7 +58,7 @@ class UncertainVector(NamedTuple):
         turn = np.where(slack < length, np.arcsin(slack / np.maximum(length, slack)), math.pi)
         return UncertainAngle(np.arctan2(self.y, self.x), turn)
 
-    def arc_cosine(self, least: Vector, most: Vector) -> tuple[UncertainAngle, Flags]:
+    def arc_cosine(self, least: FloatArray, most: FloatArray) -> tuple[UncertainAngle, Flags]:
         """The angle to a direction along which the vector has a component in a range.
 
         And where there is one.

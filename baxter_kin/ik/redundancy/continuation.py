@@ -29,7 +29,7 @@ from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints, whole
 from baxter_kin.ik.redundancy.root_finding import root
 from baxter_kin.ik.redundancy.segment import Segment, arc_lengths, cubics
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 
 MAX_POINTS = 50_000
 """In one direction, so that nothing runs for ever; curves of Baxter have hundreds."""
@@ -146,7 +146,7 @@ def walk(fibre: PoseFibre, start: CurvePoint) -> tuple[CurvePoints, CurveEnd]:
 
 
 def filled(
-    fibre: PoseFibre, points: CurvePoints, step_rad: float | Vector
+    fibre: PoseFibre, points: CurvePoints, step_rad: float | FloatArray
 ) -> tuple[CurvePoints, Indices]:
     """The same points with others between them, at most `step_rad` apart.
 

@@ -19,7 +19,7 @@ from baxter_kin.ik.redundancy.curve_functions import LANES, curve_functions
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import dimensions_of
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 
 class Corrected(NamedTuple):
@@ -33,11 +33,11 @@ class Corrected(NamedTuple):
         rank: at most the smallest singular value of J and more than a third of it, shape (n,).
     """
 
-    q: Vector
-    tangent: Vector
-    determinant: Vector
-    residual: Vector
-    rank: Vector
+    q: FloatArray
+    tangent: FloatArray
+    determinant: FloatArray
+    residual: FloatArray
+    rank: FloatArray
 
 
 class Steps(NamedTuple):
@@ -51,11 +51,11 @@ class Steps(NamedTuple):
         state: of the last attempt; hand it to the next call.
     """
 
-    q: Vector
-    tangent: Vector
-    determinant: Vector
-    residual: Vector
-    state: Vector
+    q: FloatArray
+    tangent: FloatArray
+    determinant: FloatArray
+    residual: FloatArray
+    state: FloatArray
 
     @property
     def step_rad(self) -> float:
@@ -81,7 +81,7 @@ class CurveKernel:
         """
         return _kernel(arm)
 
-    def measured(self, q: Vector, T: Vector) -> Corrected:
+    def measured(self, q: FloatArray, T: FloatArray) -> Corrected:
         """What `corrected` tells of one configuration, shape (7,), rad, where it is.
 
         Args:
@@ -90,7 +90,7 @@ class CurveKernel:
         """
         return _corrected(self._measure(q[None], *self._shared(T))[0])
 
-    def corrected(self, q: Vector, normal: Vector, T: Vector) -> Corrected:
+    def corrected(self, q: FloatArray, normal: FloatArray, T: FloatArray) -> Corrected:
         """One configuration, moved onto the curve within a hyperplane.
 
         Args:
@@ -103,7 +103,7 @@ class CurveKernel:
         """
         return _corrected(self._one(q[None], normal[None], *self._shared(T))[0])
 
-    def corrected_many(self, q: Vector, normal: Vector, T: Vector) -> Corrected:
+    def corrected_many(self, q: FloatArray, normal: FloatArray, T: FloatArray) -> Corrected:
         """The same for configurations of one pose, shape (n, 7)."""
         parts, shared = [np.empty((0, 17))], self._shared(T)
         for at in range(0, len(q), LANES):
@@ -113,12 +113,12 @@ class CurveKernel:
         return _corrected(np.concatenate(parts))
 
     def start_state(
-        self, q: Vector, tangent: Vector, determinant: float, step_rad: float
-    ) -> Vector:
+        self, q: FloatArray, tangent: FloatArray, determinant: float, step_rad: float
+    ) -> FloatArray:
         """What `march` starts from: a point of the curve and its direction of travel."""
         return np.concatenate([q, tangent, np.zeros(7), [step_rad, determinant, 1.0, 0.0]])
 
-    def march(self, state: Vector, T: Vector, max_step_rad: float) -> Steps:
+    def march(self, state: FloatArray, T: FloatArray, max_step_rad: float) -> Steps:
         """`BLOCK` attempts at a step; those that fail halve the next one.
 
         Args:
@@ -130,7 +130,7 @@ class CurveKernel:
         taken = states[states[:, 23] == 1.0]
         return Steps(taken[:, :7], taken[:, 7:14], taken[:, 22], taken[:, 24], states[-1])
 
-    def _shared(self, T: Vector) -> tuple[Vector, Vector]:
+    def _shared(self, T: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The last two inputs of each function, for a pose of the tip."""
         return (self._first @ T @ self._last).T, self._dimensions
 
@@ -146,5 +146,5 @@ def _functions() -> Sequence[ca.Function]:
     return compiled(functions) or functions
 
 
-def _corrected(rows: Vector) -> Corrected:
+def _corrected(rows: FloatArray) -> Corrected:
     return Corrected(rows[:, :7], rows[:, 7:14], rows[:, 14], rows[:, 15], rows[:, 16])

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,8 +24,8 @@ class CurvePoint:
         clearance_rad: from the joint nearest to a limit to that limit; below zero outside.
     """
 
-    q: Vector
-    tangent: Vector
+    q: FloatArray
+    tangent: FloatArray
     determinant: float
     residual: float
     clearance_rad: float
@@ -49,7 +49,7 @@ class CurvePoints:
             (n, 17).
     """
 
-    rows: Vector
+    rows: FloatArray
 
     @classmethod
     def of(cls, points: Iterable[CurvePoint]) -> CurvePoints:
@@ -58,32 +58,32 @@ class CurvePoints:
         return cls(np.reshape(rows, (-1, 17)))
 
     @property
-    def q(self) -> Vector:
+    def q(self) -> FloatArray:
         """Configurations, shape (n, 7), rad."""
         return self.rows[:, :7]
 
     @property
-    def tangent(self) -> Vector:
+    def tangent(self) -> FloatArray:
         """Unit directions of travel, shape (n, 7)."""
         return self.rows[:, 7:14]
 
     @property
-    def determinant(self) -> Vector:
+    def determinant(self) -> FloatArray:
         """Of `[J; tangent']`, shape (n,)."""
         return self.rows[:, 14]
 
     @property
-    def residual(self) -> Vector:
+    def residual(self) -> FloatArray:
         """Norms of the pose error, shape (n,), m and rad together."""
         return self.rows[:, 15]
 
     @property
-    def clearance_rad(self) -> Vector:
+    def clearance_rad(self) -> FloatArray:
         """From the joint nearest to a limit to that limit, shape (n,); below zero outside."""
         return self.rows[:, 16]
 
     @property
-    def chords_rad(self) -> Vector:
+    def chords_rad(self) -> FloatArray:
         """Distances between neighbours, whole turns of joints apart, shape (n - 1,), rad."""
         squares = np.square(whole_turns_off(np.diff(self.q, axis=0))).sum(axis=1)
         return np.asarray(np.sqrt(squares))
@@ -110,7 +110,7 @@ class CurvePoints:
         return CurvePoints(np.concatenate([self.rows, *(other.rows for other in others)]))
 
 
-def whole_turns_off(angles: Vector) -> Vector:
+def whole_turns_off(angles: FloatArray) -> FloatArray:
     """The same angles but for whole turns, in [-pi, pi]."""
     turns = np.round(angles / (2.0 * math.pi))
     return angles - 2.0 * math.pi * turns

@@ -30,7 +30,7 @@ from baxter_kin.ik.redundancy.loop import Loop
 from baxter_kin.ik.redundancy.root_finding import least
 from baxter_kin.ik.redundancy.segment import Segment, cubics
 from baxter_kin.ik.redundancy.solution_curve import TOUCHING_RAD, PoseFibre
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 
 NEAR_LIMITS_RAD = 0.02
 """Longest step along a loop where it may cross limits. Shorter pieces are found all the same,
@@ -204,15 +204,15 @@ def _changing(fibre: PoseFibre, points: CurvePoints, gaps: Indices) -> Indices:
     return changing
 
 
-def _rate(fibre: PoseFibre, points: CurvePoints) -> Vector:
+def _rate(fibre: PoseFibre, points: CurvePoints) -> FloatArray:
     """How the clearance changes along the curve at each point, shape (n,)."""
     side = np.concatenate([points.q - fibre.q_min, fibre.q_max - points.q], axis=1).argmin(axis=1)
     speed = np.take_along_axis(points.tangent, side[:, None] % 7, axis=1)[:, 0]
-    rate: Vector = np.where(side < 7, speed, -speed)
+    rate: FloatArray = np.where(side < 7, speed, -speed)
     return rate
 
 
-def _sampled(fibre: PoseFibre, points: CurvePoints, segment: Indices) -> Vector:
+def _sampled(fibre: PoseFibre, points: CurvePoints, segment: Indices) -> FloatArray:
     """The clearance at evenly spaced points of cubics, shape (len(segment), _SAMPLES), rad."""
     each, u = np.repeat(segment, _SAMPLES), np.tile(np.linspace(0.0, 1.0, _SAMPLES), len(segment))
     q, _ = cubics(points.q, points.tangent, each, u)
@@ -234,7 +234,7 @@ def _single_crossings(fibre: PoseFibre, points: CurvePoints, segment: Indices) -
 
 
 def _held(
-    fibre: PoseFibre, points: CurvePoints, segment: Indices, side: Indices, u: Vector
+    fibre: PoseFibre, points: CurvePoints, segment: Indices, side: Indices, u: FloatArray
 ) -> dict[int, Cuts]:
     """The cuts where joints cross limits near to shares of segments; only those that are sure.
 

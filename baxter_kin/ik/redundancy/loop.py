@@ -17,7 +17,7 @@ from baxter_kin.ik.redundancy.curve_functions import RESIDUAL_TOLERANCE, SINGULA
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints
 from baxter_kin.ik.redundancy.segment import feet
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 ON_LOOP_RAD, ALONG = 1e-3, 0.9
 """How near to the cubics between its points a configuration of the pose lies on a loop, and the
@@ -48,7 +48,7 @@ class Loop:
         """Whether it returns to its first point."""
         return self.ends[1].kind is EndKind.CLOSED
 
-    def holds(self, q: Vector, tangent: Vector) -> NDArray[np.bool_]:
+    def holds(self, q: FloatArray, tangent: FloatArray) -> NDArray[np.bool_]:
         """Whether configurations that reach the pose lie on it.
 
         Args:
@@ -67,7 +67,7 @@ class Loop:
         return is_on
 
 
-def loops_near(fibre: PoseFibre, starts: Vector) -> list[Loop]:
+def loops_near(fibre: PoseFibre, starts: FloatArray) -> list[Loop]:
     """The loops that Newton's method leads to from configurations, shape (n, 7), rad."""
     found = fibre.nearest_many(starts)
     is_good = found.residual <= RESIDUAL_TOLERANCE

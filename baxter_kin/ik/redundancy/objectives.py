@@ -18,7 +18,7 @@ from baxter_kin.errors import ConfigurationError, RequestError, expect, member_o
 from baxter_kin.ik.redundancy.root_finding import least
 from baxter_kin.ik.redundancy.self_motion import SelfMotion
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector, finite_array, finite_rows
+from baxter_kin.validation import FloatArray, finite_array, finite_rows
 from baxter_kin.value_objects import Frozen, OneLine, numbers
 
 PRECISION_RAD = 1e-9
@@ -48,7 +48,7 @@ class Scope(str, Enum):
 class Objective(Protocol):
     """What makes one configuration of a pose better than another."""
 
-    def costs(self, arm: Arm, q: Vector) -> Vector:
+    def costs(self, arm: Arm, q: FloatArray) -> FloatArray:
         """The cost of each of n configurations; less is better.
 
         Args:
@@ -74,13 +74,13 @@ class NearestTo(Frozen, OneLine):
         ConfigurationError: when `q_seed` has another shape or is not finite.
     """
 
-    q_seed: Vector
+    q_seed: FloatArray
 
     def __post_init__(self) -> None:
         seed = finite_array(self.q_seed, (7,), "q_seed", ConfigurationError)
         object.__setattr__(self, "q_seed", seed)
 
-    def costs(self, arm: Arm, q: Vector) -> Vector:  # noqa: ARG002 - the same for every arm
+    def costs(self, arm: Arm, q: FloatArray) -> FloatArray:  # noqa: ARG002 - the same for every arm
         """Half the squared distance to the seed, shape (n,), rad^2."""
         rows = finite_rows(q, 7, "q", ConfigurationError)
         squares = np.square(rows - self.q_seed)
@@ -108,8 +108,8 @@ class TowardsGoal(Frozen, OneLine):
         RequestError: when the gains have another shape, are not finite, below zero or all zero.
     """
 
-    q_goal: Vector
-    gain: Vector = field(default_factory=lambda: np.ones(7))
+    q_goal: FloatArray
+    gain: FloatArray = field(default_factory=lambda: np.ones(7))
 
     def __post_init__(self) -> None:
         goal = finite_array(self.q_goal, (7,), "q_goal", ConfigurationError)
@@ -122,7 +122,7 @@ class TowardsGoal(Frozen, OneLine):
         object.__setattr__(self, "q_goal", goal)
         object.__setattr__(self, "gain", gain)
 
-    def costs(self, arm: Arm, q: Vector) -> Vector:  # noqa: ARG002 - the same for every arm
+    def costs(self, arm: Arm, q: FloatArray) -> FloatArray:  # noqa: ARG002 - the same for every arm
         """Half the squared distance to the goal, weighted by the gains, shape (n,), rad^2."""
         rows = finite_rows(q, 7, "q", ConfigurationError)
         return 0.5 * np.square(rows - self.q_goal) @ self.gain
@@ -140,7 +140,7 @@ class FarthestFromLimits:
     (1977) distance from mid-range.
     """
 
-    def costs(self, arm: Arm, q: Vector) -> Vector:
+    def costs(self, arm: Arm, q: FloatArray) -> FloatArray:
         """Minus the least distance to a limit, as a share of the half range, shape (n,)."""
         limits = expect(arm, Arm, "arm", RequestError).limits
         q_min, q_max = limits.q_min, limits.q_max
@@ -157,7 +157,7 @@ class MostManipulable:
     robotic mechanisms", 1985).
     """
 
-    def costs(self, arm: Arm, q: Vector) -> Vector:
+    def costs(self, arm: Arm, q: FloatArray) -> FloatArray:
         """Minus the manipulability, shape (n,)."""
         expect(arm, Arm, "arm", RequestError)
         rows = finite_rows(q, 7, "q", ConfigurationError)
@@ -166,7 +166,7 @@ class MostManipulable:
         return np.array(-singular_values.prod(axis=1))
 
 
-def best_on(curve: SelfMotion, objective: Objective) -> Vector:
+def best_on(curve: SelfMotion, objective: Objective) -> FloatArray:
     """The best configuration of a whole curve, shape (7,), rad, inside the limits.
 
     Every minimum between neighbouring points that may be the least is narrowed down to
@@ -181,7 +181,7 @@ def best_on(curve: SelfMotion, objective: Objective) -> Vector:
     return best_of([expect(curve, SelfMotion, "curve", RequestError)], objective)
 
 
-def best_of(curves: Sequence[SelfMotion], objective: Objective) -> Vector:
+def best_of(curves: Sequence[SelfMotion], objective: Objective) -> FloatArray:
     """The best configuration of several curves of one arm, as `best_on` of one; one or more.
 
     Raises:
@@ -224,12 +224,12 @@ def checked_objective(objective: object) -> None:
         )
 
 
-def _checked_costs(objective: Objective, arm: Arm, q: Vector) -> Vector:
+def _checked_costs(objective: Objective, arm: Arm, q: FloatArray) -> FloatArray:
     what = f"costs of {type(objective).__name__}"
     return finite_array(objective.costs(arm, q), (len(q),), what, RequestError)
 
 
-def _brackets(curve: SelfMotion, costs: Vector, lowest: float) -> list[tuple[float, float]]:
+def _brackets(curve: SelfMotion, costs: FloatArray, lowest: float) -> list[tuple[float, float]]:
     """Stretches of arc length that contain a minimum which may be below the lowest cost known."""
     s = curve.s
     if len(s) < 2:

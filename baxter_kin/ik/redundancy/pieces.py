@@ -25,7 +25,7 @@ from baxter_kin.ik.redundancy.self_motion import SelfMotion, curve_of, trace_sel
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
 from baxter_kin.ik.search.searcher import Search
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 SAME_CURVE_RAD = 1e-4
 """How near to a curve a candidate lies on it. Candidates reach the pose to 1e-6 only, which moves
@@ -56,7 +56,7 @@ def all_pieces(
     search: Search,
     pose: pin.SE3,
     step_rad: float,
-    known: Vector | None = None,
+    known: FloatArray | None = None,
     *,
     starts: int = STARTS,
     rng: np.random.Generator | None = None,
@@ -82,7 +82,7 @@ def all_pieces(
 
 
 def pieces_through(
-    fibre: PoseFibre, candidates: Vector, step_rad: float, nearby: Vector | None = None
+    fibre: PoseFibre, candidates: FloatArray, step_rad: float, nearby: FloatArray | None = None
 ) -> tuple[SelfMotion, ...]:
     """The pieces of all loops through candidates, and through what is near to solutions.
 
@@ -103,7 +103,7 @@ def pieces_through(
     return tuple(sorted(curves, key=_order))
 
 
-def _at_limits(fibre: PoseFibre, candidates: Vector) -> NDArray[np.bool_]:
+def _at_limits(fibre: PoseFibre, candidates: FloatArray) -> NDArray[np.bool_]:
     """Which candidates may lie on no piece of their loop, or on none that was seen: shape (n,).
 
     Others are inside the limits where they meet the loop.
@@ -114,12 +114,12 @@ def _at_limits(fibre: PoseFibre, candidates: Vector) -> NDArray[np.bool_]:
     return unsure
 
 
-def _swept(arm: Arm, pose: pin.SE3) -> Vector:
+def _swept(arm: Arm, pose: pin.SE3) -> FloatArray:
     """Configurations that nearly reach the pose and are nearly inside the limits, shape (n, 7)."""
     T_base_gripper = pose * arm.T_gripper_tip.inverse()
     q, misfit = _closed_form(arm).configurations(T_base_gripper.homogeneous[None])
     excess = np.maximum(arm.limits.q_min - q[0], q[0] - arm.limits.q_max).max(axis=1)
-    swept: Vector = q[0][(excess <= SLACK_RAD) & (misfit[0] <= MISFIT)]
+    swept: FloatArray = q[0][(excess <= SLACK_RAD) & (misfit[0] <= MISFIT)]
     return swept
 
 
@@ -169,7 +169,7 @@ def _apart(curves: list[SelfMotion]) -> list[SelfMotion]:
     return [curves[i] for i in kept]
 
 
-def _off(curves: list[SelfMotion], q: Vector) -> NDArray[np.bool_]:
+def _off(curves: list[SelfMotion], q: FloatArray) -> NDArray[np.bool_]:
     """Which configurations, shape (n, 7), rad, lie on none of the curves: shape (n,)."""
     off = np.ones(len(q), dtype=np.bool_)
     for curve in curves:
@@ -184,7 +184,7 @@ def _off(curves: list[SelfMotion], q: Vector) -> NDArray[np.bool_]:
     return off
 
 
-def _traced(arm: Arm, q: Vector, pose: pin.SE3, step_rad: float) -> SelfMotion:
+def _traced(arm: Arm, q: FloatArray, pose: pin.SE3, step_rad: float) -> SelfMotion:
     """The curve through `q`; of the pose that `q` itself reaches where it cannot reach `pose`.
 
     That happens to pieces shorter than the candidates are exact, cornered between limits.

@@ -8,7 +8,7 @@ import numpy as np
 
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, whole_turns_off
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 
 _EXACT = 1e-13
 """Residual, m and rad together, of a corrected point: what rounding leaves after one step more."""
@@ -29,20 +29,20 @@ class Segment:
         self._chord = b.q - a.q
         self.length_rad = float(arc_lengths(self._chord, a.tangent, b.tangent))
 
-    def estimate(self, u: float) -> Vector:
+    def estimate(self, u: float) -> FloatArray:
         """The cubic at a share `u` of the way, in [0, 1], shape (7,), rad.
 
         Off the curve by the fourth power of the length.
         """
         return self._cubic(u)[0]
 
-    def direction(self, u: float) -> Vector:
+    def direction(self, u: float) -> FloatArray:
         """The unit direction of the cubic at `u`, shape (7,)."""
         slope = self._cubic(u)[1]
-        unit: Vector = slope / math.sqrt(slope @ slope)
+        unit: FloatArray = slope / math.sqrt(slope @ slope)
         return unit
 
-    def exact(self, u: float) -> Vector:
+    def exact(self, u: float) -> FloatArray:
         """The configuration of the curve at `u`, shape (7,), rad, a fresh array.
 
         Where the corrector fails, which takes a singularity: the nearer end.
@@ -54,7 +54,7 @@ class Segment:
             return np.array(self.a.q if u < 0.5 else self.b.q)
         return found[0]
 
-    def _cubic(self, u: float) -> tuple[Vector, Vector]:
+    def _cubic(self, u: float) -> tuple[FloatArray, FloatArray]:
         weights = _weights(u, self.length_rad)
         position, slope = weights @ np.array([self._chord, self.a.tangent, self.b.tangent])
         return self.a.q + position, slope
@@ -80,7 +80,9 @@ class Segment:
         ]
 
 
-def cubics(q: Vector, tangent: Vector, segment: Indices, u: Vector) -> tuple[Vector, Vector]:
+def cubics(
+    q: FloatArray, tangent: FloatArray, segment: Indices, u: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Points and slopes of the cubics between the points of a curve.
 
     Args:
@@ -100,8 +102,8 @@ def cubics(q: Vector, tangent: Vector, segment: Indices, u: Vector) -> tuple[Vec
 
 
 def feet(
-    q: Vector, tangent: Vector, near: Vector, breaks: Indices | None = None
-) -> tuple[Vector, Vector]:
+    q: FloatArray, tangent: FloatArray, near: FloatArray, breaks: Indices | None = None
+) -> tuple[FloatArray, FloatArray]:
     """How far configurations are from the cubics through points, and how these run there.
 
     Whole turns of a joint do not count. Exact for those closer than the bends of the curve.
@@ -128,7 +130,7 @@ def feet(
     return distance.ravel()[best], direction[best]
 
 
-def _chord_distances(points: Vector, near: Vector) -> Vector:
+def _chord_distances(points: FloatArray, near: FloatArray) -> FloatArray:
     """Squares of the distances from points, (k, m), to chords of a polygon, (n, m): (k, n - 1)."""
     start, chord = points[:-1], np.diff(points, axis=0)
     length = np.square(chord).sum(axis=1).clip(min=np.finfo(float).tiny)
@@ -136,13 +138,13 @@ def _chord_distances(points: Vector, near: Vector) -> Vector:
     share = along.clip(0.0, 1.0)
     offset = np.square(near).sum(axis=1)[:, None] - 2.0 * near @ start.T
     offset += np.square(start).sum(axis=1)
-    squares: Vector = offset + length * share * (share - 2.0 * along)
+    squares: FloatArray = offset + length * share * (share - 2.0 * along)
     return squares
 
 
 def _cubic_feet(
-    q: Vector, tangent: Vector, near: Vector, segment: Indices
-) -> tuple[Vector, Vector]:
+    q: FloatArray, tangent: FloatArray, near: FloatArray, segment: Indices
+) -> tuple[FloatArray, FloatArray]:
     """`feet` on one segment each, by Newton's method on the share of the way."""
     start, chord = q[segment], whole_turns_off(q[segment + 1] - q[segment])
     ends = np.array([chord, tangent[segment], tangent[segment + 1]])
@@ -154,16 +156,16 @@ def _cubic_feet(
         u = (u + step).clip(0.0, 1.0)
         position, slope = np.einsum("ijk,jkl->ikl", _weights(u, length), ends)
         miss = offset - position
-    distance: Vector = np.sqrt(np.square(miss).sum(axis=1))
+    distance: FloatArray = np.sqrt(np.square(miss).sum(axis=1))
     return distance, slope / np.sqrt(np.square(slope).sum(axis=1))[:, None]
 
 
-def _on_circles(q: Vector) -> Vector:
+def _on_circles(q: FloatArray) -> FloatArray:
     """Each angle as a point of the unit circle, shape (n, 14): whole turns make no difference."""
     return np.concatenate([np.cos(q), np.sin(q)], axis=1)
 
 
-def _weights(u: float | Vector, h: float | Vector) -> Vector:
+def _weights(u: float | FloatArray, h: float | FloatArray) -> FloatArray:
     """What chord and both tangents count in Hermite's cubic, and in its slope: shape (2, 3, ...).
 
     Args:
@@ -185,7 +187,7 @@ def _quadratic_roots(a: float, b: float, c: float) -> list[float]:
     return [over / under for over, under in ((t, a), (c, t)) if under != 0.0]
 
 
-def arc_lengths(chord: Vector, tangent_a: Vector, tangent_b: Vector) -> Vector:
+def arc_lengths(chord: FloatArray, tangent_a: FloatArray, tangent_b: FloatArray) -> FloatArray:
     """The lengths of cubics between points whose unit tangents are known, shape (...), rad.
 
     Simpson's rule on the speed of the cubic; off by the fifth power of the length.
@@ -197,5 +199,5 @@ def arc_lengths(chord: Vector, tangent_a: Vector, tangent_b: Vector) -> Vector:
     """
     straight = np.sqrt(np.square(chord).sum(axis=-1))
     middle = 1.5 * chord - 0.25 * straight[..., None] * (tangent_a + tangent_b)
-    lengths: Vector = (straight + 2.0 * np.sqrt(np.square(middle).sum(axis=-1))) / 3.0
+    lengths: FloatArray = (straight + 2.0 * np.sqrt(np.square(middle).sum(axis=-1))) / 3.0
     return lengths

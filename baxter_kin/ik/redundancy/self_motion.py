@@ -24,7 +24,7 @@ from baxter_kin.ik.redundancy.segment import Segment, arc_lengths
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import (
-    Vector,
+    FloatArray,
     check_fields,
     finite_array,
     finite_rows,
@@ -73,11 +73,11 @@ class SelfMotion(Frozen, OneLine):
 
     arm: Arm
     T_base_tip: pin.SE3
-    q: Vector
-    s: Vector
-    tangent: Vector
-    manipulability: Vector
-    limit_distance_rad: Vector
+    q: FloatArray
+    s: FloatArray
+    tangent: FloatArray
+    manipulability: FloatArray
+    limit_distance_rad: FloatArray
     pose_residual: float
     s_start: float
     ends: tuple[CurveEnd, CurveEnd]
@@ -104,7 +104,7 @@ class SelfMotion(Frozen, OneLine):
         """The length of the whole curve in joint space."""
         return float(self.s[-1])
 
-    def at(self, s: float) -> Vector:
+    def at(self, s: float) -> FloatArray:
         """The configuration at a length `s` along the curve, shape (7,), rad, inside the limits.
 
         Exact: interpolated, then corrected to the pose. On a closed curve `s` may go round.
@@ -114,11 +114,11 @@ class SelfMotion(Frozen, OneLine):
         """
         return self.sampler()(finite_scalar(s, "s", RequestError))
 
-    def sampler(self) -> Callable[[float], Vector]:
+    def sampler(self) -> Callable[[float], FloatArray]:
         """What `at` does, for finite numbers: quicker where many are wanted."""
         fibre, limits = PoseFibre(self.arm, self.T_base_tip), self.arm.limits
 
-        def at(s: float) -> Vector:
+        def at(s: float) -> FloatArray:
             s = self._on_curve(s)
             if len(self.q) == 1:
                 return np.array(self.q[0])
@@ -162,7 +162,7 @@ class SelfMotion(Frozen, OneLine):
             )
         return min(max(s, 0.0), length)
 
-    def _nearest_on_chords(self, q: Vector) -> float:
+    def _nearest_on_chords(self, q: FloatArray) -> float:
         if len(self.q) == 1:
             return 0.0
         chords = np.diff(self.q, axis=0)
@@ -172,11 +172,11 @@ class SelfMotion(Frozen, OneLine):
         i = int(np.argmin((offsets * offsets).sum(axis=1)))
         return float(self.s[i] + shares[i] * (self.s[i + 1] - self.s[i]))
 
-    def _direction(self, s: float) -> Vector:
+    def _direction(self, s: float) -> FloatArray:
         if len(self.q) == 1:
             return np.array(self.tangent[0])
         i, u = self._placed(self._on_curve(s))
-        direction: Vector = (1.0 - u) * self.tangent[i] + u * self.tangent[i + 1]
+        direction: FloatArray = (1.0 - u) * self.tangent[i] + u * self.tangent[i + 1]
         return direction
 
     def _placed(self, s: float) -> tuple[int, float]:
@@ -246,14 +246,14 @@ def checked_step(step_rad: float) -> float:
     return step
 
 
-def _checked_direction(towards: ArrayLike) -> Vector:
+def _checked_direction(towards: ArrayLike) -> FloatArray:
     direction = finite_array(towards, (7,), "towards", RequestError)
     if not direction.any():
         raise RequestError("towards must be a direction in joint space, got zeros")
     return direction
 
 
-def _onto_fibre(fibre: PoseFibre, q: Vector) -> Vector:
+def _onto_fibre(fibre: PoseFibre, q: FloatArray) -> FloatArray:
     """The configuration next to `q` that reaches the pose, or the limit of a joint that leaves."""
     limits = fibre.arm.limits
     miss = float(np.linalg.norm(fibre.error(q)))

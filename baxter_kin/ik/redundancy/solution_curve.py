@@ -22,7 +22,7 @@ from baxter_kin.ik.redundancy.curve_functions import RESIDUAL_TOLERANCE, SINGULA
 from baxter_kin.ik.redundancy.curve_kernel import Corrected, CurveKernel, Steps
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints, whole_turns_off
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 TOUCHING_RAD = 1e-11
 """How far outside its limits a joint may be by rounding: of the pose, of limits, of what touches
@@ -72,18 +72,18 @@ class PoseFibre:
         """The same pose, whatever the limits."""
         return PoseFibre(self.arm, self.T_base_tip, has_limits=False)
 
-    def error(self, q: Vector) -> Vector:
+    def error(self, q: FloatArray) -> FloatArray:
         """The twist from the pose of `q` to the target, shape (6,), m and rad, linear first.
 
         Along the axes of base up to the square of the error; of the right size whatever it is.
         """
         twist = pin.log6(self.arm.T_base_tip(q).actInv(self.T_base_tip)).vector
-        error: Vector = self._base_from_tip @ twist
+        error: FloatArray = self._base_from_tip @ twist
         return error
 
     def corrected(
-        self, q: Vector, normal: Vector, tolerance: float = RESIDUAL_TOLERANCE
-    ) -> tuple[Vector, float] | None:
+        self, q: FloatArray, normal: FloatArray, tolerance: float = RESIDUAL_TOLERANCE
+    ) -> tuple[FloatArray, float] | None:
         """The configuration of the fibre in a hyperplane through `q`, and its residual.
 
         Newton's method on `[J; normal'] dq = [error; 0]`.
@@ -105,11 +105,11 @@ class PoseFibre:
                 return (moved, residual) if is_near else None
         return None
 
-    def corrected_many(self, q: Vector, normal: Vector) -> Corrected:
+    def corrected_many(self, q: FloatArray, normal: FloatArray) -> Corrected:
         """The same for configurations, shape (n, 7), with their residuals, however large."""
         return self.kernel.corrected_many(q, normal, self._matrix)
 
-    def nearest_many(self, q: Vector) -> Corrected:
+    def nearest_many(self, q: FloatArray) -> Corrected:
         """Configurations, shape (n, 7), moved onto the fibre by steps of least norm."""
         found = self.kernel.corrected_many(q, np.zeros_like(q), self._matrix)
         for _ in range(_REPEATS):
@@ -119,13 +119,13 @@ class PoseFibre:
                 values[off] = better
         return found
 
-    def march(self, state: Vector, max_step_rad: float) -> tuple[CurvePoints, Steps]:
+    def march(self, state: FloatArray, max_step_rad: float) -> tuple[CurvePoints, Steps]:
         """The points of one block of steps, and the steps; as `CurveKernel.march`."""
         steps = self.kernel.march(state, self._matrix, max_step_rad)
         clearance = self.clearance_rad(steps.q)
         return CurvePoints(np.column_stack([*steps[:4], clearance])), steps
 
-    def point(self, q: Vector, ahead: Vector) -> CurvePoint:
+    def point(self, q: FloatArray, ahead: FloatArray) -> CurvePoint:
         """The point of the curve at `q`, its tangent on the side of `ahead`.
 
         Args:
@@ -134,7 +134,7 @@ class PoseFibre:
         """
         return self.points(self.kernel.measured(q, self._matrix), ahead[None])[0]
 
-    def points(self, found: Corrected, ahead: Vector) -> CurvePoints:
+    def points(self, found: Corrected, ahead: FloatArray) -> CurvePoints:
         """Points of the curve, their tangents on the sides of `ahead`, shape (n, 7)."""
         sign = np.where((found.tangent * ahead).sum(axis=1) < 0.0, -1.0, 1.0)
         determinant, clearance = sign * found.determinant, self.clearance_rad(found.q)
@@ -153,15 +153,15 @@ class PoseFibre:
             rows[i] = CurvePoints.of([self.touching(rows[i, :7], rows[i, 7:14])]).rows
         return CurvePoints(rows)
 
-    def touching(self, q: Vector, ahead: Vector) -> CurvePoint:
+    def touching(self, q: FloatArray, ahead: FloatArray) -> CurvePoint:
         """As `point`, moved onto the limits where `q` is outside by rounding."""
         return self.point(np.clip(q, self.q_min, self.q_max), ahead)
 
-    def turned(self, q: Vector) -> Vector:
+    def turned(self, q: FloatArray) -> FloatArray:
         """Configurations less whole turns, shape (n, 7), rad, likewise."""
         return self._middle + whole_turns_off(q - self._middle)
 
-    def clearance_rad(self, q: Vector) -> Vector:
+    def clearance_rad(self, q: FloatArray) -> FloatArray:
         """How far the joint nearest to a limit is inside it; below zero outside.
 
         Args:
@@ -170,10 +170,10 @@ class PoseFibre:
         Returns:
             Shape (...,), rad.
         """
-        clearance: Vector = np.minimum(q - self.q_min, self.q_max - q).min(axis=-1)
+        clearance: FloatArray = np.minimum(q - self.q_min, self.q_max - q).min(axis=-1)
         return clearance
 
-    def start(self, q: Vector, towards: Vector | None = None) -> CurvePoint | None:
+    def start(self, q: FloatArray, towards: FloatArray | None = None) -> CurvePoint | None:
         """The point of the curve at `q`, travelled in the direction every curve has.
 
         Where two branches cross, the branch whose direction is nearest to `towards`, shape (7,), on
@@ -197,7 +197,7 @@ class PoseFibre:
         clearance = float(self.clearance_rad(q))
         return CurvePoint(q, tangent, abs(determinant), residual, clearance)
 
-    def way(self, start: Vector, end: Vector) -> Vector:
+    def way(self, start: FloatArray, end: FloatArray) -> FloatArray:
         """The joint motion between two configurations, shape (7,), rad.
 
         Without limits whole turns of a joint do not count. Inside limits there are none.
@@ -206,7 +206,7 @@ class PoseFibre:
             return end - start
         return whole_turns_off(end - start)
 
-    def _branches(self, q: Vector, left_null: Vector, null: Vector) -> list[Vector]:
+    def _branches(self, q: FloatArray, left_null: FloatArray, null: FloatArray) -> list[FloatArray]:
         form = np.array([self._second_derivative(q, n) @ left_null @ null.T for n in null])
         (low, high), axes = np.linalg.eigh(0.5 * (form + form.T))
         if low > _FLAT or high < -_FLAT:
@@ -218,11 +218,11 @@ class PoseFibre:
         ways = (a * axes[:, 0] + sign * b * axes[:, 1] for sign in (1.0, -1.0))
         return [way / scale @ null for way in ways]
 
-    def _second_derivative(self, q: Vector, direction: Vector) -> Vector:
+    def _second_derivative(self, q: FloatArray, direction: FloatArray) -> FloatArray:
         """Transposed change of J along `direction`, shape (7, 6), per rad."""
         ahead = self.arm.jacobian(q + _DIFFERENCE_RAD * direction)
         behind = self.arm.jacobian(q - _DIFFERENCE_RAD * direction)
-        change: Vector = (ahead - behind).T / (2.0 * _DIFFERENCE_RAD)
+        change: FloatArray = (ahead - behind).T / (2.0 * _DIFFERENCE_RAD)
         return change
 
 
@@ -235,7 +235,7 @@ def _orthonormal(T: pin.SE3) -> pin.SE3:
     return pin.SE3(U @ Vt, T.translation)
 
 
-def _nearest_direction(directions: list[Vector], towards: Vector | None) -> Vector:
+def _nearest_direction(directions: list[FloatArray], towards: FloatArray | None) -> FloatArray:
     if towards is None:
         first = directions[0]
         return first if first[np.argmax(np.abs(first))] > 0.0 else -first

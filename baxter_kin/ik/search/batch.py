@@ -31,7 +31,7 @@ from baxter_kin.ik.seeds import (
     SeedType,
     starts_around,
 )
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 
 COARSE_ROUNDS = (1, 1, 2, 4)
 """How many computed starts are tried at once; the first that leads to a solution counts."""
@@ -51,7 +51,7 @@ _SEED_TYPES = tuple(SeedType)
 class Batch:
     """Poses, their seeds, and the best that was found for each so far."""
 
-    def __init__(self, Ts: Vector, seeds: dict[SeedType, Vector], mode: SeedMode) -> None:
+    def __init__(self, Ts: FloatArray, seeds: dict[SeedType, FloatArray], mode: SeedMode) -> None:
         """Nothing tried yet.
 
         Args:
@@ -170,7 +170,7 @@ class Batch:
                 q = found.q[_nearest(found)]
 
     def _try(
-        self, poses: Indices, seed_type: SeedType, search: Search, q_starts: Vector, count: int
+        self, poses: Indices, seed_type: SeedType, search: Search, q_starts: FloatArray, count: int
     ) -> None:
         """Search from `count` starts in a row for each pose."""
         if poses.size:
@@ -214,7 +214,7 @@ class Batch:
         solved = poses[is_close[poses]]
         self._seed_type[solved] = self._best_type[solved]
 
-    def _give_up(self, are_out_of_reach: Callable[[Vector], NDArray[np.bool_]]) -> None:
+    def _give_up(self, are_out_of_reach: Callable[[FloatArray], NDArray[np.bool_]]) -> None:
         """Leave poses that are proven out of reach."""
         poses = self._open()
         if poses.size:

@@ -35,7 +35,7 @@ from baxter_kin.frames import ROTATION_TOLERANCE
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape, SymbolicChain, dimensions_of
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 ITERATIONS = 15
 """Per start. Measured on 4,000 uniform poses: from the middle of the joint ranges 85 % converge in
@@ -77,9 +77,9 @@ class ArmNumbers:
     """
 
     shape: Shape
-    bounds: Vector
-    dimensions: Vector
-    frames: Vector
+    bounds: FloatArray
+    dimensions: FloatArray
+    frames: FloatArray
     T_last_tip: pin.SE3
 
     @classmethod
@@ -101,7 +101,7 @@ class ArmNumbers:
             dh.T_last_tip,
         )
 
-    def within(self, bounds: Vector | None = None) -> Vector:
+    def within(self, bounds: FloatArray | None = None) -> FloatArray:
         """All numbers as the functions take them, with the arm's bounds or others, (14,), rad."""
         given = self.bounds if bounds is None else bounds
         return np.concatenate([given, self.dimensions, self.frames])

@@ -19,7 +19,7 @@ from baxter_kin.ik.search.searcher import Search
 from baxter_kin.ik.seeds import NullSpaceMap, SeedType
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 AT_LIMIT_RAD = 1e-6
 
@@ -42,8 +42,8 @@ class Attempt:
         starts: searches by seed type; empty when the mode's seed was not given.
     """
 
-    T: Vector
-    q: Vector
+    T: FloatArray
+    q: FloatArray
     position_error_m: float
     orientation_error_rad: float
     starts: Mapping[SeedType, int]
@@ -63,23 +63,23 @@ class Explainer:
         self._tool_hint = _tool_hint(arm)
         self._unlimited = np.repeat([-np.pi, np.pi], 7)
 
-    def are_out_of_reach_at_a_glance(self, Ts: Vector) -> NDArray[np.bool_]:
+    def are_out_of_reach_at_a_glance(self, Ts: FloatArray) -> NDArray[np.bool_]:
         """Which of poses, shape (m, 4, 4), are so far away that it is proven in no time."""
         return self._reach.are_outside_shells(Ts)
 
-    def are_clearly_out_of_reach(self, Ts: Vector) -> NDArray[np.bool_]:
+    def are_clearly_out_of_reach(self, Ts: FloatArray) -> NDArray[np.bool_]:
         """Which of them are proven to be out of reach in some ten microseconds each."""
         return self._reach.are_proven(Ts, 1)
 
-    def are_out_of_reach(self, Ts: Vector) -> NDArray[np.bool_]:
+    def are_out_of_reach(self, Ts: FloatArray) -> NDArray[np.bool_]:
         """Which of them are proven to be out of reach in less than a millisecond each."""
         return self._reach.are_proven(Ts)
 
-    def are_beyond_limits(self, Ts: Vector) -> NDArray[np.bool_]:
+    def are_beyond_limits(self, Ts: FloatArray) -> NDArray[np.bool_]:
         """Which of the others are proven to be out of reach, in some milliseconds each."""
         return self._reach.are_beyond_limits(Ts)
 
-    def errors_in_neutral(self, Ts: Vector) -> tuple[Vector, Vector]:
+    def errors_in_neutral(self, Ts: FloatArray) -> tuple[FloatArray, FloatArray]:
         """How far the neutral arm's tip is from poses, shape (m, 4, 4): (m,), m; (m,), rad."""
         T_neutral = self._arm.T_base_tip(self._arm.neutral)
         if self._tolerance != EXACT:
@@ -91,7 +91,7 @@ class Explainer:
         x, y, z = across.clip(-FAR_M, FAR_M).T
         return np.hypot(np.hypot(x, y), z), np.arccos(cosines.clip(-1.0, 1.0))
 
-    def measured(self, T: Vector, q: Vector) -> Attempt:
+    def measured(self, T: FloatArray, q: FloatArray) -> Attempt:
         """A configuration that was not searched for, with its errors."""
         offset, angle = self._tolerance.excess(_se3(T), self._arm.T_base_tip(q))
         return Attempt(T, q, offset, angle, {})
@@ -139,11 +139,11 @@ class Explainer:
         is_exact = self._tolerance == EXACT and bool(attempt.starts)
         return attempt.position_error_m if is_exact and not is_turned else None
 
-    def _hint(self, T: Vector) -> str:
+    def _hint(self, T: FloatArray) -> str:
         """What was probably meant, where that can be told, as the end of a sentence."""
         return millimetres_hint(*T[:3, 3].tolist()) or self._tool_hint or self._order_hint(T)
 
-    def _order_hint(self, T: Vector) -> str:
+    def _order_hint(self, T: FloatArray) -> str:
         """Whether w came first in the quaternion of a tool that was to point straight down.
 
         The other reading turns z to where it has the component R[0, 0] along z: both are 1 less
@@ -161,12 +161,12 @@ class Explainer:
             "tool would point straight down"
         )
 
-    def _joints_at_limit(self, q: Vector) -> tuple[str, ...]:
+    def _joints_at_limit(self, q: FloatArray) -> tuple[str, ...]:
         limits = self._arm.limits
         near = np.minimum(q - limits.q_min, limits.q_max - q) <= AT_LIMIT_RAD
         return tuple(limits.names[i] for i in np.flatnonzero(near))
 
-    def _beyond_limits(self, T: Vector) -> tuple[str, ...]:
+    def _beyond_limits(self, T: FloatArray) -> tuple[str, ...]:
         """A phrase for each joint limit that stands in the way.
 
         Of a few solutions without limits, the least excessive counts. Empty when there is none.
@@ -188,5 +188,5 @@ def _tool_hint(arm: Arm) -> str:
     return f"; the tool is {np.linalg.norm(tool_m):.6g} m long{hint}" if hint else ""
 
 
-def _se3(T: Vector) -> pin.SE3:
+def _se3(T: FloatArray) -> pin.SE3:
     return pin.SE3(T[:3, :3], T[:3, 3])

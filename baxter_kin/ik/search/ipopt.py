@@ -34,7 +34,7 @@ from baxter_kin.ik.task import Task
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.symbolic import SymbolicArm, quaternion_product
-from baxter_kin.validation import Checked, Vector
+from baxter_kin.validation import Checked, FloatArray
 from baxter_kin.value_objects import OneLine, count
 
 MAX_ITERATIONS = 100
@@ -74,7 +74,7 @@ class Program(Checked, OneLine, error=RequestError):
     parameters: ca.SX
     objective: ca.SX
     pose_error: ca.SX
-    widths: Vector
+    widths: FloatArray
 
     @classmethod
     def of(cls, arm: Arm) -> Program:
@@ -185,7 +185,9 @@ class IpoptSearcher:
         self._widths = program.widths
         self._solve = ca.nlpsol("ik", "ipopt", nlp, _OPTIONS)
 
-    def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
+    def search(
+        self, q_starts: FloatArray, Ts: FloatArray, bounds: FloatArray | None = None
+    ) -> Found:
         """Searches, one after the other; arguments and result as of `Searcher.search`."""
         limits = self._arm.limits
         low, high = (limits.q_min, limits.q_max) if bounds is None else np.split(bounds, 2)
@@ -197,13 +199,13 @@ class IpoptSearcher:
         is_valid = (offset <= CONVERGED_M) & (angle <= CONVERGED_RAD)
         return Found(q, is_valid, offset, angle, iterations)
 
-    def search_from_map(self, Ts: Vector) -> Found:
+    def search_from_map(self, Ts: FloatArray) -> Found:
         """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
         return search_from_setpoints(self, self._starts, Ts)
 
     def _search(
-        self, q_start: Vector, T: pin.SE3, low: Vector, high: Vector
-    ) -> tuple[Vector, float, float, int]:
+        self, q_start: FloatArray, T: pin.SE3, low: FloatArray, high: FloatArray
+    ) -> tuple[FloatArray, float, float, int]:
         pose = [T.translation, quaternion_xyzw(T)] if self._is_exact else [T.homogeneous.T.ravel()]
         solution = self._solve(
             x0=q_start,
@@ -245,7 +247,9 @@ class NearestSearcher:
         nlp = {"x": program.q, "p": program.parameters, "f": program.objective}
         self._solve = ca.nlpsol("nearest", "ipopt", {**nlp, "g": program.pose_error}, _OPTIONS)
 
-    def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
+    def search(
+        self, q_starts: FloatArray, Ts: FloatArray, bounds: FloatArray | None = None
+    ) -> Found:
         """The nearest that was found from each start and from `NEAREST_STARTS` others.
 
         Arguments and result as of `Searcher.search`; valid is what reaches the pose.
@@ -261,20 +265,20 @@ class NearestSearcher:
         is_valid = (offset <= CONVERGED_M) & (angle <= CONVERGED_RAD)
         return Found(q, is_valid, offset, angle, iterations)
 
-    def search_from_map(self, Ts: Vector) -> Found:
+    def search_from_map(self, Ts: FloatArray) -> Found:
         """The same from the setpoint nearest to each pose."""
         return self.search(self._starts.setpoints[self._starts.nearest(Ts)[:, 0]], Ts)
 
     def _nearest(
-        self, q_starts: list[Vector], T: pin.SE3, low: Vector, high: Vector
-    ) -> tuple[Vector, float, float, int]:
+        self, q_starts: list[FloatArray], T: pin.SE3, low: FloatArray, high: FloatArray
+    ) -> tuple[FloatArray, float, float, int]:
         """Of those that have the orientation the nearest, else the best."""
         found = [self._search(q_start, T, low, high) for q_start in q_starts]
         return min(found, key=lambda row: (row[2] > ORIENTATION_TOLERANCE_RAD, row[1] + row[2]))
 
     def _search(
-        self, q_start: Vector, T: pin.SE3, low: Vector, high: Vector
-    ) -> tuple[Vector, float, float, int]:
+        self, q_start: FloatArray, T: pin.SE3, low: FloatArray, high: FloatArray
+    ) -> tuple[FloatArray, float, float, int]:
         pose = T.translation, quaternion_xyzw(T), q_start
         solution = self._solve(
             x0=q_start, p=np.concatenate(pose), lbx=low, ubx=high, lbg=0.0, ubg=0.0

@@ -10,7 +10,7 @@ import casadi as ca
 from baxter_kin.ik.search.exact_search import arm_symbols, target_function
 from baxter_kin.ik.seeds import MAP_STARTS, ROTATION_WEIGHT_M, setpoint_table
 from baxter_kin.kinematics.symbolic import Shape
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 PATIENCE = {8: 0.1, 10: 0.03, 12: 0.01}
 """The error, m and 0.6 rad together, that a search may have left at iterations of these numbers.
@@ -96,7 +96,7 @@ def _state(dimensions: int, size: int) -> tuple[ca.MX, ...]:
     return tuple(ca.MX.sym(name, *shape) for name, shape in shapes.items())
 
 
-def _squares_function(middles: Vector) -> ca.Function:
+def _squares_function(middles: FloatArray) -> ca.Function:
     """`T -> squared distances` to the regions' middles, but for what all have in common, n x 1."""
     T = ca.SX.sym("T", 4, 4)
     features = ca.vertcat(T[:3, 3], ROTATION_WEIGHT_M * ca.vec(T[:3, :3].T))

@@ -32,7 +32,7 @@ from baxter_kin.ik.task import Task
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import LIMBS, Arm
 from baxter_kin.kinematics.symbolic import Shape
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 
 LANES = (1, 16, 64, 256)
 """How many searches one call does in a row. Calls of the largest run side by side; what remains
@@ -78,11 +78,11 @@ class Found:
         iterations: shape (m,).
     """
 
-    q: Vector
+    q: FloatArray
     is_valid: NDArray[np.bool_]
-    position_error_m: Vector
-    orientation_error_rad: Vector
-    iterations: Vector
+    position_error_m: FloatArray
+    orientation_error_rad: FloatArray
+    iterations: FloatArray
 
     def improve(self, at: Indices, other: Found) -> None:
         """Put what others found in the places `at`, shape (k,), where it is better."""
@@ -105,10 +105,12 @@ class Search(Protocol):
     fine_rounds: tuple[int, ...]
     scattered_starts: int
 
-    def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
+    def search(
+        self, q_starts: FloatArray, Ts: FloatArray, bounds: FloatArray | None = None
+    ) -> Found:
         """Searches from starts, shape (m, 7), for poses, shape (m, 4, 4), within bounds, (14,)."""
 
-    def search_from_map(self, Ts: Vector) -> Found:
+    def search_from_map(self, Ts: FloatArray) -> Found:
         """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
 
 
@@ -150,7 +152,7 @@ class Searcher:
             self._map_desk = Desk(from_map, (self._arm,))
             self._many_from_map = Lanes(from_map, (T,))
 
-    def search_one(self, q_start: Vector, T_base_tip: pin.SE3) -> tuple[Vector, Vector]:
+    def search_one(self, q_start: FloatArray, T_base_tip: pin.SE3) -> tuple[FloatArray, FloatArray]:
         """One search, with nothing checked and nothing copied.
 
         Args:
@@ -168,7 +170,7 @@ class Searcher:
         desk.run()
         return desk.q, desk.report
 
-    def search_one_from_map(self, T_base_tip: pin.SE3) -> tuple[Vector, Vector] | None:
+    def search_one_from_map(self, T_base_tip: pin.SE3) -> tuple[FloatArray, FloatArray] | None:
         """The same from the nearest setpoints; the pose must be valid.
 
         None for a tolerance or a tool: what starts suit them takes longer to find.
@@ -180,7 +182,9 @@ class Searcher:
         desk.run()
         return desk.q, desk.report
 
-    def search(self, q_starts: Vector, Ts: Vector, bounds: Vector | None = None) -> Found:
+    def search(
+        self, q_starts: FloatArray, Ts: FloatArray, bounds: FloatArray | None = None
+    ) -> Found:
         """Many searches; on all cores when there are enough of them.
 
         Args:
@@ -191,14 +195,14 @@ class Searcher:
         arm = self._arm if bounds is None else self._numbers.within(bounds)
         return self._many((q_starts, self._task.turned(Ts)), (*self._given, arm))
 
-    def search_from_map(self, Ts: Vector) -> Found:
+    def search_from_map(self, Ts: FloatArray) -> Found:
         """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
         if self._many_from_map is None:
             return search_from_setpoints(self, self._map, Ts)
         return self._many_from_map((Ts,), (self._arm,))
 
 
-def search_from_setpoints(search: Search, map_: NullSpaceMap, Ts: Vector) -> Found:
+def search_from_setpoints(search: Search, map_: NullSpaceMap, Ts: FloatArray) -> Found:
     """Searches for poses, shape (m, 4, 4), each from its nearest setpoints until one is valid.
 
     What `baxter_kin.ik.search.map_search` does for exact poses of the gripper, but that a search
@@ -251,7 +255,7 @@ def task_functions(shape: Shape) -> tuple[ca.Function, ...]:
 class Lanes:
     """A search function for many requests at a time."""
 
-    def __init__(self, function: ca.Function, filler: tuple[Vector, ...]) -> None:
+    def __init__(self, function: ca.Function, filler: tuple[FloatArray, ...]) -> None:
         """Prepare it.
 
         Args:
@@ -267,7 +271,7 @@ class Lanes:
             for lanes in LANES
         }
 
-    def __call__(self, inputs: tuple[Vector, ...], shared: tuple[Vector, ...]) -> Found:
+    def __call__(self, inputs: tuple[FloatArray, ...], shared: tuple[FloatArray, ...]) -> Found:
         """What it finds for inputs of shape (m, ...) each, and shared ones."""
         count, most = len(inputs[0]), LANES[-1]
         parts = [slice(at, at + most) for at in range(0, count, most)]
@@ -276,7 +280,9 @@ class Lanes:
             q, report = (np.concatenate(column) for column in zip(*found, strict=True))
         return Found(q, report[:, 0] == 1.0, report[:, 1], report[:, 2], report[:, 3])
 
-    def _run(self, inputs: list[Vector], shared: tuple[Vector, ...]) -> tuple[Vector, Vector]:
+    def _run(
+        self, inputs: list[FloatArray], shared: tuple[FloatArray, ...]
+    ) -> tuple[FloatArray, FloatArray]:
         """One call, for at most as many requests as the largest has lanes."""
         count = len(inputs[0])
         lanes = next(lanes for lanes in LANES if lanes >= count)
@@ -291,7 +297,7 @@ class Lanes:
         return q[:count].copy(), report[:count].copy()
 
 
-def _rows(values: Vector) -> Vector:
+def _rows(values: FloatArray) -> FloatArray:
     """Matrices (..., n, n) by columns, as CasADi stores them; vectors (..., n) as they are."""
     return values.swapaxes(-1, -2) if values.shape[-2:] == (4, 4) else values
 
@@ -319,7 +325,7 @@ class Desk(BufferedFunction):
         report: shape (5,).
     """
 
-    def __init__(self, function: ca.Function, given: tuple[Vector, ...]) -> None:
+    def __init__(self, function: ca.Function, given: tuple[FloatArray, ...]) -> None:
         """Prepare it, with the last inputs given once and for all."""
         super().__init__(function)
         own = len(self.inputs) - len(given)

@@ -24,7 +24,7 @@ import casadi as ca
 import numpy as np
 
 from baxter_kin import Arm, JointLimits
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.collision.obstacles import LinearBounds
 from planner.motion.program.clearance_rows import clearance_rows
 from planner.motion.program.phases import MotionTask, Phase
@@ -79,8 +79,8 @@ class Clearances(NamedTuple):
         trust_rad: how far a control may be from where the bounds were taken.
     """
 
-    weights: Vector
-    numbers: Vector
+    weights: FloatArray
+    numbers: FloatArray
     trust_rad: float
 
     @classmethod
@@ -159,7 +159,7 @@ class MotionProgram:
         x[self._unknowns.durations] *= unit_s
         return self._motions(x, task, limits)
 
-    def _bounds(self, limits: JointLimits) -> tuple[Vector, Vector]:
+    def _bounds(self, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
         """Of the unknowns: controls within the limits, as then the motion is."""
         unknowns = self._unknowns
         low, high = np.zeros(unknowns.count), np.ones(unknowns.count)  # of fractions
@@ -176,7 +176,7 @@ class MotionProgram:
 
     def _start(
         self, guess: Sequence[Sketch], task: MotionTask, arm: Arm | None, unit_s: float
-    ) -> Vector:
+    ) -> FloatArray:
         """The unknowns of a guess."""
         unknowns = self._unknowns
         x = np.zeros(unknowns.count)
@@ -191,7 +191,9 @@ class MotionProgram:
                 x[fractions] = [line.nearest(arm.T_base_tip(q)) for q in sketch.q]
         return x
 
-    def _motions(self, x: Vector, task: MotionTask, limits: JointLimits) -> tuple[Trajectory, ...]:
+    def _motions(
+        self, x: FloatArray, task: MotionTask, limits: JointLimits
+    ) -> tuple[Trajectory, ...]:
         """What the unknowns say, slowed down by what rounding leaves outside the limits."""
         known = np.concatenate([x, *ends_of(task)])
         controls = [known[where] for where in self._unknowns.controls]

@@ -17,7 +17,7 @@ from baxter_kin import Arm
 from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape, SymbolicChain, dimensions_of
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.motion.straight_line import StraightLine
 
 LINE_NUMBERS = 19
@@ -124,7 +124,7 @@ def _above() -> NodeFunctions:
     return NodeFunctions.of("above", e, q, height, geometry)
 
 
-def line_numbers(line: StraightLine, arm: Arm) -> Vector:
+def line_numbers(line: StraightLine, arm: Arm) -> FloatArray:
     """A line of the tip as `on_line` takes it, shape (19,)."""
     first = _parameters(arm).T_base_first.inverse()
     start, way, turn = first * line.T_base_start, *np.split(line.twist, 2)
@@ -137,7 +137,7 @@ def line_numbers(line: StraightLine, arm: Arm) -> Vector:
 _parameters = lru_cache(maxsize=8)(DHParameters.of)
 
 
-def geometry_numbers(arm: Arm) -> Vector:
+def geometry_numbers(arm: Arm) -> FloatArray:
     """An arm as all of them take it, shape (44,)."""
     dh = _parameters(arm)
     up = np.append(dh.T_base_first.rotation[2], dh.T_base_first.translation[2])

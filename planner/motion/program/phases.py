@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.motion.straight_line import StraightLine
 
 
@@ -52,9 +52,9 @@ class MotionTask:
             and second derivative there, then here.
     """
 
-    q_start: Vector
+    q_start: FloatArray
     lines: tuple[StraightLine, ...] = ()
     tolerance: tuple[float, float] = (1.0, 1.0)
     heights_m: tuple[float, ...] = ()
-    q_goal: Vector | None = None
+    q_goal: FloatArray | None = None
     rates: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)

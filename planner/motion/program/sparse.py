@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 
 
 class Rows(NamedTuple):
@@ -25,8 +25,8 @@ class Rows(NamedTuple):
     """
 
     g: ca.MX
-    low: Vector
-    high: Vector
+    low: FloatArray
+    high: FloatArray
     jacobian: ca.MX
     hessian: Callable[[ca.MX], ca.MX]
 
@@ -35,10 +35,10 @@ class SparseSum:
     """A matrix made by `M[row, column] += weight * entry`, for entries computed elsewhere."""
 
     def __init__(self) -> None:
-        self._parts: list[tuple[Indices, Indices, Indices, Vector]] = []
+        self._parts: list[tuple[Indices, Indices, Indices, FloatArray]] = []
 
     def add(
-        self, rows: Indices, columns: Indices, entries: Indices, weights: Vector | float = 1.0
+        self, rows: Indices, columns: Indices, entries: Indices, weights: FloatArray | float = 1.0
     ) -> None:
         """Add entries by their numbers; all arguments have shapes that go together."""
         given = np.broadcast_arrays(rows, columns, entries)
@@ -64,7 +64,7 @@ class SparseSum:
         return ca.MX(pattern, constant(places, numbers[inside], weights[inside], sums) @ entries)
 
 
-def constant(rows: Indices, columns: Indices, weights: Vector, shape: tuple[int, int]) -> ca.DM:
+def constant(rows: Indices, columns: Indices, weights: FloatArray, shape: tuple[int, int]) -> ca.DM:
     """A sparse matrix of constants; those at one place are added up."""
     pattern, places = _pattern(rows, columns, shape)
     return ca.DM(pattern, np.bincount(places, weights, pattern.nnz()))

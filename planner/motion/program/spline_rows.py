@@ -17,7 +17,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.collision.obstacles import JOINTS
 from planner.motion.program.phases import Phase
 from planner.motion.program.sparse import Rows, SparseSum, constant
@@ -45,11 +45,16 @@ class _Terms(NamedTuple):
     powers: Indices
     bounds: Indices
     columns: Indices
-    weights: Vector
+    weights: FloatArray
 
     @classmethod
     def of(
-        cls, rows: Indices, at: tuple[int, int], bounds: Indices, columns: Indices, weights: Vector
+        cls,
+        rows: Indices,
+        at: tuple[int, int],
+        bounds: Indices,
+        columns: Indices,
+        weights: FloatArray,
     ) -> _Terms:
         """Those of one phase and order, which `at` says."""
         phases, powers = (np.full_like(rows, number) for number in at)
@@ -81,7 +86,7 @@ def spline_rows(phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: 
     return _differentiated(groups, high, unknowns, x, numbers)
 
 
-def _limited(first: int, phase: int, order: int, controls: Indices, weights: Vector) -> _Terms:
+def _limited(first: int, phase: int, order: int, controls: Indices, weights: FloatArray) -> _Terms:
     """A row for each control of a derivative that is not always zero."""
     windows = np.lib.stride_tricks.sliding_window_view(controls, len(weights), axis=0)
     moves = (windows != windows[..., :1]).any(axis=-1)
@@ -115,7 +120,7 @@ def _starting(first: int, unknowns: Unknowns) -> list[_Terms]:
 
 
 def _differentiated(
-    groups: Sequence[_Terms], high: Vector, unknowns: Unknowns, x: ca.MX, numbers: Numbers
+    groups: Sequence[_Terms], high: FloatArray, unknowns: Unknowns, x: ca.MX, numbers: Numbers
 ) -> Rows:
     rows, phases, powers, bounds = (
         np.concatenate([group[i] for group in groups]) for i in range(4)

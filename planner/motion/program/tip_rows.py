@@ -12,7 +12,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.collision.obstacles import JOINTS
 from planner.motion.program.nodes import NodeFunctions, above, moving, on_line
 from planner.motion.program.phases import Phase
@@ -53,8 +53,8 @@ class _Asked(NamedTuple):
     functions: NodeFunctions
     given: ca.MX
     scale: ca.MX
-    low: Vector
-    high: Vector
+    low: FloatArray
+    high: FloatArray
 
 
 def line_rows(
@@ -145,7 +145,7 @@ def _rows(asked: _Asked, unknowns: Unknowns, x: ca.MX, numbers: Numbers) -> Rows
     )
 
 
-def _sums(columns: Indices, weights: Vector, size: int) -> tuple[SparseSum, SparseSum]:
+def _sums(columns: Indices, weights: FloatArray, size: int) -> tuple[SparseSum, SparseSum]:
     """How first and second derivatives by the inputs of all knots make those by the unknowns.
 
     The entries are dense matrices, (size, inputs) and (inputs, inputs) for each knot, by columns.
@@ -165,7 +165,7 @@ def _sums(columns: Indices, weights: Vector, size: int) -> tuple[SparseSum, Spar
     return jacobian, hessian
 
 
-def _inputs(knots: Sequence[_Knot], unknowns: Unknowns, inputs: int) -> tuple[Indices, Vector]:
+def _inputs(knots: Sequence[_Knot], unknowns: Unknowns, inputs: int) -> tuple[Indices, FloatArray]:
     """Which unknowns make the inputs of each knot, with weights: two of shape (knots, inputs, 3).
 
     The inputs are the joint angles; or these and the fraction; or these, two derivatives by the

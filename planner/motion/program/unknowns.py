@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from baxter_kin import Arm, JointLimits
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.collision.obstacles import JOINTS, PAIRS
 from planner.motion.program.nodes import (
     GEOMETRY_NUMBERS,
@@ -112,7 +112,7 @@ class Numbers:
 
 def numbers_of(
     task: MotionTask, arm: Arm | None, limits: JointLimits, unit_s: float = 1.0
-) -> Vector:
+) -> FloatArray:
     """The parameters themselves; without an arm for a task that asks nothing of its tip.
 
     Times are in a unit.
@@ -125,6 +125,6 @@ def numbers_of(
     return np.concatenate([*ends_of(task), *bounds, geometry, few, *lines])
 
 
-def ends_of(task: MotionTask) -> tuple[Vector, Vector]:
+def ends_of(task: MotionTask) -> tuple[FloatArray, FloatArray]:
     """Start and goal as they stand behind the unknowns."""
     return task.q_start, task.q_start if task.q_goal is None else task.q_goal

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from baxter_kin.errors import DescriptionError
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.verification.body.collada_mesh import Surface, numbers, surface_of
 
 LARGEST_FILE = 64 * 2**20
@@ -33,7 +33,7 @@ LONGEST_REASON = 200
 _UNREAD = ("instance_node", "instance_controller", "lookat", "skew")
 
 
-def read_collada(path: Path) -> tuple[Vector, Indices]:
+def read_collada(path: Path) -> tuple[FloatArray, Indices]:
     """Vertices, shape (n, 3), m, and triangles, shape (m, 3), of all that the file's scene shows.
 
     Every vertex is in a triangle. A triangle with two corners in one point has no area and is left
@@ -79,7 +79,7 @@ def _shown(root: ET.Element) -> Iterator[Surface]:
         yield vertices @ T[:3, :3].T + T[:3, 3], triangles
 
 
-def _metres(root: ET.Element) -> Vector:
+def _metres(root: ET.Element) -> FloatArray:
     """What scales the file's lengths to metres, shape (4, 4)."""
     unit = root.find("{*}asset/{*}unit")
     metres = 1.0 if unit is None else float(unit.get("meter", "1"))
@@ -102,7 +102,7 @@ def _target(named: dict[str, ET.Element], url: str) -> ET.Element:
     return found
 
 
-def _instances(scene: ET.Element, T_file: Vector) -> Iterator[tuple[str, Vector]]:
+def _instances(scene: ET.Element, T_file: FloatArray) -> Iterator[tuple[str, FloatArray]]:
     """Every geometry of the scene and where it is."""
     pending = [(node, T_file) for node in reversed(scene.findall("{*}node"))]
     while pending:
@@ -116,7 +116,7 @@ def _instances(scene: ET.Element, T_file: Vector) -> Iterator[tuple[str, Vector]
         pending += [(child, T) for child in reversed(node.findall("{*}node"))]
 
 
-def _T_parent_node(node: ET.Element) -> Vector:
+def _T_parent_node(node: ET.Element) -> FloatArray:
     """The product of the node's transforms in the order of the file, shape (4, 4)."""
     T = np.eye(4)
     for element in node:
@@ -130,20 +130,20 @@ def _T_parent_node(node: ET.Element) -> Vector:
     return T
 
 
-def _matrix(values: Vector) -> Vector:
+def _matrix(values: FloatArray) -> FloatArray:
     T = values.reshape(4, 4)
     if not np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0]):
         raise ValueError(f"the last row of a <matrix> is {T[3].tolist()}, not 0 0 0 1")
     return T
 
 
-def _translation(values: Vector) -> Vector:
+def _translation(values: FloatArray) -> FloatArray:
     T = np.eye(4)
     T[:3, 3] = values
     return T
 
 
-def _rotation(values: Vector) -> Vector:
+def _rotation(values: FloatArray) -> FloatArray:
     """About an axis by degrees (Rodrigues)."""
     length = float(np.linalg.norm(values[:3]))
     if length == 0.0:
@@ -156,7 +156,7 @@ def _rotation(values: Vector) -> Vector:
     return T
 
 
-def _scaling(values: Vector) -> Vector:
+def _scaling(values: FloatArray) -> FloatArray:
     return np.diag([*values, 1.0])
 
 
@@ -182,7 +182,7 @@ def _joined(surfaces: Iterator[Surface]) -> Surface:
     return np.concatenate(all_vertices), np.concatenate(all_triangles)
 
 
-def _without_slivers(vertices: Vector, triangles: Indices) -> Surface:
+def _without_slivers(vertices: FloatArray, triangles: Indices) -> Surface:
     """Without triangles that have two corners in one point, and without vertices in none."""
     corners = vertices[triangles]
     is_flat = (corners == corners[:, [1, 2, 0]]).all(axis=2).any(axis=1)

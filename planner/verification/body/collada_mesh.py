@@ -12,9 +12,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 
-Surface: TypeAlias = tuple[Vector, Indices]
+Surface: TypeAlias = tuple[FloatArray, Indices]
 """Vertices, shape (n, 3), and triangles, shape (m, 3)."""
 
 _UNREAD = ("trifans", "tristrips")
@@ -53,7 +53,7 @@ def surface_of(geometry: ET.Element, named: Mapping[str, ET.Element]) -> Surface
     return vertices, triangles
 
 
-def numbers(element: ET.Element) -> Vector:
+def numbers(element: ET.Element) -> FloatArray:
     """The numbers in an element.
 
     Raises:
@@ -76,7 +76,7 @@ def _source(reference: ET.Element, named: Mapping[str, ET.Element]) -> ET.Elemen
     return found
 
 
-def _positions(source: ET.Element) -> Vector:
+def _positions(source: ET.Element) -> FloatArray:
     """The points of a source, shape (n, 3)."""
     accessor, array = source.find("{*}technique_common/{*}accessor"), source.find("{*}float_array")
     if accessor is None or array is None:

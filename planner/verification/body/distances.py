@@ -13,7 +13,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.verification.body.solid import Solid, distance_request, separation
 from planner.verification.body.stretch import IN_HAND, Stretch, relative_arms
 from planner.verification.urdf_robot import UrdfRobot
@@ -62,17 +62,17 @@ class Distances:
         self._data = robot.model.createData()
         self._poses: dict[int, dict[int, pin.SE3]] = {}
         self._placed: dict[tuple[int, int], Any] = {}
-        self._centres: dict[int, Vector] = {}
+        self._centres: dict[int, FloatArray] = {}
         self._functions: dict[tuple[int, bool], Any] = {}
         self._request, self._result = distance_request(), coal.DistanceResult()
         self._T_wrist_tip = robot.T_wrist_tip()
 
-    def balls_apart(self, pairs: Indices, sample: int) -> Vector:
+    def balls_apart(self, pairs: Indices, sample: int) -> FloatArray:
         """Lower bounds on distances at a sample, from the balls around shapes."""
         centres = self._centres_at(sample)
         first, second = self._numbers[pairs].T
         between = np.linalg.norm(centres[first] - centres[second], axis=1)
-        apart: Vector = between - self._radii[first] - self._radii[second]
+        apart: FloatArray = between - self._radii[first] - self._radii[second]
         return apart
 
     def covers_apart(self, pair: int, sample: int) -> float:
@@ -119,7 +119,7 @@ class Distances:
             self._placed[solid, at] = placed
         return placed
 
-    def _centres_at(self, sample: int) -> Vector:
+    def _centres_at(self, sample: int) -> FloatArray:
         centres = self._centres.get(sample)
         if centres is None:
             poses = self._frames(sample)

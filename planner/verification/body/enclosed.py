@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.verification.body.solid import Solid
 
 BLOCKED = 0.65
@@ -44,23 +44,23 @@ def is_enclosed(thing: Solid, T_base_thing: pin.SE3, link: Solid, T_base_link: p
     return blocked >= BLOCKED * len(_SIDES)
 
 
-def _inner_point(thing: Solid) -> Vector:
+def _inner_point(thing: Solid) -> FloatArray:
     """A point of the thing: its centre, or a corner of a surface."""
     if not thing.is_surface:
         return thing.centre
-    corner: Vector = np.array(thing.shape.vertices()[0])
+    corner: FloatArray = np.array(thing.shape.vertices()[0])
     return corner
 
 
-def _corners(link: Solid) -> Vector:
+def _corners(link: Solid) -> FloatArray:
     """The corners of every triangle, shape (m, 3, 3)."""
     shape = link.shape
     triangles = [[t[0], t[1], t[2]] for t in (shape.tri_indices(i) for i in range(shape.num_tris))]
-    corners: Vector = np.array(shape.vertices())[np.array(triangles)]
+    corners: FloatArray = np.array(shape.vertices())[np.array(triangles)]
     return corners
 
 
-def _is_blocked(point: Vector, way: Vector, corners: Vector) -> bool:
+def _is_blocked(point: FloatArray, way: FloatArray, corners: FloatArray) -> bool:
     """Whether a ray meets a triangle (Möller and Trumbore 1997)."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     across = np.cross(way, second)

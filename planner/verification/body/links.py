@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.verification.body.solid import Solid
 
 MOUNTED = 2
@@ -105,7 +105,7 @@ def _is_near(own: pin.SE3, drawn: pin.SE3) -> bool:
     return bool(np.abs(own.homogeneous - drawn.homogeneous).max() <= ROUNDING)
 
 
-def _axes(model: pin.Model) -> list[Vector]:
+def _axes(model: pin.Model) -> list[FloatArray]:
     """Of all joints; zeros for the one that stands for base."""
     joints = model.createData().joints
     return [np.zeros(6), *(np.asarray(joints[j].S).ravel() for j in range(1, model.njoints))]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.verification.body.distances import Distances
 from planner.verification.body.solid import ACCURACY_M
 
@@ -52,13 +52,13 @@ class _Gaps:
     pairs: Indices
     a: Indices
     b: Indices
-    at_a: Vector
-    at_b: Vector
+    at_a: FloatArray
+    at_b: FloatArray
 
     def of(self, kept: Indices) -> _Gaps:
         return _Gaps(self.pairs[kept], self.a[kept], self.b[kept], self.at_a[kept], self.at_b[kept])
 
-    def halves(self, middle: Indices, at_middle: Vector) -> _Gaps:
+    def halves(self, middle: Indices, at_middle: FloatArray) -> _Gaps:
         return _Gaps(
             np.concatenate([self.pairs, self.pairs]),
             np.concatenate([self.a, middle]),
@@ -138,14 +138,14 @@ class Search:
         at_middle = self._measured(kept.pairs, middle, self._travel(kept) / 2)
         return kept.halves(middle, at_middle)
 
-    def _travel(self, gaps: _Gaps) -> Vector:
+    def _travel(self, gaps: _Gaps) -> FloatArray:
         gone = self._distances.stretch.gone
-        travel: Vector = ((gone[gaps.b] - gone[gaps.a]) * self._distances.arms[gaps.pairs]).sum(
+        travel: FloatArray = ((gone[gaps.b] - gone[gaps.a]) * self._distances.arms[gaps.pairs]).sum(
             axis=1
         )
         return travel
 
-    def _measured(self, pairs: Indices, samples: Indices, slack_m: Vector) -> Vector:
+    def _measured(self, pairs: Indices, samples: Indices, slack_m: FloatArray) -> FloatArray:
         """Lower bounds on distances; the distance itself of what is nearer than the nearest."""
         bounds = np.empty(len(pairs))
         for sample in np.unique(samples):

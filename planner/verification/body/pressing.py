@@ -11,7 +11,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.verification.body.solid import Solid, distance_request
 
 DEEPEST_M = 0.064
@@ -28,7 +28,7 @@ def depth_m(
     T_first: pin.SE3,
     second: Solid,
     T_second: pin.SE3,
-    R_base_hand: Vector,
+    R_base_hand: FloatArray,
     *,
     known_m: float = 0.0,
 ) -> float:
@@ -59,7 +59,7 @@ def depth_m(
 
 
 def _way_out(
-    first: Solid, T_first: pin.SE3, second: Solid, T_second: pin.SE3, way: Vector
+    first: Solid, T_first: pin.SE3, second: Solid, T_second: pin.SE3, way: FloatArray
 ) -> float:
     """How much of a way, free at its end, frees it; rounded up."""
     low, high = 0.0, 1.0
@@ -70,7 +70,9 @@ def _way_out(
     return high * float(np.linalg.norm(way))
 
 
-def _is_free(first: Solid, T_first: pin.SE3, way: Vector, second: Solid, T_second: pin.SE3) -> bool:
+def _is_free(
+    first: Solid, T_first: pin.SE3, way: FloatArray, second: Solid, T_second: pin.SE3
+) -> bool:
     """Whether the first shape, moved so far, leaves the second."""
     return not _meets(first, pin.SE3(T_first.rotation, T_first.translation + way), second, T_second)
 

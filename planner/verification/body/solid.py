@@ -13,7 +13,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.scene.bodies import Body
 from planner.scene.contact import coal_shape
 
@@ -47,7 +47,7 @@ class Solid:
     T_joint_shape: pin.SE3
     shape: Any
     cover: Any
-    centre: Vector
+    centre: FloatArray
     radius_m: float
 
     @classmethod
@@ -98,7 +98,7 @@ def convex_cover(shape: Any) -> Any:
     return shape.convex
 
 
-def _ball(shape: Any) -> tuple[Vector, float]:
+def _ball(shape: Any) -> tuple[FloatArray, float]:
     shape.computeLocalAABB()
     centre = np.array(shape.aabb_center)
     if isinstance(shape, coal.ShapeBase):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.plan import Grip, Move
 from planner.verification.body.solid import Solid
 from planner.verification.urdf_robot import UrdfRobot
@@ -59,10 +59,10 @@ class Stretch:
         held: shapes in this hand, or between its fingers.
     """
 
-    q: Vector
-    gone: Vector
-    pushed_m: Vector
-    at: Vector
+    q: FloatArray
+    gone: FloatArray
+    pushed_m: FloatArray
+    at: FloatArray
     sections: tuple[Section, ...]
     still: tuple[Solid, ...] = ()
     held: tuple[Solid, ...] = ()
@@ -74,7 +74,7 @@ class Stretch:
         return f"{section.step.label}, each finger {1e3 * self.at[sample]:.3f} mm open"
 
 
-def lever_arms(robot: UrdfRobot, solid: Solid) -> Vector:
+def lever_arms(robot: UrdfRobot, solid: Solid) -> FloatArray:
     """How far any point of a shape goes at most with each coordinate, shape (9,)."""
     arms = np.zeros(PUSH + 1)
     level = arm_level(robot, solid.joint)
@@ -93,7 +93,7 @@ def lever_arms(robot: UrdfRobot, solid: Solid) -> Vector:
     return arms
 
 
-def relative_arms(robot: UrdfRobot, first: Solid, second: Solid) -> Vector:
+def relative_arms(robot: UrdfRobot, first: Solid, second: Solid) -> FloatArray:
     """How far any point of one shape goes at most relative to another's, shape (9,).
 
     Joints that move both do not count: seen from the inner one, the outer one alone moves.

@@ -12,7 +12,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.plan import GripperAction
 from planner.scene.bodies import Body, Scene
 from planner.verification.body import links
@@ -53,7 +53,7 @@ class Stretches:
         self,
         robot: UrdfRobot,
         solids: Iterable[Solid],
-        q_standing: Vector,
+        q_standing: FloatArray,
         elsewhere: Iterable[Body],
         straight: Collection[str],
     ) -> None:
@@ -185,7 +185,7 @@ def _held(carried: Carried | None) -> tuple[Solid, ...]:
     return tuple(solids_of(carried.body, IN_HAND, carried.T_tip_body))
 
 
-def _steps(way: tuple[float, float, float, float]) -> tuple[Vector, Vector]:
+def _steps(way: tuple[float, float, float, float]) -> tuple[FloatArray, FloatArray]:
     """Finger positions and pushes from one to another, in small steps."""
     finger_begin, finger_end, push_begin, push_end = way
     longest = max(abs(finger_end - finger_begin), abs(push_end - push_begin))

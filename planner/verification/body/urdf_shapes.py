@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from baxter_kin.description import StockFiles
 from baxter_kin.errors import DescriptionError
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.scene.contact import surface
 from planner.verification.body.collada import read_collada
 
@@ -125,7 +125,7 @@ def _origin(element: ET.Element) -> pin.SE3:
     return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
 
 
-def _numbers(element: ET.Element, key: str, size: int, otherwise: str = "") -> Vector:
+def _numbers(element: ET.Element, key: str, size: int, otherwise: str = "") -> FloatArray:
     values = np.array([float(word) for word in element.get(key, otherwise).split()])
     if values.shape != (size,) or not np.isfinite(values).all():
         raise ValueError(

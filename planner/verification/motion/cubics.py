@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.trajectory import Trajectory
 
 _BISECTIONS = 64
@@ -24,10 +24,10 @@ _BISECTIONS = 64
 class States:
     """Moments of each joint for itself; every array of shape (k, n)."""
 
-    time_s: Vector
-    q: Vector
-    v: Vector
-    a: Vector
+    time_s: FloatArray
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
 
 
 class Cubics:
@@ -40,7 +40,7 @@ class Cubics:
         self.lengths_s = np.diff(self.knots_s)
         self.duration_s = float(self.knots_s[-1])
 
-    def after(self, segments: Indices, dt: Vector) -> tuple[Vector, Vector, Vector]:
+    def after(self, segments: Indices, dt: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """q, v, a a time `dt`, broadcast to (k, n), after the start of segments, shape (k,)."""
         q, v, a = (x[segments] for x in self.knots)
         j = self.jerks[segments]
@@ -50,7 +50,7 @@ class Cubics:
             a + j * dt,
         )
 
-    def positions(self, times_s: Vector) -> Vector:
+    def positions(self, times_s: FloatArray) -> FloatArray:
         """Positions at times within the motion, shape (k,); shape (k, n)."""
         if not len(self.jerks):
             return np.repeat(self.knots[0], len(times_s), axis=0)
@@ -58,7 +58,7 @@ class Cubics:
         segments = np.clip(np.searchsorted(self.knots_s, times_s, side="right") - 1, 0, last)
         return self.after(segments, (times_s - self.knots_s[segments])[:, None])[0]
 
-    def fastest_change(self, times_s: Vector) -> Vector:
+    def fastest_change(self, times_s: FloatArray) -> FloatArray:
         """Greatest acceleration of each joint between one time and the next, shape (k - 1, n).
 
         No knot lies between two times, so acceleration is linear there.
@@ -74,7 +74,7 @@ class Cubics:
         first, last = ends
         return np.maximum(np.abs(first), np.abs(last))
 
-    def jumps(self) -> tuple[Vector, Vector, Vector]:
+    def jumps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """How far q, v and a at each knot are from what the segment before leads to; (m, n)."""
         segments = np.arange(len(self.jerks))
         reached = self.after(segments, self.lengths_s[:, None])
@@ -92,13 +92,13 @@ class Cubics:
         parts += [(self.knots_s[:-1, None] + dt, *self.after(segments, dt)) for dt in self._turns]
         return States(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
-    def turning_times(self) -> Vector:
+    def turning_times(self) -> FloatArray:
         """Knots, and moments where a joint turns or speeds up no more; sorted, each once."""
         inside = [(self.knots_s[:-1, None] + dt).ravel() for dt in self._turns]
         return np.unique(np.concatenate([self.knots_s, *inside]))
 
     @cached_property
-    def _turns(self) -> list[Vector]:
+    def _turns(self) -> list[FloatArray]:
         """Times after the start of each segment where a, then v twice, pass zero; (m, n) each."""
         segments, begin = np.arange(len(self.jerks)), np.zeros_like(self.jerks)
         end = np.broadcast_to(self.lengths_s[:, None], self.jerks.shape)
@@ -110,7 +110,7 @@ class Cubics:
         ]
 
 
-def _root(f: Callable[[Vector], Vector], low: Vector, high: Vector) -> Vector:
+def _root(f: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:
     """Where a monotone function passes zero between `low` and `high`; `low` where it does not."""
     sign = np.sign(f(low))
     crosses = sign * np.sign(f(high)) < 0.0

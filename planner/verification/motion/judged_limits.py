@@ -14,7 +14,7 @@ import numpy as np
 from baxter_kin import JointLimits
 from baxter_kin.errors import expect
 from baxter_kin.limits import DEFAULT_ACCELERATION_RAD_S2, DEFAULT_JERK_RAD_S3, DEFAULT_ORIGINS
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.errors import TaskError
 from planner.verification.urdf_robot import UrdfRobot
 
@@ -69,6 +69,6 @@ def described(limits: JointLimits) -> str:
     return f"{_span(limits.a_max)} rad/s^2 and {_span(limits.j_max)} rad/s^3"
 
 
-def _span(values: Vector) -> str:
+def _span(values: FloatArray) -> str:
     low, high = float(values.min()), float(values.max())
     return f"{low:g}" if low == high else f"{low:g} .. {high:g}"

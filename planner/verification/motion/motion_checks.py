@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from baxter_kin import JointLimits
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.plan import Move, Plan
 from planner.verification.certificate import Check, Worst, greatest, least
 from planner.verification.motion.cubics import Cubics, States
@@ -65,7 +65,7 @@ def _stated(motions: list[Motion], judge: JointLimits, allowed: Tolerances) -> C
     return claimed.at_most(1.0 + allowed.ratio, "stated limits of those judged by")
 
 
-def _claim(motion: Motion, name: str, bounds: Vector) -> Worst:
+def _claim(motion: Motion, name: str, bounds: FloatArray) -> Worst:
     stated = np.asarray(getattr(motion.move.trajectory.limits, name))
     joint = int(np.argmax(stated / bounds))
     where = (
@@ -78,14 +78,14 @@ def _claim(motion: Motion, name: str, bounds: Vector) -> Worst:
 def _limits(motions: list[Motion], judge: JointLimits, allowed: Tolerances) -> Iterator[Check]:
     """The judge's limits or those that the plan states, whichever are stricter."""
 
-    def excess(state: States, limits: JointLimits) -> Vector:
+    def excess(state: States, limits: JointLimits) -> FloatArray:
         below = np.maximum(judge.q_min, limits.q_min) - state.q
         return np.maximum(below, state.q - np.minimum(judge.q_max, limits.q_max))
 
-    def velocity(state: States, limits: JointLimits) -> Vector:
+    def velocity(state: States, limits: JointLimits) -> FloatArray:
         return np.abs(state.v) / np.minimum(judge.v_max, limits.v_max)
 
-    def acceleration(state: States, limits: JointLimits) -> Vector:
+    def acceleration(state: States, limits: JointLimits) -> FloatArray:
         return np.abs(state.a) / np.minimum(judge.a_max, limits.a_max)
 
     ratio = 1.0 + allowed.ratio
@@ -98,7 +98,7 @@ def _limits(motions: list[Motion], judge: JointLimits, allowed: Tolerances) -> I
     yield jerk.at_most(ratio, "jerk of limit")
 
 
-def _extreme(motion: Motion, measure: Callable[[States, JointLimits], Vector]) -> Worst:
+def _extreme(motion: Motion, measure: Callable[[States, JointLimits], FloatArray]) -> Worst:
     """The greatest of a measure over a move."""
     states = motion.cubics.critical_states()
     return _of_joint(motion, states.time_s, measure(states, motion.move.trajectory.limits))
@@ -166,7 +166,7 @@ def _of_state(label: str, move: Move, number: int) -> Worst:
     return Worst(_number(state[joint]), f"{label}, {move.trajectory.limits.names[joint]}")
 
 
-def _of_joint(motion: Motion, times_s: Vector, values: Vector) -> Worst:
+def _of_joint(motion: Motion, times_s: FloatArray, values: FloatArray) -> Worst:
     """The greatest of values, shape (k, n), with its move, time and joint."""
     row, joint = np.unravel_index(int(np.argmax(values)), values.shape)
     where = f"{motion.move.label}, {times_s[row, joint]:.4f} s, {_joint_name(motion, int(joint))}"

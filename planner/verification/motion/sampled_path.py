@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner.verification.motion.cubics import Cubics
 
 _BISECTIONS = 48
@@ -30,13 +30,13 @@ class SampledPath:
         turned: how far each joint went since the sample before, back and forth; shape (k, n).
     """
 
-    times_s: Vector
-    q: Vector
-    turned: Vector
+    times_s: FloatArray
+    q: FloatArray
+    turned: FloatArray
 
 
 def sampled_path(
-    cubics: Cubics, reach_m: Vector, step_m: float, most: int, *, with_knots: bool = False
+    cubics: Cubics, reach_m: FloatArray, step_m: float, most: int, *, with_knots: bool = False
 ) -> SampledPath:
     """Samples with no more than a step of travel in between, or as many as `most`.
 
@@ -59,7 +59,7 @@ def sampled_path(
     return path_at(cubics, times)
 
 
-def path_at(cubics: Cubics, times_s: Vector) -> SampledPath:
+def path_at(cubics: Cubics, times_s: FloatArray) -> SampledPath:
     """The samples at given times, shape (k,), increasing."""
     turns = cubics.turning_times()
     q = cubics.positions(turns)
@@ -71,8 +71,11 @@ def path_at(cubics: Cubics, times_s: Vector) -> SampledPath:
 
 
 def _times(
-    cubics: Cubics, reach_m: Vector, way: tuple[Vector, Vector, Vector], targets_m: Vector
-) -> Vector:
+    cubics: Cubics,
+    reach_m: FloatArray,
+    way: tuple[FloatArray, FloatArray, FloatArray],
+    targets_m: FloatArray,
+) -> FloatArray:
     """When the travel reaches each target."""
     turns, q, travel = way
     if len(turns) < 2:
@@ -87,7 +90,7 @@ def _times(
     return high
 
 
-def _pieces(starts: Vector, values: Vector) -> Indices:
+def _pieces(starts: FloatArray, values: FloatArray) -> Indices:
     """The number of the piece that each value falls into; pieces are given by their starts."""
     numbers: Indices = np.searchsorted(starts, values, side="right") - 1
     return np.clip(numbers, 0, max(0, len(starts) - 2))

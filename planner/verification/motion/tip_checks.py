@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.frames import angle_between
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.plan import Grip, Move, Plan
 from planner.trajectory import Trajectory
 from planner.verification.certificate import Check, Worst, greatest
@@ -55,7 +55,11 @@ class LineDeviation:
 
 
 def tip_checks(
-    plan: Plan, robot: UrdfRobot, q_standing: Vector, straight: Collection[str], allowed: Tolerances
+    plan: Plan,
+    robot: UrdfRobot,
+    q_standing: FloatArray,
+    straight: Collection[str],
+    allowed: Tolerances,
 ) -> Iterator[Check]:
     """Waypoints, grasps and releases against what was asked; straight moves against their lines.
 
@@ -67,7 +71,7 @@ def tip_checks(
 
 
 def line_deviation(
-    trajectory: Trajectory, robot: UrdfRobot, q_standing: Vector, allowed: Tolerances
+    trajectory: Trajectory, robot: UrdfRobot, q_standing: FloatArray, allowed: Tolerances
 ) -> LineDeviation:
     """How far the tip leaves the straight line between its first and last pose.
 
@@ -96,7 +100,7 @@ def line_deviation(
 def _refined(
     cubics: Cubics,
     looks: SampledPath,
-    reach_m: Vector,
+    reach_m: FloatArray,
     turn_per_m: float,
     most: tuple[float, float],
 ) -> SampledPath:
@@ -111,8 +115,8 @@ def _refined(
 
 
 def _between(
-    cubics: Cubics, looks: SampledPath, reach_m: Vector, turn_per_m: float
-) -> tuple[Vector, Vector]:
+    cubics: Cubics, looks: SampledPath, reach_m: FloatArray, turn_per_m: float
+) -> tuple[FloatArray, FloatArray]:
     """Bounds on how much farther from the line the tip is between two looks than at them.
 
     From knot to knot accelerations are linear in time, so a joint is no farther from going evenly
@@ -142,7 +146,11 @@ def _line_turn(T_start: pin.SE3, T_goal: pin.SE3) -> float:
 
 
 def _lines(
-    plan: Plan, robot: UrdfRobot, q_standing: Vector, straight: Collection[str], allowed: Tolerances
+    plan: Plan,
+    robot: UrdfRobot,
+    q_standing: FloatArray,
+    straight: Collection[str],
+    allowed: Tolerances,
 ) -> Iterator[Check]:
     off, turned = [], []
     for move in plan.moves:
@@ -192,7 +200,7 @@ def _poses(
     suffix: str,
     waypoints: list[tuple[str, Move]] | list[tuple[str, Move | None]],
     robot: UrdfRobot,
-    q_standing: Vector,
+    q_standing: FloatArray,
     allowed: Tolerances,
 ) -> Iterator[Check]:
     """Worst residuals; infinite for a grip whose pose nobody asked for."""

@@ -31,7 +31,7 @@ from baxter_kin.benchmark.verification import (
     TOLERANCE,
     Verifier,
 )
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def poses(left: Arm) -> PoseSet:
     return draw_poses(left, Scenario.MID_RANGE, count=12, seed=5)
 
 
-def fake(poses: PoseSet, answer: Callable[[Vector], Any]) -> Contestant:
+def fake(poses: PoseSet, answer: Callable[[FloatArray], Any]) -> Contestant:
     """A solver that knows the solution and makes something of it."""
     known = {
         target.homogeneous.tobytes(): q
@@ -60,11 +60,13 @@ def fake(poses: PoseSet, answer: Callable[[Vector], Any]) -> Contestant:
     )
 
 
-def measured(poses: PoseSet, verifier: Verifier, answer: Callable[[Vector], Any]) -> Measurement:
+def measured(
+    poses: PoseSet, verifier: Verifier, answer: Callable[[FloatArray], Any]
+) -> Measurement:
     return measure({"fake": fake(poses, answer)}, poses, verifier)[0]
 
 
-def raising(_: Vector) -> Vector:
+def raising(_: FloatArray) -> FloatArray:
     raise ZeroDivisionError("no luck\nat all")
 
 
@@ -153,7 +155,7 @@ def test_solvers_take_turns_in_fixed_order_on_the_same_poses(left: Arm, verifier
     poses = draw_poses(left, Scenario.MID_RANGE, count=BLOCK + 1, seed=0)
     calls: list[str] = []
 
-    def noting(key: str) -> Callable[[Vector], None]:
+    def noting(key: str) -> Callable[[FloatArray], None]:
         return lambda _: calls.append(key)
 
     rows = measure({key: fake(poses, noting(key)) for key in "ab"}, poses, verifier)
@@ -172,7 +174,7 @@ def test_progress_counts_every_call(poses: PoseSet, verifier: Verifier) -> None:
 def test_garbage_is_not_collected_while_the_clock_runs(poses: PoseSet, verifier: Verifier) -> None:
     states: list[bool] = []
 
-    def noting(q: Vector) -> Vector:
+    def noting(q: FloatArray) -> FloatArray:
         states.append(gc.isenabled())
         return q
 

@@ -14,7 +14,7 @@ from baxter_kin.ik.redundancy.continuation import EndKind
 from baxter_kin.ik.redundancy.objectives import NearestTo, best_on
 from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
 from baxter_kin.ik.solution_set import MOST_CANDIDATES, MOST_TURNS, distinct_solutions, solutions
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from tests.conftest import at, overhead
 from tests.served_urdf import served_urdf
 
@@ -22,7 +22,7 @@ ON_CURVE_RAD = 1e-6
 BLOCK = overhead(0.70, 0.15, -0.129)
 
 
-def independent_solutions(arm: Arm, T: pin.SE3, starts: int, seed: int) -> list[Vector]:
+def independent_solutions(arm: Arm, T: pin.SE3, starts: int, seed: int) -> list[FloatArray]:
     """Solutions by damped least squares from random seeds, clipped to the limits: no piece of what
     is tested here.
     """
@@ -31,7 +31,7 @@ def independent_solutions(arm: Arm, T: pin.SE3, starts: int, seed: int) -> list[
     return [q for q in attempts if q is not None]
 
 
-def _descended(arm: Arm, T: pin.SE3, q: Vector) -> Vector | None:
+def _descended(arm: Arm, T: pin.SE3, q: FloatArray) -> FloatArray | None:
     for _ in range(40):
         reached = arm.T_base_tip(q)
         turn = pin.log3(T.rotation @ reached.rotation.T)
@@ -45,7 +45,7 @@ def _descended(arm: Arm, T: pin.SE3, q: Vector) -> Vector | None:
     return None
 
 
-def holder(curves: tuple[SelfMotion, ...], q: Vector) -> int | None:
+def holder(curves: tuple[SelfMotion, ...], q: FloatArray) -> int | None:
     """Which curve `q` lies on."""
     on = [i for i, curve in enumerate(curves) if curve.nearest(q)[1] < ON_CURVE_RAD]
     assert len(on) <= 1

@@ -44,7 +44,7 @@ PIECES_OUTSIDE_M = 3e-5
 
 ORIGIN = at(0.0, 0.0, 0.0)
 CUBE = Box((0.05, 0.05, 0.05))
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 seeds = st.integers(0, 2**32 - 1)
 metres = st.floats(0.01, 0.1)
@@ -59,7 +59,7 @@ def ball(name: str, x: float, y: float, z: float, radius_m: float = 0.02) -> Bod
     return Body(name, (Part(Sphere(radius_m), ORIGIN),), at(x, y, z))
 
 
-def full(robot: Baxter, arm: Arm, q: Any) -> Vector:
+def full(robot: Baxter, arm: Arm, q: Any) -> FloatArray:
     """A configuration of the whole robot, the fingers of the arm open."""
     joints = arm.joints(q)
     letter = arm.side[0]
@@ -70,7 +70,7 @@ def full(robot: Baxter, arm: Arm, q: Any) -> Vector:
 class Independent:
     """Distances of one arm's links, one pair after the other, of the arrays of the stored body."""
 
-    def __init__(self, robot: Baxter, arm: Arm, q: Vector) -> None:
+    def __init__(self, robot: Baxter, arm: Arm, q: FloatArray) -> None:
         body, data = RobotBody.load(), robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, q)
         self._skipped = body.skipped_pairs
@@ -225,7 +225,7 @@ class TestAllowedContacts:
         return Manipulator.of(robot, "left", body=plain)
 
     @pytest.fixture
-    def q(self, robot: Baxter, left: Arm) -> Vector:
+    def q(self, robot: Baxter, left: Arm) -> FloatArray:
         return full(robot, left, left.neutral)
 
     def at_left_pad(self, manipulator: Manipulator, left: Arm, depth_m: float) -> Body:
@@ -237,7 +237,7 @@ class TestAllowedContacts:
         return ball("ball", x, y, z, radius)
 
     def test_the_fingers_may_touch_the_touchable_body(
-        self, manipulator: Manipulator, left: Arm, shapes: RobotShapes, q: Vector
+        self, manipulator: Manipulator, left: Arm, shapes: RobotShapes, q: FloatArray
     ) -> None:
         touching = Scene.of([self.at_left_pad(manipulator, left, 0.0)])
         counted = ClearanceChecker(shapes, left, touching).clearance(q)
@@ -246,7 +246,7 @@ class TestAllowedContacts:
         assert allowed.distance_m > 0.01
 
     def test_the_fingers_must_not_press_into_it(
-        self, manipulator: Manipulator, left: Arm, shapes: RobotShapes, q: Vector
+        self, manipulator: Manipulator, left: Arm, shapes: RobotShapes, q: FloatArray
     ) -> None:
         for depth, is_allowed in (
             (0.8 * PRESSING_TOLERANCE_M, True),
@@ -257,7 +257,7 @@ class TestAllowedContacts:
             assert (found.distance_m > 0.0) is is_allowed
 
     def test_other_bodies_stay_forbidden_to_the_fingers(
-        self, manipulator: Manipulator, left: Arm, shapes: RobotShapes, q: Vector
+        self, manipulator: Manipulator, left: Arm, shapes: RobotShapes, q: FloatArray
     ) -> None:
         ball_body = self.at_left_pad(manipulator, left, 1e-4)
         scene = Scene.of([ball_body, ball("target", 5, 5, 5)])
@@ -265,7 +265,7 @@ class TestAllowedContacts:
         assert found.distance_m < 0.0
 
     def test_the_rest_of_the_arm_must_not_touch_the_touchable_body(
-        self, robot: Baxter, left: Arm, shapes: RobotShapes, q: Vector
+        self, robot: Baxter, left: Arm, shapes: RobotShapes, q: FloatArray
     ) -> None:
         data = robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, q)
@@ -275,7 +275,7 @@ class TestAllowedContacts:
         assert found.distance_m < 0.0
 
     def test_a_held_body_is_not_checked_against_the_hand(
-        self, block: Body, left: Arm, shapes: RobotShapes, q: Vector
+        self, block: Body, left: Arm, shapes: RobotShapes, q: FloatArray
     ) -> None:
         held = Held(block, at(-0.025, -0.025, -0.025))
         found = ClearanceChecker(shapes, left, Scene.of(), held=held).clearance(q)
@@ -310,7 +310,7 @@ class TestAllowedContacts:
         assert found.distance_m == pytest.approx(0.001, abs=DISTANCE_TOLERANCE_M)
 
     def test_a_held_body_counts_against_the_robot(
-        self, left: Arm, shapes: RobotShapes, q: Vector
+        self, left: Arm, shapes: RobotShapes, q: FloatArray
     ) -> None:
         tip = left.T_base_tip(left.neutral)
         huge = Body("huge", (Part(Sphere(float(np.linalg.norm(tip.translation))), ORIGIN),), ORIGIN)
@@ -319,7 +319,7 @@ class TestAllowedContacts:
         assert "huge" in (found.first, found.second)
 
     def test_a_body_named_like_a_link_excuses_no_contact_with_the_link(
-        self, left: Arm, shapes: RobotShapes, q: Vector
+        self, left: Arm, shapes: RobotShapes, q: FloatArray
     ) -> None:
         names = {str(shape.name).rsplit("_", 1)[0] for shape in shapes.model.geometryObjects}
         tip = left.T_base_tip(left.neutral)
@@ -399,7 +399,7 @@ class TestMeshes:
     """Meshes stand in for the boxes that they are the surface of."""
 
     @pytest.fixture
-    def q(self, robot: Baxter, left: Arm) -> Vector:
+    def q(self, robot: Baxter, left: Arm) -> FloatArray:
         return full(robot, left, left.neutral)
 
     @pytest.fixture(params=["solid", "open"])
@@ -410,7 +410,7 @@ class TestMeshes:
 
     @pytest.mark.parametrize("gap", [0.2, 0.02, 0.001])
     def test_an_obstacle_is_as_far_away_as_the_box(
-        self, left: Arm, shapes: RobotShapes, q: Vector, slab: Mesh, gap: float
+        self, left: Arm, shapes: RobotShapes, q: FloatArray, slab: Mesh, gap: float
     ) -> None:
         place = left.T_base_tip(left.neutral) * at(0.0, 0.0, 0.05 + gap)
         found = [
@@ -421,14 +421,14 @@ class TestMeshes:
 
     @pytest.mark.parametrize(("gap", "is_allowed"), [(0.0, True), (-1e-4, True), (-1e-3, False)])
     def test_a_held_body_may_stand_on_a_mesh_but_not_in_it(
-        self, manipulator: Manipulator, q: Vector, slab: Mesh, gap: float, is_allowed: bool
+        self, manipulator: Manipulator, q: FloatArray, slab: Mesh, gap: float, is_allowed: bool
     ) -> None:
         cube = Body("cube", (Part(CUBE, at(0.025, 0.025, 0.025)),), ORIGIN)
         found = self.clearance_on(manipulator, cube, q, slab, gap)
         assert (found.distance_m > 0.0) is is_allowed
 
     def test_a_held_mesh_may_stand_on_something(
-        self, manipulator: Manipulator, q: Vector, slab: Mesh
+        self, manipulator: Manipulator, q: FloatArray, slab: Mesh
     ) -> None:
         cube = mesh_of(0.025 * CORNERS, slab.triangles)
         held = Body("held", (Part(cube, at(0.025, 0.025, 0.025)),), ORIGIN)
@@ -436,7 +436,7 @@ class TestMeshes:
         assert self.clearance_on(manipulator, held, q, slab, -0.001).distance_m < 0.0
 
     def clearance_on(
-        self, manipulator: Manipulator, body: Body, q: Vector, slab: Mesh, gap: float
+        self, manipulator: Manipulator, body: Body, q: FloatArray, slab: Mesh, gap: float
     ) -> Clearance:
         """A body in the neutral hand, so far above the slab that it may touch."""
         left = manipulator.arm

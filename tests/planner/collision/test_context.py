@@ -30,7 +30,7 @@ from planner.scene.contact import PRESSING_TOLERANCE_M, has_depth
 from tests.conftest import at, overhead
 from tests.planner.walls import Room, wall
 
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 seeds = st.integers(0, 2**32 - 1)
 
 DISTANCE_TOLERANCE_M = 2e-6
@@ -49,7 +49,7 @@ def space(room: Room) -> CollisionContext:
     return room.space
 
 
-def near(room: Room, seed: int) -> Vector:
+def near(room: Room, seed: int) -> FloatArray:
     """A random configuration, every other one near the table, the wall and the block."""
     rng = np.random.default_rng(seed)
     arm = room.manipulator.arm
@@ -120,7 +120,7 @@ def test_what_keeps_a_margin_with_ends_is_free(
         assert space.is_free(q)
 
 
-def nearing(room: Room, body: str, within_m: float) -> Vector:
+def nearing(room: Room, body: str, within_m: float) -> FloatArray:
     """A configuration near that body and farther from all others."""
     ends = {"wall": ((0.2, 0.1), (0.0, 0.1)), "table": ((0.3, -0.1), (0.3, -0.18))}
     for y, z in np.linspace(*ends[body], 80):

@@ -35,7 +35,7 @@ from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
 from tests.planner.conftest import mesh_of
 
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 ORIGIN = at(0.0, 0.0, 0.0)
 SLAB = Box((0.06, 0.06, 0.01))
@@ -54,7 +54,7 @@ class Stage:
         self.robot, self.arm = robot, arm
         self.checker = ClearanceChecker(shapes, arm, Scene.of(bodies))
 
-    def full(self, q: Vector, finger_m: float = 0.0) -> Vector:
+    def full(self, q: FloatArray, finger_m: float = 0.0) -> FloatArray:
         letter = self.arm.side[0]
         fingers = {
             f"{letter}_gripper_l_finger_joint": finger_m,

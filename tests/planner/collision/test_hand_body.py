@@ -15,7 +15,7 @@ from baxter_kin import Baxter, ElectricGripper
 from baxter_kin.description import StockFiles
 from baxter_kin.description.hands import FINGER_MESHES, TIP_MESHES
 from baxter_kin.description.urdf import ShapeKind, UrdfShape
-from baxter_kin.validation import Indices, Vector
+from baxter_kin.validation import FloatArray, Indices
 from planner import ClearanceChecker, Hand, RobotBody, RobotShapes, Scene, make_block
 from planner.collision.hand_body import around, fitted
 from planner.errors import SceneError
@@ -34,7 +34,7 @@ STROKE_M = 0.020833
 
 
 @cache
-def mesh(name: str) -> tuple[Vector, Indices]:
+def mesh(name: str) -> tuple[FloatArray, Indices]:
     """Vertices and triangles of a file, in its frame."""
     vertices, triangles = read_collada(FINGERS / f"{name}.DAE")
     return vertices, triangles
@@ -42,7 +42,7 @@ def mesh(name: str) -> tuple[Vector, Indices]:
 
 def finger_meshes(
     mount: ElectricGripper, opening_m: float
-) -> Iterator[tuple[str, Vector, Indices]]:
+) -> Iterator[tuple[str, FloatArray, Indices]]:
     """Of both fingers and tips: name of the finger, vertices seen from the hand, triangles.
 
     By the numbers of Rethink's xacro: base at z 0.025 and finger at 0.020; the left finger is
@@ -78,7 +78,9 @@ def test_the_gap_between_the_pads_is_that_of_the_meshes(mount: ElectricGripper) 
         assert hand.open_gap_m == pytest.approx(hand.closed_gap_m + 2 * STROKE_M, abs=1e-9)
 
 
-def fcl_distance(vertices: Vector, triangles: Indices, box: tuple[Vector, Vector]) -> float:
+def fcl_distance(
+    vertices: FloatArray, triangles: Indices, box: tuple[FloatArray, FloatArray]
+) -> float:
     """By FCL, which nothing here is made with; to a box: size and centre."""
     model = fcl.BVHModel()
     model.beginModel(len(vertices), len(triangles))

@@ -21,7 +21,7 @@ from planner.collision.motion_bounds import MotionBounds
 from tests.calibrated import calibrated_arm
 from tests.planner.conftest import distance
 
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 ROUNDING_M = 1e-12
 
@@ -46,7 +46,7 @@ class Rig:
         self.q_others = robot.configuration()
         self._robot = robot
 
-    def poses(self, q: Vector) -> list[Any]:
+    def poses(self, q: FloatArray) -> list[Any]:
         """Of every shape, in base."""
         data = self._robot.model.createData()
         full = self._robot.configuration(self.arm.joints(q))
@@ -57,15 +57,15 @@ class Rig:
         """The shapes of the arm with their numbers."""
         return ((i, self.shapes[i].geometry) for i in np.flatnonzero(self.bounds.depth).tolist())
 
-    def bound(self, q: Vector, turns: Vector) -> Vector:
+    def bound(self, q: FloatArray, turns: FloatArray) -> FloatArray:
         """What is under test, shape (shapes, 8)."""
         where = self.bounds.place(self.q_others, q[None])
-        found: Vector = self.bounds.motions_m(
+        found: FloatArray = self.bounds.motions_m(
             where, turns[None], np.arange(len(self.bounds.depth))
         )[0]
         return found
 
-    def random_turn(self, seed: int, size: float) -> tuple[Vector, Vector, Vector]:
+    def random_turn(self, seed: int, size: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """A configuration, greatest turns, and one that is so far away."""
         rng = np.random.default_rng(seed)
         q, turns = self.arm.random_configuration(rng), rng.uniform(0.0, size, size=7)
@@ -77,14 +77,14 @@ def rig(robot: Baxter, left: Arm) -> Rig:
     return Rig(robot, left)
 
 
-def surface(geometry: Any) -> Vector:
+def surface(geometry: Any) -> FloatArray:
     """The extreme points of a shape of the arm."""
     if isinstance(geometry, coal.Convex):
         return np.array([geometry.point(i) for i in range(geometry.num_points)])
     return np.asarray(geometry.vertices())
 
 
-def acted(T: pin.SE3, geometry: Any) -> Vector:
+def acted(T: pin.SE3, geometry: Any) -> FloatArray:
     """Its extreme points where it is placed, shape (n, 3)."""
     return np.asarray(surface(geometry) @ T.rotation.T + T.translation)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner import Body, Box, Manipulator, Mesh, Part, Scene
 from planner.collision.context import CollisionContext
 from planner.collision.obstacles import JOINTS, LOOKS, REACH_M, Obstacles
@@ -26,24 +26,24 @@ def around(manipulator: Manipulator) -> CollisionContext:
 
 
 @pytest.fixture(scope="module")
-def controls(manipulator: Manipulator) -> Vector:
+def controls(manipulator: Manipulator) -> FloatArray:
     """A motion near there."""
     steps = np.random.default_rng(3).normal(size=(INTERVALS + 3, 7))
     return manipulator.arm.start + 0.02 * steps
 
 
-def obstacles_of(around: CollisionContext, resting: Vector, margin_m: float) -> Obstacles:
+def obstacles_of(around: CollisionContext, resting: FloatArray, margin_m: float) -> Obstacles:
     return around.obstacles(margin_m, resting)
 
 
-def positions(controls: Vector, weights: Vector) -> Vector:
+def positions(controls: FloatArray, weights: FloatArray) -> FloatArray:
     """Where the arm is in each interval, shape (n, 7)."""
     windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)
     return np.asarray(np.einsum("nji,ni->nj", windows, weights))
 
 
 def test_bounds_are_the_distances_there_and_change_as_they_do(
-    around: CollisionContext, controls: Vector
+    around: CollisionContext, controls: FloatArray
 ) -> None:
     """Against distances of moved configurations, which are measured on their own."""
     obstacles = obstacles_of(around, NONE, MARGIN_M)
@@ -62,13 +62,13 @@ def test_bounds_are_the_distances_there_and_change_as_they_do(
     assert near == INTERVALS
 
 
-def least_excess(obstacles: Obstacles, q: Vector) -> float:
+def least_excess(obstacles: Obstacles, q: FloatArray) -> float:
     """Of a motion that stays there."""
     return obstacles.bounds(np.tile(q, (4, 1))).excess_m
 
 
 def test_each_interval_is_bounded_where_it_is_nearest(
-    around: CollisionContext, controls: Vector
+    around: CollisionContext, controls: FloatArray
 ) -> None:
     obstacles = obstacles_of(around, NONE, MARGIN_M)
     bounds = obstacles.bounds(controls)
@@ -80,7 +80,7 @@ def test_each_interval_is_bounded_where_it_is_nearest(
 
 
 def test_hulls_are_never_farther_than_the_shapes(
-    around: CollisionContext, controls: Vector
+    around: CollisionContext, controls: FloatArray
 ) -> None:
     obstacles = obstacles_of(around, NONE, 0.0)
     for q in controls:
@@ -101,7 +101,7 @@ def test_less_than_the_margin_is_asked_for_where_less_is_there(
 
 @pytest.mark.parametrize("shape", ["sheet", "corner"])
 def test_meshes_that_are_flat_or_hollow_have_bounds_too(
-    manipulator: Manipulator, controls: Vector, shape: str
+    manipulator: Manipulator, controls: FloatArray, shape: str
 ) -> None:
     """A sheet, whose hull has no volume, and a sheet that is bent, whose hull it is not."""
     corners = [(0.0, -0.1, -0.1), (0.0, 0.1, -0.1), (0.0, 0.1, 0.1), (0.0, -0.1, 0.1)]

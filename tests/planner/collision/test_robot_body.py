@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter
 from scipy.spatial import ConvexHull, cKDTree
 
 from baxter_kin import Baxter
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.collision.distances import Enclosure
 from planner.collision.robot_body import LinkBody, RobotBody
 from planner.verification.body.collada import read_collada
@@ -42,7 +42,7 @@ MOST_HALVINGS = 24
 INSTEAD = {"extended_narrow": "extended_wide"}
 """What may be mounted in place of a mesh."""
 
-Corners = Vector
+Corners = FloatArray
 """Of triangles, shape (n, 3, 3), m."""
 
 
@@ -206,7 +206,7 @@ def test_pads_stand_on_the_ribs_of_the_meshes(
         assert nearly_all <= most_m
 
 
-def tops_m(corners: Corners, columns: Vector) -> Vector:
+def tops_m(corners: Corners, columns: FloatArray) -> FloatArray:
     """The greatest z of triangles over points x, y, shape (n, m, 2); -1 where there is none."""
     tops = np.full(columns.shape[:2], -1.0)
     for a, b, c in corners:
@@ -221,7 +221,7 @@ def tops_m(corners: Corners, columns: Vector) -> Vector:
     return tops
 
 
-def piece_tops_m(points: Vector, columns: Vector) -> Vector:
+def piece_tops_m(points: FloatArray, columns: FloatArray) -> FloatArray:
     """The greatest z of the hull of points over points x, y; -1 where it is not."""
     planes = planes_of(points)
     nz, d = planes[:, 2], planes[:, 3]
@@ -231,7 +231,7 @@ def piece_tops_m(points: Vector, columns: Vector) -> Vector:
     upper = np.where(nz > 1e-9, heights, np.inf).min(axis=2)
     lower = np.where(nz < -1e-9, heights, -np.inf).max(axis=2)
     is_over = (upper >= lower) & (np.where(np.abs(nz) <= 1e-9, beside, -1.0) <= 0.0).all(axis=2)
-    tops: Vector = np.where(is_over, upper, -1.0)
+    tops: FloatArray = np.where(is_over, upper, -1.0)
     return tops
 
 
@@ -240,7 +240,7 @@ def deviates(corners: Corners, others: Corners, margin_m: float) -> Corners | No
     pieces, owners = divided(others, SPACING_M)
     tree = cKDTree(pieces.mean(axis=1))
 
-    def far(corners: Corners, points: Vector, count: int) -> Corners:
+    def far(corners: Corners, points: FloatArray, count: int) -> Corners:
         """Those not near one of the triangles around points of theirs, shape (n, k, 3)."""
         ranked = (
             tree.query(points, k=count)[1]
@@ -268,12 +268,12 @@ def deviates(corners: Corners, others: Corners, margin_m: float) -> Corners | No
     return corners
 
 
-def centres(corners: Corners) -> Vector:
+def centres(corners: Corners) -> FloatArray:
     """The middle of each triangle, shape (n, 1, 3)."""
     return np.asarray(corners.mean(axis=1, keepdims=True))
 
 
-def edges_m(corners: Corners) -> Vector:
+def edges_m(corners: Corners) -> FloatArray:
     """The length of each edge, from each corner on, shape (n, 3)."""
     return np.asarray(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2))
 
@@ -286,7 +286,7 @@ def halved(corners: Corners) -> Corners:
     return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
 
 
-def distance_m(points: Vector, triangles: Corners) -> Vector:
+def distance_m(points: FloatArray, triangles: Corners) -> FloatArray:
     """Of points (n, 3) to a triangle each (n, 3, 3): to its plane if above it, else to an edge."""
     a, b, c = triangles.swapaxes(0, 1)
     normal = np.cross(b - a, c - a)
@@ -304,7 +304,7 @@ def distance_m(points: Vector, triangles: Corners) -> Vector:
     return np.asarray(np.where(is_above, height, np.min(to_edges, axis=0)))
 
 
-def divided(corners: Corners, longest_m: float) -> tuple[Corners, Vector]:
+def divided(corners: Corners, longest_m: float) -> tuple[Corners, FloatArray]:
     """Triangles halved until no edge is longer, and the number of the triangle each is of."""
     owners, done = np.arange(len(corners)), []
     while len(corners):
@@ -314,19 +314,19 @@ def divided(corners: Corners, longest_m: float) -> tuple[Corners, Vector]:
     return np.concatenate([c for c, _ in done]), np.concatenate([o for _, o in done])
 
 
-def planes_of(vertices: Vector) -> Vector:
+def planes_of(vertices: FloatArray) -> FloatArray:
     """The planes around convex points, shape (n, 4): outside where the height is positive."""
     return np.asarray(ConvexHull(vertices).equations)
 
 
-def uncovered(polygons: list[Vector], pieces: list[Vector]) -> list[Vector]:
+def uncovered(polygons: list[FloatArray], pieces: list[FloatArray]) -> list[FloatArray]:
     """What convex polygons have outside of all pieces, each shrunk by `ROUNDING_M`."""
     for planes in pieces:
         polygons = [rest for polygon in polygons for rest in outside(polygon, planes)]
     return polygons
 
 
-def outside(polygon: Vector, planes: Vector) -> list[Vector]:
+def outside(polygon: FloatArray, planes: FloatArray) -> list[FloatArray]:
     """The parts of a convex polygon outside a convex piece."""
     heights = polygon @ planes[:, :3].T + planes[:, 3] + ROUNDING_M
     if (heights > 0.0).all(axis=0).any():
@@ -341,7 +341,7 @@ def outside(polygon: Vector, planes: Vector) -> list[Vector]:
     return [rest for rest in rests if len(rest) >= 3]
 
 
-def cut(polygon: Vector, height: Vector) -> Vector:
+def cut(polygon: FloatArray, height: FloatArray) -> FloatArray:
     """What of a polygon is above, given the height of each corner."""
     corners = []
     for i, j in zip(range(len(polygon)), [*range(1, len(polygon)), 0], strict=True):
@@ -353,7 +353,7 @@ def cut(polygon: Vector, height: Vector) -> Vector:
     return np.array(corners).reshape(-1, 3) if (height > 0.0).any() else np.zeros((0, 3))
 
 
-def fitted(points: Vector, others: Vector) -> tuple[Vector, Vector]:
+def fitted(points: FloatArray, others: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The rotation and translation that bring points to others (Kabsch's)."""
     middle, target = points.mean(axis=0), others.mean(axis=0)
     U, _, Vt = np.linalg.svd((others - target).T @ (points - middle))

@@ -16,17 +16,17 @@ from planner import MotionError, Trajectory, TrajectoryError, plan_joint_move
 from planner.collision.sampling import bisecting, looks_clear, sample_times
 from tests.planner.toy_world import AROUND_DISC, DISC, LEFT, LIMITS, RIGHT
 
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 seeds = st.integers(0, 2**32 - 1)
 
 MOVE = plan_joint_move(LEFT, RIGHT, LIMITS)
 
 
-def everywhere(_q: Vector) -> bool:
+def everywhere(_q: FloatArray) -> bool:
     return True
 
 
-def nowhere(_q: Vector) -> bool:
+def nowhere(_q: FloatArray) -> bool:
     return False
 
 
@@ -91,7 +91,7 @@ def test_a_motion_through_an_obstacle_does_not_look_clear() -> None:
 def test_the_middle_of_an_obstacle_is_found_with_the_third_sample() -> None:
     asked: list[float] = []
 
-    def is_free(q: Vector) -> bool:
+    def is_free(q: FloatArray) -> bool:
         asked.append(DISC.distance(q))
         return asked[-1] > 0.0
 
@@ -100,8 +100,8 @@ def test_the_middle_of_an_obstacle_is_found_with_the_third_sample() -> None:
 
 
 @pytest.mark.parametrize("end", [LEFT, RIGHT])
-def test_an_end_in_collision_does_not_look_clear(end: Vector) -> None:
-    def elsewhere(q: Vector) -> bool:
+def test_an_end_in_collision_does_not_look_clear(end: FloatArray) -> None:
+    def elsewhere(q: FloatArray) -> bool:
         return not np.array_equal(q, end)
 
     assert not looks_clear(MOVE, elsewhere, 0.01)

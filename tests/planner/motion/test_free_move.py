@@ -35,7 +35,7 @@ from tests.planner.toy_world import (
 )
 from tests.planner.walls import DENSE_RAD, Room, wall
 
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 seeds = st.integers(0, 2**32 - 1)
 
 LIMITS = JointLimits(

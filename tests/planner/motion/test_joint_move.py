@@ -23,7 +23,7 @@ TIME_TOLERANCE_S = 1e-9
 ROUNDING_RAD = 1e-9
 
 seeds = st.integers(0, 2**32 - 1)
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 
 def least_time_s(distance: float, v: float, a: float, j: float) -> float:
@@ -41,12 +41,12 @@ def least_time_s(distance: float, v: float, a: float, j: float) -> float:
     return float(4 * (d / (2 * j)) ** (1 / 3))
 
 
-def slowest_joint_s(q_start: Vector, q_goal: Vector, limits: JointLimits) -> float:
+def slowest_joint_s(q_start: FloatArray, q_goal: FloatArray, limits: JointLimits) -> float:
     rows = zip(q_goal - q_start, limits.v_max, limits.a_max, limits.j_max, strict=True)
     return max(least_time_s(*map(float, row)) for row in rows)
 
 
-def inside(limits: JointLimits, rng: np.random.Generator, margin: float = 0.0) -> Vector:
+def inside(limits: JointLimits, rng: np.random.Generator, margin: float = 0.0) -> FloatArray:
     span = limits.q_max - limits.q_min
     return rng.uniform(limits.q_min + margin * span, limits.q_max - margin * span)
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits, PoseError
 from baxter_kin.kinematics.arm import MIRROR
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner import (
     LineTolerance,
     MotionError,
@@ -125,7 +125,7 @@ def test_what_is_known_stays_where_another_guess_cannot_be_followed(
     monkeypatch.setattr(straight_move, "is_on_line", lambda *_: next(looks, False))
     asked = list[int]()
 
-    def stuck(arm: Arm, limits: JointLimits, q: Vector, way: Way) -> Sketch | Followed:
+    def stuck(arm: Arm, limits: JointLimits, q: FloatArray, way: Way) -> Sketch | Followed:
         asked.append(way.intervals)
         return Followed([], 0.2, q) if len(asked) > 2 else along(arm, limits, q, way)
 

@@ -31,7 +31,7 @@ from tests.planner.toy_world import (
     least_distance,
 )
 
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 seeds = st.integers(0, 2**32 - 1)
 
 CHORD_DEPTH = (EDGE_STEP_RAD / 2) ** 2 / DISC.radius
@@ -40,22 +40,22 @@ CHORD_DEPTH = (EDGE_STEP_RAD / 2) ** 2 / DISC.radius
 ENCLOSED = ToySpace((Ring(RIGHT[0], RIGHT[1], 0.3, 0.1),))
 
 
-def everywhere(_q: Vector) -> bool:
+def everywhere(_q: FloatArray) -> bool:
     return True
 
 
-def nowhere(_q: Vector) -> bool:
+def nowhere(_q: FloatArray) -> bool:
     return False
 
 
-def search(space: ToySpace = AROUND_DISC, seed: int = 1, **options: Any) -> Vector | None:
+def search(space: ToySpace = AROUND_DISC, seed: int = 1, **options: Any) -> FloatArray | None:
     arguments: dict[str, Any] = {"timeout_s": 5.0, "rng": np.random.default_rng(seed)}
     arguments |= options
     is_free = arguments.pop("is_free", space.is_free)
     return search_corners(LEFT, RIGHT, arguments.pop("limits", LIMITS), is_free, **arguments)
 
 
-def found(space: ToySpace = AROUND_DISC, seed: int = 1, **options: Any) -> Vector:
+def found(space: ToySpace = AROUND_DISC, seed: int = 1, **options: Any) -> FloatArray:
     corners = search(space, seed, **options)
     assert corners is not None
     return corners
@@ -131,7 +131,7 @@ def test_time_that_is_up_ends_an_edge_in_its_middle(monkeypatch: pytest.MonkeyPa
     now_s = [0.0]
     monkeypatch.setattr(time, "monotonic", lambda: now_s[0])
 
-    def slow(q: Vector) -> bool:
+    def slow(q: FloatArray) -> bool:
         now_s[0] += 1.0
         return True
 
@@ -144,7 +144,7 @@ def test_a_time_limit_of_ages_is_not_over_at_once() -> None:
 
 
 def test_what_a_check_raises_reaches_the_caller_and_the_next_search_works() -> None:
-    def broken(q: Vector) -> bool:
+    def broken(q: FloatArray) -> bool:
         raise RuntimeError("no shapes")
 
     with pytest.raises(RuntimeError, match="no shapes"):
@@ -154,7 +154,7 @@ def test_what_a_check_raises_reaches_the_caller_and_the_next_search_works() -> N
 
 
 def test_an_interrupt_in_a_check_reaches_the_caller() -> None:
-    def interrupted(q: Vector) -> bool:
+    def interrupted(q: FloatArray) -> bool:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -168,9 +168,9 @@ def test_an_answer_of_numpy_is_understood() -> None:
 
 
 def test_a_search_within_a_search_does_not_wait_for_itself() -> None:
-    inner: list[Vector | None] = []
+    inner: list[FloatArray | None] = []
 
-    def nested(q: Vector) -> bool:
+    def nested(q: FloatArray) -> bool:
         if not inner:
             inner.append(None)
             inner[0] = search()
@@ -182,7 +182,7 @@ def test_a_search_within_a_search_does_not_wait_for_itself() -> None:
 
 def test_searches_in_threads_find_what_they_find_alone() -> None:
     alone = [found(seed=seed) for seed in range(4)]
-    together: dict[int, Vector] = {}
+    together: dict[int, FloatArray] = {}
     threads = [
         threading.Thread(target=lambda seed=seed: together.update({seed: found(seed=seed)}))
         for seed in range(4)

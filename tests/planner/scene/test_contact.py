@@ -40,7 +40,7 @@ FINE_TOLERANCE = 1e-10
 X, Y, Z = np.eye(3)
 ORIGIN = at(0.0, 0.0, 0.0)
 CUBE = Box((0.05, 0.05, 0.05))
-Vector = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 seeds = st.integers(0, 2**32 - 1)
 metres = st.floats(0.01, 0.1)
@@ -144,7 +144,7 @@ def random_part(rng: np.random.Generator, x: float) -> Part:
     return Part(shape, pin.SE3(R, np.array([x, 0.0, 0.0]) + rng.uniform(-0.02, 0.02, 3)))
 
 
-def gap_after(moving: Part, direction: Vector, still: Part, travel_m: float) -> float:
+def gap_after(moving: Part, direction: FloatArray, still: Part, travel_m: float) -> float:
     T = moving.T_body_part
     moved = pin.SE3(T.rotation, T.translation + travel_m * direction)
     return distance(coal_shape(moving.shape), moved, coal_shape(still.shape), still.T_body_part)
@@ -215,10 +215,10 @@ OPEN = mesh_of(CORNERS / 10, SIDES[:-1])
 """A box of 20 cm, whole and without one triangle of its sides."""
 
 
-def surface_of(mesh: Mesh, seed: int) -> Vector:
+def surface_of(mesh: Mesh, seed: int) -> FloatArray:
     """Points spread over the triangles, shape (k, 3)."""
     weights = np.random.default_rng(seed).dirichlet(np.ones(3), size=(len(mesh.triangles), 20))
-    points: Vector = np.einsum("tkc,tcx->tkx", weights, mesh.corners).reshape(-1, 3)
+    points: FloatArray = np.einsum("tkc,tcx->tkx", weights, mesh.corners).reshape(-1, 3)
     return points
 
 
@@ -277,7 +277,7 @@ def random_shape(rng: np.random.Generator) -> Shape:
     return (Box((x, y, z)), Cylinder(x, y), Sphere(x), hull(points))[rng.integers(4)]
 
 
-def widest_slab_m(first: Part, second: Part, axes: Vector) -> float:
+def widest_slab_m(first: Part, second: Part, axes: FloatArray) -> float:
     """The widest gap between two planes across one of the axes, shape (k, 3), that part them."""
     gaps = []
     for axis in axes / np.linalg.norm(axes, axis=1, keepdims=True):

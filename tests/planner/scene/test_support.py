@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner import Box, Cylinder, Part, Sphere
 from planner.scene.bodies import Shape
 from planner.scene.support import beside, bottom_area, touched_area
@@ -29,7 +29,7 @@ def cube(x: float, y: float, z: float, edge: float = 0.1, yaw: float = 0.0) -> P
     return part(Box((edge, edge, edge)), x, y, z, yaw)
 
 
-def ranges(area: Vector) -> list[tuple[float, float]]:
+def ranges(area: FloatArray) -> list[tuple[float, float]]:
     return [(float(area[:, k].min()), float(area[:, k].max())) for k in (0, 1)]
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.scene.bodies import Box, Cylinder, Shape, Sphere
 from planner.scene.contact import coal_shape
 from planner.scene.mesh import Mesh
@@ -36,7 +36,7 @@ SMALLEST_M, LARGEST_M = 0.01, 1.0
 POOL = 24
 """Shapes of each kind."""
 
-Support = Callable[[Vector], Vector]
+Support = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -46,19 +46,19 @@ class Sample:
     kind: str
     geometry: coal.CollisionGeometry
     farthest: Support
-    normals: Vector
+    normals: FloatArray
 
 
-def corner_farthest(vertices: Vector) -> Support:
-    def farthest(u: Vector) -> Vector:
-        point: Vector = vertices[int(np.argmax(vertices @ u))]
+def corner_farthest(vertices: FloatArray) -> Support:
+    def farthest(u: FloatArray) -> FloatArray:
+        point: FloatArray = vertices[int(np.argmax(vertices @ u))]
         return point
 
     return farthest
 
 
 def rim_farthest(radius: float, length: float) -> Support:
-    def farthest(u: Vector) -> Vector:
+    def farthest(u: FloatArray) -> FloatArray:
         across = np.hypot(u[0], u[1])
         side = radius * u[:2] / across if across > 0.0 else np.zeros(2)
         return np.array([*side, np.sign(u[2]) * length / 2])
@@ -66,7 +66,7 @@ def rim_farthest(radius: float, length: float) -> Support:
     return farthest
 
 
-def mesh(vertices: Vector, triangles: object) -> Mesh:
+def mesh(vertices: FloatArray, triangles: object) -> Mesh:
     return Mesh(vertices, np.array(triangles))
 
 
@@ -94,19 +94,19 @@ def drawn(kind: str, rng: np.random.Generator) -> Sample:
     return Sample(kind, coal_shape(open_box), corner_farthest(corners), np.zeros((0, 3)))
 
 
-def random_rotation(rng: np.random.Generator) -> Vector:
+def random_rotation(rng: np.random.Generator) -> FloatArray:
     q = rng.normal(size=4)
-    rotation: Vector = pin.Quaternion(*(q / np.linalg.norm(q))).toRotationMatrix()
+    rotation: FloatArray = pin.Quaternion(*(q / np.linalg.norm(q))).toRotationMatrix()
     return rotation
 
 
-def direction(first: Sample, R: Vector, rng: np.random.Generator) -> Vector:
+def direction(first: Sample, R: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Across a face of the first shape or along its axis, one time in three; else any."""
     if len(first.normals) and rng.random() < 1 / 3:
-        across: Vector = R @ first.normals[rng.integers(len(first.normals))]
+        across: FloatArray = R @ first.normals[rng.integers(len(first.normals))]
         return across
     u = rng.normal(size=3)
-    free: Vector = u / np.linalg.norm(u)
+    free: FloatArray = u / np.linalg.norm(u)
     return free
 
 
@@ -133,12 +133,14 @@ KINDS = ("box", "cylinder", "sphere", "hull", "surface")
 
 
 @pytest.fixture(scope="module")
-def errors() -> Vector:
+def errors() -> FloatArray:
     rng = np.random.default_rng(20)
     pool = [drawn(kind, rng) for kind in KINDS for _ in range(POOL)]
     pairs = rng.integers(len(pool), size=(PAIRS, 2))
     return np.array([error_m(pool[i], pool[k], rng) for i, k in pairs.tolist()])
 
 
-def test_coals_distances_are_right_to_what_planner_and_certificate_allow(errors: Vector) -> None:
+def test_coals_distances_are_right_to_what_planner_and_certificate_allow(
+    errors: FloatArray,
+) -> None:
     assert np.abs(errors).max() < ACCURACY_M

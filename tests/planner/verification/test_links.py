@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin.description import ElectricGripper, RobotDescription
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner.verification.body import links
 from planner.verification.body.enclosed import is_enclosed
 from planner.verification.body.robot_body import RobotBody, robot_body
@@ -26,7 +26,7 @@ def body() -> RobotBody:
     return robot_body(FILES)
 
 
-def configurations(count: int) -> list[Vector]:
+def configurations(count: int) -> list[FloatArray]:
     """Random, each joint one time in four at an end of its range."""
     rng, model = np.random.default_rng(5), read_model(FILES)
     low, high = model.lowerPositionLimit, model.upperPositionLimit

@@ -10,7 +10,7 @@ from baxter_kin import Arm, Baxter, BaxterError, Tolerance
 from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.ik.geometry.reach import ReachBound
 from baxter_kin.ik.geometry.shoulder_sweep import MARGIN_M
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 MIRROR_Y = np.diag([1.0, -1.0, 1.0])
 
@@ -323,7 +323,7 @@ def test_absurdly_far_poses_are_proved_in_few_words(bound: ReachBound) -> None:
         assert len(proof.text) < 200
 
 
-def _with_wrist(arm: Arm, wrist_base: Vector, R_base_tip: Vector) -> pin.SE3:
+def _with_wrist(arm: Arm, wrist_base: FloatArray, R_base_tip: FloatArray) -> pin.SE3:
     """The pose of that orientation whose wrist is there."""
     return pin.SE3(R_base_tip, wrist_base + Linkage.of(arm).hand_m * R_base_tip[:, 2])
 
@@ -333,12 +333,12 @@ def _excess_m(bound: ReachBound, T: pin.SE3) -> float:
     return 0.0 if proof is None else proof.excess_m
 
 
-def _direction(rng: np.random.Generator) -> Vector:
+def _direction(rng: np.random.Generator) -> FloatArray:
     v = rng.standard_normal(3)
     return v / np.linalg.norm(v)
 
 
-def _extreme_configurations(arm: Arm, count: int) -> Iterator[Vector]:
+def _extreme_configurations(arm: Arm, count: int) -> Iterator[FloatArray]:
     """Configurations with joints on limits, the elbow straight or the wrist singular."""
     rng, (q_min, q_max) = np.random.default_rng(14), (arm.limits.q_min, arm.limits.q_max)
     for i in range(count):

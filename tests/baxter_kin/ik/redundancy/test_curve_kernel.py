@@ -10,7 +10,7 @@ from baxter_kin import Arm
 from baxter_kin.ik.redundancy.curve_functions import MAX_TURN_RAD, curve_functions
 from baxter_kin.ik.redundancy.curve_kernel import CurveKernel
 from baxter_kin.kinematics.dh_parameters import DHParameters
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 ROUNDING = 1e-9
 """Of null vectors and determinants, relative to the singular values that occur."""
@@ -22,8 +22,8 @@ def interpreted(any_arm: Arm) -> CurveKernel:
     return CurveKernel(DHParameters.of(any_arm), curve_functions())
 
 
-def pose(arm: Arm, q: Vector) -> Vector:
-    T: Vector = arm.T_base_tip(q).homogeneous
+def pose(arm: Arm, q: FloatArray) -> FloatArray:
+    T: FloatArray = arm.T_base_tip(q).homogeneous
     return T
 
 

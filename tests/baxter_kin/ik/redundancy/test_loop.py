@@ -9,7 +9,7 @@ from baxter_kin.ik.redundancy.loop import loops_near
 from baxter_kin.ik.redundancy.self_motion import trace_self_motion
 from baxter_kin.ik.redundancy.solution_curve import PoseFibre
 from baxter_kin.ik.solution_set import distinct_solutions
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from tests.baxter_kin.ik.redundancy.test_self_motion import ALONE, CLOSED, pose_error, singular_near
 
 WITH_TINY_PIECE = [
@@ -20,7 +20,7 @@ WITH_TINY_PIECE = [
 """Configurations of the left arm whose loops have a piece shorter than 0.01 rad elsewhere."""
 
 
-def pieces_of(arm: Arm, q: Vector) -> list[Piece]:
+def pieces_of(arm: Arm, q: FloatArray) -> list[Piece]:
     """Those of the loop through a configuration."""
     fibre = PoseFibre(arm, arm.T_base_tip(q))
     return list(pieces_inside(fibre, loops_near(fibre, np.array([q]))))

@@ -21,7 +21,7 @@ from baxter_kin.ik.redundancy.objectives import (
 )
 from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
 from baxter_kin.ik.solution_set import distinct_solutions
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from tests.baxter_kin.ik.redundancy.test_loop import WITH_TINY_PIECE
 from tests.baxter_kin.ik.redundancy.test_self_motion import ALONE, CLOSED, singular_near
 
@@ -40,7 +40,7 @@ def objectives(arm: Arm, seed: int) -> list[Objective]:
     ]
 
 
-def cost(objective: Objective, arm: Arm, q: Vector) -> float:
+def cost(objective: Objective, arm: Arm, q: FloatArray) -> float:
     return float(objective.costs(arm, q[None])[0])
 
 
@@ -159,7 +159,7 @@ def test_minimum_between_points_is_found_even_when_another_point_is_lower(
 
     @dataclass(frozen=True)
     class Valley:
-        def costs(self, arm: Arm, q: Vector) -> Vector:  # noqa: ARG002
+        def costs(self, arm: Arm, q: FloatArray) -> FloatArray:  # noqa: ARG002
             distance = np.linalg.norm(q - q_valley, axis=1)
             plateau = 0.5 + 1e-3 * np.linalg.norm(q - curve.q[0], axis=1)
             return np.array(np.minimum(plateau, 30.0 * distance))
@@ -188,7 +188,7 @@ def test_malformed_gain_is_refused(left: Arm, gain: Any) -> None:
 @pytest.mark.parametrize("costs", [np.zeros(3), 0.0, [math.nan]])
 def test_objective_that_gives_no_costs_is_refused_by_name(curve: SelfMotion, costs: Any) -> None:
     class Odd:
-        def costs(self, arm: Arm, q: Vector) -> Any:  # noqa: ARG002
+        def costs(self, arm: Arm, q: FloatArray) -> Any:  # noqa: ARG002
             return np.resize(costs, len(q)) if np.isnan(costs).any() else costs
 
     with pytest.raises(RequestError, match="costs of Odd"):

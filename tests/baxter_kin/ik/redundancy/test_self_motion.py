@@ -15,7 +15,7 @@ from baxter_kin.frames import angle_between
 from baxter_kin.ik.redundancy.continuation import EndKind
 from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
 from baxter_kin.kinematics.arm import MIRROR
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 
 EXACT = 1e-9
 """In m and rad: what is asked of every pose on a curve."""
@@ -46,7 +46,7 @@ def curves(robot: Baxter) -> list[SelfMotion]:
     return [*both, trace_self_motion(robot.arm("left"), CLOSED)]
 
 
-def pose_error(robot: Baxter, arm: Arm, q: Vector, T: pin.SE3) -> float:
+def pose_error(robot: Baxter, arm: Arm, q: FloatArray, T: pin.SE3) -> float:
     """By Pinocchio on the full URDF, in m and rad, whichever is larger."""
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.configuration(arm.joints(q)))
@@ -55,7 +55,7 @@ def pose_error(robot: Baxter, arm: Arm, q: Vector, T: pin.SE3) -> float:
     return max(offset, angle_between(T.rotation, reached.rotation))
 
 
-def spread(curve: SelfMotion, count: int) -> list[Vector]:
+def spread(curve: SelfMotion, count: int) -> list[FloatArray]:
     """Configurations evenly along the curve."""
     return [curve.at(s) for s in np.linspace(0.0, curve.length_rad, count)]
 
@@ -67,18 +67,18 @@ def hausdorff_rad(a: SelfMotion, b: SelfMotion) -> float:
     return max(*there, *back)
 
 
-def with_limits(arm: Arm, robot: Baxter, q_min: Vector, q_max: Vector) -> Arm:
+def with_limits(arm: Arm, robot: Baxter, q_min: FloatArray, q_max: FloatArray) -> Arm:
     """The same arm with other position limits."""
     other = Arm(arm.side, robot.model)
     other.limits = replace(arm.limits, q_min=q_min, q_max=q_max)
     return other
 
 
-def singular_near(arm: Arm, q: Vector) -> Vector:
+def singular_near(arm: Arm, q: FloatArray) -> FloatArray:
     """A configuration where the Jacobian loses rank, by Newton's method on `J' w = 0, |w| = 1`."""
     x = np.concatenate([q, np.linalg.svd(arm.jacobian(q))[0][:, 5]])
 
-    def residual(x: Vector) -> Vector:
+    def residual(x: FloatArray) -> FloatArray:
         return np.append(arm.jacobian(x[:7]).T @ x[7:], x[7:] @ x[7:] - 1.0)
 
     for _ in range(20):

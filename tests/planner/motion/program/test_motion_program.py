@@ -11,7 +11,7 @@ import pytest
 
 from baxter_kin import Arm, Baxter, IKService
 from baxter_kin.frames import raised
-from baxter_kin.validation import Vector
+from baxter_kin.validation import FloatArray
 from planner import StraightLine, Trajectory
 from planner.motion.guess import Way, along
 from planner.motion.program import nodes
@@ -35,7 +35,7 @@ POSITION_M, ROTATION_RAD = TOLERANCE = (2e-5, 5e-5)
 LINE_M, TILT_RAD = 0.1, 0.3
 
 
-def task_of(arm: Arm, q: Vector) -> MotionTask:
+def task_of(arm: Arm, q: FloatArray) -> MotionTask:
     T = arm.T_base_tip(q)
     tilted = pin.SE3(pin.exp3(np.array([TILT_RAD, 0.0, 0.0])) @ T.rotation, T.translation + LINE_M)
     lines = StraightLine(T, raised(T, LINE_M)), StraightLine(T, tilted)
@@ -85,14 +85,14 @@ def test_derivatives_are_those_that_casadi_finds_by_itself(
 
 
 @pytest.fixture(scope="module")
-def q_grasp(robot: Baxter) -> Vector:
+def q_grasp(robot: Baxter) -> FloatArray:
     found = IKService(robot.arm("left")).solve(overhead(0.70, 0.15, -0.129))
     assert found.is_valid
     return found.q
 
 
 def straight(
-    arm: Arm, q: Vector, height_m: float, intervals: int, speed: float = 1.0
+    arm: Arm, q: FloatArray, height_m: float, intervals: int, speed: float = 1.0
 ) -> Trajectory:
     """A rise, with limits as for that share of all speeds."""
     T, limits = arm.T_base_tip(q), arm.limits.scaled(speed)
@@ -107,7 +107,7 @@ def straight(
 
 @pytest.mark.parametrize("speed", [1e-6, 0.1])
 def test_a_slower_arm_makes_the_same_motion_more_slowly(
-    left: Arm, q_grasp: Vector, speed: float
+    left: Arm, q_grasp: FloatArray, speed: float
 ) -> None:
     """As velocity scales with the speed, acceleration with its square, and jerk with its cube."""
     usual, slow = (straight(left, q_grasp, 0.15, 20, share) for share in (1.0, speed))
@@ -119,7 +119,7 @@ def test_a_slower_arm_makes_the_same_motion_more_slowly(
     assert slow.duration <= 1.01 * usual.duration / ratio.min()
 
 
-def test_the_tip_is_on_the_line_at_all_knots(left: Arm, q_grasp: Vector) -> None:
+def test_the_tip_is_on_the_line_at_all_knots(left: Arm, q_grasp: FloatArray) -> None:
     found = straight(left, q_grasp, 0.15, 20)
     T_start, T_goal = left.T_base_tip(q_grasp), left.T_base_tip(found.q_goal)
     np.testing.assert_allclose(T_goal.translation - T_start.translation, [0, 0, 0.15], atol=1e-8)
@@ -131,7 +131,7 @@ def test_the_tip_is_on_the_line_at_all_knots(left: Arm, q_grasp: Vector) -> None
         assert turned <= ROTATION_RAD * (1.0 + 1e-6)
 
 
-def test_limits_are_kept_and_reached(left: Arm, q_grasp: Vector) -> None:
+def test_limits_are_kept_and_reached(left: Arm, q_grasp: FloatArray) -> None:
     found = straight(left, q_grasp, 0.15, 20)
     assert 0.99 < max(found.peak_ratios()) <= 1.0 + 1e-12
     low, high = found.position_extrema()
@@ -139,13 +139,13 @@ def test_limits_are_kept_and_reached(left: Arm, q_grasp: Vector) -> None:
     assert (high <= left.limits.q_max).all()
 
 
-def test_the_same_task_has_the_same_motion(left: Arm, q_grasp: Vector) -> None:
+def test_the_same_task_has_the_same_motion(left: Arm, q_grasp: FloatArray) -> None:
     first, second = (straight(left, q_grasp, 0.05, 10) for _ in range(2))
     np.testing.assert_array_equal(first.q, second.q)
     np.testing.assert_array_equal(first.knots_s, second.knots_s)
 
 
-def test_what_cannot_be_done_is_told_by_none(left: Arm, q_grasp: Vector) -> None:
+def test_what_cannot_be_done_is_told_by_none(left: Arm, q_grasp: FloatArray) -> None:
     T = left.T_base_tip(q_grasp)
     line = StraightLine(T, raised(T, 2.0))
     sketch = Sketch(np.tile(q_grasp, (11, 1)), np.zeros((2, 7)), 1.0)
