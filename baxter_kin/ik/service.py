@@ -7,64 +7,31 @@ tried at once first, from its only seed and where the batch would begin.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
-from baxter_kin.errors import ConfigurationError, RequestError, expect
+from baxter_kin.errors import RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
-from baxter_kin.ik.redundancy.objectives import (
-    Objective,
-    Scope,
-    best_of,
-    best_on,
-    checked_objective,
-)
+from baxter_kin.ik.redundancy.objectives import Objective, Scope, best_of, best_on, checked_scope
 from baxter_kin.ik.redundancy.pieces import all_pieces
 from baxter_kin.ik.redundancy.self_motion import trace_self_motion
+from baxter_kin.ik.requests import BLOCK, Requests, SeedLike, as_list
 from baxter_kin.ik.result import IKResult
 from baxter_kin.ik.search.batch import COARSE_ROUNDS, Batch
-from baxter_kin.ik.search.exact_search import SEED_TOLERANCE_RAD
 from baxter_kin.ik.search.searcher import Backend, Searcher
 from baxter_kin.ik.search.solver import Solver, Solvers
 from baxter_kin.ik.seeds import SeedMode, SeedType
 from baxter_kin.ik.tolerance import Tolerance
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray, float_array
+from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import OneLine
-
-SeedLike: TypeAlias = "Mapping[str, float] | ArrayLike"
-"""A configuration by joint name or in joint order, rad."""
 
 OBJECTIVE_STEP_RAD = 0.1
 """Steps along a self-motion curve when only its best point is wanted, which is found exactly."""
-
-BLOCK = 4096
-"""How many poses of a large batch are worked on together."""
-
-MOST_POSES = 10_000_000
-"""Of a batch, whose results are all kept: some gigabytes. A stream may have any number."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Requests:
-    """Poses with all that goes with them, as they were given."""
-
-    poses: list[Any]
-    seeds: list[Any] | None
-    current: SeedLike | None
-    mode: SeedMode
-    first: int = 0  # the number of the first one, for error messages
-
-    def part(self, start: int, end: int) -> _Requests:
-        seeds = None if self.seeds is None else self.seeds[start:end]
-        poses, first = self.poses[start:end], self.first + start
-        return replace(self, poses=poses, seeds=seeds, first=first)
 
 
 class IKService(OneLine):
@@ -141,7 +108,7 @@ class IKService(OneLine):
                 "an objective chooses among the solutions of an exact pose; give either an "
                 "objective or a tolerance"
             )
-        chosen = _checked_scope(objective, scope)
+        chosen = checked_scope(objective, scope)
         result = self._first(self._solver(tolerance), T_base_tip, seed, current, mode)
         if objective is None or not result.is_valid:
             return result
@@ -163,7 +130,7 @@ class IKService(OneLine):
         if result is not None:
             return result
         seeds = None if seed is None else [seed]
-        return self._answers(solver, _Requests([T_base_tip], seeds, current, mode))[0]
+        return self._answers(solver, Requests([T_base_tip], seeds, current, mode))[0]
 
     def _at_once(
         self, solver: Solver, T_base_tip: pin.SE3, q_seed: Any, seed_type: SeedType
@@ -242,8 +209,8 @@ class IKService(OneLine):
                 differ in number, or when another argument is of another class.
             BaxterError: as `solve`, with the index of the pose or seed.
         """
-        poses = _as_list(T_base_tips, "poses")
-        given = None if seeds is None else _as_list(seeds, "seeds")
+        poses = as_list(T_base_tips, "poses")
+        given = None if seeds is None else as_list(seeds, "seeds")
         expect(chain, bool, "chain", RequestError)
         if progress is not None and not callable(progress):
             raise RequestError(f"progress must be callable, got {type(progress).__name__}")
@@ -252,8 +219,12 @@ class IKService(OneLine):
                 f"{len(poses)} poses came with {len(given)} seeds; give one seed per pose (None "
                 "where a pose has none), or no seeds at all"
             )
-        solver, requests = self._solver(tolerance), _Requests(poses, given, current, mode)
-        parts = self._chained(solver, requests) if chain else self._blocks(solver, requests)
+        solver, requests = self._solver(tolerance), Requests(poses, given, current, mode)
+        parts = (
+            self._chained(solver, requests)
+            if chain
+            else (self._answers(solver, block) for block in requests.blocks())
+        )
         results: list[IKResult] = []
         for part in parts:
             results += part
@@ -291,7 +262,7 @@ class IKService(OneLine):
         self, poses: Iterator[PoseLike], current: SeedLike | None, mode: SeedMode, solver: Solver
     ) -> Iterator[IKResult]:
         while block := list(islice(poses, BLOCK)):
-            yield from self._answers(solver, _Requests(block, None, current, mode))
+            yield from self._answers(solver, Requests(block, None, current, mode))
 
     def _best(
         self, result: IKResult, T_base_tip: pin.SE3, objective: Objective, scope: Scope
@@ -306,11 +277,7 @@ class IKService(OneLine):
         errors = best.position_error_m, best.orientation_error_rad
         return IKResult.trusted(arm.joint_names, best.q, result.seed_type, errors)
 
-    def _blocks(self, solver: Solver, requests: _Requests) -> Iterator[list[IKResult]]:
-        for at in range(0, len(requests.poses), BLOCK):
-            yield self._answers(solver, requests.part(at, at + BLOCK))
-
-    def _chained(self, solver: Solver, requests: _Requests) -> Iterator[list[IKResult]]:
+    def _chained(self, solver: Solver, requests: Requests) -> Iterator[list[IKResult]]:
         current, seeds = requests.current, requests.seeds
         for i, pose in enumerate(requests.poses):
             seed = None if seeds is None else seeds[i]
@@ -318,49 +285,11 @@ class IKService(OneLine):
             current = result.q if result.is_valid else current
             yield [result]
 
-    def _answers(self, solver: Solver, requests: _Requests) -> list[IKResult]:
-        Ts, table = pose_matrices(requests.poses, requests.first), self._seed_table(requests)
+    def _answers(self, solver: Solver, requests: Requests) -> list[IKResult]:
+        Ts, table = pose_matrices(requests.poses, requests.first), requests.seed_table(self.arm)
         batch = Batch(Ts, table, SeedMode.of(requests.mode))
         batch.solve(solver)
         return list(batch.results(solver))
-
-    def _seed_table(self, requests: _Requests) -> dict[SeedType, FloatArray]:
-        """The seeds of each type, shape (n, 7), rad; NaN where there is none."""
-        table = {}
-        if requests.seeds is not None:
-            table[SeedType.USER] = self._user_seeds(requests.seeds, requests.first)
-        if requests.current is not None:
-            q = self._checked_seed(requests.current, "current")
-            table[SeedType.CURRENT] = np.tile(q, (len(requests.poses), 1))
-        return table
-
-    def _user_seeds(self, seeds: list[Any], first: int) -> FloatArray:
-        if all(type(seed) is np.ndarray and seed.shape == (7,) for seed in seeds):
-            together = float_array(seeds, "seeds", ConfigurationError)
-            limits, slack = self.arm.limits, SEED_TOLERANCE_RAD
-            inside = (together >= limits.q_min - slack) & (together <= limits.q_max + slack)
-            if inside.all():  # which NaN is not
-                return together
-        table = np.full((len(seeds), 7), np.nan)
-        for i, seed in enumerate(seeds):
-            if seed is not None:
-                name = "seed" if len(seeds) == 1 else f"seeds[{first + i}]"
-                table[i] = self._checked_seed(seed, name)
-        return table
-
-    def _checked_seed(self, seed: SeedLike, what: str) -> FloatArray:
-        q = self.arm.configuration(seed, what)
-        return self.arm.limits.check(q, what, SEED_TOLERANCE_RAD)
-
-
-def _checked_scope(objective: object, scope: str | Scope | None) -> Scope:
-    if objective is not None:
-        checked_objective(objective)
-    elif scope is not None:
-        raise RequestError(
-            "scope says among which solutions an objective chooses; give an objective too"
-        )
-    return Scope.ALL if scope is None else Scope.of(scope)
 
 
 def _frozen(q: FloatArray) -> FloatArray:
@@ -368,18 +297,3 @@ def _frozen(q: FloatArray) -> FloatArray:
     q = q.copy()
     q.setflags(write=False)
     return q
-
-
-def _as_list(values: Iterable[Any], what: str) -> list[Any]:
-    if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
-        raise RequestError(f"{what} must be a sequence, got {type(values).__name__}")
-    if not isinstance(values, Sized):
-        raise RequestError(
-            f"{what} must be a sequence, whose length is known, got {type(values).__name__}; "
-            "solve_stream takes any iterable, or make a list of it"
-        )
-    if len(values) > MOST_POSES:
-        raise RequestError(
-            f"{len(values)} {what} came; a batch takes up to {MOST_POSES}, solve_stream any number"
-        )
-    return list(values)

@@ -19,8 +19,8 @@ from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.geometry.closed_form import ClosedForm
 from baxter_kin.ik.redundancy.pieces import STARTS, all_pieces, pieces_through
-from baxter_kin.ik.redundancy.self_motion import POSE_MISMATCH, STEP_RAD, SelfMotion, checked_step
-from baxter_kin.ik.redundancy.solution_curve import PoseFibre
+from baxter_kin.ik.redundancy.self_motion import STEP_RAD, SelfMotion, checked_step
+from baxter_kin.ik.redundancy.solution_curve import POSE_MISMATCH, SolutionCurve
 from baxter_kin.ik.service import IKService
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, whole_scalar
@@ -65,9 +65,9 @@ def distinct_solutions(
     if not checked:
         return ()
     pose = arm.T_base_tip(checked[0]) if T_base_tip is None else checked_pose(T_base_tip)
-    fibre = PoseFibre(arm, pose)
-    _check_same_pose(fibre, checked)
-    return pieces_through(fibre, np.array(checked), step_rad)
+    solution_curve = SolutionCurve(arm, pose)
+    _check_same_pose(solution_curve, checked)
+    return pieces_through(solution_curve, np.array(checked), step_rad)
 
 
 def solutions(
@@ -116,9 +116,9 @@ def _listed(candidates: Iterable[ArrayLike]) -> list[ArrayLike]:
     return given
 
 
-def _check_same_pose(fibre: PoseFibre, candidates: list[FloatArray]) -> None:
+def _check_same_pose(solution_curve: SolutionCurve, candidates: list[FloatArray]) -> None:
     for i, q in enumerate(candidates):
-        miss = float(np.linalg.norm(fibre.error(q)))
+        miss = float(np.linalg.norm(solution_curve.error(q)))
         if miss > POSE_MISMATCH:
             raise ConfigurationError(
                 f"candidates[{i}] misses the pose by {miss:.3g} (m and rad together); allowed is "

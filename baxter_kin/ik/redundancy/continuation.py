@@ -28,7 +28,7 @@ from baxter_kin.ik.redundancy.curve_functions import MAX_TURN_RAD, MIN_STEP_RAD,
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints, whole_turns_off
 from baxter_kin.ik.redundancy.root_finding import root
 from baxter_kin.ik.redundancy.segment import Segment, arc_lengths, cubics
-from baxter_kin.ik.redundancy.solution_curve import PoseFibre
+from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
 from baxter_kin.validation import FloatArray, Indices
 
 MAX_POINTS = 50_000
@@ -97,46 +97,50 @@ _REASONS = {
 
 
 def walk_both_ways(
-    fibre: PoseFibre, start: CurvePoint
+    solution_curve: SolutionCurve, start: CurvePoint
 ) -> tuple[CurvePoints, int, tuple[CurveEnd, CurveEnd]]:
     """The whole curve through `start`, in its direction of travel.
 
     Args:
-        fibre: whose curve, of an arm whose limits hold.
+        solution_curve: whose curve, of an arm whose limits hold.
         start: a point of it inside the limits.
 
     Returns:
         Its points, as far apart as the curve's bends allow; the index of `start` among them; why
         they end, at the beginning and at the end. A closed curve begins and ends with `start`.
     """
-    ahead, last = walk(fibre, start)
+    ahead, last = walk(solution_curve, start)
     if last.kind is EndKind.CLOSED:
         return ahead, 0, (last, last)
-    behind, first = walk(fibre, start.reversed())
+    behind, first = walk(solution_curve, start.reversed())
     before = behind.reversed()
     if first.kind is EndKind.CLOSED:  # the other way round failed at a turn
         return before, 0, (first, first)
     return before.then(ahead.part(slice(1, None))), len(before) - 1, (first, last)
 
 
-def walk(fibre: PoseFibre, start: CurvePoint) -> tuple[CurvePoints, CurveEnd]:
+def walk(solution_curve: SolutionCurve, start: CurvePoint) -> tuple[CurvePoints, CurveEnd]:
     """The points from `start` on in its direction of travel, and why they end.
 
     The last one stands exactly on a limit, or is `start` again when the curve closes; without
     limits joints may have made whole turns by then.
 
     Args:
-        fibre: whose curve, of an arm whose limits hold.
+        solution_curve: whose curve, of an arm whose limits hold.
         start: a point of it inside the limits.
     """
     points = CurvePoints.of([start])
-    state = fibre.kernel.start_state(start.q, start.tangent, start.determinant, LONGEST_STEP_RAD)
+    state = solution_curve.kernel.start_state(
+        start.q, start.tangent, start.determinant, LONGEST_STEP_RAD
+    )
     while len(points) <= MAX_POINTS:
-        ahead, steps = fibre.march(state, LONGEST_STEP_RAD)
+        ahead, steps = solution_curve.march(state, LONGEST_STEP_RAD)
         block = points.part(slice(-1, None)).then(ahead)
-        for i in _may_end(fibre, block, start).tolist():
-            segment = Segment(fibre, block[i], block[i + 1])
-            ending = limit_on(fibre, segment) or _closure_on(fibre, segment, start)
+        for i in _may_end(solution_curve, block, start).tolist():
+            segment = Segment(solution_curve, block[i], block[i + 1])
+            ending = limit_on(solution_curve, segment) or _closure_on(
+                solution_curve, segment, start
+            )
             if ending is not None:
                 return with_last(points.then(ahead.part(slice(i))), ending[0]), ending[1]
         points, state = points.then(ahead), steps.state
@@ -146,12 +150,12 @@ def walk(fibre: PoseFibre, start: CurvePoint) -> tuple[CurvePoints, CurveEnd]:
 
 
 def filled(
-    fibre: PoseFibre, points: CurvePoints, step_rad: float | FloatArray
+    solution_curve: SolutionCurve, points: CurvePoints, step_rad: float | FloatArray
 ) -> tuple[CurvePoints, Indices]:
     """The same points with others between them, at most `step_rad` apart.
 
     Args:
-        fibre: whose curve.
+        solution_curve: whose curve.
         points: two or more, no farther apart than `walk` leaves them.
         step_rad: the longest arc between neighbours, rad; one for all, or for each of the arcs.
 
@@ -165,11 +169,11 @@ def filled(
     first = np.cumsum(counts) - counts
     rank = np.arange(len(segment)) - first[segment]
     estimate, way = cubics(points.q, points.tangent, segment, (rank + 1) / (counts[segment] + 1))
-    found = fibre.corrected_many(estimate, way)
+    found = solution_curve.corrected_many(estimate, way)
     is_good = found.residual <= RESIDUAL_TOLERANCE
     is_good &= np.square(found.q - estimate).sum(axis=1) <= CUBIC_RAD**2
-    found = found._replace(q=np.clip(found.q, fibre.q_min, fibre.q_max))
-    between = fibre.points(found, way).part(is_good)
+    found = found._replace(q=np.clip(found.q, solution_curve.q_min, solution_curve.q_max))
+    between = solution_curve.points(found, way).part(is_good)
     order = np.argsort(
         np.concatenate([np.arange(len(points)), segment[is_good] + 0.5]), kind="stable"
     )
@@ -193,11 +197,11 @@ def may_leave(points: CurvePoints) -> NDArray[np.bool_]:
     return may
 
 
-def _may_end(fibre: PoseFibre, points: CurvePoints, start: CurvePoint) -> Indices:
+def _may_end(solution_curve: SolutionCurve, points: CurvePoints, start: CurvePoint) -> Indices:
     """Between which points and the next the curve may leave the limits, or pass the start."""
-    along = fibre.way(start.q, points.q) @ start.tangent
+    along = solution_curve.way(start.q, points.q) @ start.tangent
     is_suspect = (along[:-1] < 0.0) & (along[1:] >= 0.0)
-    if fibre.has_limits:
+    if solution_curve.has_limits:
         is_suspect |= may_leave(points)
     return np.flatnonzero(is_suspect)
 
@@ -212,14 +216,14 @@ def with_last(points: CurvePoints, last: CurvePoint) -> CurvePoints:
     return points.part(slice(-1)).then(CurvePoints.of([last])) if len(points) > 1 else points
 
 
-def limit_on(fibre: PoseFibre, segment: Segment) -> tuple[CurvePoint, CurveEnd] | None:
+def limit_on(solution_curve: SolutionCurve, segment: Segment) -> tuple[CurvePoint, CurveEnd] | None:
     """Where the segment first leaves the limits: the point there, exactly on the limit.
 
     When several joints leave there, all stand on their limits, and the one nearest to the shoulder
     is named.
     """
     crossings = []
-    for joint, bound, outward in _suspects(fibre, segment):
+    for joint, bound, outward in _suspects(solution_curve, segment):
         u = _crossing(segment, joint, bound, outward)
         if u is not None:
             crossings.append((u, joint, bound))
@@ -231,23 +235,23 @@ def limit_on(fibre: PoseFibre, segment: Segment) -> tuple[CurvePoint, CurveEnd] 
     leaving = [(joint, bound) for u, joint, bound in crossings if u <= reach]
     for joint, bound in leaving:
         q[joint] = bound
-    q = np.clip(q, fibre.q_min, fibre.q_max)
+    q = np.clip(q, solution_curve.q_min, solution_curve.q_max)
     joint, bound = min(leaving)
-    return fibre.point(q, segment.direction(first)), CurveEnd(
-        EndKind.LIMIT, fibre.arm.limits.names[joint], bound
+    return solution_curve.point(q, segment.direction(first)), CurveEnd(
+        EndKind.LIMIT, solution_curve.arm.limits.names[joint], bound
     )
 
 
-def _suspects(fibre: PoseFibre, segment: Segment) -> list[tuple[int, float, float]]:
+def _suspects(solution_curve: SolutionCurve, segment: Segment) -> list[tuple[int, float, float]]:
     """Joints that may leave their range on the segment: index, the bound, +1 above or -1 below."""
     a, b = segment.a, segment.b
     bulge = _MAX_BULGE * segment.length_rad
-    above = np.maximum(a.q, b.q) + bulge > fibre.q_max
-    below = np.minimum(a.q, b.q) - bulge < fibre.q_min
+    above = np.maximum(a.q, b.q) + bulge > solution_curve.q_max
+    below = np.minimum(a.q, b.q) - bulge < solution_curve.q_min
     if not (above.any() or below.any()):
         return []
-    upper = [(int(i), float(fibre.q_max[i]), 1.0) for i in np.flatnonzero(above)]
-    return upper + [(int(i), float(fibre.q_min[i]), -1.0) for i in np.flatnonzero(below)]
+    upper = [(int(i), float(solution_curve.q_max[i]), 1.0) for i in np.flatnonzero(above)]
+    return upper + [(int(i), float(solution_curve.q_min[i]), -1.0) for i in np.flatnonzero(below)]
 
 
 def _crossing(segment: Segment, joint: int, bound: float, outward: float) -> float | None:
@@ -275,19 +279,22 @@ def _crossing(segment: Segment, joint: int, bound: float, outward: float) -> flo
 
 
 def _closure_on(
-    fibre: PoseFibre, segment: Segment, start: CurvePoint
+    solution_curve: SolutionCurve, segment: Segment, start: CurvePoint
 ) -> tuple[CurvePoint, CurveEnd] | None:
     """Where the segment passes through the start again: the start, as the curve's last point."""
-    behind, ahead = fibre.way(start.q, segment.a.q), fibre.way(start.q, segment.b.q)
+    behind, ahead = (
+        solution_curve.way(start.q, segment.a.q),
+        solution_curve.way(start.q, segment.b.q),
+    )
     before, after = float(behind @ start.tangent), float(ahead @ start.tangent)
     if before >= 0.0 or after < 0.0:
         return None
     if min(behind @ behind, ahead @ ahead) > segment.length_rad**2:
         return None
     q = segment.estimate(before / (before - after))
-    beside = q - (fibre.way(start.q, q) @ start.tangent) * start.tangent
-    found = fibre.corrected(beside, start.tangent)
-    if found is None or np.linalg.norm(fibre.way(start.q, found[0])) > CLOSURE_RAD:
+    beside = q - (solution_curve.way(start.q, q) @ start.tangent) * start.tangent
+    found = solution_curve.corrected(beside, start.tangent)
+    if found is None or np.linalg.norm(solution_curve.way(start.q, found[0])) > CLOSURE_RAD:
         return None
     turns = np.round((found[0] - start.q) / (2.0 * math.pi))
     return replace(start, q=start.q + 2.0 * math.pi * turns), CurveEnd(EndKind.CLOSED)

@@ -29,7 +29,7 @@ from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints, whole
 from baxter_kin.ik.redundancy.loop import Loop
 from baxter_kin.ik.redundancy.root_finding import least
 from baxter_kin.ik.redundancy.segment import Segment, cubics
-from baxter_kin.ik.redundancy.solution_curve import TOUCHING_RAD, PoseFibre
+from baxter_kin.ik.redundancy.solution_curve import TOUCHING_RAD, SolutionCurve
 from baxter_kin.validation import FloatArray, Indices
 
 NEAR_LIMITS_RAD = 0.02
@@ -62,13 +62,13 @@ class Piece:
     ends: tuple[CurveEnd, CurveEnd]
 
 
-def pieces_inside(fibre: PoseFibre, loops: Sequence[Loop]) -> Iterator[Piece]:
+def pieces_inside(solution_curve: SolutionCurve, loops: Sequence[Loop]) -> Iterator[Piece]:
     """The parts of loops inside the limits, loop by loop, in order."""
     if not loops:
         return
     begins = np.cumsum([0, *(len(loop.points) for loop in loops)])
     points = loops[0].points.then(*(loop.points for loop in loops[1:]))
-    cutter, places = _Cutter.close_to_limits(fibre, points, begins[1:-1] - 1)
+    cutter, places = _Cutter.close_to_limits(solution_curve, points, begins[1:-1] - 1)
     firsts, lasts = places[begins[:-1]].tolist(), places[begins[1:] - 1].tolist()
     for loop, first, last in zip(loops, firsts, lasts, strict=True):
         yield from _joined(list(cutter.parts(first, last, loop.ends)))
@@ -86,35 +86,35 @@ def _joined(parts: list[Piece]) -> list[Piece]:
 class _Cutter:
     """Looks for limits along loops, one after the other in one array."""
 
-    def __init__(self, fibre: PoseFibre, points: CurvePoints, gaps: Indices) -> None:
+    def __init__(self, solution_curve: SolutionCurve, points: CurvePoints, gaps: Indices) -> None:
         """Look at all points together.
 
         Args:
-            fibre: of an arm whose limits hold.
+            solution_curve: of an arm whose limits hold.
             points: of all loops, close to each other near limits.
             gaps: the last points of all loops but the last.
         """
-        self._fibre, self._points = fibre, points
-        self._suspects = _changing(fibre, points, gaps)
-        self._single = _single_crossings(fibre, points, self._suspects)
+        self._curve, self._points = solution_curve, points
+        self._suspects = _changing(solution_curve, points, gaps)
+        self._single = _single_crossings(solution_curve, points, self._suspects)
 
     @classmethod
     def close_to_limits(
-        cls, fibre: PoseFibre, points: CurvePoints, gaps: Indices
+        cls, solution_curve: SolutionCurve, points: CurvePoints, gaps: Indices
     ) -> tuple[_Cutter, Indices]:
         """The same for points any distance apart, and where they are among the closer ones."""
         if len(points) < 2:
-            return cls(fibre, points, gaps), np.arange(len(points))
+            return cls(solution_curve, points, gaps), np.arange(len(points))
         chords = points.chords_rad
         room = np.abs(points.clearance_rad)
         may_touch = room[:-1] + room[1:] <= LONGER_ARC * chords
         may_touch[gaps] = False
         near = np.flatnonzero(may_touch)
-        clearance = np.abs(_sampled(fibre, points, near)).min(axis=1, initial=np.inf)
+        clearance = np.abs(_sampled(solution_curve, points, near)).min(axis=1, initial=np.inf)
         steps = np.full(len(chords), np.inf)
         steps[near[clearance < LONGEST_STEP_RAD / _SAMPLES]] = NEAR_LIMITS_RAD
-        closer, places = filled(fibre.without_limits, points, steps)
-        return cls(fibre, fibre.into_range(closer), places[gaps]), places
+        closer, places = filled(solution_curve.without_limits, points, steps)
+        return cls(solution_curve, solution_curve.into_range(closer), places[gaps]), places
 
     def parts(self, first: int, last: int, ends: tuple[CurveEnd, CurveEnd]) -> Iterator[Piece]:
         """The parts inside the limits of the loop between two points, with its ends."""
@@ -150,15 +150,15 @@ class _Cutter:
 
     def _exit(self, a: CurvePoint, b: CurvePoint) -> Cut | None:
         """Where the curve first leaves the limits after `a`, which is inside; or None."""
-        fibre = self._fibre
-        segment = _segment(fibre, a, b)
-        found = limit_on(fibre, segment)
+        solution_curve = self._curve
+        segment = _segment(solution_curve, a, b)
+        found = limit_on(solution_curve, segment)
         if found is not None or b.clearance_rad >= 0.0:
             return found
         on = a if a.clearance_rad < -b.clearance_rad else segment.b  # as good as on the limit
-        joint = int(np.argmin(np.minimum(on.q - fibre.q_min, fibre.q_max - on.q)))
-        point = fibre.touching(on.q, on.tangent)
-        names = fibre.arm.limits.names
+        joint = int(np.argmin(np.minimum(on.q - solution_curve.q_min, solution_curve.q_max - on.q)))
+        point = solution_curve.touching(on.q, on.tangent)
+        names = solution_curve.arm.limits.names
         return point, CurveEnd(EndKind.LIMIT, names[joint], float(point.q[joint]))
 
     def _entry(self, a: CurvePoint, b: CurvePoint) -> Cut | None:
@@ -168,60 +168,66 @@ class _Cutter:
 
     def _deepest(self, a: CurvePoint, b: CurvePoint) -> CurvePoint | None:
         """The point farthest inside the limits between two outside, if it is inside."""
-        fibre, segment = self._fibre, _segment(self._fibre, a, b)
+        solution_curve, segment = self._curve, _segment(self._curve, a, b)
         u = np.linspace(0.0, 1.0, _SAMPLES**2)
         both = CurvePoints.of([segment.a, segment.b])
         q, _ = cubics(both.q, both.tangent, np.zeros(len(u), dtype=np.intp), u)
-        best = int(np.argmax(fibre.clearance_rad(q)))
-        if fibre.clearance_rad(q[best]) < -segment.length_rad / len(u):
+        best = int(np.argmax(solution_curve.clearance_rad(q)))
+        if solution_curve.clearance_rad(q[best]) < -segment.length_rad / len(u):
             return None
 
         def outside(share: float) -> float:
-            return -float(fibre.clearance_rad(segment.exact(share)))
+            return -float(solution_curve.clearance_rad(segment.exact(share)))
 
         bracket = float(u[max(best - 1, 0)]), float(u[min(best + 1, len(u) - 1)])
         excess, share = least(outside, *bracket, _SHARE)
         if excess > TOUCHING_RAD:
             return None
-        return fibre.touching(segment.exact(share), segment.direction(share))
+        return solution_curve.touching(segment.exact(share), segment.direction(share))
 
 
-def _changing(fibre: PoseFibre, points: CurvePoints, gaps: Indices) -> Indices:
+def _changing(solution_curve: SolutionCurve, points: CurvePoints, gaps: Indices) -> Indices:
     """After which points the curve may leave or enter the limits, judged by its cubics."""
     if len(points) < 2:
         return np.empty(0, dtype=np.intp)
     is_suspect = may_leave(points)
     is_suspect[gaps] = False
     suspects = np.flatnonzero(is_suspect)
-    clearance = _sampled(fibre, points, suspects)
+    clearance = _sampled(solution_curve, points, suspects)
     reach = NEAR_LIMITS_RAD / _SAMPLES
     is_near = (clearance.min(axis=1) < reach) & (clearance.max(axis=1) > -reach)
     highest = np.maximum(points.clearance_rad[suspects], points.clearance_rad[suspects + 1])
-    rises = _rate(fibre, points)
+    rises = _rate(solution_curve, points)
     has_peak = clearance[:, 1:-1].max(axis=1) > highest
     has_peak |= (rises[suspects] > 0.0) & (rises[suspects + 1] < 0.0)
     changing: Indices = suspects[is_near & (has_peak | (highest >= 0.0))]
     return changing
 
 
-def _rate(fibre: PoseFibre, points: CurvePoints) -> FloatArray:
+def _rate(solution_curve: SolutionCurve, points: CurvePoints) -> FloatArray:
     """How the clearance changes along the curve at each point, shape (n,)."""
-    side = np.concatenate([points.q - fibre.q_min, fibre.q_max - points.q], axis=1).argmin(axis=1)
+    side = np.concatenate(
+        [points.q - solution_curve.q_min, solution_curve.q_max - points.q], axis=1
+    ).argmin(axis=1)
     speed = np.take_along_axis(points.tangent, side[:, None] % 7, axis=1)[:, 0]
     rate: FloatArray = np.where(side < 7, speed, -speed)
     return rate
 
 
-def _sampled(fibre: PoseFibre, points: CurvePoints, segment: Indices) -> FloatArray:
+def _sampled(solution_curve: SolutionCurve, points: CurvePoints, segment: Indices) -> FloatArray:
     """The clearance at evenly spaced points of cubics, shape (len(segment), _SAMPLES), rad."""
     each, u = np.repeat(segment, _SAMPLES), np.tile(np.linspace(0.0, 1.0, _SAMPLES), len(segment))
     q, _ = cubics(points.q, points.tangent, each, u)
-    return fibre.clearance_rad(fibre.turned(q)).reshape(-1, _SAMPLES)
+    return solution_curve.clearance_rad(solution_curve.turned(q)).reshape(-1, _SAMPLES)
 
 
-def _single_crossings(fibre: PoseFibre, points: CurvePoints, segment: Indices) -> dict[int, Cuts]:
+def _single_crossings(
+    solution_curve: SolutionCurve, points: CurvePoints, segment: Indices
+) -> dict[int, Cuts]:
     """The cuts of segments on which one joint crosses a limit, and none other is near to one."""
-    room = np.concatenate([points.q - fibre.q_min, fibre.q_max - points.q], axis=1)
+    room = np.concatenate(
+        [points.q - solution_curve.q_min, solution_curve.q_max - points.q], axis=1
+    )
     before, after = room[segment], room[segment + 1]
     chord = np.abs(whole_turns_off(points.q[segment + 1] - points.q[segment])).max(axis=1)
     crosses = (before < 0.0) != (after < 0.0)
@@ -230,32 +236,36 @@ def _single_crossings(fibre: PoseFibre, points: CurvePoints, segment: Indices) -
     is_single &= ~((before < 0.0) & (after < 0.0)).any(axis=1)
     side = np.argmax(crosses[is_single], axis=1)
     one, other = before[is_single, side], after[is_single, side]
-    return _held(fibre, points, segment[is_single], side, one / (one - other))
+    return _held(solution_curve, points, segment[is_single], side, one / (one - other))
 
 
 def _held(
-    fibre: PoseFibre, points: CurvePoints, segment: Indices, side: Indices, u: FloatArray
+    solution_curve: SolutionCurve,
+    points: CurvePoints,
+    segment: Indices,
+    side: Indices,
+    u: FloatArray,
 ) -> dict[int, Cuts]:
     """The cuts where joints cross limits near to shares of segments; only those that are sure.
 
     Args:
-        fibre: of an arm whose limits hold.
+        solution_curve: of an arm whose limits hold.
         points: of the loops.
         segment: after which points, shape (k,).
         side: the joint that crosses, 0 to 6 its lower limit, 7 to 13 its upper one, shape (k,).
         u: about where, shape (k,).
     """
     joint, rows = side % 7, np.arange(len(segment))
-    bound = np.concatenate([fibre.q_min, fibre.q_max])[side]
+    bound = np.concatenate([solution_curve.q_min, solution_curve.q_max])[side]
     q, way = cubics(points.q, points.tangent, segment, u)
-    estimate = fibre.turned(q)
+    estimate = solution_curve.turned(q)
     estimate[rows, joint] = bound
-    found = fibre.corrected_many(estimate, np.eye(7)[joint])
+    found = solution_curve.corrected_many(estimate, np.eye(7)[joint])
     found.q[rows, joint] = bound
-    cuts = fibre.points(found, way)
+    cuts = solution_curve.points(found, way)
     is_sure = (cuts.residual <= RESIDUAL_TOLERANCE) & (cuts.clearance_rad >= 0.0)
     is_sure &= np.square(cuts.q - estimate).sum(axis=1) <= NEAR_LIMITS_RAD**2
-    leaves, names = points.clearance_rad[segment] >= 0.0, fibre.arm.limits.names
+    leaves, names = points.clearance_rad[segment] >= 0.0, solution_curve.arm.limits.names
     table: dict[int, Cuts] = {}
     for k in np.flatnonzero(is_sure).tolist():
         cut = cuts[k], CurveEnd(EndKind.LIMIT, names[joint[k]], float(bound[k]))
@@ -263,8 +273,8 @@ def _held(
     return table
 
 
-def _segment(fibre: PoseFibre, a: CurvePoint, b: CurvePoint) -> Segment:
-    return Segment(fibre, a, replace(b, q=a.q + whole_turns_off(b.q - a.q)))
+def _segment(solution_curve: SolutionCurve, a: CurvePoint, b: CurvePoint) -> Segment:
+    return Segment(solution_curve, a, replace(b, q=a.q + whole_turns_off(b.q - a.q)))
 
 
 def _piece(points: CurvePoints, entry: Cut, exit_: Cut) -> Piece:

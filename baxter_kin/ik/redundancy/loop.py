@@ -16,7 +16,7 @@ from baxter_kin.ik.redundancy.continuation import CurveEnd, EndKind, walk_both_w
 from baxter_kin.ik.redundancy.curve_functions import RESIDUAL_TOLERANCE, SINGULAR
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints
 from baxter_kin.ik.redundancy.segment import feet
-from baxter_kin.ik.redundancy.solution_curve import PoseFibre
+from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
 from baxter_kin.validation import FloatArray
 
 ON_LOOP_RAD, ALONG = 1e-3, 0.9
@@ -38,10 +38,10 @@ class Loop:
     ends: tuple[CurveEnd, CurveEnd]
 
     @classmethod
-    def through(cls, fibre: PoseFibre, start: CurvePoint) -> Loop:
+    def through(cls, solution_curve: SolutionCurve, start: CurvePoint) -> Loop:
         """Follow it from a point, inside the limits or not."""
-        points, _, ends = walk_both_ways(fibre.without_limits, start)
-        return cls(fibre.into_range(points), ends)
+        points, _, ends = walk_both_ways(solution_curve.without_limits, start)
+        return cls(solution_curve.into_range(points), ends)
 
     @property
     def is_closed(self) -> bool:
@@ -67,18 +67,18 @@ class Loop:
         return is_on
 
 
-def loops_near(fibre: PoseFibre, starts: FloatArray) -> list[Loop]:
+def loops_near(solution_curve: SolutionCurve, starts: FloatArray) -> list[Loop]:
     """The loops that Newton's method leads to from configurations, shape (n, 7), rad."""
-    found = fibre.nearest_many(starts)
+    found = solution_curve.nearest_many(starts)
     is_good = found.residual <= RESIDUAL_TOLERANCE
-    places = fibre.points(found, found.tangent).part(is_good)
+    places = solution_curve.points(found, found.tangent).part(is_good)
     is_regular = found.rank[is_good] > SINGULAR
     loops: list[Loop] = []
     while len(places):
-        first = places[0] if is_regular[0] else fibre.without_limits.start(places.q[0])
+        first = places[0] if is_regular[0] else solution_curve.without_limits.start(places.q[0])
         is_left = np.arange(len(places)) > 0
         if first is not None:
-            loops.append(Loop.through(fibre, first))
+            loops.append(Loop.through(solution_curve, first))
             is_left &= ~loops[-1].holds(places.q, places.tangent)
         places, is_regular = places.part(is_left), is_regular[is_left]
     return loops

@@ -211,6 +211,22 @@ def _along(curve: SelfMotion, objective: Objective) -> Callable[[float], float]:
     return cost
 
 
+def checked_scope(objective: object, scope: str | Scope | None) -> Scope:
+    """Among which solutions an objective chooses: all, unless it says otherwise.
+
+    Raises:
+        RequestError: when the objective is of another class, or a scope comes without one.
+        UnknownNameError: when there is no such scope.
+    """
+    if objective is not None:
+        checked_objective(objective)
+    elif scope is not None:
+        raise RequestError(
+            "scope says among which solutions an objective chooses; give an objective too"
+        )
+    return Scope.ALL if scope is None else Scope.of(scope)
+
+
 def checked_objective(objective: object) -> None:
     """Refuse what cannot say costs.
 

@@ -22,7 +22,7 @@ from baxter_kin.ik.redundancy.cutting import Piece, pieces_inside
 from baxter_kin.ik.redundancy.loop import loops_near
 from baxter_kin.ik.redundancy.segment import feet
 from baxter_kin.ik.redundancy.self_motion import SelfMotion, curve_of, trace_self_motion
-from baxter_kin.ik.redundancy.solution_curve import PoseFibre
+from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
 from baxter_kin.ik.search.searcher import Search
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray
@@ -78,38 +78,41 @@ def all_pieces(
     solved = found.q[found.is_valid]
     if known is not None:
         solved = np.concatenate([known[None], solved])
-    return pieces_through(PoseFibre(arm, pose), solved, step_rad, _swept(arm, pose))
+    return pieces_through(SolutionCurve(arm, pose), solved, step_rad, _swept(arm, pose))
 
 
 def pieces_through(
-    fibre: PoseFibre, candidates: FloatArray, step_rad: float, nearby: FloatArray | None = None
+    solution_curve: SolutionCurve,
+    candidates: FloatArray,
+    step_rad: float,
+    nearby: FloatArray | None = None,
 ) -> tuple[SelfMotion, ...]:
     """The pieces of all loops through candidates, and through what is near to solutions.
 
     Args:
-        fibre: of the pose and the arm whose limits hold.
+        solution_curve: of the pose and the arm whose limits hold.
         candidates: solutions, shape (n, 7), rad.
         step_rad: longest step along the curves.
         nearby: from where Newton's method, limits ignored, leads to more loops, shape (m, 7), rad.
     """
     starts = candidates if nearby is None else np.concatenate([candidates, nearby])
-    pieces = list(pieces_inside(fibre, loops_near(fibre, starts)))
-    curves = _apart(sorted(_curves(fibre, pieces, step_rad), key=_order))
-    astray = candidates[_at_limits(fibre, candidates)]
+    pieces = list(pieces_inside(solution_curve, loops_near(solution_curve, starts)))
+    curves = _apart(sorted(_curves(solution_curve, pieces, step_rad), key=_order))
+    astray = candidates[_at_limits(solution_curve, candidates)]
     astray = astray[_off(curves, astray)]
     while len(astray):
-        curves.append(_traced(fibre.arm, astray[0], fibre.T_base_tip, step_rad))
+        curves.append(_traced(solution_curve.arm, astray[0], solution_curve.T_base_tip, step_rad))
         astray = astray[1:][_off(curves[-1:], astray[1:])]
     return tuple(sorted(curves, key=_order))
 
 
-def _at_limits(fibre: PoseFibre, candidates: FloatArray) -> NDArray[np.bool_]:
+def _at_limits(solution_curve: SolutionCurve, candidates: FloatArray) -> NDArray[np.bool_]:
     """Which candidates may lie on no piece of their loop, or on none that was seen: shape (n,).
 
     Others are inside the limits where they meet the loop.
     """
-    found = fibre.nearest_many(candidates)
-    is_inside = fibre.clearance_rad(found.q) > AT_LIMITS_RAD
+    found = solution_curve.nearest_many(candidates)
+    is_inside = solution_curve.clearance_rad(found.q) > AT_LIMITS_RAD
     unsure: NDArray[np.bool_] = ~(is_inside & (found.residual <= RESIDUAL_TOLERANCE))
     return unsure
 
@@ -128,7 +131,9 @@ def _closed_form(arm: Arm) -> ClosedForm:
     return ClosedForm(arm.at_gripper, turns=TURNS, rolls=1)
 
 
-def _curves(fibre: PoseFibre, pieces: list[Piece], step_rad: float) -> list[SelfMotion]:
+def _curves(
+    solution_curve: SolutionCurve, pieces: list[Piece], step_rad: float
+) -> list[SelfMotion]:
     """The pieces as curves; those that are not closed begin to count where they are deepest."""
     if not pieces:
         return []
@@ -136,17 +141,17 @@ def _curves(fibre: PoseFibre, pieces: list[Piece], step_rad: float) -> list[Self
     steps = np.full(begins[-1] - 1, step_rad)
     steps[begins[1:-1] - 1] = np.inf
     together = pieces[0].points.then(*(piece.points for piece in pieces[1:]))
-    points, places = filled(fibre, together, steps)
+    points, places = filled(solution_curve, together, steps)
     return [
-        _curve(fibre, points.part(slice(places[first], places[end - 1] + 1)), piece)
+        _curve(solution_curve, points.part(slice(places[first], places[end - 1] + 1)), piece)
         for piece, first, end in zip(pieces, begins[:-1], begins[1:], strict=True)
     ]
 
 
-def _curve(fibre: PoseFibre, points: CurvePoints, piece: Piece) -> SelfMotion:
+def _curve(solution_curve: SolutionCurve, points: CurvePoints, piece: Piece) -> SelfMotion:
     is_closed = piece.ends[0].kind is EndKind.CLOSED
     start = 0 if is_closed else int(np.argmax(points.clearance_rad))
-    return curve_of(fibre, points, start, piece.ends)
+    return curve_of(solution_curve, points, start, piece.ends)
 
 
 def _apart(curves: list[SelfMotion]) -> list[SelfMotion]:

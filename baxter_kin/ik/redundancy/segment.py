@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, whole_turns_off
-from baxter_kin.ik.redundancy.solution_curve import PoseFibre
+from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
 from baxter_kin.validation import FloatArray, Indices
 
 _EXACT = 1e-13
@@ -23,8 +23,8 @@ _RIVALS = 4
 class Segment:
     """The curve from one point to the next, by Hermite's cubic through both and their tangents."""
 
-    def __init__(self, fibre: PoseFibre, a: CurvePoint, b: CurvePoint) -> None:
-        self._fibre = fibre
+    def __init__(self, solution_curve: SolutionCurve, a: CurvePoint, b: CurvePoint) -> None:
+        self._curve = solution_curve
         self.a, self.b = a, b
         self._chord = b.q - a.q
         self.length_rad = float(arc_lengths(self._chord, a.tangent, b.tangent))
@@ -49,7 +49,7 @@ class Segment:
         """
         if u in (0.0, 1.0):
             return np.array(self.b.q if u else self.a.q)
-        found = self._fibre.corrected(*self._cubic(u), _EXACT)
+        found = self._curve.corrected(*self._cubic(u), _EXACT)
         if found is None:
             return np.array(self.a.q if u < 0.5 else self.b.q)
         return found[0]

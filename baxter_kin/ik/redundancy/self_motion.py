@@ -21,7 +21,7 @@ from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.redundancy.continuation import CurveEnd, EndKind, filled, walk_both_ways
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints
 from baxter_kin.ik.redundancy.segment import Segment, arc_lengths
-from baxter_kin.ik.redundancy.solution_curve import PoseFibre
+from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import (
     FloatArray,
@@ -39,10 +39,6 @@ STEP_RAD = 0.02
 LEAST_STEP_RAD, MOST_STEP_RAD = 0.001, 0.2
 """Steps that may be asked for: shorter ones give curves of ten thousands of points, with longer
 ones the corrector may land on another branch."""
-
-POSE_MISMATCH = 1e-5
-"""How far, in m and rad together, a configuration may miss the pose it is said to reach: ten times
-the tolerance of the IK service."""
 
 _OUTSIDE_RAD = 1e-9
 """How far beyond the ends of a curve an arc length may lie, from rounding."""
@@ -116,14 +112,14 @@ class SelfMotion(Frozen, OneLine):
 
     def sampler(self) -> Callable[[float], FloatArray]:
         """What `at` does, for finite numbers: quicker where many are wanted."""
-        fibre, limits = PoseFibre(self.arm, self.T_base_tip), self.arm.limits
+        solution_curve, limits = SolutionCurve(self.arm, self.T_base_tip), self.arm.limits
 
         def at(s: float) -> FloatArray:
             s = self._on_curve(s)
             if len(self.q) == 1:
                 return np.array(self.q[0])
             i, u = self._placed(s)
-            return np.clip(self._segment(fibre, i).exact(u), limits.q_min, limits.q_max)
+            return np.clip(self._segment(solution_curve, i).exact(u), limits.q_min, limits.q_max)
 
         return at
 
@@ -184,9 +180,9 @@ class SelfMotion(Frozen, OneLine):
         i = min(int(np.searchsorted(self.s, s, side="right")), len(self.s) - 1) - 1
         return i, float((s - self.s[i]) / (self.s[i + 1] - self.s[i]))
 
-    def _segment(self, fibre: PoseFibre, i: int) -> Segment:
+    def _segment(self, solution_curve: SolutionCurve, i: int) -> Segment:
         a, b = (CurvePoint(self.q[j], self.tangent[j], 0.0, 0.0, 0.0) for j in (i, i + 1))
-        return Segment(fibre, a, b)
+        return Segment(solution_curve, a, b)
 
 
 def trace_self_motion(
@@ -221,16 +217,18 @@ def trace_self_motion(
     q = expect(arm, Arm, "arm", RequestError).limits.check(q, "q")
     step_rad = checked_step(step_rad)
     direction = None if towards is None else _checked_direction(towards)
-    fibre = PoseFibre(arm, arm.T_base_tip(q) if T_base_tip is None else checked_pose(T_base_tip))
+    solution_curve = SolutionCurve(
+        arm, arm.T_base_tip(q) if T_base_tip is None else checked_pose(T_base_tip)
+    )
     if T_base_tip is not None:
-        q = _onto_fibre(fibre, q)
-    start = fibre.start(q, direction)
+        q = solution_curve.onto(q)
+    start = solution_curve.start(q, direction)
     if start is None:
-        residual = float(np.linalg.norm(fibre.error(q)))
-        alone = CurvePoint(q, np.zeros(7), 0.0, residual, float(fibre.clearance_rad(q)))
+        residual = float(np.linalg.norm(solution_curve.error(q)))
+        alone = CurvePoint(q, np.zeros(7), 0.0, residual, float(solution_curve.clearance_rad(q)))
         end = CurveEnd(EndKind.SINGULARITY)
-        return assembled(fibre, CurvePoints.of([alone]), 0, (end, end), step_rad)
-    return assembled(fibre, *walk_both_ways(fibre, start), step_rad)
+        return assembled(solution_curve, CurvePoints.of([alone]), 0, (end, end), step_rad)
+    return assembled(solution_curve, *walk_both_ways(solution_curve, start), step_rad)
 
 
 def checked_step(step_rad: float) -> float:
@@ -253,32 +251,8 @@ def _checked_direction(towards: ArrayLike) -> FloatArray:
     return direction
 
 
-def _onto_fibre(fibre: PoseFibre, q: FloatArray) -> FloatArray:
-    """The configuration next to `q` that reaches the pose, or the limit of a joint that leaves."""
-    limits = fibre.arm.limits
-    miss = float(np.linalg.norm(fibre.error(q)))
-    if miss > POSE_MISMATCH:
-        raise ConfigurationError(
-            f"q misses the pose by {miss:.3g} (m and rad together); allowed is {POSE_MISMATCH:g}"
-        )
-    found = fibre.corrected(q, np.linalg.svd(fibre.arm.jacobian(q))[2][6])
-    for _ in range(len(q)):
-        if found is None:
-            break
-        nearby = np.clip(found[0], limits.q_min, limits.q_max)
-        excess = np.abs(found[0] - nearby)
-        if not excess.any():
-            return nearby
-        held = np.eye(len(q))[int(np.argmax(excess))]
-        found = fibre.corrected(nearby * held + found[0] * (1.0 - held), held)
-    raise ConfigurationError(
-        f"q misses the pose by {miss:.3g}, and no configuration next to it reaches the pose inside "
-        "the limits"
-    )
-
-
 def assembled(
-    fibre: PoseFibre,
+    solution_curve: SolutionCurve,
     points: CurvePoints,
     start: int,
     ends: tuple[CurveEnd, CurveEnd],
@@ -287,27 +261,27 @@ def assembled(
     """The curve through points, with others between them.
 
     Args:
-        fibre: whose curve.
+        solution_curve: whose curve.
         points: as `baxter_kin.ik.redundancy.continuation.walk` leaves them.
         start: which of them the tracing began at.
         ends: why they end.
         step_rad: the longest step.
     """
     if len(points) == 1:
-        return curve_of(fibre, points, 0, ends)
-    points, places = filled(fibre, points, step_rad)
-    return curve_of(fibre, points, int(places[start]), ends)
+        return curve_of(solution_curve, points, 0, ends)
+    points, places = filled(solution_curve, points, step_rad)
+    return curve_of(solution_curve, points, int(places[start]), ends)
 
 
 def curve_of(
-    fibre: PoseFibre, points: CurvePoints, start: int, ends: tuple[CurveEnd, CurveEnd]
+    solution_curve: SolutionCurve, points: CurvePoints, start: int, ends: tuple[CurveEnd, CurveEnd]
 ) -> SelfMotion:
     """The curve of points that are close enough; arguments as for `assembled`."""
     lengths = arc_lengths(np.diff(points.q, axis=0), points.tangent[:-1], points.tangent[1:])
     s = np.concatenate([[0.0], np.cumsum(lengths)])
     return SelfMotion(
-        arm=fibre.arm,
-        T_base_tip=fibre.T_base_tip,
+        arm=solution_curve.arm,
+        T_base_tip=solution_curve.T_base_tip,
         q=points.q,
         s=s,
         tangent=points.tangent,

@@ -1,10 +1,10 @@
-"""The configurations of an arm that reach one pose: its fibre under forward kinematics.
+"""The configurations of an arm that reach one pose: the solution set of IK.
 
-For seven joints the fibre is a curve wherever the Jacobian J (6 x 7) has full rank; its unit
+For seven joints the solution set is a curve wherever the Jacobian J (6 x 7) has full rank; its unit
 tangent spans the null space of J. The cofactors of J are a null vector that is continuous in q,
 which gives every curve one direction: the one in which `det [J; tangent']` is positive.
 
-Where the rank drops to five, the null space is a plane and the fibre is no curve: two branches
+Where the rank drops to five, the null space is a plane and the set is no curve: two branches
 cross, or the point stands alone. Second derivatives decide (Allgower and Georg, "Numerical
 Continuation Methods", 1990, ch. 8): with w the left null vector of J and N a basis of the plane,
 the branches leave along those N a for which the quadratic form `w' (dJ along N a) N a` vanishes.
@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.errors import ConfigurationError
 from baxter_kin.ik.redundancy.curve_functions import RESIDUAL_TOLERANCE, SINGULAR
 from baxter_kin.ik.redundancy.curve_kernel import Corrected, CurveKernel, Steps
 from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints, whole_turns_off
@@ -28,11 +29,15 @@ TOUCHING_RAD = 1e-11
 """How far outside its limits a joint may be by rounding: of the pose, of limits, of what touches
 several limits at once."""
 
+POSE_MISMATCH = 1e-5
+"""How far, in m and rad together, a configuration may miss the pose it is said to reach: ten times
+the tolerance of the IK service."""
+
 _CORRECTIONS, _MAX_CORRECTION_RAD = 2, 1.0
 """Calls of three Newton steps each, and how far all of them may lead."""
 
 _REPEATS = 2
-"""More such calls for what is far from the fibre, as closed forms of an arm as drawn are from that
+"""More such calls for what is far from the curve, as closed forms of an arm as drawn are from that
 of a calibrated one."""
 
 _DIFFERENCE_RAD = 1e-4
@@ -42,7 +47,7 @@ _FLAT = 1e-6
 """Curvature, 1/rad, below which the quadratic form counts as zero."""
 
 
-class PoseFibre:
+class SolutionCurve:
     """All configurations of an arm that reach one pose.
 
     Attributes:
@@ -68,9 +73,9 @@ class PoseFibre:
         self._matrix = self.T_base_tip.homogeneous
 
     @cached_property
-    def without_limits(self) -> PoseFibre:
+    def without_limits(self) -> SolutionCurve:
         """The same pose, whatever the limits."""
-        return PoseFibre(self.arm, self.T_base_tip, has_limits=False)
+        return SolutionCurve(self.arm, self.T_base_tip, has_limits=False)
 
     def error(self, q: FloatArray) -> FloatArray:
         """The twist from the pose of `q` to the target, shape (6,), m and rad, linear first.
@@ -84,12 +89,12 @@ class PoseFibre:
     def corrected(
         self, q: FloatArray, normal: FloatArray, tolerance: float = RESIDUAL_TOLERANCE
     ) -> tuple[FloatArray, float] | None:
-        """The configuration of the fibre in a hyperplane through `q`, and its residual.
+        """The configuration of the curve in a hyperplane through `q`, and its residual.
 
         Newton's method on `[J; normal'] dq = [error; 0]`.
 
         Args:
-            q: a configuration near the fibre, shape (7,), rad.
+            q: a configuration near the curve, shape (7,), rad.
             normal: of the hyperplane, shape (7,).
             tolerance: the residual to reach, m and rad together.
 
@@ -105,12 +110,41 @@ class PoseFibre:
                 return (moved, residual) if is_near else None
         return None
 
+    def onto(self, q: FloatArray) -> FloatArray:
+        """The configuration next to `q` that reaches the pose inside the limits.
+
+        Raises:
+            ConfigurationError: when `q`, shape (7,), rad, misses the pose by more than
+                `POSE_MISMATCH`, or there is no such configuration.
+        """
+        limits = self.arm.limits
+        miss = float(np.linalg.norm(self.error(q)))
+        if miss > POSE_MISMATCH:
+            raise ConfigurationError(
+                f"q misses the pose by {miss:.3g} (m and rad together); allowed is "
+                f"{POSE_MISMATCH:g}"
+            )
+        found = self.corrected(q, np.linalg.svd(self.arm.jacobian(q))[2][6])
+        for _ in range(len(q)):
+            if found is None:
+                break
+            nearby = np.clip(found[0], limits.q_min, limits.q_max)
+            excess = np.abs(found[0] - nearby)
+            if not excess.any():
+                return nearby
+            held = np.eye(len(q))[int(np.argmax(excess))]
+            found = self.corrected(nearby * held + found[0] * (1.0 - held), held)
+        raise ConfigurationError(
+            f"q misses the pose by {miss:.3g}, and no configuration next to it reaches the pose "
+            "inside the limits"
+        )
+
     def corrected_many(self, q: FloatArray, normal: FloatArray) -> Corrected:
         """The same for configurations, shape (n, 7), with their residuals, however large."""
         return self.kernel.corrected_many(q, normal, self._matrix)
 
     def nearest_many(self, q: FloatArray) -> Corrected:
-        """Configurations, shape (n, 7), moved onto the fibre by steps of least norm."""
+        """Configurations, shape (n, 7), moved onto the curve by steps of least norm."""
         found = self.kernel.corrected_many(q, np.zeros_like(q), self._matrix)
         for _ in range(_REPEATS):
             off = np.flatnonzero(~(found.residual <= RESIDUAL_TOLERANCE))

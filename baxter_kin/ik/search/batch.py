@@ -20,8 +20,9 @@ from baxter_kin.ik.result import (
     IKFailure,
     IKResult,
 )
+from baxter_kin.ik.search.buffered_search import Found
 from baxter_kin.ik.search.explanation import Attempt, Explainer
-from baxter_kin.ik.search.searcher import Found, Search
+from baxter_kin.ik.search.searcher import Search
 from baxter_kin.ik.search.solver import Solver
 from baxter_kin.ik.seeds import (
     MAP_STARTS,

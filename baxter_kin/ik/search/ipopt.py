@@ -25,8 +25,9 @@ import pinocchio as pin
 from baxter_kin.errors import RequestError, expect
 from baxter_kin.frames import quaternion_xyzw
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD
+from baxter_kin.ik.search.buffered_search import Found
 from baxter_kin.ik.search.exact_search import CONVERGED_M, CONVERGED_RAD
-from baxter_kin.ik.search.searcher import Backend, Found, search_from_setpoints
+from baxter_kin.ik.search.searcher import Backend, search_from_setpoints
 from baxter_kin.ik.search.task_search import INSET as TASK_INSET
 from baxter_kin.ik.search.task_search import task_coordinates
 from baxter_kin.ik.seeds import NullSpaceMap

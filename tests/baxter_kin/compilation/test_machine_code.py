@@ -17,7 +17,7 @@ from baxter_kin.compilation.compiler import compilers
 from baxter_kin.compilation.kernel_cache import KernelCache, PrivateFolder, user_folder
 from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.errors import FileError
-from baxter_kin.ik.search.exact_search import ArmNumbers
+from baxter_kin.ik.search.arm_numbers import ArmNumbers
 from baxter_kin.ik.search.searcher import exact_functions
 from tests.baxter_kin.compilation.test_limited_process import ends
 

@@ -36,8 +36,8 @@ from baxter_kin.ik import (
     trace_self_motion,
 )
 from baxter_kin.ik.geometry.linkage import Linkage
+from baxter_kin.ik.requests import BLOCK
 from baxter_kin.ik.search.searcher import Searcher
-from baxter_kin.ik.service import BLOCK
 from tests.conftest import at, overhead
 
 TOLERANCE = 1e-6

@@ -7,7 +7,7 @@ from baxter_kin import Arm, Baxter
 from baxter_kin.ik.redundancy.cutting import Piece, pieces_inside
 from baxter_kin.ik.redundancy.loop import loops_near
 from baxter_kin.ik.redundancy.self_motion import trace_self_motion
-from baxter_kin.ik.redundancy.solution_curve import PoseFibre
+from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
 from baxter_kin.ik.solution_set import distinct_solutions
 from baxter_kin.validation import FloatArray
 from tests.baxter_kin.ik.redundancy.test_self_motion import ALONE, CLOSED, pose_error, singular_near
@@ -22,8 +22,8 @@ WITH_TINY_PIECE = [
 
 def pieces_of(arm: Arm, q: FloatArray) -> list[Piece]:
     """Those of the loop through a configuration."""
-    fibre = PoseFibre(arm, arm.T_base_tip(q))
-    return list(pieces_inside(fibre, loops_near(fibre, np.array([q]))))
+    solution_curve = SolutionCurve(arm, arm.T_base_tip(q))
+    return list(pieces_inside(solution_curve, loops_near(solution_curve, np.array([q]))))
 
 
 def test_every_configuration_is_inside_the_limits(arm: Arm) -> None:
@@ -57,9 +57,9 @@ def test_loop_holds_its_pieces_and_no_others(arm: Arm) -> None:
     rng = np.random.default_rng(5)
     for _ in range(40):
         q = arm.random_configuration(rng)
-        fibre = PoseFibre(arm, arm.T_base_tip(q))
-        (loop,) = loops_near(fibre, np.array([q]))
-        pieces = list(pieces_inside(fibre, [loop]))
+        solution_curve = SolutionCurve(arm, arm.T_base_tip(q))
+        (loop,) = loops_near(solution_curve, np.array([q]))
+        pieces = list(pieces_inside(solution_curve, [loop]))
         on = pieces[0].points.then(*(piece.points for piece in pieces[1:]))
         assert loop.holds(on.q, on.tangent).all()
         assert not loop.holds(on.q, -on.tangent).any()

@@ -8,12 +8,8 @@ import pytest
 
 from baxter_kin import Arm
 from baxter_kin.frames import angle_between
-from baxter_kin.ik.search.exact_search import (
-    ITERATIONS,
-    SEED_TOLERANCE_RAD,
-    ArmNumbers,
-    solve_symmetric,
-)
+from baxter_kin.ik.search.arm_numbers import ArmNumbers
+from baxter_kin.ik.search.exact_search import ITERATIONS, SEED_TOLERANCE_RAD, solve_symmetric
 from baxter_kin.ik.search.searcher import exact_functions
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape, dimensions_of

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm
+from baxter_kin.ik.search.arm_numbers import ArmNumbers
 from baxter_kin.ik.search.exact_search import (
     ITERATIONS,
     ROTATION_WEIGHT_M,
-    ArmNumbers,
     iterations_of,
     search_function,
     step_function,

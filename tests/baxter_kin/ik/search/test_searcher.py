@@ -13,7 +13,8 @@ from baxter_kin.ik import (
     Objective,
     TowardsGoal,
 )
-from baxter_kin.ik.search.searcher import LANES, Backend, Searcher
+from baxter_kin.ik.search.buffered_search import BATCH_SIZES
+from baxter_kin.ik.search.searcher import Backend, Searcher
 
 
 def poses_of(arm: Arm, count: int, seed: int) -> np.ndarray:
@@ -32,7 +33,9 @@ def test_unknown_backend_names_the_known_ones(left: Arm) -> None:
         IKService(left, "gpu")
 
 
-@pytest.mark.parametrize("count", [1, 2, LANES[1] + 3, 2 * LANES[2] + LANES[1] + 1])
+@pytest.mark.parametrize(
+    "count", [1, 2, BATCH_SIZES[1] + 3, 2 * BATCH_SIZES[2] + BATCH_SIZES[1] + 1]
+)
 def test_many_searches_are_each_as_one_alone(left: Arm, count: int) -> None:
     searcher, Ts = Searcher(left), poses_of(left, count, 1)
     starts = np.tile(left.start, (count, 1))

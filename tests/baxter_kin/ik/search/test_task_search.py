@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Arm
-from baxter_kin.ik.search.exact_search import ArmNumbers
+from baxter_kin.ik.search.arm_numbers import ArmNumbers
 from baxter_kin.ik.search.task_search import INSET, task_coordinates, task_search_function
 from baxter_kin.ik.tolerance import Tolerance
 
