@@ -36,9 +36,10 @@ from planner.pick_place.planning import (
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure
 from planner.plan_file import load_plan, save_plan
 from planner.scene.bodies import Body, Box, Cylinder, Part, Scene, Sphere
+from planner.scene.held import Held
 from planner.scene.mesh import Mesh
 from planner.scene.objects import load_object, make_block
-from planner.situation import Holding, Situation
+from planner.situation import Situation
 from planner.trajectory import JointState, PeakRatios, Trajectory
 from planner.verification import Certificate, Check, Tolerances, verify
 
@@ -56,7 +57,7 @@ __all__ = [
     "Grip",
     "GripperAction",
     "Hand",
-    "Holding",
+    "Held",
     "JointState",
     "LineTolerance",
     "Manipulator",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,10 +17,10 @@ from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
 from planner.collision.robot_body import RobotBody, identity_of
 from planner.collision.robot_shapes import RobotShapes
-from planner.collision.shape_pairs import Held
 from planner.errors import TaskError
 from planner.grasping.hand import Hand
 from planner.scene.bodies import Scene
+from planner.scene.held import Held
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -123,26 +123,35 @@ class Manipulator(Frozen, OneLine):
         touchable: str | None = None,
         may_press: bool = False,
         held: Held | None = None,
+        supports: Iterable[str] = (),
         margin_m: float = 0.0,
     ) -> CollisionContext:
         """The arm in a situation: among bodies, with what it holds and may touch.
 
         Args:
-            scene: bodies that stand still.
+            scene: all bodies; they stand still, but for the held one.
             finger_m: how far its fingers are open; as `q_others` says when not given.
             touchable: name of a body that the hand may come near, to grasp it.
             may_press: whether its pads may touch that body.
             held: what the hand carries.
+            supports: names of bodies that the held one may touch, because it stood or will stand on
+                them.
             margin_m: distance to keep from everything else, not negative.
 
         Raises:
-            SceneError: when an argument is of another class, the touchable body is not in the
-                scene, or the held one is.
+            SceneError: when an argument is of another class, the touchable or the held body is not
+                in the scene, or another hand holds it.
             ConfigurationError: when the fingers are outside their stroke.
             MotionError: when the margin is not a number, or negative.
         """
         checker = ClearanceChecker(
-            self.shapes, self.arm, scene, touchable=touchable, may_press=may_press, held=held
+            self.shapes,
+            self.arm,
+            scene,
+            touchable=touchable,
+            may_press=may_press,
+            held=held,
+            supports=supports,
         )
         opening_m = self.finger_m if finger_m is None else finger_m
         q_full = next(self.configurations(self.arm.neutral[None], opening_m))

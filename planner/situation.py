@@ -5,45 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-import pinocchio as pin
-
-from baxter_kin.errors import UnknownNameError, expect, expect_all, quoted
-from baxter_kin.frames import checked_pose
-from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.errors import expect, expect_all
 from baxter_kin.validation import finite_scalar
-from baxter_kin.value_objects import LONGEST_PART, FrozenMapping, OneLine, listing
+from baxter_kin.value_objects import FrozenMapping, OneLine, listing
 from planner.errors import SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.scene.bodies import Scene
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Holding(OneLine):
-    """A body in a hand.
-
-    Attributes:
-        side: whose hand, "left" or "right".
-        body: its name.
-        T_tip_body: its pose seen from the tip of that arm.
-
-    Raises:
-        UnknownNameError: when there is no such side.
-        SceneError: when the body has no name.
-        PoseError: when the pose is not a valid one.
-    """
-
-    side: str
-    body: str
-    T_tip_body: pin.SE3
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.side, str) or self.side not in LIMBS:
-            raise UnknownNameError("limb", self.side, LIMBS)
-        expect(self.body, str, "the name of a held body", SceneError)
-        object.__setattr__(self, "T_tip_body", checked_pose(self.T_tip_body))
-
-    def _facts(self) -> tuple[str, ...]:
-        return f"{self.side} hand", f"holds {quoted(self.body, LONGEST_PART)}"
+from planner.scene.held import Held
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -65,7 +33,7 @@ class Situation(OneLine):
 
     scene: Scene
     joints: Mapping[str, float]
-    held: tuple[Holding, ...] = ()
+    held: tuple[Held, ...] = ()
 
     def __post_init__(self) -> None:
         expect(self.scene, Scene, "scene", SceneError)
@@ -82,10 +50,10 @@ class Situation(OneLine):
     def _facts(self) -> tuple[str, ...]:
         return listing(self.scene.bodies, "body"), *(f"{each.side} hand full" for each in self.held)
 
-    def _checked_held(self) -> tuple[Holding, ...]:
-        held = expect_all(self.held, Holding, "what the hands hold", TaskError)
-        for holding in held:
-            _ = self.scene[holding.body]  # says what there is
+    def _checked_held(self) -> tuple[Held, ...]:
+        held = expect_all(self.held, Held, "what the hands hold", TaskError)
+        for each in held:
+            _ = self.scene[each.body]  # says what there is
         for names in ([each.side for each in held], [each.body for each in held]):
             if len(set(names)) < len(names):
                 raise TaskError(
@@ -94,11 +62,11 @@ class Situation(OneLine):
         return held
 
     @classmethod
-    def of(cls, manipulator: Manipulator, scene: Scene, held: Iterable[Holding] = ()) -> Situation:
+    def of(cls, manipulator: Manipulator, scene: Scene, held: Iterable[Held] = ()) -> Situation:
         """What a manipulator plans for: its own fingers and all other joints where they stand."""
         expect(manipulator, Manipulator, "manipulator", TaskError)
         names = manipulator.robot.joint_names
         joints = dict(zip(names, manipulator.q_others.tolist(), strict=True))
         fingers = manipulator.hand.finger_joints(manipulator.finger_m)
-        holdings = expect_all(held, Holding, "what the hands hold", TaskError)
-        return cls(scene, joints | fingers, holdings)
+        in_hands = expect_all(held, Held, "what the hands hold", TaskError)
+        return cls(scene, joints | fingers, in_hands)

@@ -143,7 +143,7 @@ def fingers(hand: planner.Hand, body: planner.Body) -> tuple[object, ...]:
     """What happens between them."""
     miss = planner.Miss(planner.MissKind.NOTHING, "nothing is between the pads")
     push = sim.Push("block", "left", "pad", 0.01, 0.005, np.eye(3)[1], FAR)
-    holding = planner.Holding("left", "block", FAR)
+    holding = planner.Held("left", "block", FAR)
     contact = sim.Contact(0.1, "left_hand", "block", False, 1e-3, True, 0.0)
     closing = sim.Closing(0.01, miss=miss, pushes=(push,))
     return hand, planner.overhead_grasp(hand, body), closing, holding, contact

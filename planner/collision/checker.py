@@ -17,10 +17,11 @@ from planner.clearance import Clearance
 from planner.collision.distances import UNKNOWN_DEPTH_M
 from planner.collision.motion_bounds import MotionBounds
 from planner.collision.robot_shapes import RobotShapes
-from planner.collision.shape_pairs import Held, ShapePairs
+from planner.collision.shape_pairs import ShapePairs
 from planner.errors import SceneError
 from planner.scene.bodies import Scene
 from planner.scene.contact import boxed, has_depth
+from planner.scene.held import Held
 
 FARTHEST_JOINT = 1000.0
 """Joint values beyond this, rad or m, are refused; distances would lose digits."""
@@ -54,25 +55,29 @@ class ClearanceChecker(OneLine):
         touchable: str | None = None,
         may_press: bool = True,
         held: Held | None = None,
+        supports: Iterable[str] = (),
     ) -> None:
         """Build the geometry of that situation.
 
         Args:
             shapes: the robot's.
             arm: the arm that moves.
-            scene: bodies that stand still; not the held one.
+            scene: all bodies; they stand still, but for the held one.
             touchable: name of the body that the hand grasps, is about to, or has let go.
             may_press: whether the pads may touch that body.
             held: what the hand carries.
+            supports: names of bodies that the held one may touch, because it stood or will stand on
+                them.
 
         Raises:
-            SceneError: when the touchable body is not in the scene, or the held one is, or an
-                argument is of another class.
+            SceneError: when the touchable or the held body is not in the scene, another hand holds
+                it, or an argument is of another class.
         """
         expect(shapes, RobotShapes, "shapes", SceneError)
         expect(arm, Arm, "arm", SceneError)
         expect(may_press, bool, "may_press", SceneError)
-        _check_situation(scene, touchable, held)
+        _check_situation(arm, scene, touchable, held)
+        touched = frozenset(supports)
         self.arm = arm
         self._made_by = partial(
             ClearanceChecker,
@@ -82,13 +87,14 @@ class ClearanceChecker(OneLine):
             touchable=touchable,
             may_press=may_press,
             held=held,
+            supports=touched,
         )
         self.robot: pin.Model = shapes.robot.model
         self.shapes, pairs = shapes, ShapePairs(shapes, arm)
-        supports = frozenset[str]() if held is None else held.supports
-        bodies = pairs.add_scene(scene, touchable, may_press=may_press, supports=supports)
+        still = scene if held is None else scene.without(held.body)
+        bodies = pairs.add_scene(still, touchable, may_press=may_press, supports=touched)
         if held is not None:
-            pairs.add_held(held, bodies)
+            pairs.add_held(scene[held.body], held.T_tip_body, bodies, touched)
         self.checked = pairs.built()
         self.geometry = self.checked.geometry
 
@@ -189,9 +195,16 @@ class ClearanceChecker(OneLine):
         return nearest, least_m
 
 
-def _check_situation(scene: Scene, touchable: str | None, held: Held | None) -> None:
+def _check_situation(arm: Arm, scene: Scene, touchable: str | None, held: Held | None) -> None:
     expect(scene, Scene, "scene", SceneError)
     if touchable is not None:
         _ = scene[touchable]  # says what there is
-    if held is not None and expect(held, Held, "held", SceneError).body.name in scene.bodies:
-        raise SceneError(f"{held.body.name!r} is in the hand; take it out of the scene")
+    if held is None:
+        return
+    _ = scene[expect(held, Held, "held", SceneError).body]
+    if held.side != arm.side:
+        raise SceneError(
+            f"{held.body!r} is in the {held.side} hand; the {arm.side} arm cannot carry it"
+        )
+    if touchable == held.body:
+        raise SceneError(f"{held.body!r} is in the hand; it cannot stand there to be touched")

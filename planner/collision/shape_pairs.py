@@ -8,7 +8,6 @@ shapes to one in use corrupts its memory.
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -16,36 +15,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Arm
-from baxter_kin.errors import expect
-from baxter_kin.frames import checked_pose
 from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import Clearance
 from planner.collision.distances import Distances, Enclosure
 from planner.collision.motion_bounds import Covers
 from planner.collision.robot_shapes import LinkShape, RobotShapes
-from planner.errors import SceneError
 from planner.scene.bodies import Body, Scene
 from planner.scene.contact import PRESSING_TOLERANCE_M, coal_shape, convex_pieces, has_depth
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Held:
-    """A body in the hand.
-
-    Attributes:
-        body: what is held.
-        T_tip_body: its pose seen from the tip.
-        supports: names of the bodies it may touch, because it stood or will stand on them.
-    """
-
-    body: Body
-    T_tip_body: pin.SE3
-    supports: frozenset[str] = frozenset()
-
-    def __post_init__(self) -> None:
-        expect(self.body, Body, "a held body", SceneError)
-        object.__setattr__(self, "T_tip_body", checked_pose(self.T_tip_body))
-        object.__setattr__(self, "supports", frozenset(self.supports))
 
 
 class ShapePairs:
@@ -93,15 +69,24 @@ class ShapePairs:
                 self.pair(other, index, need_m=need_m)
         return added
 
-    def add_held(self, held: Held, bodies: Mapping[str, list[int]]) -> None:
-        """Add what is in the hand, and its pairs with the robot and with bodies by their shapes."""
+    def add_held(
+        self, body: Body, T_tip_body: pin.SE3, bodies: Mapping[str, list[int]], supports: Set[str]
+    ) -> None:
+        """Add what is in the hand, and its pairs with the robot and with bodies by their shapes.
+
+        Args:
+            body: what is held.
+            T_tip_body: its pose seen from the tip.
+            bodies: the shapes of all others.
+            supports: names of those that it may touch.
+        """
         robot = self._robot.robot.model
         tip = robot.frames[robot.getFrameId(self._arm.tip_frame)]
-        in_pieces = not held.supports.isdisjoint(bodies)
-        T_joint_body = tip.placement * held.T_tip_body
+        in_pieces = not supports.isdisjoint(bodies)
+        T_joint_body = tip.placement * T_tip_body
         links = self._robot.wholes - self._robot.of_hand(self._arm)
-        for index in self._add(held.body, tip.parentJoint, T_joint_body, in_pieces=in_pieces):
-            self.pair_with_all(index, links, bodies, held.supports)
+        for index in self._add(body, tip.parentJoint, T_joint_body, in_pieces=in_pieces):
+            self.pair_with_all(index, links, bodies, supports)
 
     def pair_with_all(
         self, index: int, links: Set[int], bodies: Mapping[str, list[int]], supports: Set[str]

@@ -32,7 +32,6 @@ import pinocchio as pin
 from planner.clearance import SweptContact
 from planner.collision.context import CollisionContext
 from planner.collision.continuous import RESOLUTION_M
-from planner.collision.shape_pairs import Held
 from planner.grasping.finger_travel import FingerTravel, closing_travel, travel_check
 from planner.grasping.grasp import Grasp, Miss
 from planner.pick_place.plan_builder import NoSolutionError, blocked_fingers
@@ -41,6 +40,7 @@ from planner.pick_place.task import PickAndPlace
 from planner.plan import GripperAction, PlanFailure
 from planner.scene.bodies import Body, Scene
 from planner.scene.contact import gap_m, touching
+from planner.scene.held import Held
 from planner.scene.support import Landing, land, levelled
 
 LONGEST_DROP_M = 0.01
@@ -216,10 +216,9 @@ class PhaseMaker:
         others = self.request.scene.without(self.task.body)
         placed = body.at(self.task.T_base_place * grasp.T_tip_body)
         stood, will_stand = touching(body, self.request.scene), touching(placed, others)
+        held = Held(self.request.manipulator.arm.side, self.task.body, grasp.T_tip_body)
         lifted, free, lowered = (
-            self._context(
-                others, finger_m=grasp.finger_m, held=Held(body, grasp.T_tip_body, supports)
-            )
+            self._context(self.request.scene, finger_m=grasp.finger_m, held=held, supports=supports)
             for supports in (stood, frozenset[str](), will_stand)
         )
         return {"pick: retract": lifted, "place: approach": free, "place: descend": lowered}

@@ -33,7 +33,7 @@ from planner.pick_place.request import PlanRequest
 from planner.pick_place.task import PickAndPlace, checked_height_m
 from planner.plan import Plan
 from planner.scene.bodies import Scene
-from planner.situation import Holding
+from planner.scene.held import Held
 
 __all__ = ["PickAndPlace", "plan_pick_and_place", "plan_retract", "plan_start_move"]
 
@@ -45,7 +45,7 @@ def plan_pick_and_place(
     q_start: ArrayLike,
     *,
     margin_m: float = 0.0,
-    held: Sequence[Holding] = (),
+    held: Sequence[Held] = (),
     line_tolerance: LineTolerance = STRICT,
 ) -> Plan:
     """Every step from `q_start` until the arm has retracted from the placed body.
@@ -86,7 +86,7 @@ def plan_start_move(
     q_start: ArrayLike | None = None,
     *,
     margin_m: float = 0.0,
-    held: Sequence[Holding] = (),
+    held: Sequence[Held] = (),
 ) -> Plan:
     """The way to where a task starts, around what is in the way, then an open gripper.
 
@@ -124,7 +124,7 @@ def plan_retract(
     height_m: float,
     *,
     margin_m: float = 0.0,
-    held: Sequence[Holding] = (),
+    held: Sequence[Held] = (),
     line_tolerance: LineTolerance = STRICT,
 ) -> Plan:
     """Open the fingers, and rise straight up from where the arm stands.

@@ -14,7 +14,7 @@ from planner.errors import MotionError, SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.motion.straight_line import STRICT, LineTolerance
 from planner.scene.bodies import Scene
-from planner.situation import Holding
+from planner.scene.held import Held
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +43,7 @@ class PlanRequest:
     scene: Scene
     q_given: InitVar[ArrayLike]
     margin_m: float = 0.0
-    held: Sequence[Holding] = ()
+    held: Sequence[Held] = ()
     line_tolerance: LineTolerance = STRICT
     q_name: InitVar[str] = "q_start"
     q_start: FloatArray = field(init=False)
@@ -52,7 +52,7 @@ class PlanRequest:
         arm = expect(self.manipulator, Manipulator, "manipulator", TaskError).arm
         expect(self.scene, Scene, "scene", SceneError)
         expect(self.line_tolerance, LineTolerance, "line_tolerance", MotionError)
-        held = expect_all(self.held, Holding, "what the hands hold", TaskError)
+        held = expect_all(self.held, Held, "what the hands hold", TaskError)
         for holding in held:
             if holding.side == arm.side:
                 raise TaskError(

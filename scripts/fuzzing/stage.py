@@ -31,7 +31,6 @@ from baxter_kin import (
 )
 from baxter_kin.description import RobotDescription
 from baxter_kin.ik.task import Task
-from planner.collision.shape_pairs import Held
 from planner.verification import Relation
 from sim.recording.playback import retell
 
@@ -233,12 +232,8 @@ class _Lasting:
         return p.Scene.of([table, self.Body])
 
     @cached_property
-    def Held(self) -> Held:
-        return Held(self.Body, pin.SE3.Identity())
-
-    @cached_property
-    def Holding(self) -> p.Holding:
-        return p.Holding("right", BODY, pin.SE3.Identity())
+    def Held(self) -> p.Held:
+        return p.Held("right", BODY, pin.SE3.Identity())
 
     @cached_property
     def Situation(self) -> p.Situation:

@@ -173,7 +173,7 @@ BY_ANNOTATION: tuple[tuple[str, Make], ...] = (
     (r"\bfloat\b", _constant(0.1)),
     (r"\bstr\b", _constant("a text")),
     (r"\bMapping\b", lambda _: {}),
-    (r"\bVector\b|\bArrayLike\b", _seven),
+    (r"\bFloatArray\b|\bArrayLike\b", _seven),
     (r"\bobject\b", _constant(None)),
     (r"\bSE3\b", lambda _: pin.SE3.Identity()),
 )

@@ -22,7 +22,7 @@ from planner import (
     Body,
     Box,
     Cylinder,
-    Holding,
+    Held,
     Manipulator,
     Mesh,
     Part,
@@ -82,7 +82,7 @@ class Problem:
     task: PickAndPlace | None = None
     q_goal: Array | None = None
     margin_m: float = 0.0
-    held: tuple[Holding, ...] = ()
+    held: tuple[Held, ...] = ()
 
 
 def make_problem(family: str, number: int, seed: int) -> Problem:

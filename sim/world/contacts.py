@@ -22,10 +22,9 @@ from baxter_kin.validation import Checked, FloatArray
 from baxter_kin.value_objects import OneLine, millimetres, phrase, seconds
 from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
 from planner.collision.context import Touches
-from planner.collision.shape_pairs import Held
 from planner.pick_place.phases import LONGEST_DROP_M
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
-from planner.situation import Holding
+from planner.scene.held import Held
 from sim.errors import SimulationError
 from sim.world.falling import Rest
 from sim.world.world import World
@@ -143,8 +142,8 @@ class _Surroundings:
         self, world: World, side: str, left_out: frozenset[str] = frozenset(), only: str = ""
     ) -> None:
         self._world, self._side, self._left_out = world, side, left_out
-        held = _held(world, side)
-        along = set() if held is None else {held.body.name, *world.riders(held.body.name)}
+        held = world.holding(side)
+        along = set() if held is None else {held.body, *world.riders(held.body)}
         away = along | left_out
         self._scene = Scene.of(
             body
@@ -152,9 +151,10 @@ class _Surroundings:
             if body.name not in away and (not only or body.name == only)
         )
         arm = world.robot.arm(side)
-        self._checker = ClearanceChecker(world.shapes, arm, self._scene, held=held)
+        carried = self._scene if held is None else self._scene.with_body(_laden(world, held.body))
+        self._checker = ClearanceChecker(world.shapes, arm, carried, held=held)
         self._touches = Touches(self._checker, -PRESSING_TOLERANCE_M)
-        self._held = None if held is None else held.body.name
+        self._held = None if held is None else held.body
 
     def is_touched(self, q: FloatArray) -> bool:
         """Whether anything is run into at a full configuration."""
@@ -238,7 +238,7 @@ def falls_as_planned(world: World, name: str, rest: Rest) -> bool:
     return stands and rest.fall_m <= LONGEST_DROP_M and not world.riders(name)
 
 
-def _is_held_alike(held: tuple[Holding, ...], planned: tuple[Holding, ...]) -> bool:
+def _is_held_alike(held: tuple[Held, ...], planned: tuple[Held, ...]) -> bool:
     """Whether the hands hold the same bodies in the same places."""
     expected = {holding.side: holding for holding in planned}
     return len(held) == len(planned) and all(
@@ -261,17 +261,13 @@ def _is_same(body: Body, planned: Body) -> bool:
     )
 
 
-def _held(world: World, side: str) -> Held | None:
-    """What a hand carries, with what stands on it, as one body."""
-    holding = world.holding(side)
-    if holding is None:
-        return None
-    body = world.body(holding.body)
+def _laden(world: World, name: str) -> Body:
+    """A held body with what stands on it, as one body."""
+    body = world.body(name)
     T_body_base = body.T_base_body.inverse()
-    riders = [world.body(name) for name in world.riders(holding.body)]
     parts = [
         Part(part.shape, T_body_base * rider.T_base_body * part.T_body_part)
-        for rider in riders
+        for rider in map(world.body, world.riders(name))
         for part in rider.parts
     ]
-    return Held(replace(body, parts=(*body.parts, *parts)), holding.T_tip_body)
+    return replace(body, parts=(*body.parts, *parts))

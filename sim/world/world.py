@@ -22,12 +22,12 @@ from planner import Body, Hand, RobotShapes, Scene
 from planner.collision.robot_body import RobotBody
 from planner.errors import SceneError
 from planner.scene.contact import PRESSING_TOLERANCE_M
+from planner.scene.held import Held
 from planner.scene.support import FLOOR, FLOOR_Z_M
-from planner.situation import Holding
 from sim.errors import SimulationError
 from sim.world.falling import Rest, come_to_rest
 
-__all__ = ["FLOOR", "FLOOR_Z_M", "Holding", "Rest", "World"]
+__all__ = ["FLOOR", "FLOOR_Z_M", "Held", "Rest", "World"]
 
 ROUNDING_RAD = 1e-9
 """How far a trajectory may leave the joint limits by rounding."""
@@ -60,7 +60,7 @@ class World(OneLine):
         self.supports: dict[str, str] = {}
         self._bodies: dict[str, Body] = {}  # as they were spawned
         self._poses: dict[str, pin.SE3] = {}  # where they are now
-        self._held: dict[str, Holding] = {}
+        self._held: dict[str, Held] = {}
         self._limits = {side: arm.limits for side, arm in robot.arms.items()}
         self._arm_indices = {
             s: np.array(robot.indices(a.joint_names)) for s, a in robot.arms.items()
@@ -118,11 +118,11 @@ class World(OneLine):
         return hand
 
     @property
-    def held(self) -> tuple[Holding, ...]:
+    def held(self) -> tuple[Held, ...]:
         """What the hands hold."""
         return tuple(self._held.values())
 
-    def holding(self, side: str) -> Holding | None:
+    def holding(self, side: str) -> Held | None:
         """What a hand holds, or None."""
         return self._held.get(self._side(side))
 
@@ -280,7 +280,7 @@ class World(OneLine):
         if self.holding(side) is not None:
             raise SimulationError(f"the {side} hand already holds {self._held[side].body!r}")
         self._refuse_held(name)
-        self._held[side] = Holding(self._side(side), name, checked_pose(T_tip_body))
+        self._held[side] = Held(self._side(side), name, checked_pose(T_tip_body))
         self.supports.pop(name, None)  # what stands on it still does, and is carried along
         self._carry(side)
 

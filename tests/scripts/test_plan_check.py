@@ -18,7 +18,7 @@ from planner import (
     Cylinder,
     Grip,
     GripperAction,
-    Holding,
+    Held,
     Manipulator,
     Move,
     Part,
@@ -87,7 +87,7 @@ def plan_of(
     q: FloatArray,
     *,
     finger_m: float | None = None,
-    held: tuple[Holding, ...] = (),
+    held: tuple[Held, ...] = (),
 ) -> Plan:
     """A plan made by hand."""
     situation = Situation.of(m, scene, held)
@@ -388,7 +388,7 @@ def test_what_the_other_hand_holds_is_an_obstacle(robot: Baxter, manipulator: Ma
     held = cube("held", (0.02, 0.02, 0.3), 0, 0, 0).at(right.T_base_tip(q_right) * T_tip_body)
     q = np.array(m.arm.neutral)
     still = Move("stay", Trajectory.stay(q, m.limits))
-    holding = (Holding("right", "held", T_tip_body),)
+    holding = (Held("right", "held", T_tip_body),)
     assert check(plan_of(m, Scene.of([held]), [still], q, held=holding)) == []
     elsewhere = held.at(at(0.0, 0.1, 0.0) * held.T_base_body)
     found = said(check(plan_of(m, Scene.of([elsewhere]), [still], q, held=holding)))

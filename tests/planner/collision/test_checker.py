@@ -28,8 +28,8 @@ from planner import (
 )
 from planner.clearance import least
 from planner.collision.robot_body import RobotBody
-from planner.collision.shape_pairs import Held
 from planner.scene.contact import PRESSING_TOLERANCE_M, coal_shape, convex, surface
+from planner.scene.held import Held
 from planner.scene.mesh import Mesh
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at, overhead
@@ -277,8 +277,8 @@ class TestAllowedContacts:
     def test_a_held_body_is_not_checked_against_the_hand(
         self, block: Body, left: Arm, shapes: RobotShapes, q: FloatArray
     ) -> None:
-        held = Held(block, at(-0.025, -0.025, -0.025))
-        found = ClearanceChecker(shapes, left, Scene.of(), held=held).clearance(q)
+        held = Held("left", "block", at(-0.025, -0.025, -0.025))
+        found = ClearanceChecker(shapes, left, Scene.of([block]), held=held).clearance(q)
         assert found.distance_m > 0.01
 
     @pytest.mark.parametrize(("gap", "is_allowed"), [(0.0, True), (-1e-4, True), (-1e-3, False)])
@@ -286,12 +286,13 @@ class TestAllowedContacts:
         self, manipulator: Manipulator, block: Body, gap: float, is_allowed: bool
     ) -> None:
         left, robot = manipulator.arm, manipulator.robot
-        held = Held(block, at(-0.025, -0.025, -0.025), frozenset({"slab"}))
+        held = Held("left", "block", at(-0.025, -0.025, -0.025))
         T_base_tip = left.T_base_tip(left.neutral)
         low = block.at(T_base_tip * held.T_tip_body).extent_m(Z)[0]
         x, y, _ = T_base_tip.translation
         slab = Body("slab", (Part(Box((0.1, 0.1, 0.02)), ORIGIN),), at(x, y, low - gap - 0.01))
-        checker = ClearanceChecker(manipulator.shapes, left, Scene.of([slab]), held=held)
+        scene = Scene.of([slab, block])
+        checker = ClearanceChecker(manipulator.shapes, left, scene, held=held, supports=["slab"])
         found = checker.clearance(full(robot, left, left.neutral))
         assert (found.distance_m > 0.0) is is_allowed
 
@@ -299,12 +300,13 @@ class TestAllowedContacts:
         self, manipulator: Manipulator, block: Body
     ) -> None:
         left, robot = manipulator.arm, manipulator.robot
-        held = Held(block, at(-0.025, -0.025, -0.025), frozenset({"table"}))
+        held = Held("left", "block", at(-0.025, -0.025, -0.025))
         T_base_tip = left.T_base_tip(left.neutral)
         low = block.at(T_base_tip * held.T_tip_body).extent_m(Z)[0]
         x, y, _ = T_base_tip.translation
         shelf = Body("shelf", (Part(Box((0.1, 0.1, 0.02)), ORIGIN),), at(x, y, low - 0.001 - 0.01))
-        checker = ClearanceChecker(manipulator.shapes, left, Scene.of([shelf]), held=held)
+        scene = Scene.of([shelf, block])
+        checker = ClearanceChecker(manipulator.shapes, left, scene, held=held, supports=["table"])
         found = checker.clearance(full(robot, left, left.neutral))
         assert (found.first, found.second) == ("block", "shelf")
         assert found.distance_m == pytest.approx(0.001, abs=DISTANCE_TOLERANCE_M)
@@ -314,7 +316,8 @@ class TestAllowedContacts:
     ) -> None:
         tip = left.T_base_tip(left.neutral)
         huge = Body("huge", (Part(Sphere(float(np.linalg.norm(tip.translation))), ORIGIN),), ORIGIN)
-        found = ClearanceChecker(shapes, left, Scene.of(), held=Held(huge, ORIGIN)).clearance(q)
+        held = Held("left", "huge", ORIGIN)
+        found = ClearanceChecker(shapes, left, Scene.of([huge]), held=held).clearance(q)
         assert found.distance_m < 0.0
         assert "huge" in (found.first, found.second)
 
@@ -325,9 +328,9 @@ class TestAllowedContacts:
         tip = left.T_base_tip(left.neutral)
         reach = float(np.linalg.norm(tip.translation)) - 0.3
         huge = Body("huge", (Part(Sphere(reach), ORIGIN),), ORIGIN)
-        held = Held(huge, ORIGIN)
-        without = ClearanceChecker(shapes, left, Scene.of(), held=held).clearance(q)
-        like_links = Scene.of(ball(name, 9, 9, 9) for name in sorted(names))
+        held = Held("left", "huge", ORIGIN)
+        without = ClearanceChecker(shapes, left, Scene.of([huge]), held=held).clearance(q)
+        like_links = Scene.of([huge, *(ball(name, 9, 9, 9) for name in sorted(names))])
         with_names = ClearanceChecker(shapes, left, like_links, held=held).clearance(q)
         assert with_names.distance_m == pytest.approx(without.distance_m, abs=DISTANCE_TOLERANCE_M)
 
@@ -337,11 +340,24 @@ class TestAllowedContacts:
         with pytest.raises(SceneError, match="no body 'brick' in the scene"):
             ClearanceChecker(shapes, left, scene, touchable="brick")
 
-    def test_a_held_body_that_also_stands_in_the_scene_is_refused(
+    def test_a_held_body_that_the_scene_lacks_is_refused(
         self, left: Arm, shapes: RobotShapes, scene: Scene
     ) -> None:
+        with pytest.raises(SceneError, match="no body 'brick' in the scene"):
+            ClearanceChecker(shapes, left, scene, held=Held("left", "brick", ORIGIN))
+
+    def test_what_the_other_hand_holds_is_not_carried(
+        self, left: Arm, shapes: RobotShapes, scene: Scene
+    ) -> None:
+        with pytest.raises(SceneError, match="in the right hand; the left arm cannot carry it"):
+            ClearanceChecker(shapes, left, scene, held=Held("right", "block", ORIGIN))
+
+    def test_a_held_body_cannot_stand_there_to_be_touched(
+        self, left: Arm, shapes: RobotShapes, scene: Scene
+    ) -> None:
+        held = Held("left", "block", ORIGIN)
         with pytest.raises(SceneError, match="'block' is in the hand"):
-            ClearanceChecker(shapes, left, scene, held=Held(scene["block"], ORIGIN))
+            ClearanceChecker(shapes, left, scene, held=held, touchable="block")
 
 
 def test_two_checkers_do_not_disturb_each_other(
@@ -378,15 +394,15 @@ def test_a_checker_of_something_else_is_refused(
 
 
 @pytest.mark.parametrize("pose", [None, np.eye(3), np.full((4, 4), np.nan)])
-def test_a_body_cannot_be_held_at_no_pose(block: Body, pose: Any) -> None:
+def test_a_body_cannot_be_held_at_no_pose(pose: Any) -> None:
     with pytest.raises(PoseError):
-        Held(block, pose)
+        Held("left", "block", pose)
 
 
-@pytest.mark.parametrize("body", [None, "block", 5])
+@pytest.mark.parametrize("body", [None, 5])
 def test_nothing_cannot_be_held(body: Any) -> None:
     with pytest.raises(SceneError):
-        Held(body, ORIGIN)
+        Held("left", body, ORIGIN)
 
 
 def test_the_least_of_clearances_is_the_smallest_and_of_none_is_none() -> None:
@@ -440,13 +456,14 @@ class TestMeshes:
     ) -> Clearance:
         """A body in the neutral hand, so far above the slab that it may touch."""
         left = manipulator.arm
-        held = Held(body, at(-0.025, -0.025, -0.025), frozenset({"slab"}))
+        held = Held("left", body.name, at(-0.025, -0.025, -0.025))
         T_base_tip = left.T_base_tip(left.neutral)
         low = body.at(T_base_tip * held.T_tip_body).extent_m(Z)[0]
         x, y, _ = T_base_tip.translation
         support = Body("slab", (Part(slab, ORIGIN),), at(x, y, low - gap - 0.01))
-        scene = Scene.of([support])
-        return ClearanceChecker(manipulator.shapes, left, scene, held=held).clearance(q)
+        scene = Scene.of([support, body])
+        checker = ClearanceChecker(manipulator.shapes, left, scene, held=held, supports=["slab"])
+        return checker.clearance(q)
 
 
 def test_shapes_whose_depth_coal_does_not_find_count_as_inside_each_other(
@@ -454,11 +471,11 @@ def test_shapes_whose_depth_coal_does_not_find_count_as_inside_each_other(
 ) -> None:
     tip = left.T_base_tip(left.neutral)
     sail = mesh_of([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.0, 0.1, 0.0]], [[0, 1, 2]])
-    held = Held(ball("ball", 0, 0, 0), ORIGIN, frozenset({"sail"}))
-    scene = Scene.of([Body("sail", (Part(sail, ORIGIN),), at(*tip.translation))])
-    found = ClearanceChecker(shapes, left, scene, held=held, touchable="sail").clearance(
-        full(robot, left, left.neutral)
-    )
+    held = Held("left", "ball", ORIGIN)
+    sail_body = Body("sail", (Part(sail, ORIGIN),), at(*tip.translation))
+    scene = Scene.of([sail_body, ball("ball", 0, 0, 0)])
+    checker = ClearanceChecker(shapes, left, scene, held=held, touchable="sail", supports=["sail"])
+    found = checker.clearance(full(robot, left, left.neutral))
     assert -1.0 < found.distance_m < -PRESSING_TOLERANCE_M
 
 

@@ -25,8 +25,8 @@ from planner import (
 )
 from planner.collision.context import CollisionContext, Touches
 from planner.collision.sampling import SCREENING_STEP_RAD, looks_clear
-from planner.collision.shape_pairs import Held
 from planner.scene.contact import PRESSING_TOLERANCE_M, has_depth
+from planner.scene.held import Held
 from tests.conftest import at, overhead
 from tests.planner.walls import Room, wall
 
@@ -186,8 +186,11 @@ def test_a_held_body_may_touch_its_support_but_not_press_into_it(
     low = block.extent_m([0.0, 0.0, 1.0])[0]
     lift = table.extent_m([0.0, 0.0, 1.0])[1] - low + gap
     raised = block.at(at(0.0, 0.0, lift) * block.T_base_body)
-    held = Held(raised, T_base_tip.inverse() * raised.T_base_body, frozenset({"table"}))
-    context = manipulator.context(Scene.of([table]), finger_m=0.0208, held=held, margin_m=0.003)
+    held = Held("left", "block", T_base_tip.inverse() * raised.T_base_body)
+    scene = Scene.of([table, raised])
+    context = manipulator.context(
+        scene, finger_m=0.0208, held=held, supports=["table"], margin_m=0.003
+    )
     q = manipulator.ik.solve(T_base_tip).q
 
     assert context.is_free(q) == (gap > -PRESSING_TOLERANCE_M)

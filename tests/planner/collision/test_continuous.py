@@ -28,9 +28,9 @@ from planner import (
 from planner.clearance import SweptContact, SweptProof, SweptResult
 from planner.collision import continuous as module
 from planner.collision.continuous import ACCURACY_M, RESOLUTION_M, SLACK_M, TIGHTNESS, prove_clear
-from planner.collision.shape_pairs import Held
 from planner.scene.bodies import Shape
 from planner.scene.contact import PRESSING_TOLERANCE_M
+from planner.scene.held import Held
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
 from tests.planner.conftest import mesh_of
@@ -289,10 +289,15 @@ class Carry:
         under = T_base_tip.translation - [0.0, 0.0, 0.025 + 0.005 - depth_m]
         support = Body("support", (Part(shape, ORIGIN),), at(*under))
         cube = Body("cube", (Part(Box((0.05, 0.05, 0.05)), ORIGIN),), at(*T_base_tip.translation))
-        supports = frozenset({"support"} if allowed else ())
-        held = Held(cube, T_base_tip.inverse() * cube.T_base_body, supports)
-        scene = Scene.of([support])
-        checker = ClearanceChecker(self._shapes, left, scene, held=held, touchable="support")
+        held = Held("left", "cube", T_base_tip.inverse() * cube.T_base_body)
+        checker = ClearanceChecker(
+            self._shapes,
+            left,
+            Scene.of([support, cube]),
+            held=held,
+            supports=["support"] if allowed else [],
+            touchable="support",
+        )
         goal = left.neutral + bend_rad * np.eye(7)[1]
         motion = plan_joint_move(left.neutral, goal, left.limits)
         return prove_clear(checker, motion, self._q, margin_m=margin_m)

@@ -52,12 +52,12 @@ from planner import (
     save_plan,
     verify,
 )
-from planner.collision.shape_pairs import Held
 from planner.pick_place.candidates import transfer_bound_s
 from planner.pick_place.cycle import StoppingCycles
 from planner.pick_place.phases import PhaseMaker
 from planner.pick_place.request import PlanRequest
 from planner.scene.contact import touching
+from planner.scene.held import Held
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.bodies import grasp_of
 from tests.conftest import at, overhead
@@ -287,16 +287,17 @@ def test_clearances_agree_with_a_check_ten_times_as_dense(
     grasp = grasp_of(hand, PICK, block, hand.stroke_m)
     assert grasp is not None
     placed = scene.moved("block", PLACE * grasp.T_tip_body)
-    held = Held(block, grasp.T_tip_body, touching(block, scene))
-    empty, full = scene.without("block"), hand.stroke_m
+    held, stood = Held("left", "block", grasp.T_tip_body), touching(block, scene)
+    full = hand.stroke_m
     for move in plan.moves:
         carries = move.label in ("pick: retract", "place: approach", "place: descend")
         checker = (
             ClearanceChecker(
                 manipulator.shapes,
                 manipulator.arm,
-                empty,
-                held=replace(held, supports=frozenset()) if move.label in SIDEWAYS else held,
+                scene,
+                held=held,
+                supports=() if move.label in SIDEWAYS else stood,
             )
             if carries
             else ClearanceChecker(

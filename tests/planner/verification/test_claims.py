@@ -18,7 +18,7 @@ from planner import (
     Certificate,
     Grip,
     GripperAction,
-    Holding,
+    Held,
     Manipulator,
     Move,
     Part,
@@ -211,7 +211,7 @@ def holding(plan: Plan, manipulator: Manipulator) -> Situation:
         joints[f"r_gripper_{name}_finger_joint"] = sign * 0.002
     right = manipulator.robot.arm("right")
     tip = right.T_base_tip(np.array([joints[name] for name in right.joint_names]))
-    hold = Holding("right", "stick", pin.SE3.Identity())
+    hold = Held("right", "stick", pin.SE3.Identity())
     stick = Body("stick", (Part(Box((0.006, 0.006, 0.03)), at(0, 0, 0)),), tip, is_movable=True)
     return Situation(plan.situation.scene.with_body(stick), joints, (hold,))
 
@@ -265,7 +265,7 @@ def test_a_hand_that_holds_something_carries_it_from_the_start(
     T_tip_body = pin.SE3(pin.utils.rotate("x", np.pi), np.array([0.0, 0.0, 0.01]))
     body = plan.situation.scene["block"].at(manipulator.arm.T_base_tip(q) * T_tip_body)
     scene = plan.situation.scene.without("block").with_body(body)
-    situation = Situation(scene, joints, (Holding("left", "block", T_tip_body),))
+    situation = Situation(scene, joints, (Held("left", "block", T_tip_body),))
     found = verify(Plan("left", q, steps, situation=situation))
     assert not found["gripper actions out of order"].value, found.verdict
     assert failed(found) <= {"slide in contact"}, found.verdict

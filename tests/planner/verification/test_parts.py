@@ -22,7 +22,7 @@ from planner import (
     Certificate,
     Check,
     Cylinder,
-    Holding,
+    Held,
     Manipulator,
     Part,
     Scene,
@@ -329,7 +329,7 @@ def test_a_situation_needs_a_scene_and_numbers(scene: Scene) -> None:
 
 
 def test_a_situation_says_what_the_hands_hold(scene: Scene) -> None:
-    right = Holding("right", "block", pin.SE3.Identity())
+    right = Held("right", "block", pin.SE3.Identity())
     assert [each.body for each in Situation(scene, {}, (right,)).held] == ["block"]
     with pytest.raises(SceneError, match="no body 'cup'"):
         Situation(scene, {}, (replace(right, body="cup"),))
