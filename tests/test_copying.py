@@ -106,6 +106,7 @@ def everything(
         "simulation": simulation,
         "outcome": outcome,
         "recording": (recorder.recording(), recorder.recording().motion("left")),
+        "snapshot": sim.Snapshot(0.0, world.q, {"block": FAR}, closed_grippers(), "waits"),
         "page": sim.Replay(recorder.recording(), robot),
         "tasks": (TASK, sim.Transfer("block", FAR, FAR), planner.Tolerances()),
         "moves": moves(arm),
@@ -137,6 +138,10 @@ def looks(simulation: Simulation, manipulator: Manipulator) -> tuple[object, ...
     looked = sim.ReplayedPoses([sim.Look(0.0, "block", 0.0, FAR)], SCENE)
     noisy = sim.NoisyPoses(eyes, sim.Noise(), np.random.default_rng(0))
     return loop, seen, result, sim.Look(0.0, "block"), looked, noisy
+
+
+def closed_grippers() -> dict[str, sim.GripperState]:
+    return dict.fromkeys(("left", "right"), sim.GripperState(0.0, False, False))
 
 
 def fingers(hand: planner.Hand, body: planner.Body) -> tuple[object, ...]:

@@ -5,20 +5,18 @@ said otherwise:
 
 - `times_s` (n,), `q` (n, joints), `gripper_percent` (n, 2) and `body_poses` (bodies, n, 7), as in
   `Recording`, the bodies in the order of `tracks` in the document,
-- `document`: JSON as bytes of UTF-8 (uint8): `format` "baxter-kin recording"; `version` 2, or 1;
-  `joint_names`, `bodies` with their shapes, `tracks`, `captions`, `events`, `moves` with their
-  exact trajectories, and `robot`, which one it was, where that is known,
-- `sha256`: 32 bytes (uint8), the SHA-256 of the other entries' bytes in the order above.
+- `document`: JSON as bytes of UTF-8 (uint8): `format` "baxter-kin recording"; `version` 3, or an
+  earlier one; `joint_names`, `bodies` with their shapes, `tracks`, `captions`, `events`, `moves`
+  with their exact trajectories, and `robot`, which one it was, where that is known.
 
 Kept is everything but the moves that events carry; a loaded event has the body of its name, as it
-is in `bodies`. Reading makes nothing but these values: no pickle is read, a file that
-was truncated or edited is refused, and one array is never made larger than its bytes in the file.
+is in `bodies`. Reading makes nothing but these values: no pickle is read, and a file that was
+truncated, or damaged so that its entries do not fit their CRC-32, is refused.
 The same recording gives the same bytes. A file is replaced at once or not at all.
 """
 
 from __future__ import annotations
 
-import hashlib
 import io
 import zipfile
 import zlib
@@ -43,15 +41,16 @@ from sim.recording.recorder import StoredEvent
 from sim.recording.recording import Recording
 
 FORMAT = "baxter-kin recording"
-VERSION = 2
-READABLE = (1, 2)
-"""In the first one events named no side, and moves not what inverse kinematics answered."""
+VERSION = 3
+READABLE = (1, 2, 3)
+"""In the first one events named no side, and moves not what inverse kinematics answered; the first
+two had an entry `sha256`, the SHA-256 of the others, which is not read any more."""
 
 LARGEST_FILE_BYTES = 4 * 2**30
 """Unpacked; an hour at 100 Hz takes 0.1 GB."""
 
 _ARRAYS = ("times_s", "q", "gripper_percent", "body_poses")
-_ENTRIES = (*_ARRAYS, "document", "sha256")
+_KINDS = {**dict.fromkeys(_ARRAYS, "float64"), "document": "uint8"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,14 +77,9 @@ def save_recording(recording: Recording, path: PathLike) -> None:
     """
     expect(recording, Recording, "recording", RecordingError)
     file = checked_path(path)
-    arrays = {name: _npy(array) for name, array in _arrays(recording).items()}
-    arrays["document"] = _npy(np.frombuffer(_document(recording).encode(), np.uint8))
-    arrays["sha256"] = _npy(np.frombuffer(_checksum(arrays), np.uint8))
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w") as archive:
-        for name, data in arrays.items():
-            entry = zipfile.ZipInfo(f"{name}.npy")  # dated 1980, so that the bytes are the same
-            archive.writestr(entry, data, zipfile.ZIP_DEFLATED)
+    document, content = np.frombuffer(_document(recording).encode(), np.uint8), io.BytesIO()
+    arrays: dict[str, Any] = {**_arrays(recording), "document": document}
+    np.savez_compressed(content, **arrays)
     replace_file(file, content.getvalue())
 
 
@@ -93,13 +87,13 @@ def load_recording(path: PathLike) -> Recording:
     """The recording in a file.
 
     Raises:
-        RecordingError: when the file cannot be read, is truncated, damaged or edited, or holds no
+        RecordingError: when the file cannot be read, is truncated or damaged, or holds no
             recording; says which.
     """
     file = checked_path(path)
     with opened(file) as stream:
         try:
-            return _recording(_contents(stream))
+            return _recording(_arrays_in(stream))
         except RecordingError as cause:
             raise RecordingError(f"{shown_path(file)}: {cause}") from cause
 
@@ -107,12 +101,9 @@ def load_recording(path: PathLike) -> Recording:
 def _arrays(recording: Recording) -> dict[str, FloatArray]:
     count = len(recording.times_s)
     poses = list(recording.body_poses.values())
-    return {
-        "times_s": recording.times_s,
-        "q": recording.q,
-        "gripper_percent": recording.gripper_percent,
-        "body_poses": np.array(poses).reshape(len(poses), count, 7),
-    }
+    tracks = np.array(poses).reshape(len(poses), count, 7)
+    arrays = recording.times_s, recording.q, recording.gripper_percent, tracks
+    return dict(zip(_ARRAYS, arrays, strict=True))
 
 
 def _document(recording: Recording) -> str:
@@ -131,10 +122,7 @@ def _document(recording: Recording) -> str:
     return as_text(data, RecordingError)
 
 
-def _recording(contents: Mapping[str, bytes]) -> Recording:
-    arrays = {name: _array(data, name) for name, data in contents.items()}
-    if arrays["sha256"].tobytes() != _checksum(contents):
-        raise RecordingError("was changed after it was saved: its checksum does not fit")
+def _recording(arrays: Mapping[str, NDArray[Any]]) -> Recording:
     document = _read_document(arrays["document"].tobytes())
     bodies = {body.name: body for body in document.bodies}
     poses = arrays["body_poses"]
@@ -167,56 +155,33 @@ def _read_document(content: bytes) -> _Document:
     return document
 
 
-def _contents(stream: IO[bytes]) -> dict[str, bytes]:
-    """The bytes of every entry by name."""
+def _arrays_in(stream: IO[bytes]) -> dict[str, NDArray[Any]]:
+    """The arrays of a recording by name."""
     try:
         with zipfile.ZipFile(stream) as archive:
             _check_entries(archive)
-            return {name: archive.read(f"{name}.npy") for name in _ENTRIES}
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as cause:
+        stream.seek(0)
+        with np.load(stream, allow_pickle=False) as archived:
+            arrays = {name: archived[name] for name in _KINDS}
+    except (*_DAMAGE, ValueError) as cause:
         raise RecordingError(f"is no npz file, or a truncated or damaged one: {cause}") from cause
+    for name, array in arrays.items():
+        if array.dtype.name != _KINDS[name]:
+            raise RecordingError(f"has an entry {name} of {array.dtype}, not of {_KINDS[name]}")
+    return arrays
+
+
+_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, MemoryError, NotImplementedError, RuntimeError)
 
 
 def _check_entries(archive: zipfile.ZipFile) -> None:
-    names = sorted(entry.filename for entry in archive.infolist())
-    wanted = sorted(f"{name}.npy" for name in _ENTRIES)
-    if names != wanted:
+    entries = {entry.filename for entry in archive.infolist()} - {"sha256.npy"}
+    wanted = {f"{name}.npy" for name in _KINDS}
+    if entries != wanted:
         raise RecordingError(
-            f"is no recording: it has the entries {shown(names)}; a recording has {wanted}"
+            f"is no recording: it has the entries {shown(sorted(entries))}; a recording has "
+            f"{sorted(wanted)}"
         )
     size = sum(entry.file_size for entry in archive.infolist())
     if size > LARGEST_FILE_BYTES:
         raise RecordingError(f"unpacks to more than {LARGEST_FILE_BYTES >> 30} GB")
-
-
-def _npy(array: NDArray[Any]) -> bytes:
-    content = io.BytesIO()
-    np.lib.format.write_array(content, np.ascontiguousarray(array), (1, 0), allow_pickle=False)
-    return content.getvalue()
-
-
-def _array(data: bytes, name: str) -> NDArray[Any]:
-    """An array from an entry; only those that `_npy` writes, and none larger than its bytes."""
-    stream = io.BytesIO(data)
-    try:
-        if np.lib.format.read_magic(stream) != (1, 0):
-            raise ValueError("an npy version that is not written here")
-        shape, is_fortran, kind = np.lib.format.read_array_header_1_0(stream)
-    except ValueError as cause:
-        raise RecordingError(f"has an entry {name} that is no array: {cause}") from cause
-    wanted = np.dtype("u1" if name in ("document", "sha256") else "<f8")
-    body = data[stream.tell() :]
-    if (
-        is_fortran
-        or kind != wanted
-        or len(body) != int(np.prod(shape, dtype=object)) * kind.itemsize
-    ):
-        raise RecordingError(f"has an entry {name} that is no array of {wanted.name}")
-    return np.frombuffer(body, wanted).reshape(shape)
-
-
-def _checksum(contents: Mapping[str, bytes]) -> bytes:
-    digest = hashlib.sha256()
-    for name in _ENTRIES[:-1]:
-        digest.update(contents[name])
-    return digest.digest()

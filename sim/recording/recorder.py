@@ -1,5 +1,7 @@
 """Recorder: an observer that keeps what happens in memory, until data is made of it.
 
+`Story` is that memory, which logs that are read back fill, too.
+
 And `StoredEvent`: what the files that keep all of a recording keep of an event. The move that began
 is not kept with it: its motion is among the moves.
 """
@@ -8,13 +10,15 @@ from __future__ import annotations
 
 import sys
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter, quaternion_xyzw
+from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, whole_scalar
@@ -57,6 +61,86 @@ class StoredEvent:
         return Event(self.time_s, self.kind, self.text, self.side, body=body)
 
 
+class Row(NamedTuple):
+    """What is recorded of a snapshot.
+
+    Attributes:
+        time_s: simulated time.
+        q: full configuration, rad and m.
+        gripper_percent: of the left and the right gripper.
+        poses: of every body present, by name, as `pose_row`.
+        caption: what is going on, in words.
+    """
+
+    time_s: float
+    q: FloatArray
+    gripper_percent: Sequence[float] | FloatArray
+    poses: Mapping[str, Sequence[float] | FloatArray]
+    caption: str
+
+
+class Story:
+    """What happened so far, in memory: of a simulation, or of the lines of a log.
+
+    Attributes:
+        rows: of the snapshots, in order.
+        bodies: by name, as last told.
+        events: in order.
+        moves: in order.
+    """
+
+    def __init__(
+        self, joint_names: tuple[str, ...], robot: RobotIdentity | None, keep: int | None = None
+    ) -> None:
+        """Start empty; `keep` as of `Recorder`."""
+        self.joint_names, self._robot = joint_names, robot
+        self.rows: deque[Row] = deque(maxlen=keep)
+        self.bodies: dict[str, Body] = {}
+        self.events: deque[Event] = deque()
+        self.moves: deque[RecordedMove] = deque()
+
+    def recording(self) -> Recording:
+        """All of it.
+
+        Raises:
+            RecordingError: when there is no snapshot yet.
+        """
+        self.forget_the_past()
+        return Recording(
+            joint_names=self.joint_names,
+            times_s=np.array([row.time_s for row in self.rows]),
+            q=np.array([row.q for row in self.rows]),
+            gripper_percent=np.array([row.gripper_percent for row in self.rows]),
+            bodies=self.bodies,
+            body_poses={name: self._track(name) for name in self.bodies},
+            captions=self._captions(),
+            events=tuple(self.events),
+            moves=tuple(self.moves),
+            robot=self._robot,
+        )
+
+    def forget_the_past(self) -> None:
+        """What ended before the first snapshot that is kept, once others were dropped."""
+        if len(self.rows) != self.rows.maxlen:
+            return
+        first_s = self.rows[0].time_s
+        while self.moves and self.moves[0].end_s < first_s:
+            self.moves.popleft()
+        while self.events and self.events[0].time_s < first_s:
+            self.events.popleft()
+
+    def _track(self, name: str) -> FloatArray:
+        absent = np.full(7, np.nan)
+        return np.array([row.poses.get(name, absent) for row in self.rows])
+
+    def _captions(self) -> tuple[tuple[float, str], ...]:
+        captions: list[tuple[float, str]] = []
+        for row in self.rows:
+            if not captions or captions[-1][1] != row.caption:
+                captions.append((row.time_s, row.caption))
+        return tuple(captions)
+
+
 class Recorder(Observer):
     """Collects snapshots and events in memory; `recording()` makes data of them."""
 
@@ -73,16 +157,13 @@ class Recorder(Observer):
         """
         if keep is not None:
             keep = whole_scalar(keep, "keep", RecordingError, least=1, most=sys.maxsize)
-        self._robot = expect(robot, Baxter, "robot", RecordingError)
-        self._snapshots: deque[Snapshot] = deque(maxlen=keep)
-        self._events: deque[Event] = deque()
-        self._moves: deque[RecordedMove] = deque()
-        self._bodies: dict[str, Body] = {}
+        expect(robot, Baxter, "robot", RecordingError)
+        self._story = Story(robot.joint_names, robot.description.identity, keep)
 
     @property
     def has_snapshots(self) -> bool:
         """Whether there is anything to make a recording of."""
-        return bool(self._snapshots)
+        return bool(self._story.rows)
 
     def remember(self, scene: Scene) -> None:
         """Note the shapes of bodies that were in the world before the simulation began.
@@ -92,7 +173,7 @@ class Recorder(Observer):
         Raises:
             RecordingError: when it is no scene.
         """
-        self._bodies.update(expect(scene, Scene, "scene", RecordingError).bodies)
+        self._story.bodies.update(expect(scene, Scene, "scene", RecordingError).bodies)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
         """Keep it.
@@ -100,7 +181,10 @@ class Recorder(Observer):
         Raises:
             RecordingError: when it is no snapshot.
         """
-        self._snapshots.append(expect(snapshot, Snapshot, "snapshot", RecordingError))
+        shot = expect(snapshot, Snapshot, "snapshot", RecordingError)
+        percent = [shot.grippers[side].percent for side in LIMBS]
+        poses = {name: pose_row(T) for name, T in shot.T_base_bodies.items()}
+        self._story.rows.append(Row(shot.time_s, shot.q, percent, poses, shot.caption))
 
     def on_event(self, event: Event) -> None:
         """Keep it, the move that began, and the shapes of a body that appeared.
@@ -109,13 +193,13 @@ class Recorder(Observer):
             RecordingError: when it is no event.
         """
         expect(event, Event, "event", RecordingError)
-        self._events.append(event)
+        self._story.events.append(event)
         if event.body is not None and event.is_of_appearance:
-            self._bodies[event.body.name] = event.body
+            self._story.bodies[event.body.name] = event.body
         move = recorded_move(event)
         if move is not None:
-            self._moves.append(move)
-        self._forget_the_past()
+            self._story.moves.append(move)
+        self._story.forget_the_past()
 
     def recording(self) -> Recording:
         """All so far.
@@ -123,47 +207,10 @@ class Recorder(Observer):
         Raises:
             RecordingError: when there is no snapshot yet.
         """
-        shots = self._snapshots
-        self._forget_the_past()
-        return Recording(
-            joint_names=self._robot.joint_names,
-            times_s=np.array([shot.time_s for shot in shots]),
-            q=np.array([shot.q for shot in shots]),
-            gripper_percent=np.array(
-                [[shot.grippers[side].percent for side in LIMBS] for shot in shots]
-            ),
-            bodies=self._bodies,
-            body_poses={name: self._track(name) for name in self._bodies},
-            captions=self._captions(),
-            events=tuple(self._events),
-            moves=tuple(self._moves),
-            robot=self._robot.description.identity,
-        )
+        return self._story.recording()
 
     def _facts(self) -> tuple[str, ...]:
-        return (count(len(self._snapshots), "snapshot"),)
-
-    def _forget_the_past(self) -> None:
-        """What ended before the first snapshot that is kept, once others were dropped."""
-        if len(self._snapshots) != self._snapshots.maxlen:
-            return
-        first_s = self._snapshots[0].time_s
-        while self._moves and self._moves[0].end_s < first_s:
-            self._moves.popleft()
-        while self._events and self._events[0].time_s < first_s:
-            self._events.popleft()
-
-    def _track(self, name: str) -> FloatArray:
-        absent = np.full(7, np.nan)
-        poses = (shot.T_base_bodies.get(name) for shot in self._snapshots)
-        return np.array([absent if T is None else pose_row(T) for T in poses])
-
-    def _captions(self) -> tuple[tuple[float, str], ...]:
-        captions: list[tuple[float, str]] = []
-        for shot in self._snapshots:
-            if not captions or captions[-1][1] != shot.caption:
-                captions.append((shot.time_s, shot.caption))
-        return tuple(captions)
+        return (count(len(self._story.rows), "snapshot"),)
 
 
 def pose_row(T_base_body: pin.SE3) -> list[float]:
