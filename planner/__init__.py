@@ -1,12 +1,12 @@
 """From poses to checked, timed motion; knows no simulator and no viewer."""
 
 import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
-from planner.clearance import Clearance, SweptContact, SweptProof
+from planner.clearance import Clearance, ContinuousContact, ContinuousProof
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
-from planner.collision.continuous import prove_clear
-from planner.collision.robot_body import RobotBody
-from planner.collision.robot_shapes import RobotShapes
+from planner.collision.continuous.proof import prove_clear
+from planner.collision.robot.robot_body import RobotBody
+from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import (
     FreeMoveError,
     MotionError,
@@ -51,6 +51,8 @@ __all__ = [
     "Clearance",
     "ClearanceChecker",
     "CollisionContext",
+    "ContinuousContact",
+    "ContinuousProof",
     "Cylinder",
     "FreeMoveError",
     "Grasp",
@@ -81,8 +83,6 @@ __all__ = [
     "Sphere",
     "StraightLine",
     "StraightMoveError",
-    "SweptContact",
-    "SweptProof",
     "TaskError",
     "Tolerances",
     "Trajectory",

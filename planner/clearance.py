@@ -1,6 +1,6 @@
 """What is found of distances: the least one, and what a proof says of a whole motion.
 
-The proof itself is `planner.collision.continuous`.
+The proof itself is `planner.collision.continuous.proof`.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def least(clearances: Iterable[Clearance]) -> Clearance | None:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class SweptProof(Checked, OneLine, error=SceneError):
+class ContinuousProof(Checked, OneLine, error=SceneError):
     """A motion is clear at every instant.
 
     Attributes:
@@ -88,7 +88,7 @@ class SweptProof(Checked, OneLine, error=SceneError):
 
     @property
     def is_clear(self) -> bool:
-        """A motion that is not clear has a `SweptContact`."""
+        """A motion that is not clear has a `ContinuousContact`."""
         return True
 
     def _facts(self) -> tuple[str, ...]:
@@ -96,7 +96,7 @@ class SweptProof(Checked, OneLine, error=SceneError):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class SweptContact(Checked, OneLine, error=SceneError):
+class ContinuousContact(Checked, OneLine, error=SceneError):
     """A motion that is not clear, or not known to be; `str()` of it says why in one sentence.
 
     Attributes:
@@ -117,7 +117,7 @@ class SweptContact(Checked, OneLine, error=SceneError):
 
     @property
     def is_clear(self) -> bool:
-        """A motion that is clear has a `SweptProof`."""
+        """A motion that is clear has a `ContinuousProof`."""
         return False
 
     @property
@@ -147,4 +147,4 @@ class SweptContact(Checked, OneLine, error=SceneError):
         return sentence(self.nearest.text), f"{millimetres(self.needed_m)} needed"
 
 
-SweptResult: TypeAlias = SweptProof | SweptContact
+ContinuousResult: TypeAlias = ContinuousProof | ContinuousContact

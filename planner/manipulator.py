@@ -15,8 +15,8 @@ from baxter_kin.validation import FloatArray, check_fields, finite_array, float_
 from baxter_kin.value_objects import Frozen, OneLine, millimetres
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
-from planner.collision.robot_body import RobotBody, identity_of
-from planner.collision.robot_shapes import RobotShapes
+from planner.collision.robot.robot_body import RobotBody, identity_of
+from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import TaskError
 from planner.grasping.hand import Hand
 from planner.scene.bodies import Scene

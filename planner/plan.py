@@ -25,7 +25,7 @@ from baxter_kin.value_objects import (
     seconds,
     sentence,
 )
-from planner.clearance import Clearance, SweptContact, SweptProof, least
+from planner.clearance import Clearance, ContinuousContact, ContinuousProof, least
 from planner.errors import TaskError
 from planner.motion.straight_line import LineTolerance
 from planner.pick_place.summary import Tally
@@ -56,7 +56,7 @@ class Move(Checked, OneLine, error=TaskError):
     T_base_tip: pin.SE3 | None = None
     ik: IKResult | None = None
     clearance: Clearance | None = None
-    proof: SweptProof | None = None
+    proof: ContinuousProof | None = None
     is_straight: bool = False
 
     @property
@@ -110,7 +110,7 @@ class Grip(OneLine):
     action: GripperAction
     body: str | None = None
     opening_m: float | None = None
-    proof: SweptProof | None = None
+    proof: ContinuousProof | None = None
 
     def __post_init__(self) -> None:
         check_fields(self, TaskError)
@@ -154,7 +154,7 @@ class PlanFailure(Checked, OneLine, error=TaskError):
     ik: IKResult | None = None
     tried: tuple[PlanFailure, ...] = ()
     is_certain: bool = False
-    contact: SweptContact | None = None
+    contact: ContinuousContact | None = None
     tallies: tuple[Tally, ...] = ()
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""Make `planner/collision/robot_body.npz`: what the planner takes Baxter to be, from its meshes.
+"""Make `planner/collision/robot/robot_body.npz`: what Baxter is taken to be, from its meshes.
 
     python scripts/build_body.py [--out FILE] [--keep DIR]
 
@@ -6,7 +6,8 @@ Reads the COLLADA meshes of example-robot-data (Rethink Robotics, BSD-3-Clause).
 makes triangles that are fewer, what they enclose, and convex pieces around them; then it finds out
 which pairs of links need no check (`body/` has the steps). Needs the `body` extra; `--keep` puts
 finished triangles and enclosures into a folder and takes those there.
-`tests/planner/collision/test_robot_body.py` shows again, by its own code, what the file contains.
+`tests/planner/collision/robot/test_robot_body.py` shows again, by its own code, what the file
+contains.
 """
 
 from __future__ import annotations
@@ -26,9 +27,11 @@ from body.pairs import reasons
 from body.thinning import Mesh, thinned
 
 from baxter_kin.description import StockFiles
-from planner.collision.robot_body import RobotBody
+from planner.collision.robot.robot_body import RobotBody
 
-TARGET = Path(__file__).resolve().parent.parent / "planner" / "collision" / "robot_body.npz"
+TARGET = (
+    Path(__file__).resolve().parent.parent / "planner" / "collision" / "robot" / "robot_body.npz"
+)
 
 MARGIN = 0.5
 """What the planner adds to a link's triangles, mm."""

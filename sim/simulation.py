@@ -22,7 +22,7 @@ from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import finite_scalar
 from baxter_kin.value_objects import OneLine, seconds
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan
-from planner.collision.robot_body import identity_of
+from planner.collision.robot.robot_body import identity_of
 from planner.plan import Step
 from sim import event_text
 from sim.clock import DEFAULT_TICK_S, SHORTEST_TICK_S, Clock

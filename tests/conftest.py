@@ -17,7 +17,7 @@ from baxter_kin import Arm, Baxter, IKService, pose_from_quaternion
 from baxter_kin.description import StockFiles
 from baxter_kin.files import PathLike
 from planner import Body, Manipulator, Scene, load_object
-from planner.collision.robot_body import RobotBody
+from planner.collision.robot.robot_body import RobotBody
 from tests.bodies import with_plain_fingers
 from tests.calibrated import calibrated_arm
 from tests.skips import (  # noqa: F401 - pytest finds its hooks here

@@ -125,7 +125,7 @@ def moves(arm: Arm) -> tuple[object, ...]:
     """A move, what is asked of it, and its like that is refused."""
     trajectory = planner.plan_joint_move(arm.neutral, arm.start, arm.limits)
     nearest = planner.Clearance(-0.01, "left_hand", "table", 0.5)
-    contact = planner.SweptContact(nearest, 0.0, 1.0, 3, 7)
+    contact = planner.ContinuousContact(nearest, 0.0, 1.0, 3, 7)
     return trajectory, trajectory.peak_ratios(), contact, trajectory.sample(0.1)
 
 

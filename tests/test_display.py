@@ -189,7 +189,7 @@ def test_odd_names_and_numbers_are_shown_too(
 ) -> None:
     near = Clearance(length, name, name, time_s)
     body = Body(name, (planner.Part(Sphere(0.1), at(0.0, 0.0, 0.0)),), at(0.0, 0.0, 1000.0))
-    proof = planner.SweptProof(length, near, 0.0, 1, 1)
+    proof = planner.ContinuousProof(length, near, 0.0, 1, 1)
     situation = planner.Situation(Scene.of([body]), {}, ())
     odd: tuple[object, ...] = (
         *(near, body, proof, situation, situation.scene, IKFailure(name * 5)),

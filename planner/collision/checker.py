@@ -14,9 +14,9 @@ from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.validation import FloatArray, Indices, finite_array
 from baxter_kin.value_objects import OneLine, count
 from planner.clearance import Clearance
+from planner.collision.continuous.motion_bounds import MotionBounds
 from planner.collision.distances import UNKNOWN_DEPTH_M
-from planner.collision.motion_bounds import MotionBounds
-from planner.collision.robot_shapes import RobotShapes
+from planner.collision.robot.robot_shapes import RobotShapes
 from planner.collision.shape_pairs import ShapePairs
 from planner.errors import SceneError
 from planner.scene.bodies import Scene

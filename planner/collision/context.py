@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.validation import FloatArray, finite_array, float_array
 from baxter_kin.value_objects import OneLine, millimetres
-from planner.clearance import Clearance, SweptResult
+from planner.clearance import Clearance, ContinuousResult
 from planner.collision.checker import ClearanceChecker
-from planner.collision.continuous import checked_margin_m, prove_clear
+from planner.collision.continuous.proof import checked_margin_m, prove_clear
 from planner.collision.obstacles import KEPT_SHARE, Obstacles
 from planner.collision.sampling import SCREENING_STEP_RAD, looks_clear
 from planner.errors import SceneError
@@ -64,7 +64,10 @@ class CollisionContext(OneLine):
         q_full = finite_array(q_others, (checker.robot.nq,), "q_others", ConfigurationError)
         self._q_full = self.checker.configuration(q_full).copy()
         self._where = np.array(checker.shapes.robot.indices(checker.arm.joint_names))
-        self._proven: tuple[Trajectory | None, SweptResult | None] = None, None  # asked for twice
+        self._proven: tuple[Trajectory | None, ContinuousResult | None] = (
+            None,
+            None,
+        )  # asked for twice
 
     @property
     def q_others(self) -> FloatArray:
@@ -87,7 +90,7 @@ class CollisionContext(OneLine):
         """
         return self.checker.clearance(self._full(q))
 
-    def prove(self, trajectory: Trajectory) -> SweptResult:
+    def prove(self, trajectory: Trajectory) -> ContinuousResult:
         """A proof that a motion keeps the margin, or what speaks against it."""
         known, result = self._proven
         if known is not trajectory or result is None:

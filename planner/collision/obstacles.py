@@ -4,7 +4,8 @@ Shapes are taken as their convex hulls, which contain them: their distance is ex
 also inside each other, and costs microseconds. Near a configuration it changes by what brings the
 nearest points together (Schulman et al., "Motion planning with sequential convex optimization and
 convex collision checking", Int. J. Robotics Research 33(9), 2014, section 4). In each interval of a
-motion it is bounded where it is least. A proof is another matter (`planner.collision.continuous`).
+motion it is bounded where it is least. A proof is another matter
+(`planner.collision.continuous.proof`).
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
 from planner.collision.checker import ClearanceChecker
+from planner.collision.continuous.motion_bounds import Placed
 from planner.collision.distances import NO_DISTANCE_M, UNKNOWN_DEPTH_M
-from planner.collision.motion_bounds import Placed
 from planner.scene.contact import DISTANCE_TOLERANCE_M, hull
 from planner.splines import weights_at
 

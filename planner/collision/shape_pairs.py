@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from baxter_kin import Arm
 from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import Clearance
+from planner.collision.covers import Covers
 from planner.collision.distances import Distances, Enclosure
-from planner.collision.motion_bounds import Covers
-from planner.collision.robot_shapes import LinkShape, RobotShapes
+from planner.collision.robot.link_shapes import LinkShape
+from planner.collision.robot.robot_shapes import RobotShapes
 from planner.scene.bodies import Body, Scene
 from planner.scene.contact import PRESSING_TOLERANCE_M, coal_shape, convex_pieces, has_depth
 

@@ -4,7 +4,7 @@ On a way of the fingers a shape moves along the closing axis by at most as far a
 is part of, or that pushes it; seen from a shape that the other finger moves, by twice as much. So a
 pair keeps a distance above d - s on a stretch in whose middle its distance is d, when s bounds that
 motion over half the stretch; stretches are halved where that is not enough
-(`planner.collision.continuous`).
+(`planner.collision.continuous.proof`).
 
 A closing hand goes two stretches. On the first the body stands between the fingers, as it is found.
 On the second one finger pushes it along, until the other meets it (`planner.grasping.grasp`). What
@@ -22,8 +22,9 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.validation import FloatArray, Indices
-from planner.clearance import SweptContact, SweptProof, SweptResult
-from planner.collision.continuous import Around, contact_of, prove_motion
+from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
+from planner.collision.continuous.motion import Around
+from planner.collision.continuous.proof import contact_of, prove_motion
 from planner.collision.shape_pairs import CheckedPairs, ShapePairs
 from planner.grasping.grasp import Grasp
 from planner.manipulator import Manipulator
@@ -100,12 +101,12 @@ class TravelCheck:
         first, second = self._checked.numbers.T
         self._rates = np.abs(signs[first] - signs[second])
 
-    def at(self, q: FloatArray, margin_m: float) -> SweptResult:
+    def at(self, q: FloatArray, margin_m: float) -> ContinuousResult:
         """A proof for an arm that stands at `q`, shape (7,), rad, or what speaks against it."""
         motion = self._motion(self._poses(q), self._manipulator.arm.T_base_tip(q))
         return prove_motion(self._checked, motion, margin_m, np.flatnonzero(self._rates > 0.0))
 
-    def contact_above(self, T_base_tip: pin.SE3, margin_m: float) -> SweptContact | None:
+    def contact_above(self, T_base_tip: pin.SE3, margin_m: float) -> ContinuousContact | None:
         """What speaks against it for a hand alone whose tip is there, among the scene's bodies."""
         arm = self._manipulator.arm
         hand = sorted(self._manipulator.shapes.of_hand(arm))
@@ -184,7 +185,7 @@ def prove_travel(
     q: FloatArray,
     *,
     margin_m: float = 0.0,
-) -> SweptResult:
+) -> ContinuousResult:
     """A proof that the fingers' whole way is clear, stretch by stretch, or what speaks against it.
 
     Args:
@@ -196,11 +197,11 @@ def prove_travel(
     results = (travel_check(manipulator, travel).at(q, margin_m) for travel in travels)
     proofs = []
     for result in results:
-        if isinstance(result, SweptContact):
+        if isinstance(result, ContinuousContact):
             return result
         proofs.append(result)
     nearest = min((proof.nearest for proof in proofs), key=lambda near: near.distance_m)
-    return SweptProof(
+    return ContinuousProof(
         min(proof.proven_m for proof in proofs),
         nearest,
         proofs[0].margin_m,

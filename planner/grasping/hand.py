@@ -19,7 +19,7 @@ from baxter_kin.errors import ConfigurationError, expect, millimetres_hint
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.validation import Checked, finite_scalar
 from baxter_kin.value_objects import OneLine
-from planner.collision.robot_shapes import RobotShapes
+from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError
 from planner.grasping.grasp import LEAST_PAD_M, Grasp, Miss, MissKind, Overlap, centre_off_m, extent
 from planner.scene.bodies import Body, Part

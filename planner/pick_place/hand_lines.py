@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.frames import raised
-from planner.clearance import Clearance, SweptContact
+from planner.clearance import Clearance, ContinuousContact
 from planner.collision.context import CollisionContext
-from planner.collision.continuous import ACCURACY_M
+from planner.collision.continuous.proof import ACCURACY_M
 from planner.pick_place.plan_builder import NoSolutionError
 from planner.pick_place.task import PickAndPlace
 from planner.plan import PlanFailure
@@ -52,7 +52,9 @@ def _refuse_blocked_line(
     reason = f"for every IK solution, {near.text} {where}"
     if near.distance_m > 0.0:
         reason += f", and {1e3 * context.margin_m:.1f} mm are asked for"
-    contact = SweptContact(near, needed_m, duration_s=0.0, intervals=0, evaluations=len(heights_m))
+    contact = ContinuousContact(
+        near, needed_m, duration_s=0.0, intervals=0, evaluations=len(heights_m)
+    )
     raise NoSolutionError(PlanFailure(label, reason, is_certain=True, contact=contact))
 
 

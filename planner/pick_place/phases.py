@@ -29,9 +29,9 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from planner.clearance import SweptContact
+from planner.clearance import ContinuousContact
 from planner.collision.context import CollisionContext
-from planner.collision.continuous import RESOLUTION_M
+from planner.collision.continuous.proof import RESOLUTION_M
 from planner.grasping.finger_travel import FingerTravel, closing_travel, travel_check
 from planner.grasping.grasp import Grasp, Miss
 from planner.pick_place.plan_builder import NoSolutionError, blocked_fingers
@@ -175,7 +175,7 @@ class PhaseMaker:
         It is told only when the pose itself is free: what is in its way may be what is in theirs.
         """
 
-        def contact(way: tuple[FingerTravel, ...]) -> SweptContact | None:
+        def contact(way: tuple[FingerTravel, ...]) -> ContinuousContact | None:
             checks = (travel_check(self.request.manipulator, travel) for travel in way)
             found = (check.contact_above(T_base_tip, self.request.margin_m) for check in checks)
             return next(filter(None, found), None)

@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray
-from planner.clearance import SweptContact, SweptProof
+from planner.clearance import ContinuousContact, ContinuousProof
 from planner.collision.context import CollisionContext
 from planner.errors import MotionError
 from planner.grasping.finger_travel import FingerTravel, prove_travel
@@ -155,21 +155,21 @@ class PlanBuilder:
 
     def _proven(
         self, label: str, action: GripperAction, travels: Sequence[FingerTravel]
-    ) -> SweptProof:
+    ) -> ContinuousProof:
         result = prove_travel(self._manipulator, travels, self.q, margin_m=self._request.margin_m)
-        if isinstance(result, SweptContact):
+        if isinstance(result, ContinuousContact):
             raise NoSolutionError(blocked_fingers(label, action, result))
         return result
 
 
-def proven(label: str, motion: Trajectory, context: CollisionContext) -> SweptProof:
+def proven(label: str, motion: Trajectory, context: CollisionContext) -> ContinuousProof:
     """The proof that a motion is clear.
 
     Raises:
         NoSolutionError: when there is none; says what is in its way.
     """
     result = context.prove(motion)
-    if isinstance(result, SweptContact):
+    if isinstance(result, ContinuousContact):
         raise NoSolutionError(PlanFailure(label, str(result), contact=result))
     return result
 
@@ -214,7 +214,7 @@ def refuse_blocked(label: str, q: FloatArray, context: CollisionContext, where: 
 
 
 def blocked_fingers(
-    label: str, action: GripperAction, contact: SweptContact, *, is_certain: bool = False
+    label: str, action: GripperAction, contact: ContinuousContact, *, is_certain: bool = False
 ) -> PlanFailure:
     """What stands in the way of fingers that open or close."""
     too_near = contact.nearest.too_near(contact.needed_m)

@@ -10,10 +10,10 @@ The tip comes down to a pose and rises from it along a straight line, and moves 
 the knots of the motion, above the lower of these two heights. It stops to grasp, to release, and
 `hover_m` above the place, where the cycle ends. While it is moved sideways, what is carried may
 touch nothing, its supports included. Each move is proven free of collision at every instant
-(`planner.collision.continuous`). The motions of a cycle are one nonlinear program, and as fast
-together as the limits and lines allow (`planner.motion`); where they collide, they are led around
-what is there, and where that fails, other pairs of IK solutions are tried, with a stop above both
-and free moves in between, which keep no height (`planner.pick_place.cycle_search`).
+(`planner.collision.continuous.proof`). The motions of a cycle are one nonlinear program, and as
+fast together as the limits and lines allow (`planner.motion`); where they collide, they are led
+around what is there, and where that fails, other pairs of IK solutions are tried, with a stop above
+both and free moves in between, which keep no height (`planner.pick_place.cycle_search`).
 """
 
 from __future__ import annotations

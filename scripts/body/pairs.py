@@ -21,7 +21,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin.description import StockFiles
-from planner.collision.robot_body import LinkBody
+from planner.collision.robot.robot_body import LinkBody
 from planner.scene.contact import coal_pose, convex, surface
 
 F = NDArray[np.float64]

@@ -289,12 +289,12 @@ class _Lasting:
         return self.Manipulator.context(self.Scene, finger_m=0.01)
 
     @cached_property
-    def SweptProof(self) -> p.SweptProof:
-        return p.SweptProof(0.1, self.Clearance, 0.0, 1, 1)
+    def ContinuousProof(self) -> p.ContinuousProof:
+        return p.ContinuousProof(0.1, self.Clearance, 0.0, 1, 1)
 
     @cached_property
-    def SweptContact(self) -> p.SweptContact:
-        return p.SweptContact(self.Clearance, 0.0, 1.0, 1, 1)
+    def ContinuousContact(self) -> p.ContinuousContact:
+        return p.ContinuousContact(self.Clearance, 0.0, 1.0, 1, 1)
 
     @cached_property
     def Grip(self) -> p.Grip:

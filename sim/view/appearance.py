@@ -21,7 +21,7 @@ from baxter_kin.description import RobotDescription
 from baxter_kin.description.mounting import is_finger, is_tool
 from baxter_kin.description.urdf import Urdf, UrdfJoint
 from baxter_kin.value_objects import FrozenMapping
-from planner.collision.hand_body import around
+from planner.collision.robot.hand_body import around
 from sim.errors import SimulationError
 
 _ASSET = "appearance.npz"

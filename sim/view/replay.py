@@ -17,8 +17,8 @@ from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike, replace_file
 from baxter_kin.validation import positive_scalar
 from baxter_kin.value_objects import OneLine
-from planner.collision.hand_body import fitted
-from planner.collision.robot_body import RobotBody
+from planner.collision.robot.hand_body import fitted
+from planner.collision.robot.robot_body import RobotBody
 from sim.errors import RecordingError
 from sim.events import EventKind
 from sim.files import explained

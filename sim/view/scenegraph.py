@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from baxter_kin.frames import BASE_HEIGHT_M
 from baxter_kin.validation import FloatArray
-from planner.collision.robot_body import LinkBody, RobotBody
+from planner.collision.robot.robot_body import LinkBody, RobotBody
 from planner.scene.bodies import Body, Box, Cylinder, Part
 from planner.scene.mesh import Mesh
 from sim.errors import SimulationError

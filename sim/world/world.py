@@ -19,7 +19,7 @@ from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.validation import FloatArray, finite_scalar
 from baxter_kin.value_objects import OneLine, listing
 from planner import Body, Hand, RobotShapes, Scene
-from planner.collision.robot_body import RobotBody
+from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from planner.scene.held import Held

@@ -21,7 +21,7 @@ from planner import (
     save_plan,
     verify,
 )
-from planner.collision.robot_body import RobotBody
+from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError, TaskError
 from planner.verification.command_line import main
 from sim import Recorder, Recording, Simulation, World, load_recording, save_recording

@@ -25,8 +25,8 @@ import pinocchio as pin
 
 from baxter_kin.description import RobotDescription
 from baxter_kin.errors import DescriptionError
-from planner.collision.hand_body import fitted
-from planner.collision.robot_body import RobotBody as StoredBody
+from planner.collision.robot.hand_body import fitted
+from planner.collision.robot.robot_body import RobotBody as StoredBody
 from planner.scene.contact import convex, surface
 from planner.verification.body.solid import Solid
 from planner.verification.body.urdf_shapes import LinkShape, link_shapes

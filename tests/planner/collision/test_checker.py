@@ -27,7 +27,7 @@ from planner import (
     Sphere,
 )
 from planner.clearance import least
-from planner.collision.robot_body import RobotBody
+from planner.collision.robot.robot_body import RobotBody
 from planner.scene.contact import PRESSING_TOLERANCE_M, coal_shape, convex, surface
 from planner.scene.held import Held
 from planner.scene.mesh import Mesh

@@ -15,12 +15,12 @@ from planner import (
     Body,
     Box,
     ClearanceChecker,
+    ContinuousProof,
     Manipulator,
     MotionError,
     Part,
     Scene,
     SceneError,
-    SweptProof,
     plan_joint_move,
 )
 from planner.collision.context import CollisionContext, Touches
@@ -291,6 +291,6 @@ def test_the_nearest_of_a_proof_is_the_clearance_at_its_time(
     goal = np.clip(start + rng.normal(0.0, 0.3, 7), arm.limits.q_min, arm.limits.q_max)
     motion = plan_joint_move(start, goal, manipulator.limits)
     proof = context.prove(motion)
-    assume(isinstance(proof, SweptProof))
+    assume(isinstance(proof, ContinuousProof))
     found = context.clearance(motion.sample(proof.nearest.time_s or 0.0).q)
     assert proof.nearest.distance_m == pytest.approx(found.distance_m, abs=DISTANCE_TOLERANCE_M)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm
 from planner import MotionError, Trajectory, TrajectoryError, plan_joint_move
-from planner.collision.motion_bounds import JointSpan
+from planner.collision.continuous.motion_bounds import JointSpan
 from planner.trajectory import CONTINUITY_TOLERANCE
 
 seeds = st.integers(0, 2**32 - 1)

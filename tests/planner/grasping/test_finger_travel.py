@@ -21,8 +21,8 @@ from planner import (
     Scene,
     plan_pick_and_place,
 )
-from planner.clearance import SweptProof
-from planner.collision.robot_body import RobotBody
+from planner.clearance import ContinuousProof
+from planner.collision.robot.robot_body import RobotBody
 from planner.grasping.finger_travel import FingerTravel, TravelCheck, closing_travel, prove_travel
 from planner.pick_place.phases import LEAST_ROOM_M
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
@@ -172,7 +172,7 @@ def test_no_sample_of_the_way_is_nearer_than_proven_and_contacts_are_there(
         for sign, finger in zip((1.0, -1.0), hand.fingers, strict=True)
         for shape in finger
     ]
-    if isinstance(result, SweptProof):
+    if isinstance(result, ContinuousProof):
         assert result.proven_m <= min(gaps)
     else:
         assert min(gaps) <= hand.stroke_m / SAMPLES
@@ -205,5 +205,5 @@ def test_fingers_are_stopped_by_the_own_robot_too(manipulator: Manipulator) -> N
     hand = manipulator.hand
     travel = FingerTravel(Scene.of(), 0.0, hand.stroke_m)
     result = prove_travel(manipulator, (travel,), manipulator.arm.neutral)
-    assert isinstance(result, SweptProof)
+    assert isinstance(result, ContinuousProof)
     assert result.nearest.distance_m > 0.05

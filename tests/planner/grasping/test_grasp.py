@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from planner import Body, Box, Grasp, Hand, Miss, MissKind, Part, RobotShapes, make_block
-from planner.collision.robot_body import RobotBody
+from planner.collision.robot.robot_body import RobotBody
 from planner.grasping.grasp import LEAST_PAD_M, NEAR_EDGE_M
 from planner.scene.bodies import Sphere
 from tests.bodies import grasp_of

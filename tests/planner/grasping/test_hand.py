@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter, ConfigurationError, PoseError, UnknownNameError
 from planner import Body, Box, Cylinder, Grasp, Hand, Manipulator, Part, RobotShapes, SceneError
-from planner.collision.robot_body import RobotBody
+from planner.collision.robot.robot_body import RobotBody
 from planner.scene.bodies import Shape, Sphere
 from planner.verification.body.robot_body import robot_body
 from tests.bodies import grasp_of

@@ -21,7 +21,7 @@ from planner import (
     Trajectory,
     plan_joint_move,
 )
-from planner.collision.continuous import prove_clear
+from planner.collision.continuous.proof import prove_clear
 from planner.collision.sampling import looks_clear, sample_times
 from planner.motion.free_move import ROUNDS, IsClear, plan_free_move
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from baxter_kin import BaxterError
 from planner import Body, Box, Cylinder, Part, Scene, SceneError, Sphere
-from planner.collision.continuous import ACCURACY_M
+from planner.collision.continuous.proof import ACCURACY_M
 from planner.scene.bodies import Shape
 from planner.scene.contact import (
     MOST_TOUCHED_TRIANGLES,

@@ -30,7 +30,7 @@ from planner import (
     plan_pick_and_place,
     verify,
 )
-from planner.clearance import Clearance, SweptProof
+from planner.clearance import Clearance, ContinuousProof
 from planner.verification.body.distances import Distances
 from planner.verification.body.nearest import nearest
 from planner.verification.body.robot_body import robot_body
@@ -164,7 +164,7 @@ def test_an_elbow_may_not_go_into_a_cube_that_the_urdfs_cylinder_misses(
     assert found[inside].where == "left_lower_elbow with cube"
 
 
-def stated(plan: Plan, label: str, proof: SweptProof) -> Plan:
+def stated(plan: Plan, label: str, proof: ContinuousProof) -> Plan:
     steps = [
         replace(step, proof=proof) if isinstance(step, Move) and step.label == label else step
         for step in plan
@@ -172,9 +172,11 @@ def stated(plan: Plan, label: str, proof: SweptProof) -> Plan:
     return replace(plan, steps=tuple(steps))
 
 
-def claim(proven_m: float, margin_m: float = 0.0, nearest_m: float | None = None) -> SweptProof:
+def claim(
+    proven_m: float, margin_m: float = 0.0, nearest_m: float | None = None
+) -> ContinuousProof:
     near = Clearance(proven_m if nearest_m is None else nearest_m, "finger", "table", 0.0)
-    return SweptProof(proven_m, near, margin_m, 1, 1)
+    return ContinuousProof(proven_m, near, margin_m, 1, 1)
 
 
 def test_a_stated_proof_of_five_metres_is_not_believed(plan: Plan) -> None:

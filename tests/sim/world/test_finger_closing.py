@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from planner import Body, Grasp, Manipulator, MissKind, make_block
-from planner.collision.robot_body import RobotBody
+from planner.collision.robot.robot_body import RobotBody
 from sim import Closing, Gripper, World
 from sim.world.finger_closing import closing_of
 from tests.bodies import grasp_of

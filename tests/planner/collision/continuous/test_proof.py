@@ -25,9 +25,15 @@ from planner import (
     TrajectoryError,
     plan_joint_move,
 )
-from planner.clearance import SweptContact, SweptProof, SweptResult
-from planner.collision import continuous as module
-from planner.collision.continuous import ACCURACY_M, RESOLUTION_M, SLACK_M, TIGHTNESS, prove_clear
+from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
+from planner.collision.continuous import proof as module
+from planner.collision.continuous.proof import (
+    ACCURACY_M,
+    RESOLUTION_M,
+    SLACK_M,
+    TIGHTNESS,
+    prove_clear,
+)
 from planner.scene.bodies import Shape
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from planner.scene.held import Held
@@ -64,7 +70,7 @@ class Stage:
 
     def prove(
         self, motion: Trajectory, margin_m: float = 0.0, finger_m: float = 0.0
-    ) -> SweptResult:
+    ) -> ContinuousResult:
         q = self.full(np.zeros(7), finger_m)
         return prove_clear(self.checker, motion, q, margin_m=margin_m)
 
@@ -132,7 +138,7 @@ def test_no_sample_comes_closer_than_proven(
 ) -> None:
     stage, motion, margin_m = random_stage(robot, left, shapes, seed)
     result = stage.prove(motion, margin_m)
-    if isinstance(result, SweptProof):
+    if isinstance(result, ContinuousProof):
         samples = stage.sampled(motion, np.linspace(0.0, motion.duration, SAMPLES))
         assert margin_m < result.proven_m <= min(samples)
 
@@ -146,7 +152,7 @@ def test_a_contact_is_there_at_its_time(
 ) -> None:
     stage, motion, margin_m = random_stage(robot, left, shapes, seed)
     result = stage.prove(motion, margin_m)
-    if isinstance(result, SweptContact) and result.is_found:
+    if isinstance(result, ContinuousContact) and result.is_found:
         distance_m = stage.distance(motion, result.nearest.time_s or 0.0)
         assert distance_m <= margin_m
         assert distance_m == pytest.approx(result.nearest.distance_m, abs=SAME_DISTANCE_M)
@@ -159,7 +165,7 @@ def test_proves_most_of_the_least_distance_found(
 ) -> None:
     stage, motion, _ = random_stage(robot, left, shapes, seed)
     result = stage.prove(motion)
-    if isinstance(result, SweptProof):
+    if isinstance(result, ContinuousProof):
         least_m = result.nearest.distance_m
         assert result.proven_m >= min(TIGHTNESS * least_m, least_m - SLACK_M)
         assert result.proven_m <= least_m
@@ -178,7 +184,7 @@ def test_the_proof_finds_a_thin_plate_between_samples(
 ) -> None:
     stage = Stage(robot, left, shapes, plate_at(left.T_base_tip(swing.sample(1.33).q)))
     result = stage.prove(swing, finger_m=0.0175)
-    assert isinstance(result, SweptContact)
+    assert isinstance(result, ContinuousContact)
     assert result.is_found
     assert {result.nearest.first, result.nearest.second} & {"plate"}
     assert result.nearest.time_s == pytest.approx(1.33, abs=0.03)
@@ -191,7 +197,7 @@ def test_the_same_swing_without_the_plate_is_clear(free: Stage, swing: Trajector
 
 def test_says_how_much_it_looked_at(free: Stage, swing: Trajectory) -> None:
     result = free.prove(swing)
-    assert isinstance(result, SweptProof)
+    assert isinstance(result, ContinuousProof)
     assert result.intervals >= module.FIRST_INTERVALS
     assert result.evaluations > 0
 
@@ -200,7 +206,7 @@ def test_a_margin_that_is_not_kept_is_a_contact(free: Stage, swing: Trajectory) 
     clear = free.prove(swing)
     margin_m = clear.nearest.distance_m + 0.001
     result = free.prove(swing, margin_m)
-    assert isinstance(result, SweptContact)
+    assert isinstance(result, ContinuousContact)
     assert result.needed_m == margin_m
     assert result.is_found
 
@@ -208,14 +214,14 @@ def test_a_margin_that_is_not_kept_is_a_contact(free: Stage, swing: Trajectory) 
 def test_a_margin_that_is_kept_is_proven(free: Stage, swing: Trajectory) -> None:
     margin_m = free.prove(swing).nearest.distance_m - 3 * RESOLUTION_M
     result = free.prove(swing, margin_m)
-    assert isinstance(result, SweptProof)
+    assert isinstance(result, ContinuousProof)
     assert result.proven_m > margin_m
 
 
 def test_what_cannot_be_told_apart_is_not_proven(free: Stage, swing: Trajectory) -> None:
     margin_m = free.prove(swing).nearest.distance_m - RESOLUTION_M / 2
     result = free.prove(swing, margin_m)
-    assert isinstance(result, SweptContact)
+    assert isinstance(result, ContinuousContact)
     assert not result.is_found
     assert "not proven" in str(result)
 
@@ -225,13 +231,13 @@ def test_gives_up_after_too_many_distances(
 ) -> None:
     monkeypatch.setattr(module, "MOST_EVALUATIONS", 3)
     result = free.prove(swing)
-    assert isinstance(result, SweptContact)
+    assert isinstance(result, ContinuousContact)
     assert not result.is_found
 
 
 def test_a_motion_of_no_duration_is_proven(free: Stage, left: Arm) -> None:
     result = free.prove(Trajectory.stay(left.neutral, left.limits))
-    assert isinstance(result, SweptProof)
+    assert isinstance(result, ContinuousProof)
     least_m = free.checker.clearance(free.full(left.neutral)).distance_m
     assert result.nearest.distance_m == pytest.approx(least_m, abs=2 * ACCURACY_M)
     assert TIGHTNESS * least_m <= result.proven_m <= least_m
@@ -247,7 +253,7 @@ def test_a_start_in_collision_is_found_at_time_zero(
 ) -> None:
     wall = Body("wall", (Part(Box((0.02, 0.02, 0.02)), ORIGIN),), left.T_base_tip(swing.q_start))
     result = Stage(robot, left, shapes, wall).prove(swing)
-    assert isinstance(result, SweptContact)
+    assert isinstance(result, ContinuousContact)
     assert result.nearest.time_s == 0.0
     assert result.fraction == 0.0
 
@@ -257,7 +263,7 @@ def test_a_goal_in_collision_is_found_at_the_end(
 ) -> None:
     wall = Body("wall", (Part(Box((0.02, 0.02, 0.02)), ORIGIN),), left.T_base_tip(swing.q_goal))
     result = Stage(robot, left, shapes, wall).prove(swing)
-    assert isinstance(result, SweptContact)
+    assert isinstance(result, ContinuousContact)
     assert result.fraction == 1.0
 
 
@@ -283,7 +289,7 @@ class Carry:
         allowed: bool = True,
         margin_m: float = 0.0,
         shape: Shape = SLAB,
-    ) -> SweptResult:
+    ) -> ContinuousResult:
         """The shoulder bends; above zero it lowers the cube."""
         left, T_base_tip = self._left, self._left.T_base_tip(self._left.neutral)
         under = T_base_tip.translation - [0.0, 0.0, 0.025 + 0.005 - depth_m]
@@ -315,20 +321,20 @@ def test_an_allowed_contact_may_press_in_a_little(carry: Carry, depth_m: float) 
 
 def test_an_allowed_contact_that_presses_in_too_far_is_found(carry: Carry) -> None:
     result = carry.prove(-0.2, 1.2 * PRESSING_TOLERANCE_M)
-    assert isinstance(result, SweptContact)
+    assert isinstance(result, ContinuousContact)
     assert result.needed_m == -PRESSING_TOLERANCE_M
     assert result.nearest.distance_m == pytest.approx(-1.2 * PRESSING_TOLERANCE_M, abs=ACCURACY_M)
 
 
 def test_an_allowed_contact_that_presses_in_on_the_way_is_found(carry: Carry) -> None:
     result = carry.prove(0.01)
-    assert isinstance(result, SweptContact)
+    assert isinstance(result, ContinuousContact)
     assert result.fraction > 0.0
 
 
 def test_the_same_contact_is_found_when_it_is_not_allowed(carry: Carry) -> None:
     result = carry.prove(-0.2, 1e-5, allowed=False)
-    assert isinstance(result, SweptContact)
+    assert isinstance(result, ContinuousContact)
     assert {result.nearest.first, result.nearest.second} == {"cube", "support"}
 
 
@@ -347,7 +353,7 @@ def test_a_mesh_without_any_thickness_is_found(
 ) -> None:
     sheet = sheet_at(left.T_base_tip(swing.sample(1.33).q))
     result = Stage(robot, left, shapes, sheet).prove(swing, finger_m=0.0175)
-    assert isinstance(result, SweptContact)
+    assert isinstance(result, ContinuousContact)
     assert {result.nearest.first, result.nearest.second} & {"sheet"}
 
 

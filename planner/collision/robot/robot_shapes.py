@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from collections.abc import Mapping
+from functools import cached_property
 
 import coal
 import numpy as np
@@ -15,40 +14,17 @@ from baxter_kin import Arm, Baxter
 from baxter_kin.errors import expect
 from baxter_kin.validation import whole_scalar
 from baxter_kin.value_objects import OneLine
-from planner.collision.distances import Enclosure
-from planner.collision.hand_body import fitted
-from planner.collision.known_pairs import KnownPairs
-from planner.collision.motion_bounds import Covers
-from planner.collision.robot_body import LinkBody, RobotBody
+from planner.collision.covers import Covers
+from planner.collision.robot.hand_body import fitted
+from planner.collision.robot.known_pairs import KnownPairs
+from planner.collision.robot.link_shapes import LinkShape, for_contacts, shapes_of
+from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
 from planner.scene.bodies import Part
-from planner.scene.contact import convex, has_depth, hull, shape_of, surface, surface_for_contacts
+from planner.scene.contact import hull, shape_of
 
 GRIPPER = "_gripper_"
 """In names of links that a robot with a bare flange lacks."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LinkShape:
-    """A shape of a link, or of a body, in its frame.
-
-    Attributes:
-        link: the link or body that it belongs to.
-        geometry: of coal.
-        enclosure: what its triangles enclose; None for a convex shape.
-        margin_m: how far outside the shape what it stands for may be.
-        padding_m: how much thicker than that it counts as, but where it may come near something.
-        is_whole: whether it counts against what must not be touched.
-        is_detail: whether it counts against what the hand grasps.
-    """
-
-    link: str
-    geometry: coal.CollisionGeometry
-    enclosure: Enclosure | None = None
-    margin_m: float = 0.0
-    padding_m: float = 0.0
-    is_whole: bool = True
-    is_detail: bool = True
 
 
 class RobotShapes(OneLine):
@@ -63,7 +39,7 @@ class RobotShapes(OneLine):
     """
 
     def __init__(self, robot: Baxter, body: RobotBody | None = None) -> None:
-        """Remember both; no shape is made before it is asked for.
+        """No shape is made before it is asked for.
 
         Args:
             robot: the robot.
@@ -96,12 +72,12 @@ class RobotShapes(OneLine):
     @cached_property
     def made(self) -> tuple[LinkShape, ...]:
         """The shapes of all links."""
-        return _of_body(self.fitted_body, self._there)
+        return shapes_of(self.fitted_body, self._there)
 
     @property
     def for_contacts(self) -> Mapping[int, coal.BVHModelOBB]:
         """The surfaces among them once more, as contacts are found in them fastest."""
-        return _for_contacts(self.fitted_body, self._there)
+        return for_contacts(self.fitted_body, self._there)
 
     @cached_property
     def links(self) -> tuple[str, ...]:
@@ -260,48 +236,3 @@ class RobotShapes(OneLine):
 
 def _checked(arm: Arm) -> Arm:
     return expect(arm, Arm, "arm", SceneError)
-
-
-@lru_cache(maxsize=4)
-def _of_body(body: RobotBody, there: frozenset[str]) -> tuple[LinkShape, ...]:
-    """The shapes of some links of a body, made once; links of equal body share them."""
-    known: dict[tuple[object, ...], list[LinkShape]] = {}
-    shapes = []
-    for link in (link for name, link in body.links.items() if name in there):
-        parts = (link.surface, link.enclosure, *link.pieces)
-        key = (*(part.vertices.tobytes() for part in parts), link.is_touching, link.margin_m)
-        if key not in known:
-            known[key] = list(_of_link(link))
-        shapes += [replace(made, link=link.name, padding_m=link.padding_m) for made in known[key]]
-    return tuple(shapes)
-
-
-@lru_cache(maxsize=4)
-def _for_contacts(body: RobotBody, there: frozenset[str]) -> Mapping[int, coal.BVHModelOBB]:
-    """The surfaces of a body by their numbers, made once, as the shapes are."""
-    known: dict[int, coal.BVHModelOBB] = {}
-    found = {}
-    for number, made in enumerate(_of_body(body, there)):
-        if not has_depth(made.geometry):
-            key = id(made.geometry)
-            if key not in known:
-                known[key] = surface_for_contacts(*body.links[made.link].whole)
-            found[number] = known[key]
-    return found
-
-
-def _of_link(link: LinkBody) -> Iterator[LinkShape]:
-    pieces = [convex(*piece) for piece in link.pieces] if link.is_in_pieces else []
-    if len(pieces) == 1 and not link.has_surface:
-        yield LinkShape(link.name, pieces[0], margin_m=link.margin_m)
-        return
-    whole = link.whole
-    inside = link.enclosure if link.has_surface else whole
-    yield LinkShape(
-        link.name,
-        surface(*whole),
-        Enclosure(*inside),
-        margin_m=link.margin_m,
-        is_detail=not pieces,
-    )
-    yield from (LinkShape(link.name, piece, is_whole=False) for piece in pieces)

@@ -1,8 +1,8 @@
-"""Swept proof: an arm's motion is clear at every instant, not only at samples.
+"""Continuous proof: an arm's motion is clear at every instant, not only at samples.
 
 While a motion passes a time interval, no point of a link moves farther from where it is in the
 middle of the interval than its lever arms and the exact turns of the joints allow
-(`planner.collision.motion_bounds`). The distance of two shapes changes by no more than
+(`planner.collision.continuous.motion_bounds`). The distance of two shapes changes by no more than
 the farthest-moving point of one moves, seen from the other. That holds inside each other too,
 where the distance is minus the depth: of convex shapes it is the greatest, over all directions, of
 the gap between two planes across that direction, and no such gap changes by more. So a pair keeps a
@@ -19,19 +19,19 @@ distance that was found, or `SLACK_M` below it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple, NoReturn, Protocol
+from collections.abc import Sequence
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.errors import expect
 from baxter_kin.validation import FloatArray, Indices, finite_scalar
-from planner.clearance import Clearance, SweptContact, SweptProof, SweptResult
+from planner.clearance import Clearance, ContinuousContact, ContinuousProof, ContinuousResult
 from planner.collision.checker import FARTHEST_JOINT, ClearanceChecker
+from planner.collision.continuous.motion import ArmMotion, Motion
+from planner.collision.continuous.tasks import Tasks
 from planner.collision.distances import UNKNOWN_DEPTH_M
-from planner.collision.motion_bounds import JointSpan
 from planner.collision.shape_pairs import CheckedPairs
 from planner.errors import MotionError, SceneError, TrajectoryError
 from planner.trajectory import Trajectory
@@ -66,7 +66,7 @@ def prove_clear(
     q: ArrayLike,
     *,
     margin_m: float = 0.0,
-) -> SweptResult:
+) -> ContinuousResult:
     """A proof that a motion of the checker's arm is free of collision, or what speaks against it.
 
     Args:
@@ -102,108 +102,9 @@ def checked_margin_m(margin_m: float) -> float:
     return checked
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Tasks:
-    """Pairs to be proven, each over an interval; pairs of one interval lie together.
-
-    Attributes:
-        starts_s: of the intervals, shape (m,).
-        ends_s: of the intervals, shape (m,).
-        interval: which one, for each task, shape (k,), increasing.
-        pair: which pair, for each task, shape (k,).
-    """
-
-    starts_s: FloatArray
-    ends_s: FloatArray
-    interval: Indices
-    pair: Indices
-
-    @classmethod
-    def of(cls, starts_s: FloatArray, ends_s: FloatArray, pairs: Indices) -> _Tasks:
-        """Every pair of some over every interval."""
-        count = len(starts_s)
-        interval = np.repeat(np.arange(count), len(pairs))
-        return cls(starts_s, ends_s, interval, np.tile(pairs, count))
-
-    @property
-    def middles_s(self) -> FloatArray:
-        """Middles of the intervals, shape (m,)."""
-        return (self.starts_s + self.ends_s) / 2
-
-    def only(self, chosen: NDArray[np.bool_]) -> _Tasks:
-        """Some of them."""
-        return _Tasks(self.starts_s, self.ends_s, self.interval[chosen], self.pair[chosen])
-
-    def halved(self) -> _Tasks:
-        """The same over both halves of their intervals."""
-        kept, interval = np.unique(self.interval, return_inverse=True)
-        starts, middles, ends = (x[kept] for x in (self.starts_s, self.middles_s, self.ends_s))
-        return _Tasks(
-            np.concatenate([starts, middles]),
-            np.concatenate([middles, ends]),
-            np.concatenate([interval, interval + len(kept)]),
-            np.concatenate([self.pair, self.pair]),
-        )
-
-
-class Around(NamedTuple):
-    """Shapes around the middles of m intervals.
-
-    Attributes:
-        poses: of all shapes in base at the middles, shape (m, n, 4, 4).
-        gaps_m: lower bounds on the distances there of pairs, for (interval, pair) of shape (k,).
-        motions_m: bounds on how far they come nearer during the interval, likewise.
-    """
-
-    poses: FloatArray
-    gaps_m: Callable[[Indices, Indices], FloatArray]
-    motions_m: Callable[[Indices, Indices], FloatArray]
-
-
-class Motion(Protocol):
-    """How the shapes of a situation move."""
-
-    @property
-    def duration_s(self) -> float:
-        """From its begin to its end."""
-
-    def around(self, starts_s: FloatArray, ends_s: FloatArray) -> Around:
-        """The shapes in the middle of intervals, shape (m,) both, and their motion about it."""
-
-
-class ArmMotion:
-    """A trajectory of the arm of a checker, all else at rest."""
-
-    def __init__(self, checker: ClearanceChecker, trajectory: Trajectory, full: FloatArray) -> None:
-        self.duration_s = trajectory.duration
-        self._full, self._span = full, JointSpan(trajectory)
-        self._motion_bounds = checker.motion_bounds
-        self._covers, self._padding_m = checker.checked.covers, checker.checked.padding_m
-        self._moving, self._other = _outer_first(checker.pairs, self._motion_bounds.depth)
-
-    def around(self, starts_s: FloatArray, ends_s: FloatArray) -> Around:
-        """By lever arms and exact turns."""
-        qs, turns = self._span.around_middle(starts_s, ends_s)
-        placed = self._motion_bounds.place(self._full, qs)
-
-        def gaps_m(interval: Indices, pair: Indices) -> FloatArray:
-            moving, other = self._moving[pair], self._other[pair]
-            gaps = self._covers.gaps_m(placed.shapes, interval, moving, other)
-            return gaps - self._padding_m[pair]
-
-        def motions_m(interval: Indices, pair: Indices) -> FloatArray:
-            seen_from = self._motion_bounds.depth[self._other[pair]]
-            shapes, column = np.unique(self._moving[pair], return_inverse=True)
-            motions = self._motion_bounds.motions_m(placed, turns, shapes)
-            moved: FloatArray = motions[interval, column, seen_from]
-            return moved
-
-        return Around(placed.shapes, gaps_m, motions_m)
-
-
 def prove_motion(
     checked: CheckedPairs, motion: Motion, margin_m: float, pairs: Indices | None = None
-) -> SweptResult:
+) -> ContinuousResult:
     """A proof that a motion of any kind is clear, or what speaks against it.
 
     Args:
@@ -218,10 +119,10 @@ def prove_motion(
 
 def contact_of(
     checked: CheckedPairs, motion: Motion, margin_m: float, pairs: Indices
-) -> SweptContact | None:
+) -> ContinuousContact | None:
     """What speaks against a motion, as `prove_motion` finds it, and no distance beyond that."""
     result = _Search(checked, motion, margin_m, pairs, least_m=-np.inf).run()
-    return result if isinstance(result, SweptContact) else None
+    return result if isinstance(result, ContinuousContact) else None
 
 
 class _Search:
@@ -244,17 +145,17 @@ class _Search:
         self._proven_m = np.inf
         self._intervals = self._evaluations = 0
 
-    def run(self) -> SweptResult:
+    def run(self) -> ContinuousResult:
         """Both ends first, then the intervals between them, level by level."""
         try:
             self._look_at_ends()
             cuts = np.linspace(0.0, self._duration_s, FIRST_INTERVALS + 1)
-            tasks = _Tasks.of(cuts[:-1], cuts[1:], self._pairs)
+            tasks = Tasks.of(cuts[:-1], cuts[1:], self._pairs)
             while tasks.pair.size:
                 tasks = self._unproven(tasks).halved()
         except _NotClearError as stop:
             return stop.contact
-        return SweptProof(
+        return ContinuousProof(
             self._proven_m, self._nearest, self._margin_m, self._intervals, self._evaluations
         )
 
@@ -265,7 +166,7 @@ class _Search:
         least so far need not be known better. What is wholly inside a surface is looked for, too.
         """
         ends_s = np.array([0.0, self._duration_s])
-        tasks, around = _Tasks.of(ends_s, ends_s, self._pairs), self._motion.around(ends_s, ends_s)
+        tasks, around = Tasks.of(ends_s, ends_s, self._pairs), self._motion.around(ends_s, ends_s)
         gaps, distances = around.gaps_m(tasks.interval, tasks.pair), self._checked.distances
         columns = tasks.pair, gaps, self._too_close_m[tasks.pair], self._touch[tasks.pair]
         order = np.lexsort((gaps, distances.is_slow[tasks.pair], tasks.interval))
@@ -288,7 +189,7 @@ class _Search:
                     nearest_m = min(nearest_m, measured_m)
             self._judge(tasks, found, each, exact)
 
-    def _unproven(self, tasks: _Tasks) -> _Tasks:
+    def _unproven(self, tasks: Tasks) -> Tasks:
         """Those of the tasks that need smaller intervals."""
         self._intervals += len(tasks.starts_s)
         around = self._motion.around(tasks.starts_s, tasks.ends_s)
@@ -307,7 +208,7 @@ class _Search:
         wanted_m = max(self._margin_m, min(TIGHTNESS * least_m, least_m - SLACK_M))
         return np.where(self._touch, self._needed_m, wanted_m)
 
-    def _open(self, tasks: _Tasks, kept_m: FloatArray) -> NDArray[np.bool_]:
+    def _open(self, tasks: Tasks, kept_m: FloatArray) -> NDArray[np.bool_]:
         """Whether keeping so much, shape (k,), is not enough yet for each task."""
         enough = kept_m > self._wanted_m()[tasks.pair]
         counted = kept_m[enough & ~self._touch[tasks.pair]]
@@ -315,7 +216,7 @@ class _Search:
         return ~enough
 
     def _measured(
-        self, tasks: _Tasks, poses: FloatArray, gaps: FloatArray, within_m: FloatArray
+        self, tasks: Tasks, poses: FloatArray, gaps: FloatArray, within_m: FloatArray
     ) -> FloatArray:
         """Distances in the middle of the intervals, shape (k,), m, or lower bounds on them.
 
@@ -346,7 +247,7 @@ class _Search:
         self._judge(tasks, found, np.arange(len(found)), exact.tolist())
         return found
 
-    def _judge(self, tasks: _Tasks, found: FloatArray, each: Indices, exact: Sequence[int]) -> None:
+    def _judge(self, tasks: Tasks, found: FloatArray, each: Indices, exact: Sequence[int]) -> None:
         """Stop where one of some is too near; and take over the nearest of those known exactly."""
         pairs = tasks.pair[each]
         is_too_close = (found[each] < self._too_close_m[pairs]).any()
@@ -357,13 +258,13 @@ class _Search:
         if least >= 0 and found[least] < self._nearest.distance_m:
             self._nearest = self._found(tasks, found, least)
 
-    def _found(self, tasks: _Tasks, distances: FloatArray, task: int) -> Clearance:
+    def _found(self, tasks: Tasks, distances: FloatArray, task: int) -> Clearance:
         time_s = float(tasks.middles_s[tasks.interval[task]])
         return self._checked.between(int(tasks.pair[task]), distances[task], time_s)
 
-    def _stop(self, tasks: _Tasks, distances: FloatArray, task: int) -> NoReturn:
+    def _stop(self, tasks: Tasks, distances: FloatArray, task: int) -> NoReturn:
         raise _NotClearError(
-            SweptContact(
+            ContinuousContact(
                 self._found(tasks, distances, task),
                 float(self._needed_m[tasks.pair[task]]),
                 self._duration_s,
@@ -376,7 +277,7 @@ class _Search:
 class _NotClearError(Exception):
     """Ends a search; becomes its result."""
 
-    def __init__(self, contact: SweptContact) -> None:
+    def __init__(self, contact: ContinuousContact) -> None:
         self.contact = contact
         super().__init__(str(contact))
 
@@ -384,13 +285,6 @@ class _NotClearError(Exception):
 def _sure(distances: FloatArray) -> FloatArray:
     """What is left of measured distances, shape (k,), m, when they are as wrong as they may be."""
     return distances - ACCURACY_M * np.maximum(1.0, distances)
-
-
-def _outer_first(pairs: Indices, depth: Indices) -> tuple[Indices, Indices]:
-    """The shape of each pair that more joints of the arm move, and the other; shape (n,) both."""
-    swap = depth[pairs[:, 0]] < depth[pairs[:, 1]]
-    first, second = pairs.T
-    return np.where(swap, second, first), np.where(swap, first, second)
 
 
 def _check_joints(trajectory: Trajectory, checker: ClearanceChecker) -> None:

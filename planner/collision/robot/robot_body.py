@@ -120,7 +120,8 @@ class RobotBody(Checked, Frozen, OneLine, error=SceneError):
 
     Attributes:
         links: link name -> its body; links without any shape are absent. What may be mounted in
-            place of a link's mesh is there as `<link>:<mesh>`; see `planner.collision.hand_body`.
+            place of a link's mesh is there as `<link>:<mesh>`; see
+            `planner.collision.robot.hand_body`.
         skipped_pairs: two link names -> why they are not checked against each other.
     """
 

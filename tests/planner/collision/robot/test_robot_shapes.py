@@ -26,7 +26,7 @@ from planner import (
     verify,
 )
 from planner.collision.distances import Enclosure
-from planner.collision.robot_body import RobotBody
+from planner.collision.robot.robot_body import RobotBody
 from planner.scene.bodies import Sphere
 from tests.conftest import at
 from tests.planner.conftest import distance

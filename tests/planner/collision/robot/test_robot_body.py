@@ -19,7 +19,7 @@ from scipy.spatial import ConvexHull, cKDTree
 from baxter_kin import Baxter
 from baxter_kin.validation import FloatArray
 from planner.collision.distances import Enclosure
-from planner.collision.robot_body import LinkBody, RobotBody
+from planner.collision.robot.robot_body import LinkBody, RobotBody
 from planner.verification.body.collada import read_collada
 
 ROUNDING_M = 1e-9

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from baxter_kin import Arm, Baxter
 from planner import RobotShapes, Scene
 from planner.collision.checker import ClearanceChecker
-from planner.collision.motion_bounds import MotionBounds
+from planner.collision.continuous.motion_bounds import MotionBounds
 from tests.calibrated import calibrated_arm
 from tests.planner.conftest import distance
 

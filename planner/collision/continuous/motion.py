@@ -1,0 +1,75 @@
+"""How the shapes of a situation move: where they are, and how far they come about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from baxter_kin.validation import FloatArray, Indices
+from planner.collision.checker import ClearanceChecker
+from planner.collision.continuous.motion_bounds import JointSpan
+from planner.trajectory import Trajectory
+
+
+class Around(NamedTuple):
+    """Shapes around the middles of m intervals.
+
+    Attributes:
+        poses: of all shapes in base at the middles, shape (m, n, 4, 4).
+        gaps_m: lower bounds on the distances there of pairs, for (interval, pair) of shape (k,).
+        motions_m: bounds on how far they come nearer during the interval, likewise.
+    """
+
+    poses: FloatArray
+    gaps_m: Callable[[Indices, Indices], FloatArray]
+    motions_m: Callable[[Indices, Indices], FloatArray]
+
+
+class Motion(Protocol):
+    """How the shapes of a situation move."""
+
+    @property
+    def duration_s(self) -> float:
+        """From its begin to its end."""
+
+    def around(self, starts_s: FloatArray, ends_s: FloatArray) -> Around:
+        """The shapes in the middle of intervals, shape (m,) both, and their motion about it."""
+
+
+class ArmMotion:
+    """A trajectory of the arm of a checker, all else at rest."""
+
+    def __init__(self, checker: ClearanceChecker, trajectory: Trajectory, full: FloatArray) -> None:
+        self.duration_s = trajectory.duration
+        self._full, self._span = full, JointSpan(trajectory)
+        self._motion_bounds = checker.motion_bounds
+        self._covers, self._padding_m = checker.checked.covers, checker.checked.padding_m
+        self._moving, self._other = _outer_first(checker.pairs, self._motion_bounds.depth)
+
+    def around(self, starts_s: FloatArray, ends_s: FloatArray) -> Around:
+        """By lever arms and exact turns."""
+        qs, turns = self._span.around_middle(starts_s, ends_s)
+        placed = self._motion_bounds.place(self._full, qs)
+
+        def gaps_m(interval: Indices, pair: Indices) -> FloatArray:
+            moving, other = self._moving[pair], self._other[pair]
+            gaps = self._covers.gaps_m(placed.shapes, interval, moving, other)
+            return gaps - self._padding_m[pair]
+
+        def motions_m(interval: Indices, pair: Indices) -> FloatArray:
+            seen_from = self._motion_bounds.depth[self._other[pair]]
+            shapes, column = np.unique(self._moving[pair], return_inverse=True)
+            motions = self._motion_bounds.motions_m(placed, turns, shapes)
+            moved: FloatArray = motions[interval, column, seen_from]
+            return moved
+
+        return Around(placed.shapes, gaps_m, motions_m)
+
+
+def _outer_first(pairs: Indices, depth: Indices) -> tuple[Indices, Indices]:
+    """The shape of each pair that more joints of the arm move, and the other; shape (n,) both."""
+    swap = depth[pairs[:, 0]] < depth[pairs[:, 1]]
+    first, second = pairs.T
+    return np.where(swap, second, first), np.where(swap, first, second)
