@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 from baxter_kin.validation import Checked, finite_scalar
 from baxter_kin.value_objects import OneLine, clear, millimetres, seconds, sentence
-from planner.errors import SceneError
+from planner.errors import MotionError, SceneError
 
 SHOWN_M = 5e-5
 """Distances and depths below this would be shown as 0.0 mm; they are called a touch."""
@@ -148,3 +148,15 @@ class ContinuousContact(Checked, OneLine, error=SceneError):
 
 
 ContinuousResult: TypeAlias = ContinuousProof | ContinuousContact
+
+
+def checked_margin_m(margin_m: float) -> float:
+    """A safety margin, if it is one.
+
+    Raises:
+        MotionError: when it is no number, or negative.
+    """
+    checked = finite_scalar(margin_m, "margin_m", MotionError)
+    if checked < 0.0:
+        raise MotionError(f"a safety margin is not negative, got {checked:g} m")
+    return checked

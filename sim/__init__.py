@@ -13,10 +13,11 @@ if TYPE_CHECKING:
     from sim.errors import RecordingError, SimulationError, ViewerError
     from sim.events import Event, EventKind, Observer, Snapshot
     from sim.outcome import Dwell, Outcome
-    from sim.perception.closed_loop import Attempt, ClosedLoop, LoopResult, Transfer
+    from sim.perception.closed_loop import ClosedLoop
     from sim.perception.noisy_poses import Noise, NoisyPoses
     from sim.perception.pose_log import LoggedPoses, Look, ReplayedPoses, read_looks
     from sim.perception.pose_source import PoseSource, Sighting, TruePoses
+    from sim.perception.transfer import Attempt, LoopResult, Transfer
     from sim.recording.log_reading import read_log
     from sim.recording.log_recorder import LogRecorder
     from sim.recording.mcap_file import McapRecorder, write_mcap
@@ -93,6 +94,7 @@ __getattr__ = loader(
     (
         "baxter_kin.kinematics.pinocchio_loading",
         "sim.perception.closed_loop",
+        "sim.perception.transfer",
         "sim.world.finger_closing",
         "sim.world.contacts",
         "sim.errors",

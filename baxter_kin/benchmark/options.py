@@ -17,7 +17,7 @@ DEFAULT_COUNT = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class BenchmarkOptions:
     """What the user asked for.
 
     Attributes:
@@ -45,7 +45,7 @@ class Options:
     urdf: Path | None = None
 
 
-def parse_options(argv: Sequence[str] | None = None) -> Options:
+def parse_options(argv: Sequence[str] | None = None) -> BenchmarkOptions:
     """Read the command line; exits with status 2 and one sentence when it makes no sense."""
     parser = _parser()
     raw = parser.parse_args(argv)
@@ -53,7 +53,7 @@ def parse_options(argv: Sequence[str] | None = None) -> Options:
         _check_plot(parser, raw.plot)
         if raw.json is not None and raw.json.absolute() == raw.plot.absolute():
             parser.error("--json and --plot name the same file; give two")
-    return Options(
+    return BenchmarkOptions(
         limbs=LIMBS if raw.limb == "both" else (raw.limb,),
         scenarios=tuple(dict.fromkeys(Scenario(name) for name in raw.scenario)),
         solvers=tuple(entrant.key for entrant in ENTRANTS if entrant.key in raw.solvers),

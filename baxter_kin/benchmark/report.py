@@ -16,7 +16,7 @@ from baxter_kin.benchmark import are_threads_limited
 from baxter_kin.benchmark import verification as limits
 from baxter_kin.benchmark.entrants import Absence, Contestant
 from baxter_kin.benchmark.measurement import BatchMeasurement, Measurement
-from baxter_kin.benchmark.options import Options
+from baxter_kin.benchmark.options import BenchmarkOptions
 from baxter_kin.files import replace_file
 
 _PACKAGES = ("baxter-kin", "numpy", "pin", "casadi")
@@ -91,7 +91,7 @@ class Outcome:
         batches: one per solver with a batch call, and arm; empty unless asked for.
     """
 
-    options: Options
+    options: BenchmarkOptions
     machine: Machine
     contestants: dict[str, Contestant]
     absences: Sequence[Absence]

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from baxter_kin.benchmark.entrants import ENTRANTS, Absence, Contestant, enter
 from baxter_kin.benchmark.measurement import BatchMeasurement, Measurement, measure, measure_batch
-from baxter_kin.benchmark.options import Options
+from baxter_kin.benchmark.options import BenchmarkOptions
 from baxter_kin.benchmark.poses import draw_poses
 from baxter_kin.benchmark.report import Machine, Outcome, markdown
 from baxter_kin.benchmark.verification import Verifier
@@ -18,7 +18,7 @@ from baxter_kin.kinematics.arm import Arm
 from baxter_kin.model import Baxter
 
 
-def run_benchmark(options: Options) -> Outcome:
+def run_benchmark(options: BenchmarkOptions) -> Outcome:
     """Measure, print the table, write what was asked for."""
     with log_told((lambda _: None) if options.is_quiet else _tell, _tell):
         outcome = _measure(options)
@@ -37,7 +37,7 @@ def _tell(text: str) -> None:
     print(f"baxter_kin.benchmark: {text}", file=sys.stderr, flush=True)
 
 
-def _measure(options: Options) -> Outcome:
+def _measure(options: BenchmarkOptions) -> Outcome:
     robot = Baxter.load(options.urdf)
     contestants: dict[str, Contestant] = {}
     absences: dict[Absence, None] = {}
@@ -54,14 +54,14 @@ def _measure(options: Options) -> Outcome:
     return Outcome(options, Machine.this(), contestants, tuple(absences), rows, batches)
 
 
-def _enter(options: Options, arm: Arm) -> tuple[dict[str, Contestant], list[Absence]]:
+def _enter(options: BenchmarkOptions, arm: Arm) -> tuple[dict[str, Contestant], list[Absence]]:
     entered = {e.key: enter(e, arm) for e in ENTRANTS if e.key in options.solvers}
     present = {key: who for key, who in entered.items() if isinstance(who, Contestant)}
     return present, [who for who in entered.values() if isinstance(who, Absence)]
 
 
 def _rows(
-    options: Options, arm: Arm, verifier: Verifier, contestants: dict[str, Contestant]
+    options: BenchmarkOptions, arm: Arm, verifier: Verifier, contestants: dict[str, Contestant]
 ) -> list[Measurement]:
     rows = []
     for scenario in options.scenarios:
@@ -73,7 +73,7 @@ def _rows(
 
 
 def _batches(
-    options: Options, arm: Arm, verifier: Verifier, contestants: dict[str, Contestant]
+    options: BenchmarkOptions, arm: Arm, verifier: Verifier, contestants: dict[str, Contestant]
 ) -> list[BatchMeasurement]:
     poses = draw_poses(arm, options.scenarios[0], count=options.count, seed=options.seed)
     found = [measure_batch(key, who, poses, verifier) for key, who in contestants.items()]
@@ -81,7 +81,9 @@ def _batches(
 
 
 @contextmanager
-def _progress(title: str, total: int, options: Options) -> Iterator[Callable[[int], object]]:
+def _progress(
+    title: str, total: int, options: BenchmarkOptions
+) -> Iterator[Callable[[int], object]]:
     """A bar on stderr, for those who watch."""
     is_watched = sys.stderr.isatty() and importlib.util.find_spec("tqdm") is not None
     if options.is_quiet or not is_watched:

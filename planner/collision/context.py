@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.validation import FloatArray, finite_array, float_array
 from baxter_kin.value_objects import OneLine, millimetres
-from planner.clearance import Clearance, ContinuousResult
+from planner.clearance import Clearance, ContinuousResult, checked_margin_m
 from planner.collision.checker import ClearanceChecker
-from planner.collision.continuous.proof import checked_margin_m, prove_clear
+from planner.collision.continuous.proof import prove_clear
 from planner.collision.obstacles import KEPT_SHARE, Obstacles
 from planner.collision.sampling import SCREENING_STEP_RAD, looks_clear
 from planner.errors import SceneError

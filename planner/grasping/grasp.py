@@ -18,6 +18,7 @@ from enum import Enum
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.errors import millimetres_hint
 from baxter_kin.validation import Checked
 from baxter_kin.value_objects import OneLine, millimetres, sentence
 from planner.errors import SceneError
@@ -175,3 +176,35 @@ def _overlap(spans: Sequence[tuple[float, float]], part: Part) -> Overlap:
         possible.append(min(high - low, end - begin))
     tightest = int(np.argmin(shared))
     return Overlap(shared[tightest], possible[tightest])
+
+
+def misfit(kind: MissKind, name: str, width_m: float, gap_m: float) -> Miss:
+    """Of what is too wide for the open hand, or too thin for the closed one."""
+    pads = "whose closed pads" if kind is MissKind.TOO_THIN else "whose pads"
+    text = (
+        f"{name} measures {1e3 * width_m:.1f} mm across the hand, {pads} are {1e3 * gap_m:.1f} mm "
+        "apart"
+    )
+    return Miss(kind, text, name, width_m)
+
+
+def beside(seen: Body) -> Miss:
+    """Of what is not between the pads."""
+    x, y, z = seen.centre_base
+    across = float(np.hypot(x, y))
+    is_hinted = millimetres_hint(x, y, z) != ""
+    hint = "; was its place given in millimetres? Lengths are in metres" if is_hinted else ""
+    text = (
+        f"{seen.name} is {1e3 * across:.0f} mm beside the tip and {1e3 * z:.0f} mm ahead of it, "
+        f"not between the pads{hint}"
+    )
+    return Miss(MissKind.NOTHING, text, seen.name, across)
+
+
+def slips(name: str, pad_m: float) -> Miss:
+    """Of what has too little of a pad on it."""
+    text = (
+        f"only {1e3 * pad_m:.1f} mm of a pad on {name}; less than {1e3 * LEAST_PAD_M:.1f} mm "
+        "slip off"
+    )
+    return Miss(MissKind.EDGE, text, name, pad_m)

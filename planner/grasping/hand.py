@@ -15,17 +15,25 @@ import pinocchio as pin
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.description.calibration import finger_joints
-from baxter_kin.errors import ConfigurationError, expect, millimetres_hint
+from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.validation import Checked, finite_scalar
 from baxter_kin.value_objects import OneLine
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError
-from planner.grasping.grasp import LEAST_PAD_M, Grasp, Miss, MissKind, Overlap, centre_off_m, extent
+from planner.grasping.grasp import (
+    Grasp,
+    Miss,
+    MissKind,
+    Overlap,
+    beside,
+    centre_off_m,
+    extent,
+    misfit,
+    slips,
+)
 from planner.scene.bodies import Body, Part
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m, travel_to_contact
-
-__all__ = ["Grasp", "Hand"]
 
 ROUNDING_M = 1e-9
 """How far a finger position may be outside 0 .. stroke by rounding."""
@@ -165,7 +173,7 @@ class Hand(Checked, OneLine, error=SceneError):
         T_tip_body = checked_pose(T_base_tip).inverse() * body.T_base_body
         seen = body.at(T_tip_body)
         if width > opening:
-            return _misfit(MissKind.TOO_WIDE, body.name, width, opening)
+            return misfit(MissKind.TOO_WIDE, body.name, width, opening)
         travels = self._travels(seen, finger_m)
         if isinstance(travels, Miss):
             return travels
@@ -196,9 +204,9 @@ class Hand(Checked, OneLine, error=SceneError):
         width = sum(seen.extent_m(sign * CLOSING_AXIS)[1] for sign in (1, -1))
         is_between = centre_off_m(self._pads_at(0.0), seen) == 0.0 and width < self.closed_gap_m
         return (
-            _misfit(MissKind.TOO_THIN, seen.name, width, self.closed_gap_m)
+            misfit(MissKind.TOO_THIN, seen.name, width, self.closed_gap_m)
             if is_between
-            else _beside(seen)
+            else beside(seen)
         )
 
     def _held(self, moved: Body, finger_m: float, push_m: float) -> Grasp | Miss:
@@ -207,7 +215,7 @@ class Hand(Checked, OneLine, error=SceneError):
         overlaps = [_overlap(pad, moved.placed_parts) for pad in pads]
         worst = min(overlaps, key=lambda overlap: overlap.least_m)
         if not all(overlap.is_enough for overlap in overlaps):
-            return _slips(moved.name, worst.least_m)
+            return slips(moved.name, worst.least_m)
         return Grasp(
             finger_m=finger_m,
             T_tip_body=moved.T_base_body,
@@ -282,36 +290,6 @@ def _overlap(pad: Sequence[Part], parts: Sequence[Part]) -> Overlap:
     touching = {pair for pair, gap in gaps.items() if gap <= least + AS_NEAR_M}
     pieces = [pad[p] for p in sorted({p for p, _ in touching})]
     return Overlap.of(pieces, [parts[q] for q in sorted({q for _, q in touching})])
-
-
-def _misfit(kind: MissKind, name: str, width_m: float, gap_m: float) -> Miss:
-    """Of what is too wide for the open hand, or too thin for the closed one."""
-    pads = "whose closed pads" if kind is MissKind.TOO_THIN else "whose pads"
-    text = (
-        f"{name} measures {1e3 * width_m:.1f} mm across the hand, {pads} are {1e3 * gap_m:.1f} mm "
-        "apart"
-    )
-    return Miss(kind, text, name, width_m)
-
-
-def _beside(seen: Body) -> Miss:
-    x, y, z = seen.centre_base
-    across = float(np.hypot(x, y))
-    is_hinted = millimetres_hint(x, y, z) != ""
-    hint = "; was its place given in millimetres? Lengths are in metres" if is_hinted else ""
-    text = (
-        f"{seen.name} is {1e3 * across:.0f} mm beside the tip and {1e3 * z:.0f} mm ahead of it, "
-        f"not between the pads{hint}"
-    )
-    return Miss(MissKind.NOTHING, text, seen.name, across)
-
-
-def _slips(name: str, pad_m: float) -> Miss:
-    text = (
-        f"only {1e3 * pad_m:.1f} mm of a pad on {name}; less than {1e3 * LEAST_PAD_M:.1f} mm "
-        "slip off"
-    )
-    return Miss(MissKind.EDGE, text, name, pad_m)
 
 
 def _along_y(y: float) -> pin.SE3:

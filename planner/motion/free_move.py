@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from baxter_kin import JointLimits
 from baxter_kin.errors import expect
 from baxter_kin.validation import FloatArray, positive_scalar
+from planner.clearance import checked_margin_m
 from planner.collision.context import CollisionContext
-from planner.collision.continuous.proof import checked_margin_m
 from planner.collision.obstacles import JOINTS, Obstacles
 from planner.collision.sampling import SCREENING_STEP_RAD, IsFree, looks_clear
 from planner.errors import FreeMoveError, MotionError

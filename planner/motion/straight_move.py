@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -18,31 +16,20 @@ from baxter_kin.validation import FloatArray, finite_scalar, whole_scalar
 from planner.errors import MotionError, StraightMoveError
 from planner.motion.guess import Followed, Way, along, drawn_to
 from planner.motion.joint_move import plan_joint_move, rest_to_rest_s, stopping_at
+from planner.motion.line_knots import at_knots, intervals_on, is_on_line
 from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.phases import MotionTask, Phase
 from planner.motion.straight_line import STRICT, LineTolerance, StraightLine
 from planner.trajectory import Trajectory
 
-FEWEST, INTERVAL_M, INTERVAL_RAD = 20, 0.011, 0.05
-"""Intervals of a line, and how far the tip goes and turns in one of them on average, at most, lest
-it leaves the line in between."""
+FEWEST = 20
+"""Intervals of a line, at least."""
 
 HALVINGS = 3
 """How often intervals are halved where it does."""
 
 SHORT = 1e-4
 """Lines up to this, in m and rad together, are straight in joint space but near singularities."""
-
-LOOKS, SHARE = 4, 0.9
-"""How often the tip is looked at in an interval, and the share of a tolerance that it may be off
-there, for what is between two looks."""
-
-BETWEEN = np.array([0.55 * 1e-4, 0.65 * math.radians(0.02)])
-"""What is left of a tolerance for what is between two knots, m and rad, but not more than these
-shares of it."""
-
-TINY = 1e-7
-"""Tolerances at knots, m, are no less, and turns, rad, count as no less."""
 
 OTHERS, TURNS, APART_RAD, GAIN = 4, 192, 0.12, 0.99
 """How many other solutions of a goal guesses are drawn to, at most; from samples at so many angles
@@ -114,42 +101,6 @@ def plan_straight_move(
     task = MotionTask(q, (line,), at_knots(tolerance, (line,)), rates=rates)
     times = whole_scalar(fineness, "fineness", MotionError, least=1, most=16)
     return _planned(arm, limits, task, tolerance, times)
-
-
-def is_on_line(arm: Arm, line: StraightLine, motion: Trajectory, tolerance: LineTolerance) -> bool:
-    """Whether the tip keeps to a line, looked at between the knots too."""
-    looks = np.linspace(0.0, motion.duration, LOOKS * (len(motion.knots_s) - 1) + 1)
-    off_m, off_rad = line.off(arm.T_base_tips(motion.sample(looks).q))
-    is_near = (off_m <= SHARE * tolerance.position_m) & (off_rad <= SHARE * tolerance.rotation_rad)
-    return bool(is_near.all())
-
-
-def at_knots(tolerance: LineTolerance, lines: Sequence[StraightLine] = ()) -> tuple[float, float]:
-    """How far the tip may be off lines at knots, along and about each axis, m and rad.
-
-    Less where a tip that is ahead of its turn on the line would be turned by more.
-    """
-    most = SHARE * np.array([tolerance.position_m, tolerance.rotation_rad])
-    between = np.minimum(BETWEEN, 0.65 * most / SHARE)
-    position_m, rotation_rad = ((most - between) / math.sqrt(3.0)).tolist()
-    for line in lines:
-        position_m = min(position_m, rotation_rad * line.length_m / max(line.angle_rad, TINY))
-    return max(position_m, TINY), rotation_rad
-
-
-def intervals_on(line: StraightLine, tolerance: LineTolerance, fewest: int) -> int:
-    """How many a line has, so many at least; in steps, so that there are few programs.
-
-    What a spline leaves between knots goes with the fourth power of their distance.
-    """
-    needed = max(line.length_m / INTERVAL_M, line.angle_rad / INTERVAL_RAD, fewest)
-    tighter = (
-        STRICT.position_m / tolerance.position_m,
-        STRICT.rotation_rad / tolerance.rotation_rad,
-    )
-    needed *= math.sqrt(math.sqrt(max(1.0, *tighter)))
-    step = 2 if needed <= 20 else 10
-    return step * math.ceil(needed / step)
 
 
 def _planned(

@@ -10,10 +10,10 @@ import numpy as np
 from planner.collision.context import CollisionContext
 from planner.motion.avoidance import LED_CLEAR_M, Motions, led_around
 from planner.motion.guess import Followed, Way, along, backwards, between
+from planner.motion.line_knots import at_knots, intervals_on, is_on_line
 from planner.motion.program.motion_program import Clearances, MotionProgram
 from planner.motion.program.phases import MotionTask, Phase
 from planner.motion.straight_line import StraightLine
-from planner.motion.straight_move import at_knots, intervals_on, is_on_line
 from planner.pick_place.candidates import Pair
 from planner.pick_place.cycle import MOVES, Cycle
 from planner.pick_place.request import PlanRequest

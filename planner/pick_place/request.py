@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect, expect_all
 from baxter_kin.validation import FloatArray
-from planner.collision.continuous.proof import checked_margin_m
+from planner.clearance import checked_margin_m
 from planner.errors import MotionError, SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.motion.straight_line import STRICT, LineTolerance

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 from baxter_kin.command_line import EXIT_INTERRUPTED
 from baxter_kin.errors import MissingLibraryError
+from sim.demo.arguments import parse_options
 from sim.demo.interrupt import interruptible
-from sim.demo.options import parse_options
 
 __all__ = ["EXIT_INTERRUPTED", "main"]
 

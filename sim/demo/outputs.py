@@ -8,10 +8,11 @@ from pathlib import Path
 
 from baxter_kin import Baxter
 from planner import RobotBody
-from sim import CsvRecorder, LogRecorder, McapRecorder, Observer, Recorder, World
+from sim import CsvRecorder, LogRecorder, McapRecorder, Observer, Recorder, Snapshot, World
+from sim.demo.interrupt import Interrupt
 from sim.demo.live import LiveView
 from sim.demo.narration import Narrator
-from sim.demo.options import Options
+from sim.demo.options import DemoOptions
 from sim.recording.npz_file import save_recording
 
 WAIT_FOR_BROWSER_S = 15.0
@@ -20,7 +21,7 @@ REPLAY_SNAPSHOTS = 12_000
 
 
 def outputs(
-    options: Options, world: World, narrator: Narrator, cleanup: ExitStack
+    options: DemoOptions, world: World, narrator: Narrator, cleanup: ExitStack
 ) -> Iterator[Observer]:
     """Who writes what happens, and the live view, which waits, last.
 
@@ -86,3 +87,14 @@ def _write_replay(
     if recorder.has_snapshots:
         write_replay(path, recorder.recording(), robot, body=body)
         narrator.say(f"replay: {path}")
+
+
+class StopWatch(Observer):
+    """Looks at every tick whether Ctrl-C was pressed."""
+
+    def __init__(self, interrupt: Interrupt) -> None:
+        self._interrupt = interrupt
+
+    def on_snapshot(self, snapshot: Snapshot) -> None:  # noqa: ARG002 - only its coming matters
+        """Look, and raise KeyboardInterrupt if it was."""
+        self._interrupt.check()

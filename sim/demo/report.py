@@ -13,7 +13,7 @@ from baxter_kin.files import replace_file
 from baxter_kin.ik import IKResult
 from planner import GripperAction, Move, Plan
 from sim import Event, Observer, Outcome
-from sim.demo.options import Options
+from sim.demo.options import DemoOptions
 
 KEPT_CYCLES, KEPT_EVENTS = 100, 1000
 """How many of the last ones a report keeps; a run with --forever soon has more."""
@@ -84,7 +84,7 @@ class Report(Observer):
         failure: None once all is done, else why it ended early.
     """
 
-    options: Options
+    options: DemoOptions
     totals: Totals = field(default_factory=Totals)
     failure: str | None = "it did not finish"
     _cycles: deque[Json] = field(default_factory=lambda: deque(maxlen=KEPT_CYCLES))
@@ -159,7 +159,7 @@ class Report(Observer):
         replace_file(path, text.encode())
 
 
-def _noise(options: Options) -> Json | None:
+def _noise(options: DemoOptions) -> Json | None:
     """How badly the block is seen; None when the demo goes by the scene as it is."""
     if not options.is_closed_loop:
         return None

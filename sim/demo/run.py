@@ -34,20 +34,19 @@ from sim import (
     Observer,
     Outcome,
     Simulation,
-    Snapshot,
     Transfer,
     TruePoses,
     World,
 )
 from sim.demo.interrupt import Interrupt
 from sim.demo.narration import Narrator
-from sim.demo.options import Options
-from sim.demo.outputs import outputs
+from sim.demo.options import DemoOptions
+from sim.demo.outputs import StopWatch, outputs
 from sim.demo.report import Json, Point, Report
 from sim.demo.scene import BLOCK, centred_below, demo_bodies, obstacles, overhead
 
 
-def run_demo(options: Options, interrupt: Interrupt) -> int:
+def run_demo(options: DemoOptions, interrupt: Interrupt) -> int:
     """Run it; returns the exit status, and raises KeyboardInterrupt once all is cleaned up."""
     narrator = Narrator(options.verbosity)
 
@@ -67,7 +66,7 @@ def run_demo(options: Options, interrupt: Interrupt) -> int:
 class _Demo:
     """One run: a simulation, those who watch it, and what is reported of it."""
 
-    def __init__(self, options: Options, interrupt: Interrupt, narrator: Narrator) -> None:
+    def __init__(self, options: DemoOptions, interrupt: Interrupt, narrator: Narrator) -> None:
         self._options = options
         self._interrupt = interrupt
         self._narrator = narrator
@@ -244,7 +243,7 @@ class _Demo:
 
     def _observers(self, cleanup: ExitStack) -> list[Observer]:
         """Who watches: the watch for Ctrl-C first, the live view, which waits, last."""
-        first = _StopWatch(self._interrupt), self._narrator, self._report, self._truth
+        first = StopWatch(self._interrupt), self._narrator, self._report, self._truth
         return [*first, *outputs(self._options, self._world, self._narrator, cleanup)]
 
     def _write_report(self) -> None:
@@ -290,13 +289,3 @@ class _Cycle:
         """As the original has it: poses of the tip."""
         pick, place = (overhead(position) for position in self.ends_m)
         return PickAndPlace(BLOCK, pick, place, self.hover_m)
-
-
-class _StopWatch(Observer):
-    """Looks at every tick whether Ctrl-C was pressed."""
-
-    def __init__(self, interrupt: Interrupt) -> None:
-        self._interrupt = interrupt
-
-    def on_snapshot(self, snapshot: Snapshot) -> None:  # noqa: ARG002 - only its coming matters
-        self._interrupt.check()

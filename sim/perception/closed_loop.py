@@ -13,16 +13,16 @@ What is seen is taken to stand level on what is below it, which is better than a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import expect
-from baxter_kin.frames import checked_pose, raised
-from baxter_kin.validation import Checked, FloatArray
-from baxter_kin.value_objects import OneLine, count, millimetres, phrase, position, sentence
+from baxter_kin.frames import raised
+from baxter_kin.validation import FloatArray
+from baxter_kin.value_objects import OneLine, count
 from planner import (
     Body,
     Grasp,
@@ -36,9 +36,9 @@ from planner import (
     plan_pick_and_place,
     plan_retract,
 )
-from planner.pick_place.task import checked_height_m
 from sim.errors import SimulationError
 from sim.perception.pose_source import PoseSource, checked_source
+from sim.perception.transfer import Attempt, LoopResult, Transfer
 from sim.simulation import Simulation
 from sim.world.falling import come_to_rest
 
@@ -58,92 +58,6 @@ with 4 deg of yaw error is wider by 3.5 mm, and open fingers stand 7.7 mm too fa
 LIFT_M = 0.02
 """How far what is seen is lifted before it is let down on what is below: more than any error of its
 height, less than any block."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Transfer(OneLine):
-    """A body to move, by how it is grasped and where it shall be.
-
-    Attributes:
-        body: its name.
-        T_body_tip: pose of the tip seen from the body when the fingers close.
-        T_base_goal: pose of the body when they open again.
-        hover_m: height above the place where the arm ends.
-        clear_m: height above pick and place from which it may move sideways.
-
-    Raises:
-        SimulationError: when `body` is no name, or a height not a number above zero.
-        PoseError: when a pose is not a valid one.
-    """
-
-    body: str
-    T_body_tip: pin.SE3
-    T_base_goal: pin.SE3
-    hover_m: float = 0.15
-    clear_m: float = 0.05
-
-    def __post_init__(self) -> None:
-        expect(self.body, str, "name of the body", SimulationError)
-        for name in ("hover_m", "clear_m"):
-            checked_height_m(getattr(self, name), name, SimulationError)
-        for name in ("T_body_tip", "T_base_goal"):
-            object.__setattr__(self, name, checked_pose(getattr(self, name)))
-
-    def _facts(self) -> tuple[str, ...]:
-        return phrase(self.body), f"to {position(self.T_base_goal)}", f"hover {self.hover_m:g} m"
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Attempt(Checked, OneLine, error=SimulationError):
-    """One look, and what came of it.
-
-    Attributes:
-        seen: the body where it was believed to be; None when it was not seen.
-        plan: what was planned; None when it was not seen.
-        failure: None when it ended as planned, else why not, as one sentence.
-    """
-
-    seen: Body | None
-    plan: Plan | None
-    failure: str | None
-
-    def _facts(self) -> tuple[str, ...]:
-        seen = "not seen" if self.seen is None else f"seen at {position(self.seen.T_base_body)}"
-        return seen, "done" if self.failure is None else f"failed: {phrase(self.failure)}"
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class LoopResult(Checked, OneLine, error=SimulationError):
-    """How a transfer ended.
-
-    Attributes:
-        attempts: every look and what came of it, in order.
-        failure: None, or why the body is not where it should be, as one sentence.
-        placed: the body where it was seen at the end; None when it was not placed, or not seen.
-        off_m: how far its centre is from where it should be, by that sighting; None likewise.
-    """
-
-    attempts: tuple[Attempt, ...]
-    failure: str | None
-    placed: Body | None = None
-    off_m: float | None = None
-
-    @property
-    def is_success(self) -> bool:
-        """Whether it was picked and placed."""
-        return self.failure is None
-
-    @property
-    def plan(self) -> Plan | None:
-        """What was planned last; None when the body was never seen."""
-        plans = [attempt.plan for attempt in self.attempts if attempt.plan is not None]
-        return plans[-1] if plans else None
-
-    def _facts(self) -> tuple[str, ...]:
-        attempts = count(len(self.attempts), "attempt")
-        if self.failure is not None:
-            return attempts, f"failed: {sentence(self.failure)}"
-        return attempts, "success", "" if self.off_m is None else f"{millimetres(self.off_m)} off"
 
 
 class ClosedLoop(OneLine):

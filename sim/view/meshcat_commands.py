@@ -14,6 +14,8 @@ import pinocchio as pin
 import umsgpack
 from numpy.typing import NDArray
 
+from baxter_kin.validation import FloatArray
+
 Command: TypeAlias = dict[str, Any]
 """One command: its `type`, the `path` of a node, and what the type needs."""
 
@@ -25,6 +27,9 @@ _EXTENSIONS = {"int8": 0x11, "int16": 0x13, "uint16": 0x14, "uint32": 0x16, "flo
 
 _BOTH_SIDES = 2
 _SHININESS = 30.0
+
+TUBE_STEP_M = 2.0**-12
+"""Corners of tubes are rounded to this, a quarter of a millimetre."""
 
 
 def set_object(
@@ -112,6 +117,24 @@ def triangles(
     data = {"attributes": attributes, "index": index}
     geometry = {"type": "BufferGeometry", "data": data}
     return geometry if uuid is None else geometry | {"uuid": uuid}
+
+
+def tube(points: FloatArray, radius_m: float) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """A square prism along each stretch of the line: vertices (8 n, 3) and faces (8 n, 3)."""
+    along = np.diff(points, axis=0)
+    upright = np.abs(along[:, 2]) > 0.9 * np.linalg.norm(along, axis=1)
+    helper = np.where(upright[:, None], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    u = np.cross(along, helper)
+    u /= np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-12)
+    w = np.cross(along, u)
+    w /= np.maximum(np.linalg.norm(w, axis=1, keepdims=True), 1e-12)
+    ring = radius_m * np.stack([u, w, -u, -w], axis=1)
+    vertices = np.concatenate([points[:-1, None] + ring, points[1:, None] + ring], axis=1)
+    side = np.array([[i, (i + 1) % 4, i + 4] for i in range(4)])
+    other = np.array([[(i + 1) % 4, (i + 1) % 4 + 4, i + 4] for i in range(4)])
+    first = 8 * np.arange(len(along))[:, None, None]
+    faces = (first + np.concatenate([side, other])).reshape(-1, 3)
+    return short_numbers(vertices.reshape(-1, 3), TUBE_STEP_M), faces.astype(np.uint32)
 
 
 def compact(faces: NDArray[Any]) -> NDArray[Any]:

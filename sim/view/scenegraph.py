@@ -15,7 +15,6 @@ from zlib import crc32
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from baxter_kin.frames import BASE_HEIGHT_M
 from baxter_kin.validation import FloatArray
@@ -36,14 +35,12 @@ from sim.view.meshcat_commands import (
     set_transform,
     short_numbers,
     triangles,
+    tube,
 )
 
 FLOOR_RADII_M = (0.0, 1.6, 2.4, 3.2)
 FLOOR_OPACITIES = (1.0, 1.0, 0.45, 0.0)
 """The floor fades into the background, so that it has no edge."""
-
-TUBE_STEP_M = 2.0**-12
-"""Corners of tubes are rounded to this, a quarter of a millimetre."""
 
 BODY_RGB: Rgb = (0.95, 0.55, 0.12)
 BODY_OPACITY = 0.7
@@ -201,7 +198,7 @@ def line_command(
         rgb: its colour, the same in light and shadow.
         uuid: a name, for a line drawn more than once.
     """
-    vertices, faces = _tube(points_base, radius_m)
+    vertices, faces = tube(points_base, radius_m)
     return set_object(path, triangles(vertices, compact(faces), uuid=uuid), glowing(rgb))
 
 
@@ -286,21 +283,3 @@ def _fading_disc() -> Command:
         np.tile(np.array([0, 0, 127], np.int8), (len(vertices), 1)),
         colours=np.array(colours, np.float32),
     )
-
-
-def _tube(points: FloatArray, radius_m: float) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """A square prism along each stretch of the line: vertices (8 n, 3) and faces (8 n, 3)."""
-    along = np.diff(points, axis=0)
-    upright = np.abs(along[:, 2]) > 0.9 * np.linalg.norm(along, axis=1)
-    helper = np.where(upright[:, None], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
-    u = np.cross(along, helper)
-    u /= np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-12)
-    w = np.cross(along, u)
-    w /= np.maximum(np.linalg.norm(w, axis=1, keepdims=True), 1e-12)
-    ring = radius_m * np.stack([u, w, -u, -w], axis=1)
-    vertices = np.concatenate([points[:-1, None] + ring, points[1:, None] + ring], axis=1)
-    side = np.array([[i, (i + 1) % 4, i + 4] for i in range(4)])
-    other = np.array([[(i + 1) % 4, (i + 1) % 4 + 4, i + 4] for i in range(4)])
-    first = 8 * np.arange(len(along))[:, None, None]
-    faces = (first + np.concatenate([side, other])).reshape(-1, 3)
-    return short_numbers(vertices.reshape(-1, 3), TUBE_STEP_M), faces.astype(np.uint32)

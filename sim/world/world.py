@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
 from baxter_kin.errors import expect, quoted
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.validation import FloatArray, finite_scalar
-from baxter_kin.value_objects import OneLine, listing
-from planner import Body, Hand, RobotShapes, Scene
+from baxter_kin.value_objects import listing
+from planner import Body, Scene
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
 from planner.scene.contact import PRESSING_TOLERANCE_M
@@ -26,14 +24,12 @@ from planner.scene.held import Held
 from planner.scene.support import FLOOR, FLOOR_Z_M
 from sim.errors import SimulationError
 from sim.world.falling import Rest, come_to_rest
+from sim.world.robot_state import RobotState
 
 __all__ = ["FLOOR", "FLOOR_Z_M", "Held", "Rest", "World"]
 
-ROUNDING_RAD = 1e-9
-"""How far a trajectory may leave the joint limits by rounding."""
 
-
-class World(OneLine):
+class World(RobotState):
     """Robot and bodies at one moment.
 
     Attributes:
@@ -50,32 +46,11 @@ class World(OneLine):
             robot: the robot.
             body: what it is taken to be; `RobotBody.load()` when not given.
         """
-        self.robot = expect(robot, Baxter, "robot", SimulationError)
-        self.shapes = RobotShapes(robot, body)
-        self.hands = {
-            side: Hand.of(robot, arm, self.shapes)
-            for side, arm in robot.arms.items()
-            if Hand.is_on(robot, side)
-        }
+        super().__init__(robot, body)
         self.supports: dict[str, str] = {}
         self._bodies: dict[str, Body] = {}  # as they were spawned
         self._poses: dict[str, pin.SE3] = {}  # where they are now
         self._held: dict[str, Held] = {}
-        self._limits = {side: arm.limits for side, arm in robot.arms.items()}
-        self._arm_indices = {
-            s: np.array(robot.indices(a.joint_names)) for s, a in robot.arms.items()
-        }
-        self._finger_indices = {
-            s: list(robot.indices(h.joint_names)) for s, h in self.hands.items()
-        }
-        self._q = np.array(robot.configuration())
-        for side, hand in self.hands.items():
-            self.set_fingers(side, hand.stroke_m)
-
-    @property
-    def q(self) -> FloatArray:
-        """The full configuration, shape (19,), rad and m; a copy."""
-        return self._q.copy()
 
     @property
     def scene(self) -> Scene:
@@ -90,32 +65,6 @@ class World(OneLine):
         """
         known = self._known(name)
         return self._bodies[known].at(self._poses[known])
-
-    def arm_q(self, side: str) -> FloatArray:
-        """Where an arm stands, shape (7,), rad."""
-        q: FloatArray = self._q[self._arm_indices[self._side(side)]]
-        return q
-
-    def T_base_tip(self, side: str) -> pin.SE3:
-        """Where the tip of an arm is."""
-        return self.robot.arm(side).T_base_tip(self.arm_q(side))
-
-    def finger_m(self, side: str) -> float:
-        """Finger position of a hand, 0 closed .. stroke; 0 where there are no fingers."""
-        where = self._finger_indices.get(self._side(side))
-        return 0.0 if where is None else float(self._q[where[0]])
-
-    def hand(self, side: str) -> Hand:
-        """The hand of a side.
-
-        Raises:
-            UnknownNameError: when there is no such side.
-            SimulationError: when it has no fingers.
-        """
-        hand = self.hands.get(self._side(side))
-        if hand is None:
-            raise SimulationError(f"the {side} hand of this robot has no fingers")
-        return hand
 
     @property
     def held(self) -> tuple[Held, ...]:
@@ -136,23 +85,8 @@ class World(OneLine):
         Raises:
             ConfigurationError: when `q` is malformed or outside the limits.
         """
-        limits = self._limits[self._side(side)]
-        self._q[self._arm_indices[side]] = limits.check(q, "q", tolerance=ROUNDING_RAD)
+        super().move_arm(side, q)
         self._carry(side)
-
-    def set_fingers(self, side: str, finger_m: float) -> None:
-        """Put the fingers of a hand somewhere; they do not push.
-
-        Raises:
-            SimulationError: when the position is outside 0 .. stroke, or there are no fingers.
-        """
-        hand = self.hand(side)
-        x = finite_scalar(finger_m, "finger position", SimulationError)
-        if not -1e-12 <= x <= hand.stroke_m + 1e-12:
-            raise SimulationError(
-                f"finger position {1e3 * x:.3f} mm is outside 0 .. {1e3 * hand.stroke_m:.3f} mm"
-            )
-        self._q[self._finger_indices[side]] = list(hand.finger_joints(x).values())
 
     def spawn(self, body: Body) -> str:
         """Add a body; a movable one falls on what is below it.
@@ -300,11 +234,6 @@ class World(OneLine):
         if not isinstance(name, str) or name not in self._bodies:
             _ = self.scene[name]  # says what there is
         return name
-
-    def _side(self, side: str) -> str:
-        """The side, if it is one."""
-        is_known = type(side) is str and side in self._arm_indices
-        return side if is_known else self.robot.arm(side).side
 
     def _refuse_held(self, name: str) -> None:
         for side, held in self._held.items():

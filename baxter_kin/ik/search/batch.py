@@ -21,7 +21,7 @@ from baxter_kin.ik.result import (
     IKResult,
 )
 from baxter_kin.ik.search.buffered_search import Found
-from baxter_kin.ik.search.explanation import Attempt, Explainer
+from baxter_kin.ik.search.explanation import BestAttempt, Explainer
 from baxter_kin.ik.search.searcher import Search
 from baxter_kin.ik.search.solver import Solver
 from baxter_kin.ik.seeds import (
@@ -245,7 +245,7 @@ class Batch:
     def _why(self, i: int, explainer: Explainer) -> IKFailure:
         starts = {kind: int(self._starts[i, kind]) for kind in SeedType if self._starts[i, kind]}
         offset, angle = float(self._offset[i]), float(self._angle[i])
-        attempt = Attempt(self._Ts[i], self._q[i], offset, angle, starts)
+        attempt = BestAttempt(self._Ts[i], self._q[i], offset, angle, starts)
         return explainer.why(attempt, self._mode.name)
 
 

@@ -31,7 +31,7 @@ STRAIGHT_DOWN_RAD = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Attempt:
+class BestAttempt:
     """The best that was found for a pose without a solution.
 
     Attributes:
@@ -91,12 +91,12 @@ class Explainer:
         x, y, z = across.clip(-FAR_M, FAR_M).T
         return np.hypot(np.hypot(x, y), z), np.arccos(cosines.clip(-1.0, 1.0))
 
-    def measured(self, T: FloatArray, q: FloatArray) -> Attempt:
+    def measured(self, T: FloatArray, q: FloatArray) -> BestAttempt:
         """A configuration that was not searched for, with its errors."""
         offset, angle = self._tolerance.excess(_se3(T), self._arm.T_base_tip(q))
-        return Attempt(T, q, offset, angle, {})
+        return BestAttempt(T, q, offset, angle, {})
 
-    def why(self, attempt: Attempt, mode_name: str) -> IKFailure:
+    def why(self, attempt: BestAttempt, mode_name: str) -> IKFailure:
         """The reason why a pose has no solution."""
         x, y, z = attempt.T[:3, 3]
         what = "position" if self._tolerance.is_position_only else "pose at"
@@ -114,7 +114,7 @@ class Explainer:
         reason = f"{pose} is proven out of reach: {proof.text}{self._hint(attempt.T)}"
         return IKFailure(reason, attempt.starts, beyond_reach_m=proof.excess_m, nearest_m=nearest_m)
 
-    def _not_found(self, pose: str, attempt: Attempt, nearest_m: float | None) -> IKFailure:
+    def _not_found(self, pose: str, attempt: BestAttempt, nearest_m: float | None) -> IKFailure:
         counts = ", ".join(f"{count} {type_.name}" for type_, count in attempt.starts.items())
         at_limit = self._joints_at_limit(attempt.q)
         limited = f", with {', '.join(at_limit)} at a limit" if at_limit else ""
@@ -133,7 +133,7 @@ class Explainer:
             limits_violated=beyond,
         )
 
-    def _nearest_m(self, attempt: Attempt) -> float | None:
+    def _nearest_m(self, attempt: BestAttempt) -> float | None:
         """How far an attempt in the pose's orientation is from it; None for another."""
         is_turned = attempt.orientation_error_rad > ORIENTATION_TOLERANCE_RAD
         is_exact = self._tolerance == EXACT and bool(attempt.starts)

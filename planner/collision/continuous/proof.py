@@ -26,14 +26,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.errors import expect
-from baxter_kin.validation import FloatArray, Indices, finite_scalar
-from planner.clearance import Clearance, ContinuousContact, ContinuousProof, ContinuousResult
+from baxter_kin.validation import FloatArray, Indices
+from planner.clearance import (
+    Clearance,
+    ContinuousContact,
+    ContinuousProof,
+    ContinuousResult,
+    checked_margin_m,
+)
 from planner.collision.checker import FARTHEST_JOINT, ClearanceChecker
 from planner.collision.continuous.motion import ArmMotion, Motion
 from planner.collision.continuous.tasks import Tasks
 from planner.collision.distances import UNKNOWN_DEPTH_M
 from planner.collision.shape_pairs import CheckedPairs
-from planner.errors import MotionError, SceneError, TrajectoryError
+from planner.errors import SceneError, TrajectoryError
 from planner.trajectory import Trajectory
 
 ACCURACY_M = 1e-5
@@ -88,18 +94,6 @@ def prove_clear(
     margin_m = checked_margin_m(margin_m)
     motion = ArmMotion(checker, trajectory, checker.configuration(q))
     return prove_motion(checker.checked, motion, margin_m)
-
-
-def checked_margin_m(margin_m: float) -> float:
-    """A safety margin, if it is one.
-
-    Raises:
-        MotionError: when it is no number, or negative.
-    """
-    checked = finite_scalar(margin_m, "margin_m", MotionError)
-    if checked < 0.0:
-        raise MotionError(f"a safety margin is not negative, got {checked:g} m")
-    return checked
 
 
 def prove_motion(

@@ -22,7 +22,7 @@ from baxter_kin.benchmark.measurement import (
     measure_batch,
     usable_cores,
 )
-from baxter_kin.benchmark.options import Options
+from baxter_kin.benchmark.options import BenchmarkOptions
 from baxter_kin.benchmark.poses import PoseSet, Scenario, draw_poses
 from baxter_kin.benchmark.report import Machine, Outcome, markdown
 from baxter_kin.benchmark.verification import (
@@ -233,7 +233,7 @@ def test_table_lists_an_absent_package_once_and_every_complaint(
 ) -> None:
     bad = fake(poses, raising)
     absences = [Absence("a", "x is not installed"), Absence("b", "x is not installed")]
-    options = Options(("left",), (Scenario.MID_RANGE,), ("bad",), len(poses), 0)
+    options = BenchmarkOptions(("left",), (Scenario.MID_RANGE,), ("bad",), len(poses), 0)
     rows = measure({"bad": bad}, poses, verifier)
     text = markdown(Outcome(options, Machine.this(), {"bad": bad}, absences, rows, []))
     assert text.count("Not measured: x is not installed.") == 1

@@ -12,7 +12,7 @@ import pytest
 
 import baxter_kin.benchmark
 from baxter_kin.benchmark import main
-from baxter_kin.benchmark.options import Options, parse_options
+from baxter_kin.benchmark.options import BenchmarkOptions, parse_options
 from baxter_kin.benchmark.poses import Scenario
 from baxter_kin.benchmark.report import (
     BATCH_COLUMNS,
@@ -43,7 +43,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     """A small run of our own solver on both arms."""
     folder = tmp_path_factory.mktemp("benchmark")
     return run_benchmark(
-        Options(
+        BenchmarkOptions(
             limbs=("left", "right"),
             scenarios=(Scenario.NEAR,),
             solvers=("baxter-kin",),
@@ -203,7 +203,7 @@ def test_trying_outputs_leaves_no_file_and_changes_none(tmp_path: Path) -> None:
 def test_ctrl_c_is_status_130(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(_: Options) -> None:
+    def interrupted(_: BenchmarkOptions) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("baxter_kin.benchmark.run.run_benchmark", interrupted)

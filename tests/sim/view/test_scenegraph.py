@@ -7,10 +7,9 @@ import pytest
 from baxter_kin import Baxter
 from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere
 from sim.view.appearance import Appearance
-from sim.view.meshcat_commands import packed
+from sim.view.meshcat_commands import TUBE_STEP_M, packed
 from sim.view.scenegraph import (
     FLOOR_RADII_M,
-    TUBE_STEP_M,
     RobotTree,
     body_commands,
     body_path,

@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.validation import FloatArray
 from planner import (
     Body,
     Certificate,
@@ -223,11 +224,19 @@ class TestProofs:
         found: list[Any] = []
         along = ContactWatch.along
 
+        place, placed = ContactWatch._configurations, list[str]()
+
         def noted(watch: ContactWatch, side: str, trajectory: Any) -> list[Contact]:
-            found.append(trajectory)
-            return along(watch, side, trajectory)
+            before, contacts = len(placed), along(watch, side, trajectory)
+            found.extend([trajectory] * (len(placed) > before))
+            return contacts
+
+        def placing(watch: ContactWatch, side: str, qs: FloatArray) -> FloatArray:
+            placed.append(side)
+            return place(watch, side, qs)
 
         monkeypatch.setattr(ContactWatch, "along", noted)
+        monkeypatch.setattr(ContactWatch, "_configurations", placing)
         return found
 
     @pytest.fixture
@@ -272,7 +281,7 @@ class TestProofs:
         certificate: Certificate,
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
-        monkeypatch.setattr("sim.simulation.falls_as_planned", lambda *_: False)
+        monkeypatch.setattr("sim.grip_steps.falls_as_planned", lambda *_: False)
         assert bench.simulation.execute(bench.plan, certificate=certificate).is_success
         assert looks == [bench.plan.moves[-1].trajectory]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.demo.options import DEFAULT_RETRIES, parse_options
+from sim.demo.arguments import DEFAULT_RETRIES, parse_options
 
 
 def test_default_is_the_original_demo() -> None:
