@@ -13,19 +13,7 @@ from baxter_kin.lazy import loader
 
 if TYPE_CHECKING:
     from baxter_kin.description import ElectricGripper, Tool
-    from baxter_kin.errors import (
-        BaxterError,
-        ConfigurationError,
-        CopyError,
-        DescriptionError,
-        FileError,
-        LimitsError,
-        MissingLibraryError,
-        PoseError,
-        QuaternionOrderWarning,
-        RequestError,
-        UnknownNameError,
-    )
+    from baxter_kin.errors import BaxterError
     from baxter_kin.frames import Frame, StampedPose, pose_from_quaternion, quaternion_xyzw
     from baxter_kin.ik import IKFailure, IKResult, IKService, SeedMode, SeedType, Tolerance
     from baxter_kin.kinematics.arm import Arm
@@ -36,27 +24,17 @@ __all__ = [
     "Arm",
     "Baxter",
     "BaxterError",
-    "ConfigurationError",
-    "CopyError",
-    "DescriptionError",
     "ElectricGripper",
-    "FileError",
     "Frame",
     "IKFailure",
     "IKResult",
     "IKService",
     "JointLimits",
-    "LimitsError",
-    "MissingLibraryError",
-    "PoseError",
-    "QuaternionOrderWarning",
-    "RequestError",
     "SeedMode",
     "SeedType",
     "StampedPose",
     "Tolerance",
     "Tool",
-    "UnknownNameError",
     "pose_from_quaternion",
     "quaternion_xyzw",
 ]

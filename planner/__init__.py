@@ -1,23 +1,10 @@
 """From poses to checked, timed motion; knows no simulator and no viewer."""
 
 import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
-from planner.clearance import Clearance, ContinuousContact, ContinuousProof
-from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
 from planner.collision.continuous.proof import prove_clear
 from planner.collision.robot.robot_body import RobotBody
-from planner.collision.robot.robot_shapes import RobotShapes
-from planner.errors import (
-    FreeMoveError,
-    MotionError,
-    PlanFileError,
-    PlannerError,
-    SceneError,
-    StraightMoveError,
-    TaskError,
-    TrajectoryError,
-)
-from planner.grasping.grasp import Grasp, Miss, MissKind
+from planner.errors import PlannerError, StraightMoveError
 from planner.grasping.hand import Hand
 from planner.grasping.overhead import overhead_grasp
 from planner.grasping.tool import tool_of
@@ -40,53 +27,35 @@ from planner.scene.held import Held
 from planner.scene.mesh import Mesh
 from planner.scene.objects import load_object, make_block
 from planner.situation import Situation
-from planner.trajectory import JointState, PeakRatios, Trajectory
-from planner.verification import Certificate, Check, Tolerances, verify
+from planner.trajectory import Trajectory
+from planner.verification import Certificate, verify
 
 __all__ = [
     "Body",
     "Box",
     "Certificate",
-    "Check",
-    "Clearance",
-    "ClearanceChecker",
     "CollisionContext",
-    "ContinuousContact",
-    "ContinuousProof",
     "Cylinder",
-    "FreeMoveError",
-    "Grasp",
     "Grip",
     "GripperAction",
     "Hand",
     "Held",
-    "JointState",
     "LineTolerance",
     "Manipulator",
     "Mesh",
-    "Miss",
-    "MissKind",
-    "MotionError",
     "Move",
     "Part",
-    "PeakRatios",
     "PickAndPlace",
     "Plan",
     "PlanFailure",
-    "PlanFileError",
     "PlannerError",
     "RobotBody",
-    "RobotShapes",
     "Scene",
-    "SceneError",
     "Situation",
     "Sphere",
     "StraightLine",
     "StraightMoveError",
-    "TaskError",
-    "Tolerances",
     "Trajectory",
-    "TrajectoryError",
     "load_object",
     "load_plan",
     "make_block",

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits
+from baxter_kin import Arm, Baxter, IKService, JointLimits
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import expect
+from baxter_kin.errors import ConfigurationError, expect
 from baxter_kin.validation import FloatArray, check_fields, finite_array, float_array
 from baxter_kin.value_objects import Frozen, OneLine, millimetres
 from planner.collision.checker import ClearanceChecker

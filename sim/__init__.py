@@ -10,77 +10,54 @@ from typing import TYPE_CHECKING
 from baxter_kin.lazy import loader
 
 if TYPE_CHECKING:
-    from sim.errors import RecordingError, SimulationError, ViewerError
+    from sim.errors import SimulationError
     from sim.events import Event, EventKind, Observer, Snapshot
     from sim.outcome import Dwell, Outcome
     from sim.perception.closed_loop import ClosedLoop
     from sim.perception.noisy_poses import Noise, NoisyPoses
-    from sim.perception.pose_log import LoggedPoses, Look, ReplayedPoses, read_looks
-    from sim.perception.pose_source import PoseSource, Sighting, TruePoses
-    from sim.perception.transfer import Attempt, LoopResult, Transfer
+    from sim.perception.pose_source import PoseSource, TruePoses
+    from sim.perception.transfer import Transfer
     from sim.recording.log_reading import read_log
     from sim.recording.log_recorder import LogRecorder
     from sim.recording.mcap_file import McapRecorder, write_mcap
     from sim.recording.npz_file import load_recording, save_recording
     from sim.recording.playback import retell
     from sim.recording.plot import plot_recording
-    from sim.recording.recorded_motion import ArmMotion, RecordedMove
     from sim.recording.recorder import Recorder
-    from sim.recording.recording import NotedRecording, Recording
+    from sim.recording.recording import Recording
     from sim.recording.rsdk_csv import CsvRecorder, write_csv
     from sim.recording.rsdk_reading import read_rsdk_csv
     from sim.simulation import Simulation
     from sim.view.replay import Replay, write_replay
-    from sim.world.contacts import Contact
-    from sim.world.falling import Rest
     from sim.world.finger_closing import Closing
-    from sim.world.gripper import Gripper, GripperState
-    from sim.world.pushing import Push
     from sim.world.world import World
 
 __all__ = [
-    "ArmMotion",
-    "Attempt",
     "ClosedLoop",
     "Closing",
-    "Contact",
     "CsvRecorder",
     "Dwell",
     "Event",
     "EventKind",
-    "Gripper",
-    "GripperState",
     "LogRecorder",
-    "LoggedPoses",
-    "Look",
-    "LoopResult",
     "McapRecorder",
     "Noise",
     "NoisyPoses",
-    "NotedRecording",
     "Observer",
     "Outcome",
     "PoseSource",
-    "Push",
-    "RecordedMove",
     "Recorder",
     "Recording",
-    "RecordingError",
     "Replay",
-    "ReplayedPoses",
-    "Rest",
-    "Sighting",
     "Simulation",
     "SimulationError",
     "Snapshot",
     "Transfer",
     "TruePoses",
-    "ViewerError",
     "World",
     "load_recording",
     "plot_recording",
     "read_log",
-    "read_looks",
     "read_rsdk_csv",
     "retell",
     "save_recording",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from planner import Grasp
+from planner.grasping import Grasp
 from planner.grasping.grasp import Miss
 from sim.world.contacts import Contact
 from sim.world.falling import Rest

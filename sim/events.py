@@ -13,7 +13,8 @@ from baxter_kin.errors import quoted
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_scalar, float_array
 from baxter_kin.value_objects import Frozen, OneLine, count, phrase, seconds
-from planner import Body, Grasp, Move
+from planner import Body, Move
+from planner.grasping import Grasp
 from planner.grasping.grasp import Miss
 from sim.errors import SimulationError
 from sim.world.contacts import Contact

@@ -14,8 +14,9 @@ import pinocchio as pin
 from baxter_kin import Baxter
 from baxter_kin.frames import PoseLike
 from baxter_kin.value_objects import FrozenMapping
-from planner import Body, Grasp, Hand
+from planner import Body, Hand
 from planner.collision.robot.robot_body import LinkBody, RobotBody, Triangulated
+from planner.grasping import Grasp
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 SIDES = [

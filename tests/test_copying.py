@@ -22,17 +22,15 @@ import pytest
 import baxter_kin
 import baxter_kin.ik as inverse
 import planner
+import planner.collision
+import planner.grasping
+import planner.verification
 import sim
-from baxter_kin import (
-    Arm,
-    Baxter,
-    BaxterError,
-    ElectricGripper,
-    IKService,
-    StampedPose,
-    UnknownNameError,
-)
-from baxter_kin.errors import CopyError
+import sim.perception
+import sim.recording
+import sim.world
+from baxter_kin import Arm, Baxter, BaxterError, ElectricGripper, IKService, StampedPose
+from baxter_kin.errors import CopyError, UnknownNameError
 from baxter_kin.value_objects import FrozenMapping
 from planner import (
     Manipulator,
@@ -44,9 +42,22 @@ from planner import (
     plan_pick_and_place,
     verify,
 )
-from sim import CsvRecorder, LoggedPoses, LogRecorder, McapRecorder, Recorder, Simulation, World
+from sim import CsvRecorder, LogRecorder, McapRecorder, Recorder, Simulation, World
+from sim.perception import LoggedPoses
 from sim.view.viewer import Viewer
 from tests.conftest import at, overhead
+
+PACKAGES = (
+    baxter_kin,
+    planner,
+    planner.collision,
+    planner.grasping,
+    planner.verification,
+    sim,
+    sim.perception,
+    sim.recording,
+    sim.world,
+)
 
 COPIES: dict[str, Callable[[Any], Any]] = {
     "pickle": lambda each: pickle.loads(pickle.dumps(each)),
@@ -108,11 +119,11 @@ def everything(
         "recording": (recorder.recording(), recorder.recording().motion("left")),
         "snapshot": sim.Snapshot(0.0, world.q, {"block": FAR}, closed_grippers(), "waits"),
         "page": sim.Replay(recorder.recording(), robot),
-        "tasks": (TASK, sim.Transfer("block", FAR, FAR), planner.Tolerances()),
+        "tasks": (TASK, sim.Transfer("block", FAR, FAR), planner.verification.Tolerances()),
         "moves": moves(arm),
         "looks": looks(simulation, manipulator),
         "fingers": fingers(manipulator.hand, simulation.world.body("block")),
-        "notes": sim.NotedRecording(recorder.recording(), ("a line is cut off",)),
+        "notes": sim.recording.NotedRecording(recorder.recording(), ("a line is cut off",)),
         "shapes": (planner.Sphere(0.1), planner.Cylinder(0.1, 0.2)),
         "hands": (
             ElectricGripper(slot=3),
@@ -124,8 +135,8 @@ def everything(
 def moves(arm: Arm) -> tuple[object, ...]:
     """A move, what is asked of it, and its like that is refused."""
     trajectory = planner.plan_joint_move(arm.neutral, arm.start, arm.limits)
-    nearest = planner.Clearance(-0.01, "left_hand", "table", 0.5)
-    contact = planner.ContinuousContact(nearest, 0.0, 1.0, 3, 7)
+    nearest = planner.collision.Clearance(-0.01, "left_hand", "table", 0.5)
+    contact = planner.collision.ContinuousContact(nearest, 0.0, 1.0, 3, 7)
     return trajectory, trajectory.peak_ratios(), contact, trajectory.sample(0.1)
 
 
@@ -134,22 +145,24 @@ def looks(simulation: Simulation, manipulator: Manipulator) -> tuple[object, ...
     eyes = sim.TruePoses(simulation.world)
     loop = sim.ClosedLoop(simulation, manipulator, eyes)
     seen = eyes.look("block", simulation.time_s)
-    result = sim.LoopResult((sim.Attempt(None, None, "nothing was seen"),), "nothing was seen")
-    looked = sim.ReplayedPoses([sim.Look(0.0, "block", 0.0, FAR)], SCENE)
+    result = sim.perception.LoopResult(
+        (sim.perception.Attempt(None, None, "nothing was seen"),), "nothing was seen"
+    )
+    looked = sim.perception.ReplayedPoses([sim.perception.Look(0.0, "block", 0.0, FAR)], SCENE)
     noisy = sim.NoisyPoses(eyes, sim.Noise(), np.random.default_rng(0))
-    return loop, seen, result, sim.Look(0.0, "block"), looked, noisy
+    return loop, seen, result, sim.perception.Look(0.0, "block"), looked, noisy
 
 
-def closed_grippers() -> dict[str, sim.GripperState]:
-    return dict.fromkeys(("left", "right"), sim.GripperState(0.0, False, False))
+def closed_grippers() -> dict[str, sim.world.GripperState]:
+    return dict.fromkeys(("left", "right"), sim.world.GripperState(0.0, False, False))
 
 
 def fingers(hand: planner.Hand, body: planner.Body) -> tuple[object, ...]:
     """What happens between them."""
-    miss = planner.Miss(planner.MissKind.NOTHING, "nothing is between the pads")
-    push = sim.Push("block", "left", "pad", 0.01, 0.005, np.eye(3)[1], FAR)
+    miss = planner.grasping.Miss(planner.grasping.MissKind.NOTHING, "nothing is between the pads")
+    push = sim.world.Push("block", "left", "pad", 0.01, 0.005, np.eye(3)[1], FAR)
     holding = planner.Held("left", "block", FAR)
-    contact = sim.Contact(0.1, "left_hand", "block", False, 1e-3, True, 0.0)
+    contact = sim.world.Contact(0.1, "left_hand", "block", False, 1e-3, True, 0.0)
     closing = sim.Closing(0.01, miss=miss, pushes=(push,))
     return hand, planner.overhead_grasp(hand, body), closing, holding, contact
 
@@ -207,8 +220,8 @@ def test_every_public_class_was_copied_or_refuses(everything: dict[str, object])
     copied = {name for each in everything.values() for name in classes_in(pickle.dumps(each))}
     public = {
         cls.__qualname__: cls
-        for package in (baxter_kin, planner, sim)
-        for cls in map(package.__dict__.get, package.__all__)
+        for package in PACKAGES
+        for cls in (getattr(package, name) for name in package.__all__)
         if isinstance(cls, type) and not issubclass(cls, (BaseException, Enum))
     }
     refusing = {"CsvRecorder", "LogRecorder", "McapRecorder", "LoggedPoses"}

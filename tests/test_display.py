@@ -19,16 +19,34 @@ from hypothesis import strategies as st
 import baxter_kin
 import baxter_kin.ik
 import planner
+import planner.collision
+import planner.grasping
+import planner.trajectory
 import planner.verification
 import sim
+import sim.perception
+import sim.recording
+import sim.world
 from baxter_kin import Arm, Baxter, IKFailure, IKResult, IKService, JointLimits, SeedType, ik
 from baxter_kin.value_objects import LONGEST, OneLine, clear, line, millimetres, numbers, seconds
-from planner import Body, Clearance, Grip, Manipulator, Plan, PlanFailure, RobotBody, Scene, Sphere
+from planner import Body, Grip, Manipulator, Plan, PlanFailure, RobotBody, Scene, Sphere
+from planner.collision import Clearance
 from sim import Recorder, Simulation, World
 from sim.view.viewer import Viewer
 from tests.conftest import at, overhead
 
-PACKAGES = (baxter_kin, baxter_kin.ik, planner, planner.verification, sim)
+PACKAGES = (
+    baxter_kin,
+    baxter_kin.ik,
+    planner,
+    planner.collision,
+    planner.grasping,
+    planner.verification,
+    sim,
+    sim.perception,
+    sim.recording,
+    sim.world,
+)
 
 
 def public_classes() -> dict[str, type[Any]]:
@@ -189,20 +207,22 @@ def test_odd_names_and_numbers_are_shown_too(
 ) -> None:
     near = Clearance(length, name, name, time_s)
     body = Body(name, (planner.Part(Sphere(0.1), at(0.0, 0.0, 0.0)),), at(0.0, 0.0, 1000.0))
-    proof = planner.ContinuousProof(length, near, 0.0, 1, 1)
+    proof = planner.collision.ContinuousProof(length, near, 0.0, 1, 1)
     situation = planner.Situation(Scene.of([body]), {}, ())
     odd: tuple[object, ...] = (
         *(near, body, proof, situation, situation.scene, IKFailure(name * 5)),
-        planner.Check(name, length, planner.verification.Relation.ABOVE, 1.0, name, name),
+        planner.verification.Check(
+            name, length, planner.verification.Relation.ABOVE, 1.0, name, name
+        ),
         Grip(name, planner.GripperAction.OPEN, body=name, opening_m=1e300, proof=proof),
-        planner.JointState(*np.zeros((3, 0))),
-        planner.JointState(*np.zeros((3, 4, 7))),
-        planner.JointState(np.array(["x"]), name, 5),  # type: ignore[arg-type]
-        sim.NotedRecording(None, -1),  # type: ignore[arg-type]
-        sim.Contact(1e300, name, name, False, length, True, 0.0),
+        planner.trajectory.JointState(*np.zeros((3, 0))),
+        planner.trajectory.JointState(*np.zeros((3, 4, 7))),
+        planner.trajectory.JointState(np.array(["x"]), name, 5),  # type: ignore[arg-type]
+        sim.recording.NotedRecording(None, -1),  # type: ignore[arg-type]
+        sim.world.Contact(1e300, name, name, False, length, True, 0.0),
         sim.Outcome(name * 3, 1e300),
-        sim.LoopResult((), name),
-        sim.Look(1e300, name),
+        sim.perception.LoopResult((), name),
+        sim.perception.Look(1e300, name),
         sim.Noise(1e300, 1e-300, 0.1234567890123, 1e9),
     )
     for each in odd:

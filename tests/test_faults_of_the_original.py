@@ -11,7 +11,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from baxter_kin import Arm, Baxter, IKService, RequestError, SeedMode, SeedType
+from baxter_kin import Arm, Baxter, IKService, SeedMode, SeedType
+from baxter_kin.errors import RequestError
 from baxter_kin.frames import angle_between
 from planner import (
     Body,

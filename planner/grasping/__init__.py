@@ -1,1 +1,14 @@
 """Hands, what they hold, and how their fingers travel."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from baxter_kin.lazy import loader
+
+if TYPE_CHECKING:
+    from planner.grasping.grasp import Grasp, Miss, MissKind
+
+__all__ = ["Grasp", "Miss", "MissKind"]
+
+__getattr__ = loader(__name__, ("planner.grasping.grasp",))

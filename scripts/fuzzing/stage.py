@@ -15,7 +15,14 @@ import numpy as np
 import pinocchio as pin
 
 import planner as p
+import planner.collision
+import planner.grasping
+import planner.trajectory
+import planner.verification
 import sim as s
+import sim.perception
+import sim.recording
+import sim.world
 from baxter_kin import (
     Arm,
     Baxter,
@@ -188,8 +195,8 @@ class _Lasting:
         return p.RobotBody.load()
 
     @cached_property
-    def RobotShapes(self) -> p.RobotShapes:
-        return p.RobotShapes(self.Baxter)
+    def RobotShapes(self) -> p.collision.RobotShapes:
+        return p.collision.RobotShapes(self.Baxter)
 
     @cached_property
     def Manipulator(self) -> p.Manipulator:
@@ -248,23 +255,23 @@ class _Lasting:
         return self.Hand.close_on(self.T_grasp, self.Body, self.Hand.stroke_m)
 
     @cached_property
-    def Miss(self) -> p.Miss:
-        return p.Miss(p.MissKind.NOTHING, "nothing there")
+    def Miss(self) -> p.grasping.Miss:
+        return p.grasping.Miss(p.grasping.MissKind.NOTHING, "nothing there")
 
     @cached_property
-    def MissKind(self) -> p.MissKind:
-        return p.MissKind.NOTHING
+    def MissKind(self) -> p.grasping.MissKind:
+        return p.grasping.MissKind.NOTHING
 
     @cached_property
     def Trajectory(self) -> p.Trajectory:
         return p.plan_joint_move(self.q, self.q + 0.1, self.JointLimits)
 
     @cached_property
-    def JointState(self) -> p.JointState:
+    def JointState(self) -> p.trajectory.JointState:
         return self.Trajectory.sample(0.1)
 
     @cached_property
-    def PeakRatios(self) -> p.PeakRatios:
+    def PeakRatios(self) -> p.trajectory.PeakRatios:
         return self.Trajectory.peak_ratios()
 
     @cached_property
@@ -277,24 +284,24 @@ class _Lasting:
         return p.LineTolerance()
 
     @cached_property
-    def Clearance(self) -> p.Clearance:
-        return p.Clearance(0.1, "left_hand", "table")
+    def Clearance(self) -> p.collision.Clearance:
+        return p.collision.Clearance(0.1, "left_hand", "table")
 
     @cached_property
-    def ClearanceChecker(self) -> p.ClearanceChecker:
-        return p.ClearanceChecker(self.RobotShapes, self.Arm, self.Scene)
+    def ClearanceChecker(self) -> p.collision.ClearanceChecker:
+        return p.collision.ClearanceChecker(self.RobotShapes, self.Arm, self.Scene)
 
     @cached_property
     def CollisionContext(self) -> p.CollisionContext:
         return self.Manipulator.context(self.Scene, finger_m=0.01)
 
     @cached_property
-    def ContinuousProof(self) -> p.ContinuousProof:
-        return p.ContinuousProof(0.1, self.Clearance, 0.0, 1, 1)
+    def ContinuousProof(self) -> p.collision.ContinuousProof:
+        return p.collision.ContinuousProof(0.1, self.Clearance, 0.0, 1, 1)
 
     @cached_property
-    def ContinuousContact(self) -> p.ContinuousContact:
-        return p.ContinuousContact(self.Clearance, 0.0, 1.0, 1, 1)
+    def ContinuousContact(self) -> p.collision.ContinuousContact:
+        return p.collision.ContinuousContact(self.Clearance, 0.0, 1.0, 1, 1)
 
     @cached_property
     def Grip(self) -> p.Grip:
@@ -325,16 +332,16 @@ class _Lasting:
         return Relation.AT_MOST
 
     @cached_property
-    def Check(self) -> p.Check:
-        return p.Check("limit", 0.5, Relation.AT_MOST, 1.0, "", "move")
+    def Check(self) -> p.verification.Check:
+        return p.verification.Check("limit", 0.5, Relation.AT_MOST, 1.0, "", "move")
 
     @cached_property
     def Certificate(self) -> p.Certificate:
         return p.verify(self.Plan)
 
     @cached_property
-    def Tolerances(self) -> p.Tolerances:
-        return p.Tolerances()
+    def Tolerances(self) -> p.verification.Tolerances:
+        return p.verification.Tolerances()
 
     @cached_property
     def Recording(self) -> s.Recording:
@@ -348,19 +355,19 @@ class _Lasting:
         return recorder.recording()
 
     @cached_property
-    def NotedRecording(self) -> s.NotedRecording:
-        return s.NotedRecording(self.Recording, ())
+    def NotedRecording(self) -> s.recording.NotedRecording:
+        return s.recording.NotedRecording(self.Recording, ())
 
     @cached_property
-    def RecordedMove(self) -> s.RecordedMove:
-        return s.RecordedMove(0.0, "move", self.Trajectory)
+    def RecordedMove(self) -> s.recording.RecordedMove:
+        return s.recording.RecordedMove(0.0, "move", self.Trajectory)
 
     @cached_property
     def Replay(self) -> s.Replay:
         return s.Replay(self.Recording, self.Baxter)
 
     @cached_property
-    def ArmMotion(self) -> s.ArmMotion:
+    def ArmMotion(self) -> s.recording.ArmMotion:
         return self.Recording.motion("left")
 
     @cached_property
@@ -383,24 +390,24 @@ class _Lasting:
         return s.EventKind.ENABLED
 
     @cached_property
-    def GripperState(self) -> s.GripperState:
-        return s.GripperState(100.0, is_gripping=False, has_missed=False)
+    def GripperState(self) -> s.world.GripperState:
+        return s.world.GripperState(100.0, is_gripping=False, has_missed=False)
 
     @cached_property
-    def Push(self) -> s.Push:
-        return s.Push(BODY, "left", "left finger", 0.02, 0.01, np.eye(3)[1], self.SE3)
+    def Push(self) -> s.world.Push:
+        return s.world.Push(BODY, "left", "left finger", 0.02, 0.01, np.eye(3)[1], self.SE3)
 
     @cached_property
     def Closing(self) -> s.Closing:
         return s.Closing(0.0, miss=self.Miss)
 
     @cached_property
-    def Contact(self) -> s.Contact:
-        return s.Contact(0.1, "left_hand", BODY, False, 0.001, True, 0.05)
+    def Contact(self) -> s.world.Contact:
+        return s.world.Contact(0.1, "left_hand", BODY, False, 0.001, True, 0.05)
 
     @cached_property
-    def Rest(self) -> s.Rest:
-        return s.Rest(self.Body.T_base_body, "table", 0.0)
+    def Rest(self) -> s.world.Rest:
+        return s.world.Rest(self.Body.T_base_body, "table", 0.0)
 
     @cached_property
     def Dwell(self) -> s.Dwell:
@@ -415,12 +422,12 @@ class _Lasting:
         return s.Noise(0.001)
 
     @cached_property
-    def Sighting(self) -> s.Sighting:
-        return s.Sighting(self.Body, 0.0)
+    def Sighting(self) -> s.perception.Sighting:
+        return s.perception.Sighting(self.Body, 0.0)
 
     @cached_property
-    def Look(self) -> s.Look:
-        return s.Look(0.0, BODY, 0.0, self.SE3)
+    def Look(self) -> s.perception.Look:
+        return s.perception.Look(0.0, BODY, 0.0, self.SE3)
 
     @cached_property
     def Transfer(self) -> s.Transfer:
@@ -428,12 +435,12 @@ class _Lasting:
         return s.Transfer(BODY, goal.inverse() * self.T_grasp, goal)
 
     @cached_property
-    def Attempt(self) -> s.Attempt:
-        return s.Attempt(None, None, "not seen")
+    def Attempt(self) -> s.perception.Attempt:
+        return s.perception.Attempt(None, None, "not seen")
 
     @cached_property
-    def LoopResult(self) -> s.LoopResult:
-        return s.LoopResult((self.Attempt,), "not seen")
+    def LoopResult(self) -> s.perception.LoopResult:
+        return s.perception.LoopResult((self.Attempt,), "not seen")
 
 
 def _world(stage: Stage) -> s.World:
@@ -455,7 +462,7 @@ _MOVING: dict[str, Callable[[Stage], Any]] = {
     "Generator": lambda _: np.random.default_rng(0),
     "World": _world,
     "Simulation": lambda stage: s.Simulation(stage["World"]),
-    "Gripper": lambda stage: s.Gripper(stage["World"], "left"),
+    "Gripper": lambda stage: s.world.Gripper(stage["World"], "left"),
     "Observer": lambda _: s.Observer(),
     "Recorder": lambda stage: s.Recorder(stage["Baxter"]),
     "CsvRecorder": lambda stage: s.CsvRecorder(stage.file("csv"), stage["Baxter"]),
@@ -463,8 +470,8 @@ _MOVING: dict[str, Callable[[Stage], Any]] = {
     "McapRecorder": lambda stage: s.McapRecorder(stage.file("mcap"), stage["Baxter"]),
     "TruePoses": lambda stage: s.TruePoses(stage["World"]),
     "NoisyPoses": _noisy,
-    "LoggedPoses": lambda stage: s.LoggedPoses(stage["TruePoses"], stage.file("poses")),
-    "ReplayedPoses": lambda stage: s.ReplayedPoses([stage["Look"]], stage["Scene"]),
+    "LoggedPoses": lambda stage: s.perception.LoggedPoses(stage["TruePoses"], stage.file("poses")),
+    "ReplayedPoses": lambda stage: s.perception.ReplayedPoses([stage["Look"]], stage["Scene"]),
     "ClosedLoop": _closed_loop,
 }
 """What moves or is written to."""

@@ -1,7 +1,7 @@
 """Targets: every public callable of the toolkit, found and not listed.
 
-The names in `__all__` of the four packages, and the public methods, properties and class methods of
-their classes. Left out are exceptions, which only the toolkit makes, and calls of enumerations and
+The names in `__all__` of the packages that users import from, and the public methods, properties
+and class methods of their classes. Left out are exceptions, which only the toolkit makes, and calls of enumerations and
 protocols, which Python itself answers.
 """
 
@@ -18,9 +18,26 @@ from typing import Any
 import baxter_kin
 import baxter_kin.ik
 import planner
+import planner.collision
+import planner.grasping
+import planner.verification
 import sim
+import sim.perception
+import sim.recording
+import sim.world
 
-PACKAGES: tuple[ModuleType, ...] = (baxter_kin, baxter_kin.ik, planner, sim)
+PACKAGES: tuple[ModuleType, ...] = (
+    baxter_kin,
+    baxter_kin.ik,
+    planner,
+    planner.collision,
+    planner.grasping,
+    planner.verification,
+    sim,
+    sim.perception,
+    sim.recording,
+    sim.world,
+)
 
 SPOKEN = ("__getitem__", "__str__", "__repr__", "__iter__")
 """Special methods that count as public."""

@@ -147,7 +147,7 @@ TAKEN_FROM = MappingProxyType(
         "baxter_kin.ik.SelfMotion": "SelfMotion",
         "baxter_kin.IKResult": "IKResult",
         "planner.Hand": "Hand",
-        "sim.ArmMotion": "ArmMotion",
+        "sim.recording.ArmMotion": "ArmMotion",
         "sim.Recording": "Recording",
         "baxter_kin.JointLimits": "JointLimits",
     }

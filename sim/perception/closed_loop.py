@@ -25,17 +25,16 @@ from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import OneLine, count
 from planner import (
     Body,
-    Grasp,
     Grip,
     GripperAction,
     Manipulator,
-    Miss,
     PickAndPlace,
     Plan,
     Scene,
     plan_pick_and_place,
     plan_retract,
 )
+from planner.grasping import Grasp, Miss
 from sim.errors import SimulationError
 from sim.perception.pose_source import PoseSource, checked_source
 from sim.perception.transfer import Attempt, LoopResult, Transfer

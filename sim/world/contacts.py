@@ -20,7 +20,8 @@ from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import Checked, FloatArray
 from baxter_kin.value_objects import OneLine, millimetres, phrase, seconds
-from planner import Body, ClearanceChecker, Part, Plan, Scene, Trajectory
+from planner import Body, Part, Plan, Scene, Trajectory
+from planner.collision import ClearanceChecker
 from planner.collision.context import Touches
 from planner.pick_place.phases import LONGEST_DROP_M
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from baxter_kin.validation import Checked
 from baxter_kin.value_objects import OneLine, millimetres
-from planner import Grasp
+from planner.grasping import Grasp
 from planner.grasping.grasp import Miss, MissKind
 from sim.errors import SimulationError
 from sim.world.pushing import Mover, Push, Squeeze

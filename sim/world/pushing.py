@@ -13,7 +13,8 @@ import pinocchio as pin
 
 from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_scalar
 from baxter_kin.value_objects import Frozen, OneLine, millimetres, phrase
-from planner import Body, Box, Grasp, Hand, Part
+from planner import Body, Box, Hand, Part
+from planner.grasping import Grasp
 from planner.grasping.grasp import extent
 from planner.grasping.hand import CLOSING_AXIS
 from planner.scene.contact import PRESSING_TOLERANCE_M, travel_to_contact

@@ -8,10 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import BaxterError, FileError, UnknownNameError
+from baxter_kin import BaxterError
 from baxter_kin.errors import (
     LONGEST_NAME,
     LONGEST_QUOTE,
+    FileError,
+    UnknownNameError,
     degrees_hint,
     millimetres_hint,
     quoted,

@@ -9,13 +9,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from baxter_kin import (
-    Frame,
-    PoseError,
-    QuaternionOrderWarning,
-    StampedPose,
-    UnknownNameError,
-)
+from baxter_kin import Frame, StampedPose
+from baxter_kin.errors import PoseError, QuaternionOrderWarning, UnknownNameError
 from baxter_kin.frames import (
     T_world_base,
     angle_between,

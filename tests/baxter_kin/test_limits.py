@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import ConfigurationError, JointLimits, LimitsError
+from baxter_kin import JointLimits
+from baxter_kin.errors import ConfigurationError, LimitsError
 
 
 def limits(**changes: object) -> JointLimits:

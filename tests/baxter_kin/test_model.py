@@ -10,16 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import (
-    Arm,
-    Baxter,
-    BaxterError,
-    ConfigurationError,
-    IKService,
-    PoseError,
-    UnknownNameError,
-    quaternion_xyzw,
-)
+from baxter_kin import Arm, Baxter, BaxterError, IKService, quaternion_xyzw
+from baxter_kin.errors import ConfigurationError, PoseError, UnknownNameError
 from baxter_kin.kinematics.arm import JOINTS, MIRROR
 
 AGREEMENT = 1e-12

@@ -11,7 +11,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
-from planner import Hand, Move, Plan, RobotBody, RobotShapes
+from planner import Hand, Move, Plan, RobotBody
+from planner.collision import RobotShapes
 from planner.scene.mesh import Mesh
 
 

@@ -8,18 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from baxter_kin import Arm, ConfigurationError, UnknownNameError
-from planner import (
-    Clearance,
-    Grip,
-    GripperAction,
-    Move,
-    Plan,
-    PlanFailure,
-    TaskError,
-    Trajectory,
-    plan_joint_move,
-)
+from baxter_kin import Arm
+from baxter_kin.errors import ConfigurationError, UnknownNameError
+from planner import Grip, GripperAction, Move, Plan, PlanFailure, Trajectory, plan_joint_move
+from planner.collision import Clearance
+from planner.errors import TaskError
 from planner.plan import Step
 
 

@@ -21,7 +21,6 @@ from baxter_kin import IKFailure, IKResult, SeedType, pose_from_quaternion
 from planner import (
     Body,
     Box,
-    Clearance,
     Cylinder,
     Grip,
     GripperAction,
@@ -31,7 +30,6 @@ from planner import (
     PickAndPlace,
     Plan,
     PlanFailure,
-    PlanFileError,
     PlannerError,
     Scene,
     Situation,
@@ -42,6 +40,8 @@ from planner import (
     plan_pick_and_place,
     save_plan,
 )
+from planner.collision import Clearance
+from planner.errors import PlanFileError
 from planner.scene.mesh import Mesh
 from tests.conftest import at
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, BaxterError, JointLimits
-from planner import MotionError, Trajectory, TrajectoryError, plan_joint_move
+from planner import Trajectory, plan_joint_move
+from planner.errors import MotionError, TrajectoryError
 from planner.trajectory import joined
 
 ROUNDING = 1e-12

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin import JointLimits
-from planner import Clearance
+from planner.collision import Clearance
 from planner.collision.context import CollisionContext
 from planner.collision.obstacles import JOINTS, PAIRS, REACH_M, LinearBounds, Obstacles
 from planner.splines import weights_at

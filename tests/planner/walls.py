@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner import Body, Box, ClearanceChecker, Manipulator, Part, Scene, Trajectory
+from planner import Body, Box, Manipulator, Part, Scene, Trajectory
+from planner.collision import ClearanceChecker
 from planner.collision.context import CollisionContext
 from planner.collision.sampling import sample_times
 from tests.conftest import at, overhead

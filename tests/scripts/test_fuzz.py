@@ -12,7 +12,8 @@ import pytest
 import baxter_kin.ik
 import planner
 import sim
-from baxter_kin import BaxterError, RequestError
+from baxter_kin import BaxterError
+from baxter_kin.errors import RequestError
 
 
 def module(name: str) -> Any:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from planner import Grasp, Miss, MissKind
-from sim import Contact, Push, Rest, event_text
+from planner.grasping import Grasp, Miss, MissKind
+from sim import event_text
+from sim.world import Contact, Push, Rest
 
 ORIGIN = pin.SE3.Identity()
 

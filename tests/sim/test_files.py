@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim import RecordingError
+from sim.errors import RecordingError
 from sim.files import Line, LineFile, checked_path, opened, read_lines, replace_file
 
 LINES = st.lists(st.text(st.characters(exclude_characters="\r\n\ufeff", exclude_categories=["Cs"])))

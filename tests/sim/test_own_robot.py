@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Baxter, UnknownNameError
+from baxter_kin import Baxter
+from baxter_kin.errors import UnknownNameError
 from planner import (
     Manipulator,
     PickAndPlace,

@@ -24,25 +24,25 @@ from planner import (
     Plan,
     PlanFailure,
     Scene,
-    SceneError,
     load_object,
     plan_pick_and_place,
     plan_start_move,
     plan_straight_move,
 )
+from planner.errors import SceneError
 from sim import (
     Dwell,
     Event,
     EventKind,
     Observer,
     Outcome,
-    Push,
     Simulation,
     SimulationError,
     Snapshot,
     World,
 )
 from sim.simulation import DEFAULT_TICK_S, GRAVITY_M_S2
+from sim.world import Push
 from sim.world.gripper import FINGER_SPEED_M_S
 from tests.conftest import at, overhead
 

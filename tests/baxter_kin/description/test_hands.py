@@ -9,17 +9,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import (
-    Baxter,
-    ConfigurationError,
-    DescriptionError,
-    ElectricGripper,
-    PoseError,
-    Tool,
-)
+from baxter_kin import Baxter, ElectricGripper, Tool
 from baxter_kin.description import StockFiles
 from baxter_kin.description.hands import hand_of
 from baxter_kin.description.urdf import ShapeKind, UrdfShape
+from baxter_kin.errors import ConfigurationError, DescriptionError, PoseError
 from tests.conftest import at
 from tests.served_urdf import served_urdf
 

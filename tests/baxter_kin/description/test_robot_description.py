@@ -11,9 +11,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm, Baxter, DescriptionError, ElectricGripper, UnknownNameError
+from baxter_kin import Arm, Baxter, ElectricGripper
 from baxter_kin.description import RobotDescription, StockFiles
 from baxter_kin.description.calibration import MOST_APART_M, MOST_TURNED_RAD, finger_joints
+from baxter_kin.errors import DescriptionError, UnknownNameError
 from tests.served_urdf import served_urdf
 
 STOCK = StockFiles.installed()

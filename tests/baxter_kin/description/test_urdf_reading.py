@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import DescriptionError
 from baxter_kin.description.urdf import JointKind, JointRange, Urdf, UrdfJoint
 from baxter_kin.description.urdf_reading import LARGEST_NUMBER, MOST_LINKS, read_urdf
+from baxter_kin.errors import DescriptionError
 
 LIMIT = "<limit lower='-1' upper='2' velocity='3' effort='4'/>"
 

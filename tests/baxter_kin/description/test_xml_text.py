@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import DescriptionError
 from baxter_kin.description.xml_text import (
     DEEPEST_NESTING,
     LARGEST_TEXT_BYTES,
@@ -15,6 +14,7 @@ from baxter_kin.description.xml_text import (
     Element,
     read_xml,
 )
+from baxter_kin.errors import DescriptionError
 
 
 def test_elements_and_attributes_come_in_order() -> None:

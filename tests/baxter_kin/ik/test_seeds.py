@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from baxter_kin import Arm, Baxter, SeedMode, SeedType, UnknownNameError
+from baxter_kin import Arm, Baxter, SeedMode, SeedType
+from baxter_kin.errors import UnknownNameError
 from baxter_kin.ik.search.searcher import Searcher
 from baxter_kin.ik.seeds import NullSpaceMap, starts_around
 from baxter_kin.kinematics.arm import MIRROR

@@ -13,19 +13,16 @@ from baxter_kin import (
     Arm,
     Baxter,
     BaxterError,
-    ConfigurationError,
     Frame,
     IKFailure,
     IKResult,
     IKService,
-    PoseError,
-    RequestError,
     SeedMode,
     SeedType,
     StampedPose,
-    UnknownNameError,
     pose_from_quaternion,
 )
+from baxter_kin.errors import ConfigurationError, PoseError, RequestError, UnknownNameError
 from baxter_kin.frames import T_world_base, angle_between
 from baxter_kin.ik import (
     FarthestFromLimits,

@@ -7,7 +7,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm, Baxter, ConfigurationError, IKService, PoseError, RequestError
+from baxter_kin import Arm, Baxter, IKService
+from baxter_kin.errors import ConfigurationError, PoseError, RequestError
 from baxter_kin.frames import angle_between
 from baxter_kin.ik import sample_solutions
 from baxter_kin.ik.redundancy.continuation import EndKind

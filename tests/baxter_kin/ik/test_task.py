@@ -4,7 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm, IKService, RequestError, SeedType
+from baxter_kin import Arm, IKService, SeedType
+from baxter_kin.errors import RequestError
 from baxter_kin.ik import Backend, NearestTo, Tolerance
 from baxter_kin.ik.geometry.reach import ReachBound
 from baxter_kin.ik.tolerance import FREE

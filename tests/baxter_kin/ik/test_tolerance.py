@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import RequestError, UnknownNameError
+from baxter_kin.errors import RequestError, UnknownNameError
 from baxter_kin.ik.tolerance import FREE, Tolerance
 
 ROUNDING = 1e-9

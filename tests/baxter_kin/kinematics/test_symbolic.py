@@ -7,7 +7,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm, RequestError
+from baxter_kin import Arm
+from baxter_kin.errors import RequestError
 from baxter_kin.frames import angle_between
 from baxter_kin.ik import Program
 from baxter_kin.kinematics.symbolic import SymbolicArm

@@ -13,21 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from baxter_kin import Arm, Baxter, ConfigurationError, PoseError
-from planner import (
-    Body,
-    Box,
-    Clearance,
-    ClearanceChecker,
-    Manipulator,
-    Part,
-    RobotShapes,
-    Scene,
-    SceneError,
-    Sphere,
-)
+from baxter_kin import Arm, Baxter
+from baxter_kin.errors import ConfigurationError, PoseError
+from planner import Body, Box, Manipulator, Part, Scene, Sphere
 from planner.clearance import least
+from planner.collision import Clearance, ClearanceChecker, RobotShapes
 from planner.collision.robot.robot_body import RobotBody
+from planner.errors import SceneError
 from planner.scene.contact import PRESSING_TOLERANCE_M, coal_shape, convex, surface
 from planner.scene.held import Held
 from planner.scene.mesh import Mesh

@@ -10,21 +10,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from baxter_kin import ConfigurationError
-from planner import (
-    Body,
-    Box,
-    ClearanceChecker,
-    ContinuousProof,
-    Manipulator,
-    MotionError,
-    Part,
-    Scene,
-    SceneError,
-    plan_joint_move,
-)
+from baxter_kin.errors import ConfigurationError
+from planner import Body, Box, Manipulator, Part, Scene, plan_joint_move
+from planner.collision import ClearanceChecker, ContinuousProof
 from planner.collision.context import CollisionContext, Touches
 from planner.collision.sampling import SCREENING_STEP_RAD, looks_clear
+from planner.errors import MotionError, SceneError
 from planner.scene.contact import PRESSING_TOLERANCE_M, has_depth
 from planner.scene.held import Held
 from tests.conftest import at, overhead

@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Arm
-from planner import MotionError, Trajectory, TrajectoryError, plan_joint_move
+from planner import Trajectory, plan_joint_move
 from planner.collision.continuous.motion_bounds import JointSpan
+from planner.errors import MotionError, TrajectoryError
 from planner.trajectory import CONTINUITY_TOLERANCE
 
 seeds = st.integers(0, 2**32 - 1)

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import Arm
-from planner import MotionError, Trajectory, TrajectoryError, plan_joint_move
+from planner import Trajectory, plan_joint_move
 from planner.collision.sampling import bisecting, looks_clear, sample_times
+from planner.errors import MotionError, TrajectoryError
 from tests.planner.toy_world import AROUND_DISC, DISC, LEFT, LIMITS, RIGHT
 
 FloatArray = NDArray[np.float64]

@@ -12,7 +12,6 @@ from baxter_kin import Baxter, pose_from_quaternion
 from planner import (
     Body,
     Box,
-    Grasp,
     Grip,
     Manipulator,
     Part,
@@ -23,6 +22,7 @@ from planner import (
 )
 from planner.clearance import ContinuousProof
 from planner.collision.robot.robot_body import RobotBody
+from planner.grasping import Grasp
 from planner.grasping.finger_travel import FingerTravel, TravelCheck, closing_travel, prove_travel
 from planner.pick_place.phases import LEAST_ROOM_M
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m

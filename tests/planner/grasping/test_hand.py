@@ -10,9 +10,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from baxter_kin import Baxter, ConfigurationError, PoseError, UnknownNameError
-from planner import Body, Box, Cylinder, Grasp, Hand, Manipulator, Part, RobotShapes, SceneError
+from baxter_kin import Baxter
+from baxter_kin.errors import ConfigurationError, PoseError, UnknownNameError
+from planner import Body, Box, Cylinder, Hand, Manipulator, Part
+from planner.collision import RobotShapes
 from planner.collision.robot.robot_body import RobotBody
+from planner.errors import SceneError
+from planner.grasping import Grasp
 from planner.scene.bodies import Shape, Sphere
 from planner.verification.body.robot_body import robot_body
 from tests.bodies import grasp_of

@@ -16,20 +16,18 @@ from planner import (
     Body,
     Box,
     Cylinder,
-    Grasp,
     Hand,
     Manipulator,
-    Miss,
-    MissKind,
     Part,
     PickAndPlace,
     Scene,
-    SceneError,
     make_block,
     overhead_grasp,
     plan_pick_and_place,
     verify,
 )
+from planner.errors import SceneError
+from planner.grasping import Grasp, Miss, MissKind
 from planner.grasping.grasp import extent
 from planner.grasping.overhead import FINGER_CLEARANCE_M, LOWEST_SHARE, MESH_STEP_RAD
 from tests.bodies import with_plain_fingers

@@ -4,19 +4,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Baxter, ConfigurationError, IKService, Tool
+from baxter_kin import Baxter, IKService, Tool
+from baxter_kin.errors import ConfigurationError
 from planner import (
     Body,
     Box,
-    ClearanceChecker,
     CollisionContext,
     Cylinder,
     Manipulator,
     Part,
     PickAndPlace,
-    RobotShapes,
     Scene,
-    SceneError,
     Sphere,
     Trajectory,
     load_object,
@@ -27,6 +25,8 @@ from planner import (
     tool_of,
     verify,
 )
+from planner.collision import ClearanceChecker, RobotShapes
+from planner.errors import SceneError
 from planner.scene.mesh import Mesh
 from planner.verification.body.robot_body import robot_body
 from tests.conftest import at, overhead

@@ -12,17 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from baxter_kin import Baxter, ConfigurationError, JointLimits
-from planner import (
-    FreeMoveError,
-    Manipulator,
-    MotionError,
-    Scene,
-    Trajectory,
-    plan_joint_move,
-)
+from baxter_kin import Baxter, JointLimits
+from baxter_kin.errors import ConfigurationError
+from planner import Manipulator, Scene, Trajectory, plan_joint_move
 from planner.collision.continuous.proof import prove_clear
 from planner.collision.sampling import looks_clear, sample_times
+from planner.errors import FreeMoveError, MotionError
 from planner.motion.free_move import ROUNDS, IsClear, plan_free_move
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
 from tests.planner import toy_world

@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import planner.motion.joint_move
-from baxter_kin import Arm, ConfigurationError, JointLimits
-from planner import MotionError, Trajectory, plan_joint_move
+from baxter_kin import Arm, JointLimits
+from baxter_kin.errors import ConfigurationError
+from planner import Trajectory, plan_joint_move
+from planner.errors import MotionError
 from planner.motion.joint_move import LONGEST_MOTION_S, POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
 
 TIME_TOLERANCE_S = 1e-9

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Arm
-from planner import MotionError, plan_joint_move
+from planner import plan_joint_move
+from planner.errors import MotionError
 from planner.motion.joint_move import rest_to_rest_s
 
 ROUNDING = 1e-6

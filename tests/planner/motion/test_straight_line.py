@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import PoseError
+from baxter_kin.errors import PoseError
 from baxter_kin.frames import checked_pose
-from planner import MotionError, StraightLine, StraightMoveError
+from planner import StraightLine, StraightMoveError
+from planner.errors import MotionError
 from planner.motion.straight_line import FARTHEST, HALF_TURN_MARGIN_RAD, LEAST_LENGTH
 
 ROUNDING = 1e-9

@@ -13,18 +13,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baxter_kin import Arm, Baxter, ConfigurationError, IKService, JointLimits, PoseError
+from baxter_kin import Arm, Baxter, IKService, JointLimits
+from baxter_kin.errors import ConfigurationError, PoseError
 from baxter_kin.kinematics.arm import MIRROR
 from baxter_kin.validation import FloatArray
 from planner import (
     LineTolerance,
-    MotionError,
     StraightLine,
     StraightMoveError,
     Trajectory,
     plan_joint_move,
     plan_straight_move,
 )
+from planner.errors import MotionError
 from planner.motion import straight_move
 from planner.motion.guess import Followed, Way, along
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE

@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from ompl import util
 
-from baxter_kin import ConfigurationError, JointLimits
-from planner import MotionError
+from baxter_kin import JointLimits
+from baxter_kin.errors import ConfigurationError
+from planner.errors import MotionError
 from planner.paths.rrt import EDGE_STEP_RAD, LONGEST_EDGE_RAD, search_corners
 from tests.planner.toy_world import (
     AROUND_DISC,

@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from baxter_kin import RequestError
-from planner import Manipulator, MotionError, PickAndPlace, Scene, transfer_bound_s
+from baxter_kin.errors import RequestError
+from planner import Manipulator, PickAndPlace, Scene, transfer_bound_s
+from planner.errors import MotionError
 from planner.pick_place.candidates import Candidates
 from planner.pick_place.request import PlanRequest
 from tests.conftest import at, overhead

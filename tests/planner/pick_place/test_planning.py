@@ -15,34 +15,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from baxter_kin import (
-    Baxter,
-    ConfigurationError,
-    ElectricGripper,
-    LimitsError,
-    PoseError,
-    UnknownNameError,
-)
+from baxter_kin import Baxter, ElectricGripper
+from baxter_kin.errors import ConfigurationError, LimitsError, PoseError, UnknownNameError
 from baxter_kin.frames import raised
 from planner import (
     Body,
     Box,
-    ClearanceChecker,
     Grip,
     GripperAction,
     LineTolerance,
     Manipulator,
     Mesh,
-    MotionError,
     Move,
     Part,
     PickAndPlace,
     Plan,
     RobotBody,
     Scene,
-    SceneError,
     Situation,
-    TaskError,
     load_object,
     load_plan,
     plan_joint_move,
@@ -52,6 +42,8 @@ from planner import (
     save_plan,
     verify,
 )
+from planner.collision import ClearanceChecker
+from planner.errors import MotionError, SceneError, TaskError
 from planner.pick_place.candidates import transfer_bound_s
 from planner.pick_place.cycle import StoppingCycles
 from planner.pick_place.phases import PhaseMaker

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from baxter_kin import ConfigurationError
+from baxter_kin.errors import ConfigurationError
 from baxter_kin.ik import sample_solutions
 from planner import Body, Box, Manipulator, Part, Scene
 from planner.collision.context import CollisionContext

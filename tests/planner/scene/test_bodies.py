@@ -11,8 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from baxter_kin import BaxterError, PoseError
-from planner import Body, Box, Cylinder, Part, Scene, SceneError, Sphere
+from baxter_kin import BaxterError
+from baxter_kin.errors import PoseError
+from planner import Body, Box, Cylinder, Part, Scene, Sphere
+from planner.errors import SceneError
 from planner.scene.bodies import Shape
 from planner.scene.mesh import LARGEST_SHAPE_M, SMALLEST_SHAPE_M, Mesh
 from tests.conftest import at

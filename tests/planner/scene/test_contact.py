@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import BaxterError
-from planner import Body, Box, Cylinder, Part, Scene, SceneError, Sphere
+from planner import Body, Box, Cylinder, Part, Scene, Sphere
 from planner.collision.continuous.proof import ACCURACY_M
+from planner.errors import SceneError
 from planner.scene.bodies import Shape
 from planner.scene.contact import (
     MOST_TOUCHED_TRIANGLES,

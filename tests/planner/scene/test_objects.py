@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from baxter_kin import PoseError
-from planner import Body, Box, SceneError, load_object, make_block
+from baxter_kin.errors import PoseError
+from planner import Body, Box, load_object, make_block
+from planner.errors import SceneError
 from planner.scene.objects import COLOURS, URDF_FOLDER
 from tests.conftest import at
 

@@ -23,8 +23,6 @@ from planner import (
     PlanFailure,
     Scene,
     Situation,
-    TaskError,
-    Tolerances,
     Trajectory,
     plan_file,
     plan_joint_move,
@@ -32,6 +30,8 @@ from planner import (
     plan_straight_move,
     verify,
 )
+from planner.errors import TaskError
+from planner.verification import Tolerances
 from tests.conftest import at
 from tests.planner.conftest import without_statements
 

@@ -14,26 +14,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from baxter_kin import Baxter, UnknownNameError
+from baxter_kin import Baxter
 from baxter_kin.description import RobotDescription
+from baxter_kin.errors import UnknownNameError
 from planner import (
     Body,
     Box,
     Certificate,
-    Check,
     Cylinder,
     Held,
     Manipulator,
     Part,
     Scene,
-    SceneError,
     Situation,
-    TaskError,
-    Tolerances,
     Trajectory,
     plan_joint_move,
 )
+from planner.errors import SceneError, TaskError
 from planner.trajectory import CONTINUITY_TOLERANCE
+from planner.verification import Check, Tolerances
 from planner.verification.body.robot_body import robot_body
 from planner.verification.certificate import Relation
 from planner.verification.fingers import LEAD_M, Fingers, drop_m

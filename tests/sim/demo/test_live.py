@@ -8,9 +8,10 @@ import pytest
 
 from baxter_kin import Baxter, IKService
 from planner import Body, Move, plan_joint_move
-from sim import Event, EventKind, GripperState, Snapshot
+from sim import Event, EventKind, Snapshot
 from sim.demo import live
 from sim.demo.live import FRAME_S, LATEST_S, PAUSE_S, LiveView
+from sim.world import GripperState
 
 TICK_S = 0.01
 

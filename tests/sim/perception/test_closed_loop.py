@@ -26,17 +26,16 @@ from sim import (
     ClosedLoop,
     Event,
     EventKind,
-    LoopResult,
     Noise,
     NoisyPoses,
     Observer,
-    Sighting,
     Simulation,
     SimulationError,
     Transfer,
     TruePoses,
     World,
 )
+from sim.perception import LoopResult, Sighting
 from sim.perception.closed_loop import LOOKS, WIDTH_TOLERANCE_M, mean_of, split_at_close
 from sim.perception.noisy_poses import displaced
 from tests.conftest import at

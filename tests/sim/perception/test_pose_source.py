@@ -11,22 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter
-from planner import Body, Scene, SceneError
-from sim import (
-    LoggedPoses,
-    Look,
-    Noise,
-    NoisyPoses,
-    RecordingError,
-    ReplayedPoses,
-    Sighting,
-    Simulation,
-    SimulationError,
-    TruePoses,
-    World,
-    read_looks,
-)
+from planner import Body, Scene
+from planner.errors import SceneError
+from sim import Noise, NoisyPoses, Simulation, SimulationError, TruePoses, World
 from sim.clock import DEFAULT_TICK_S
+from sim.errors import RecordingError
+from sim.perception import LoggedPoses, Look, ReplayedPoses, Sighting, read_looks
 from sim.perception.noisy_poses import displaced
 from sim.perception.pose_log import HEADER
 from tests.conftest import at

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from planner import Body
-from sim import LogRecorder, RecordingError, Simulation, World, read_log
+from sim import LogRecorder, Simulation, World, read_log
+from sim.errors import RecordingError
 
 
 @pytest.fixture(scope="module")

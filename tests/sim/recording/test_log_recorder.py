@@ -15,17 +15,8 @@ import pytest
 
 from baxter_kin import Baxter
 from planner import Body, Scene
-from sim import (
-    LogRecorder,
-    Recorder,
-    Recording,
-    RecordingError,
-    Simulation,
-    World,
-    read_log,
-    read_rsdk_csv,
-    retell,
-)
+from sim import LogRecorder, Recorder, Recording, Simulation, World, read_log, read_rsdk_csv, retell
+from sim.errors import RecordingError
 from sim.view.replay import replay_html
 from tests.sim.conftest import POSE, assert_same
 

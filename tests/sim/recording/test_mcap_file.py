@@ -15,7 +15,8 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap_ros1.decoder import DecoderFactory
 
 from baxter_kin import Baxter
-from sim import McapRecorder, Recording, RecordingError, Simulation, World, write_mcap
+from sim import McapRecorder, Recording, Simulation, World, write_mcap
+from sim.errors import RecordingError
 from sim.recording.recorded_motion import arm_joints
 
 STAMP_S = 1e-9

@@ -15,15 +15,8 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from planner import Body, Mesh, Part
-from sim import (
-    Recorder,
-    Recording,
-    RecordingError,
-    Simulation,
-    World,
-    load_recording,
-    save_recording,
-)
+from sim import Recorder, Recording, Simulation, World, load_recording, save_recording
+from sim.errors import RecordingError
 from sim.recording import npz_file
 from sim.view.replay import replay_html
 from tests.conftest import at

@@ -9,17 +9,8 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter
-from sim import (
-    Event,
-    EventKind,
-    Observer,
-    Recorder,
-    Recording,
-    RecordingError,
-    Snapshot,
-    retell,
-    save_recording,
-)
+from sim import Event, EventKind, Observer, Recorder, Recording, Snapshot, retell, save_recording
+from sim.errors import RecordingError
 from sim.recording.npz_file import load_recording
 from tests.sim.conftest import POSE, assert_same
 

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from baxter_kin import Arm, UnknownNameError
-from sim import Recording, RecordingError, plot_recording
+from baxter_kin import Arm
+from baxter_kin.errors import UnknownNameError
+from sim import Recording, plot_recording
+from sim.errors import RecordingError
 
 ROWS, JOINTS = 4, 7
 

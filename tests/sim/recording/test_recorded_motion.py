@@ -10,9 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import Arm, JointLimits, UnknownNameError
+from baxter_kin import Arm, JointLimits
+from baxter_kin.errors import UnknownNameError
 from planner import Trajectory, plan_joint_move
-from sim import RecordedMove, Recording, RecordingError
+from sim import Recording
+from sim.errors import RecordingError
+from sim.recording import RecordedMove
 from sim.recording.recorded_motion import ArmMotion, arm_motion
 
 EXACT = 1e-9

@@ -18,10 +18,10 @@ from sim import (
     McapRecorder,
     Recorder,
     Recording,
-    RecordingError,
     Simulation,
     World,
 )
+from sim.errors import RecordingError
 
 
 @pytest.fixture

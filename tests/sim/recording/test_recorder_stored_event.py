@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from baxter_kin.json_data import from_json, to_json
 from baxter_kin.json_text import as_text, from_text
 from planner import Body
-from sim import Event, EventKind, RecordingError
+from sim import Event, EventKind
+from sim.errors import RecordingError
 from sim.recording.recorder import StoredEvent
 
 

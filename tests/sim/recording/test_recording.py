@@ -9,12 +9,8 @@ import pytest
 
 from baxter_kin import BaxterError
 from planner import Body
-from sim import (
-    Event,
-    EventKind,
-    Recording,
-    RecordingError,
-)
+from sim import Event, EventKind, Recording
+from sim.errors import RecordingError
 from tests.conftest import at
 
 

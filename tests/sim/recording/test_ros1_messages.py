@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mcap.records import Schema
 from mcap_ros1.decoder import DecoderFactory
 
-from sim import RecordingError
+from sim.errors import RecordingError
 from sim.recording.ros1_messages import (
     JOINT_STATE,
     TEXT,

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from baxter_kin import Baxter
 from planner import Body
-from sim import CsvRecorder, Recorder, Recording, RecordingError, Simulation, World, write_csv
+from sim import CsvRecorder, Recorder, Recording, Simulation, World, write_csv
+from sim.errors import RecordingError
 from sim.recording.rsdk_csv import CsvFile, csv_header
 from tests.sim.recording.test_recording import fields
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from baxter_kin import Baxter, UnknownNameError
+from baxter_kin import Baxter
+from baxter_kin.errors import UnknownNameError
 from planner import Body
 from sim.errors import ViewerError
 from sim.view.tip_target import TipTarget

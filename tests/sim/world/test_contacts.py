@@ -15,7 +15,6 @@ from baxter_kin.validation import FloatArray
 from planner import (
     Body,
     Certificate,
-    ClearanceChecker,
     Grip,
     GripperAction,
     Manipulator,
@@ -28,8 +27,10 @@ from planner import (
     plan_straight_move,
     verify,
 )
+from planner.collision import ClearanceChecker
 from planner.scene.contact import PRESSING_TOLERANCE_M
-from sim import Contact, Event, EventKind, Observer, Outcome, Simulation, SimulationError, World
+from sim import Event, EventKind, Observer, Outcome, Simulation, SimulationError, World
+from sim.world import Contact
 from sim.world.contacts import CHECK_S, ContactWatch, falls_as_planned, is_as_planned
 from tests.conftest import at, overhead
 

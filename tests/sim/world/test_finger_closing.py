@@ -10,9 +10,11 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter
-from planner import Body, Grasp, Manipulator, MissKind, make_block
+from planner import Body, Manipulator, make_block
 from planner.collision.robot.robot_body import RobotBody
-from sim import Closing, Gripper, World
+from planner.grasping import Grasp, MissKind
+from sim import Closing, World
+from sim.world import Gripper
 from sim.world.finger_closing import closing_of
 from tests.bodies import grasp_of
 from tests.conftest import at, overhead

@@ -9,9 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import Baxter, UnknownNameError
+from baxter_kin import Baxter
+from baxter_kin.errors import UnknownNameError
 from planner import Body, Box, Part
-from sim import Gripper, GripperState, SimulationError, World
+from sim import SimulationError, World
+from sim.world import Gripper, GripperState
 from sim.world.gripper import FINGER_SPEED_M_S, Closing
 from tests.conftest import at
 

@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import Baxter, BaxterError, ConfigurationError, PoseError, UnknownNameError
-from planner import Body, Box, Cylinder, Part, SceneError, Sphere, load_object
+from baxter_kin import Baxter, BaxterError
+from baxter_kin.errors import ConfigurationError, PoseError, UnknownNameError
+from planner import Body, Box, Cylinder, Part, Sphere, load_object
+from planner.errors import SceneError
 from planner.scene.bodies import Shape
 from sim import SimulationError, World
 from sim.world.world import FLOOR, FLOOR_Z_M

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import Arm, Baxter, ConfigurationError, RequestError
+from baxter_kin import Arm, Baxter
+from baxter_kin.errors import ConfigurationError, RequestError
 from baxter_kin.ik.redundancy.objectives import (
     FarthestFromLimits,
     MostManipulable,

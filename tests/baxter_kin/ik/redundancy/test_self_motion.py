@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import Arm, Baxter, BaxterError, ConfigurationError, PoseError, RequestError
+from baxter_kin import Arm, Baxter, BaxterError
+from baxter_kin.errors import ConfigurationError, PoseError, RequestError
 from baxter_kin.frames import angle_between
 from baxter_kin.ik.redundancy.continuation import EndKind
 from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion

@@ -5,7 +5,8 @@ import threading
 import numpy as np
 import pytest
 
-from baxter_kin import Arm, IKService, SeedMode, SeedType, UnknownNameError
+from baxter_kin import Arm, IKService, SeedMode, SeedType
+from baxter_kin.errors import UnknownNameError
 from baxter_kin.ik import (
     FarthestFromLimits,
     MostManipulable,

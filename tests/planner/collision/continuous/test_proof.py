@@ -11,21 +11,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from baxter_kin import Arm, Baxter, ConfigurationError
-from planner import (
-    Body,
-    Box,
-    ClearanceChecker,
-    MotionError,
-    Part,
-    RobotShapes,
-    Scene,
-    SceneError,
-    Trajectory,
-    TrajectoryError,
-    plan_joint_move,
-)
+from baxter_kin import Arm, Baxter
+from baxter_kin.errors import ConfigurationError
+from planner import Body, Box, Part, Scene, Trajectory, plan_joint_move
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
+from planner.collision import ClearanceChecker, RobotShapes
 from planner.collision.continuous import proof as module
 from planner.collision.continuous.proof import (
     ACCURACY_M,
@@ -34,6 +24,7 @@ from planner.collision.continuous.proof import (
     TIGHTNESS,
     prove_clear,
 )
+from planner.errors import MotionError, SceneError, TrajectoryError
 from planner.scene.bodies import Shape
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from planner.scene.held import Held

@@ -12,21 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, pose_from_quaternion
-from planner import (
-    Body,
-    Box,
-    ClearanceChecker,
-    Manipulator,
-    Part,
-    PickAndPlace,
-    RobotShapes,
-    Scene,
-    SceneError,
-    plan_pick_and_place,
-    verify,
-)
+from planner import Body, Box, Manipulator, Part, PickAndPlace, Scene, plan_pick_and_place, verify
+from planner.collision import ClearanceChecker, RobotShapes
 from planner.collision.distances import Enclosure
 from planner.collision.robot.robot_body import RobotBody
+from planner.errors import SceneError
 from planner.scene.bodies import Sphere
 from tests.conftest import at
 from tests.planner.conftest import distance
