@@ -28,7 +28,7 @@ from baxter_kin.value_objects import (
 from planner.clearance import Clearance, ContinuousContact, ContinuousProof, least
 from planner.errors import TaskError
 from planner.motion.straight_line import LineTolerance
-from planner.pick_place.summary import Tally
+from planner.pick_place.summary import CollisionSummary
 from planner.situation import Situation
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
@@ -155,7 +155,7 @@ class PlanFailure(Checked, OneLine, error=TaskError):
     tried: tuple[PlanFailure, ...] = ()
     is_certain: bool = False
     contact: ContinuousContact | None = None
-    tallies: tuple[Tally, ...] = ()
+    tallies: tuple[CollisionSummary, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.stage}: {self.reason}"

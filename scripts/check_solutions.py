@@ -50,7 +50,7 @@ RESIDUAL = 1e-10
 rounding, all are put on them."""
 
 
-class Tally(NamedTuple):
+class CollisionSummary(NamedTuple):
     """What came of one pose."""
 
     pieces: int
@@ -76,15 +76,15 @@ def main() -> int:
         rng = np.random.default_rng([given.seed, side == "right"])  # or they would be mirrored
         ik = IKService(robot.arm(side))
         tallies = [
-            tally(ik, q, given.restarts, rng) for q in configurations(ik.arm, given.count, rng)
+            summary(ik, q, given.restarts, rng) for q in configurations(ik.arm, given.count, rng)
         ]
         is_right &= report(side, tallies, objectives(ik.arm, rng))
     return 0 if is_right else 1
 
 
-def report(side: str, tallies: list[Tally], kinds: list[Objective]) -> bool:
+def report(side: str, tallies: list[CollisionSummary], kinds: list[Objective]) -> bool:
     """Print what came of one arm's poses; whether all is right."""
-    columns = Tally(*zip(*tallies, strict=True))  # type: ignore[arg-type]
+    columns = CollisionSummary(*zip(*tallies, strict=True))  # type: ignore[arg-type]
     middle, late = np.percentile(columns.solutions_ms, [50, 95])
     print("| arm | poses | pieces | missing | worst residual | outside limits | ms | p95 ms |")
     print("|---|---:|---:|---:|---:|---:|---:|---:|")
@@ -109,7 +109,9 @@ def report(side: str, tallies: list[Tally], kinds: list[Objective]) -> bool:
     return not (missing or outside or residual > RESIDUAL or (worse > WORSE).any())
 
 
-def tally(ik: IKService, q_known: FloatArray, restarts: int, rng: np.random.Generator) -> Tally:
+def summary(
+    ik: IKService, q_known: FloatArray, restarts: int, rng: np.random.Generator
+) -> CollisionSummary:
     """Compare for the pose of a known configuration, shape (7,), rad."""
     arm = ik.arm
     T = arm.T_base_tip(q_known)
@@ -127,7 +129,9 @@ def tally(ik: IKService, q_known: FloatArray, restarts: int, rng: np.random.Gene
     dense = np.concatenate([reference, *(c.q for c in solutions(ik, T, step_rad=DENSE_RAD))])
     compared = [compare(ik, T, kind, dense) for kind in objectives(arm, rng)]
     worse, each_ms = zip(*compared, strict=True)
-    return Tally(len(curves), len(lengths), residual, outside, 1e3 * seconds, worse, each_ms)
+    return CollisionSummary(
+        len(curves), len(lengths), residual, outside, 1e3 * seconds, worse, each_ms
+    )
 
 
 def objectives(arm: Arm, rng: np.random.Generator) -> list[Objective]:

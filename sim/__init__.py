@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from sim.recording.rsdk_csv import CsvRecorder, write_csv
     from sim.recording.rsdk_reading import read_rsdk_csv
     from sim.simulation import Simulation
+    from sim.view.live.live_view import LiveView
+    from sim.view.live.tip_target import TipTarget
+    from sim.view.live.viewer import Viewer
     from sim.view.replay import Replay, write_replay
     from sim.world.finger_closing import Closing
     from sim.world.world import World
@@ -39,6 +42,7 @@ __all__ = [
     "Dwell",
     "Event",
     "EventKind",
+    "LiveView",
     "LogRecorder",
     "McapRecorder",
     "Noise",
@@ -52,8 +56,10 @@ __all__ = [
     "Simulation",
     "SimulationError",
     "Snapshot",
+    "TipTarget",
     "Transfer",
     "TruePoses",
+    "Viewer",
     "World",
     "load_recording",
     "plot_recording",
@@ -97,5 +103,8 @@ __getattr__ = loader(
         "sim.world.pushing",
         "sim.world.world",
         "sim.view.replay",
+        "sim.view.live.live_view",
+        "sim.view.live.tip_target",
+        "sim.view.live.viewer",
     ),
 )

@@ -25,7 +25,7 @@ from planner.motion.joint_move import rest_to_rest_s
 from planner.pick_place.cycle import PICK_LINES, PLACE_LINES
 from planner.pick_place.plan_builder import NoSolutionError
 from planner.pick_place.request import PlanRequest
-from planner.pick_place.summary import Tally
+from planner.pick_place.summary import CollisionSummary
 from planner.pick_place.task import PickAndPlace
 from planner.plan import PlanFailure
 
@@ -65,9 +65,9 @@ class Solutions:
         """Which of them are near one, itself among them."""
         return np.flatnonzero(np.abs(self.qs - self.qs[index]).max(axis=1) < NEIGHBOURHOOD_RAD)
 
-    def tally(self) -> Tally:
+    def summary(self) -> CollisionSummary:
         """How many collide, and with what."""
-        return Tally.of(self.stage, self.qs, self._context)
+        return CollisionSummary.of(self.stage, self.qs, self._context)
 
     def refuse_none_free(self) -> None:
         """Stop when all of them collide.
@@ -81,9 +81,9 @@ class Solutions:
             )
         each = range(len(self.qs))
         if not any(map(self.has_room, each)) and not any(map(self.is_free, each)):
-            tally = self.tally()
+            summary = self.summary()
             raise NoSolutionError(
-                PlanFailure(self.stage, str(tally), is_certain=True, tallies=(tally,))
+                PlanFailure(self.stage, str(summary), is_certain=True, tallies=(summary,))
             )
 
 

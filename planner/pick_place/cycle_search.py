@@ -246,7 +246,7 @@ class CycleSearch:
         best = max(self._missed, key=_Miss.nearness)
         failures = tuple(miss.failure for miss in self._missed)
         tallies = tuple(
-            tally for tally in (self._picks.tally(), self._places.tally()) if tally.colliding
+            tally for tally in (self._picks.summary(), self._places.summary()) if tally.colliding
         )
         told = [_told(failures), *(f"{tally.stage}: {tally}" for tally in tallies)]
         reason = f"{best.failure.reason} ({'; '.join(told)})"

@@ -1,4 +1,4 @@
-"""Tally: how many solutions of a pose collide, and with what; the explanation of a failed pick."""
+"""CollisionSummary: how many solutions of a pose collide, and with what: why a pick failed."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class CollisionCount(Checked, error=TaskError):
 
 
 @dataclass(frozen=True, slots=True)
-class Tally(Checked, error=TaskError):
+class CollisionSummary(Checked, error=TaskError):
     """How many solutions of a waypoint collide; `str()` of it is one sentence.
 
     Attributes:
@@ -69,7 +69,7 @@ class Tally(Checked, error=TaskError):
     margin_m: float = 0.0
 
     @classmethod
-    def of(cls, stage: str, qs: ArrayLike, around: CollisionContext) -> Tally:
+    def of(cls, stage: str, qs: ArrayLike, around: CollisionContext) -> CollisionSummary:
         """Look at solutions in a situation.
 
         Args:

@@ -422,6 +422,10 @@ class _Lasting:
         return s.Noise(0.001)
 
     @cached_property
+    def Viewer(self) -> s.Viewer:
+        return s.Viewer(self.Baxter)
+
+    @cached_property
     def Sighting(self) -> s.perception.Sighting:
         return s.perception.Sighting(self.Body, 0.0)
 
@@ -473,5 +477,7 @@ _MOVING: dict[str, Callable[[Stage], Any]] = {
     "LoggedPoses": lambda stage: s.perception.LoggedPoses(stage["TruePoses"], stage.file("poses")),
     "ReplayedPoses": lambda stage: s.perception.ReplayedPoses([stage["Look"]], stage["Scene"]),
     "ClosedLoop": _closed_loop,
+    "LiveView": lambda stage: s.LiveView(stage["Viewer"]),
+    "TipTarget": lambda stage: s.TipTarget(stage["Viewer"], stage["Baxter"], "left"),
 }
 """What moves or is written to."""

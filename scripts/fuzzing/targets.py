@@ -1,8 +1,8 @@
 """Targets: every public callable of the toolkit, found and not listed.
 
 The names in `__all__` of the packages that users import from, and the public methods, properties
-and class methods of their classes. Left out are exceptions, which only the toolkit makes, and calls of enumerations and
-protocols, which Python itself answers.
+and class methods of their classes. Left out are exceptions, which only the toolkit makes, and calls
+of enumerations and protocols, which Python itself answers.
 """
 
 from __future__ import annotations
@@ -44,6 +44,8 @@ SPOKEN = ("__getitem__", "__str__", "__repr__", "__iter__")
 
 LEFT_OUT = MappingProxyType(
     {
+        "LiveView.on_snapshot": "it waits until a snapshot is due",
+        "Viewer.wait_for_client": "it waits for a browser",
         "IKResult.trusted": "its contract is that nothing is checked",
         "Part.at": "its contract is that nothing is checked",
         "ClearanceChecker.distances_m": "asks for a checked configuration, for speed",

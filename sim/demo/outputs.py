@@ -10,10 +10,10 @@ from baxter_kin import Baxter
 from planner import RobotBody
 from sim import CsvRecorder, LogRecorder, McapRecorder, Observer, Recorder, Snapshot, World
 from sim.demo.interrupt import Interrupt
-from sim.demo.live import LiveView
 from sim.demo.narration import Narrator
 from sim.demo.options import DemoOptions
 from sim.recording.npz_file import save_recording
+from sim.view.live.live_view import LiveView
 
 WAIT_FOR_BROWSER_S = 15.0
 REPLAY_SNAPSHOTS = 12_000
@@ -69,7 +69,7 @@ def _save(recorder: Recorder, path: Path) -> None:
 
 
 def _live(world: World, narrator: Narrator, cleanup: ExitStack) -> LiveView:
-    from sim.view.viewer import Viewer  # noqa: PLC0415 - a headless run needs no web server
+    from sim.view.live.viewer import Viewer  # noqa: PLC0415 - a headless run needs no web server
 
     viewer = cleanup.enter_context(Viewer(world.robot))
     viewer.show(world.q, {}, "ready")

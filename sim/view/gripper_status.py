@@ -52,7 +52,7 @@ class GripperPhase:
         return [self.words, self.mood.value]
 
 
-class GripperStory:
+class GripperStatus:
     """Follows both grippers.
 
     Attributes:
@@ -96,7 +96,7 @@ def gripper_timelines(recording: Recording) -> dict[str, list[tuple[float, Gripp
 
     Of a recording that was cut, the beginning is told by the fingers' positions alone.
     """
-    story = GripperStory()
+    story = GripperStatus()
     timelines: dict[str, list[tuple[float, GripperPhase]]] = {side: [] for side in LIMBS}
     told = (event for event in recording.events if event.time_s >= recording.times_s[0])
     events = iter(sorted(told, key=lambda event: event.time_s))

@@ -147,7 +147,7 @@ PIECES_KEPT = 24
 """The oldest pieces vanish: some 10 m of line stay."""
 
 
-class Trail:
+class TipPath:
     """One tip's line."""
 
     def __init__(self, side: str) -> None:

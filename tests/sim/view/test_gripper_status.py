@@ -7,7 +7,7 @@ import pytest
 from planner import Body
 from sim.events import Event, EventKind
 from sim.recording.recording import Recording
-from sim.view.gripper_status import GripperMood, GripperStory, gripper_timelines
+from sim.view.gripper_status import GripperMood, GripperStatus, gripper_timelines
 
 
 def told(kind: EventKind, side: str | None = "left", body: Body | None = None) -> Event:
@@ -18,9 +18,9 @@ def named(block: Body, name: str) -> Body:
     return replace(block, name=name)
 
 
-def story_of(*percents: float, side: str = "left") -> GripperStory:
+def story_of(*percents: float, side: str = "left") -> GripperStatus:
     """What is told of a gripper that was seen at those positions, the other one closed."""
-    story = GripperStory()
+    story = GripperStatus()
     other = {"left": "right", "right": "left"}[side]
     for percent in percents:
         story.see({side: percent, other: 0.0})

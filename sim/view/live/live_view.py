@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from sim import Event, EventKind, Observer, Snapshot
-from sim.view.gripper_status import GripperStory
+from baxter_kin.errors import expect
+from sim.errors import ViewerError
+from sim.events import Event, EventKind, Observer, Snapshot
+from sim.view.gripper_status import GripperStatus
 
 if TYPE_CHECKING:  # a headless run needs no web server
-    from sim.view.viewer import Viewer
+    from sim.view.live.viewer import Viewer
 
 FRAME_S = 1.0 / 60.0
 """Shortest time between two frames that are sent."""
@@ -24,18 +26,28 @@ drift; one that is later comes after a pause too."""
 
 
 class LiveView(Observer):
-    """Shows snapshots when their time has come."""
+    """Shows snapshots when their time has come: a simulation that it observes runs in real time."""
 
     def __init__(self, viewer: Viewer) -> None:
+        """Show in a view, which stays open when the simulation ends.
+
+        Args:
+            viewer: where.
+        """
         self._viewer = viewer
-        self._story = GripperStory()
+        self._story = GripperStatus()
         self._seed, self._seed_until_s = "", 0.0
         self._zero_s: float | None = None
         self._last_s = 0.0
         self._next_frame_s = 0.0
 
     def on_event(self, event: Event) -> None:
-        """A body appears or disappears, or a gripper does something."""
+        """A body appears or disappears, or a gripper does something.
+
+        Raises:
+            ViewerError: when it is no event, or the view is closed.
+        """
+        expect(event, Event, "event", ViewerError)
         self._stand_still()
         self._story.hear(event)
         if event.body is not None and event.kind is EventKind.SPAWNED:
@@ -47,7 +59,12 @@ class LiveView(Observer):
             self._seed_until_s = event.time_s + event.move.trajectory.duration
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
-        """Wait until it is due, then show it."""
+        """Wait until it is due, then show it.
+
+        Raises:
+            ViewerError: when it is no snapshot, or the view is closed.
+        """
+        expect(snapshot, Snapshot, "snapshot", ViewerError)
         self._story.see({side: state.percent for side, state in snapshot.grippers.items()})
         time.sleep(self._until(snapshot.time_s))
         if snapshot.time_s >= self._next_frame_s:

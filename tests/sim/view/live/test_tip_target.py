@@ -12,8 +12,8 @@ from baxter_kin import Baxter
 from baxter_kin.errors import UnknownNameError
 from planner import Body
 from sim.errors import ViewerError
-from sim.view.tip_target import TipTarget
-from sim.view.viewer import Viewer
+from sim.view.live.tip_target import TipTarget
+from sim.view.live.viewer import Viewer
 
 POSE = (0.7, 0.2, 0.1, math.pi, 0.0, 0.0)
 TOO_FAR = (1.6, 0.2, 0.1, math.pi, 0.0, 0.0)

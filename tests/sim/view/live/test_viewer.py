@@ -19,7 +19,7 @@ from baxter_kin import Baxter
 from planner import Body
 from sim.errors import ViewerError
 from sim.view.gripper_status import GripperMood, GripperPhase
-from sim.view.viewer import Viewer
+from sim.view.live.viewer import Viewer
 from tests.conftest import at
 from tests.sim.conftest import (
     BLOCK_AT_END,
@@ -34,7 +34,7 @@ from tests.sim.conftest import (
 SERVE_FOREVER = """
 import sys, time
 from baxter_kin import Baxter
-from sim.view.viewer import Viewer
+from sim.view.live.viewer import Viewer
 viewer = Viewer(Baxter.load())
 print(viewer.url, flush=True)
 if "--end" not in sys.argv:

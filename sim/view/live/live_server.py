@@ -23,7 +23,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from baxter_kin.errors import quoted
 from baxter_kin.value_objects import NotCopied
 from sim.errors import ViewerError
-from sim.view.clients import Audience
+from sim.view.live.clients import Clients
 
 ADDRESS = "127.0.0.1"
 FIRST_PORT = 7000
@@ -42,17 +42,17 @@ Files = dict[str, tuple[str, str]]
 
 
 class LiveServer(NotCopied):
-    """Serves a page and the scene of an audience until closed.
+    """Serves a page and the scene of an clients until closed.
 
     Attributes:
         port: where it listens.
     """
 
-    def __init__(self, audience: Audience, files: Files, port: int | None = None) -> None:
+    def __init__(self, clients: Clients, files: Files, port: int | None = None) -> None:
         """Start serving.
 
         Args:
-            audience: whose scene is sent; browsers join it when they come.
+            clients: whose scene is sent; browsers join it when they come.
             files: the page and what it loads.
             port: where to listen; None for any that is free.
 
@@ -61,11 +61,11 @@ class LiveServer(NotCopied):
         """
         self._socket = _listening_socket(port)
         self.port = int(self._socket.getsockname()[1])
-        self._audience = audience
+        self._clients = clients
         self._browsers: set[_Browser] = set()
         self._application = Application(
             [
-                (r"/scene", _Browser, {"audience": audience, "browsers": self._browsers}),
+                (r"/scene", _Browser, {"clients": clients, "browsers": self._browsers}),
                 (r"(?:/static)?(/.*)", _File, {"files": files}),
             ],
             log_function=lambda _: None,
@@ -83,7 +83,7 @@ class LiveServer(NotCopied):
         return self._loop.is_closed()
 
     def notify(self) -> None:
-        """Have every browser sent what the audience has for it. Returns at once."""
+        """Have every browser sent what the clients has for it. Returns at once."""
         if not self._has_news:
             self._has_news = True
             self._loop.call_soon_threadsafe(self._send_mail)
@@ -162,9 +162,9 @@ class _File(_LocalHandler):
 class _Browser(_LocalHandler, WebSocketHandler):
     """One browser that watches. Tornado refuses those of pages from another origin."""
 
-    def initialize(self, audience: Audience, browsers: set[_Browser]) -> None:
+    def initialize(self, clients: Clients, browsers: set[_Browser]) -> None:
         """Take whom to join."""
-        self._audience = audience
+        self._clients = clients
         self._browsers = browsers
         self._sending: asyncio.Future[None] | None = None
         self._closed = asyncio.Event()
@@ -172,7 +172,7 @@ class _Browser(_LocalHandler, WebSocketHandler):
     def open(self, *_args: str, **_kwargs: str) -> None:
         """Begin with the whole scene."""
         self.set_nodelay(True)
-        self._audience.join(self)
+        self._clients.join(self)
         self._browsers.add(self)
         self.send_mail()
 
@@ -182,16 +182,16 @@ class _Browser(_LocalHandler, WebSocketHandler):
     def on_close(self) -> None:
         """Forget it."""
         self._browsers.discard(self)
-        self._audience.leave(self)
+        self._clients.leave(self)
         self._closed.set()
 
     def send_mail(self) -> None:
-        """Send what waits, unless that is being done: then it finds the new letters itself."""
+        """Send what waits, unless that is being done: then it finds the new messages itself."""
         if self._sending is None or self._sending.done():
             self._sending = asyncio.ensure_future(self._send_until_empty())
 
     async def say_goodbye(self) -> None:
-        """Send the last letters and close, at the latest when `LAST_WORDS_S` have passed twice."""
+        """Send the last messages and close, at the latest when `LAST_WORDS_S` have passed twice."""
         self.send_mail()
         if self._sending is not None:
             await asyncio.wait([self._sending], timeout=LAST_WORDS_S)
@@ -204,9 +204,9 @@ class _Browser(_LocalHandler, WebSocketHandler):
 
     async def _send_until_empty(self) -> None:
         """A round is over when the network has taken it; what comes meanwhile is the next."""
-        while letters := self._audience.mail_for(self):
+        while messages := self._clients.messages_for(self):
             results = await asyncio.gather(
-                *(self._send(letter.message) for letter in letters), return_exceptions=True
+                *(self._send(message.payload) for message in messages), return_exceptions=True
             )
             if any(isinstance(result, WebSocketClosedError) for result in results):
                 return

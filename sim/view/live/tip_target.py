@@ -19,10 +19,11 @@ import pinocchio as pin
 from baxter_kin import Baxter, IKResult, IKService, SeedMode
 from baxter_kin.errors import expect
 from baxter_kin.validation import FloatArray, finite_scalar
+from baxter_kin.value_objects import NotCopied, OneLine, position
 from planner import Body
 from planner.scene.bodies import Cylinder, Part
 from sim.errors import ViewerError
-from sim.view.viewer import Viewer
+from sim.view.live.viewer import Viewer
 
 AXIS_LENGTH_M = 0.12
 AXIS_RADIUS_M = 0.005
@@ -43,7 +44,7 @@ _AXIS_RGBA: tuple[_Rgba, ...] = (
 _UNREACHABLE_RGBA: _Rgba = (0.95, 0.0, 0.0, 1.0)
 
 
-class TipTarget:
+class TipTarget(NotCopied, OneLine):
     """A pose that one arm's tip is to take, drawn as three axes: x red, y green, z blue.
 
     All three are red while the pose cannot be reached; the caption then says why, and the arm stays
@@ -74,6 +75,9 @@ class TipTarget:
         self.result: IKResult | None = None
         self._name = f"{side} target"
         self._show_axes(is_reachable=True)
+
+    def _facts(self) -> tuple[str, ...]:
+        return self._name, f"at {position(self.T_base_target)}"
 
     def set(  # noqa: PLR0917 - a pose has six numbers, in an order everybody knows
         self, x: float, y: float, z: float, roll: float, pitch: float, yaw: float

@@ -9,8 +9,8 @@ import pytest
 from baxter_kin import Baxter, IKService
 from planner import Body, Move, plan_joint_move
 from sim import Event, EventKind, Snapshot
-from sim.demo import live
-from sim.demo.live import FRAME_S, LATEST_S, PAUSE_S, LiveView
+from sim.view.live import live_view
+from sim.view.live.live_view import FRAME_S, LATEST_S, PAUSE_S, LiveView
 from sim.world import GripperState
 
 TICK_S = 0.01
@@ -55,7 +55,7 @@ class Screen:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(live, "time", clock)
+    monkeypatch.setattr(live_view, "time", clock)
     return clock
 
 

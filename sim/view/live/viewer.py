@@ -1,8 +1,8 @@
 """The live view: robot, bodies, tip paths and a caption in the browser, while the program runs.
 
-Meshcat's viewer draws, fed by a small server of our own in this process (`sim.view.live_server`).
-Showing a frame only notes what changed; sending is the server's business, so a slow browser, or
-none, never holds the program up.
+Meshcat's viewer draws, fed by a small server of our own in this process
+(`sim.view.live.live_server`). Showing a frame only notes what changed; sending is the server's
+business, so a slow browser, or none, never holds the program up.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from baxter_kin.value_objects import NotCopied, OneLine
 from planner import Body
 from sim.errors import ViewerError
 from sim.view.appearance import Appearance
-from sim.view.clients import Audience, Letter
 from sim.view.gripper_status import GripperPhase
-from sim.view.live_server import ADDRESS, LiveServer
+from sim.view.live.clients import Clients, Message
+from sim.view.live.live_server import ADDRESS, LiveServer
 from sim.view.meshcat_commands import Command, delete, set_property
 from sim.view.scenegraph import RobotTree, body_commands, body_path, pose_commands, stage_commands
-from sim.view.tip_path import TipTracker, Trail
+from sim.view.tip_path import TipPath, TipTracker
 from sim.view.webpage import page, viewer_bundle
 
 JOINT_STEP = 1e-5
@@ -66,19 +66,19 @@ class Viewer(NotCopied, OneLine):
             ViewerError: when that port is taken or not allowed, or Meshcat is missing.
         """
         self._tree = RobotTree(robot.model, Appearance.of(robot))
-        self._audience = Audience()
+        self._clients = Clients()
         self._q = np.full(len(self._tree.paths), np.nan)
         self._poses: dict[str, FloatArray] = {}
         self._told: dict[str, object] = {}
         self._grippers: dict[str, GripperPhase] = {}
         self._tracker = TipTracker(robot)
-        self._trails = {side: Trail(side) for side in robot.arms}
+        self._tip_paths = {side: TipPath(side) for side in robot.arms}
         script = ("text/javascript; charset=utf-8", viewer_bundle())
         files = {
             "/": ("text/html; charset=utf-8", page("live.html", title=TITLE)),
             "/main.min.js": script,
         }
-        self._server = LiveServer(self._audience, files, port)
+        self._server = LiveServer(self._clients, files, port)
         self.url = f"http://{ADDRESS}:{self._server.port}/"
         self._publish([*stage_commands(), *self._tree.commands()])
         self.show(robot.configuration(), {}, "")
@@ -107,7 +107,7 @@ class Viewer(NotCopied, OneLine):
     @property
     def has_client(self) -> bool:
         """Whether a browser is watching."""
-        return len(self._audience) > 0
+        return len(self._clients) > 0
 
     def wait_for_client(self, timeout_s: float) -> bool:
         """Wait until a browser watches, at most so long. Returns whether one does.
@@ -118,7 +118,7 @@ class Viewer(NotCopied, OneLine):
         seconds = finite_scalar(timeout_s, "timeout_s", ViewerError)
         if not 0.0 <= seconds <= LONGEST_WAIT_S:
             raise ViewerError(f"timeout_s must be from 0 to {LONGEST_WAIT_S:g} s, got {seconds:g}")
-        return self._audience.wait(seconds)
+        return self._clients.wait(seconds)
 
     def add_body(self, body: Body) -> None:
         """Show a body at its pose. One of the same name is replaced.
@@ -184,9 +184,9 @@ class Viewer(NotCopied, OneLine):
 
     def _note_grippers(self, phases: Mapping[str, GripperPhase]) -> None:
         for side, phase in phases.items():
-            if side not in self._trails:
+            if side not in self._tip_paths:
                 raise ViewerError(
-                    f"no gripper {quoted(side)}; there are: {', '.join(self._trails)}"
+                    f"no gripper {quoted(side)}; there are: {', '.join(self._tip_paths)}"
                 )
             self._grippers[side] = expect(phase, GripperPhase, f"{side} gripper", ViewerError)
 
@@ -194,7 +194,7 @@ class Viewer(NotCopied, OneLine):
         for side, point in self._tracker.points(q).items():
             phase = self._grippers.get(side)
             is_holding = phase is not None and phase.is_holding
-            yield from self._trails[side].advance(point, is_holding=is_holding)
+            yield from self._tip_paths[side].advance(point, is_holding=is_holding)
 
     def _moved(self, T_base_bodies: Mapping[str, pin.SE3]) -> Iterator[Command]:
         for name, T_base_body in T_base_bodies.items():
@@ -213,11 +213,11 @@ class Viewer(NotCopied, OneLine):
         """Send commands, and to the page itself what is new of each topic."""
         if self._server.is_closed:
             raise ViewerError("the viewer is closed")
-        letters = [Letter.with_command(command) for command in commands]
+        messages = [Message.with_command(command) for command in commands]
         for topic, value in news.items():
             if value != self._told.get(topic):
-                letters.append(Letter.for_page(topic, value))
+                messages.append(Message.for_page(topic, value))
                 self._told[topic] = value
-        if letters:
-            self._audience.publish(letters)
+        if messages:
+            self._clients.publish(messages)
             self._server.notify()

@@ -1,0 +1,1 @@
+"""The live view: what happens, in the browser, while it happens."""
