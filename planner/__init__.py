@@ -4,6 +4,7 @@ import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - says what it lack
 from planner.collision.context import CollisionContext
 from planner.collision.continuous.proof import prove_clear
 from planner.collision.robot.robot_body import RobotBody
+from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import PlannerError, StraightMoveError
 from planner.grasping.hand import Hand
 from planner.grasping.overhead import overhead_grasp
@@ -50,6 +51,7 @@ __all__ = [
     "PlanFailure",
     "PlannerError",
     "RobotBody",
+    "RobotShapes",
     "Scene",
     "Situation",
     "Sphere",

@@ -31,8 +31,8 @@ from tqdm import tqdm
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.command_line import OneSentenceParser, whole_number
-from planner import Body, Box, Part, RobotBody, Scene
-from planner.collision import ClearanceChecker, RobotShapes
+from planner import Body, Box, Part, RobotBody, RobotShapes, Scene
+from planner.collision import ClearanceChecker
 
 NEAR_M, WITHIN_M, APART_M = 0.050, 0.002, 0.003
 """Below which a clearance is compared, what it may be too small by, and how far apart meshes must

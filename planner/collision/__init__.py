@@ -9,15 +9,13 @@ from baxter_kin.lazy import loader
 if TYPE_CHECKING:
     from planner.clearance import Clearance, ContinuousContact, ContinuousProof
     from planner.collision.checker import ClearanceChecker
-    from planner.collision.robot.robot_shapes import RobotShapes
 
-__all__ = ["Clearance", "ClearanceChecker", "ContinuousContact", "ContinuousProof", "RobotShapes"]
+__all__ = ["Clearance", "ClearanceChecker", "ContinuousContact", "ContinuousProof"]
 
 __getattr__ = loader(
     __name__,
     (
         "planner.clearance",
         "planner.collision.checker",
-        "planner.collision.robot.robot_shapes",
     ),
 )

@@ -195,8 +195,8 @@ class _Lasting:
         return p.RobotBody.load()
 
     @cached_property
-    def RobotShapes(self) -> p.collision.RobotShapes:
-        return p.collision.RobotShapes(self.Baxter)
+    def RobotShapes(self) -> p.RobotShapes:
+        return p.RobotShapes(self.Baxter)
 
     @cached_property
     def Manipulator(self) -> p.Manipulator:

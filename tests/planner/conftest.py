@@ -11,8 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
-from planner import Hand, Move, Plan, RobotBody
-from planner.collision import RobotShapes
+from planner import Hand, Move, Plan, RobotBody, RobotShapes
 from planner.scene.mesh import Mesh
 
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.errors import ConfigurationError, PoseError
-from planner import Body, Box, Manipulator, Part, Scene, Sphere
+from planner import Body, Box, Manipulator, Part, RobotShapes, Scene, Sphere
 from planner.clearance import least
-from planner.collision import Clearance, ClearanceChecker, RobotShapes
+from planner.collision import Clearance, ClearanceChecker
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
 from planner.scene.contact import PRESSING_TOLERANCE_M, coal_shape, convex, surface

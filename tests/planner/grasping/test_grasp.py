@@ -9,8 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter
-from planner import Body, Box, Hand, Part, make_block
-from planner.collision import RobotShapes
+from planner import Body, Box, Hand, Part, RobotShapes, make_block
 from planner.collision.robot.robot_body import RobotBody
 from planner.grasping import Grasp, Miss, MissKind
 from planner.grasping.grasp import LEAST_PAD_M, NEAR_EDGE_M

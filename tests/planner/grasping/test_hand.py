@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from baxter_kin.errors import ConfigurationError, PoseError, UnknownNameError
-from planner import Body, Box, Cylinder, Hand, Manipulator, Part
-from planner.collision import RobotShapes
+from planner import Body, Box, Cylinder, Hand, Manipulator, Part, RobotShapes
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
 from planner.grasping import Grasp

@@ -14,6 +14,7 @@ from planner import (
     Manipulator,
     Part,
     PickAndPlace,
+    RobotShapes,
     Scene,
     Sphere,
     Trajectory,
@@ -25,7 +26,7 @@ from planner import (
     tool_of,
     verify,
 )
-from planner.collision import ClearanceChecker, RobotShapes
+from planner.collision import ClearanceChecker
 from planner.errors import SceneError
 from planner.scene.mesh import Mesh
 from planner.verification.body.robot_body import robot_body

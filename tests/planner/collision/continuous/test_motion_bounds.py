@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter
-from planner import Scene
-from planner.collision import RobotShapes
+from planner import RobotShapes, Scene
 from planner.collision.checker import ClearanceChecker
 from planner.collision.continuous.motion_bounds import MotionBounds
 from tests.calibrated import calibrated_arm

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.errors import ConfigurationError
-from planner import Body, Box, Part, Scene, Trajectory, plan_joint_move
+from planner import Body, Box, Part, RobotShapes, Scene, Trajectory, plan_joint_move
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
-from planner.collision import ClearanceChecker, RobotShapes
+from planner.collision import ClearanceChecker
 from planner.collision.continuous import proof as module
 from planner.collision.continuous.proof import (
     ACCURACY_M,

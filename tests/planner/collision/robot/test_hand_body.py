@@ -16,8 +16,8 @@ from baxter_kin.description import StockFiles
 from baxter_kin.description.hands import FINGER_MESHES, TIP_MESHES
 from baxter_kin.description.urdf import ShapeKind, UrdfShape
 from baxter_kin.validation import FloatArray, Indices
-from planner import Hand, RobotBody, Scene, make_block
-from planner.collision import ClearanceChecker, RobotShapes
+from planner import Hand, RobotBody, RobotShapes, Scene, make_block
+from planner.collision import ClearanceChecker
 from planner.collision.robot.hand_body import around, fitted
 from planner.errors import SceneError
 from planner.scene.contact import surface

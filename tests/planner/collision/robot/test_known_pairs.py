@@ -8,8 +8,7 @@ import pytest
 
 from baxter_kin import Baxter, ElectricGripper
 from baxter_kin.description import HandMount
-from planner import Hand, RobotBody, make_block, tool_of
-from planner.collision import RobotShapes
+from planner import Hand, RobotBody, RobotShapes, make_block, tool_of
 from planner.collision.robot.known_pairs import Drawing, other_side
 from planner.verification.body.links import OwnPairs
 from planner.verification.body.robot_body import robot_body

@@ -12,8 +12,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, pose_from_quaternion
-from planner import Body, Box, Manipulator, Part, PickAndPlace, Scene, plan_pick_and_place, verify
-from planner.collision import ClearanceChecker, RobotShapes
+from planner import (
+    Body,
+    Box,
+    Manipulator,
+    Part,
+    PickAndPlace,
+    RobotShapes,
+    Scene,
+    plan_pick_and_place,
+    verify,
+)
+from planner.collision import ClearanceChecker
 from planner.collision.distances import Enclosure
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
