@@ -15,12 +15,8 @@ from planner.motion.joint_move import plan_joint_move
 from planner.motion.straight_line import LineTolerance, StraightLine
 from planner.motion.straight_move import plan_straight_move
 from planner.pick_place.candidates import transfer_bound_s
-from planner.pick_place.planning import (
-    PickAndPlace,
-    plan_pick_and_place,
-    plan_retract,
-    plan_start_move,
-)
+from planner.pick_place.planning import plan_pick_and_place, plan_retract, plan_start_move
+from planner.pick_place.task import PickAndPlace
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure
 from planner.plan_file import load_plan, save_plan
 from planner.scene.bodies import Body, Box, Cylinder, Part, Scene, Sphere

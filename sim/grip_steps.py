@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from planner import Grip
+from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim import event_text
 from sim.events import EventKind
 from sim.outcome import Dwell
@@ -12,7 +13,7 @@ from sim.timeline import Timeline
 from sim.world.contacts import ContactWatch, falls_as_planned
 from sim.world.falling import Rest
 from sim.world.finger_closing import Closing
-from sim.world.gripper import FINGER_SPEED_M_S, Gripper
+from sim.world.gripper import Gripper
 from sim.world.world import World
 
 MOVED_M = 1e-6

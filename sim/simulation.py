@@ -24,18 +24,15 @@ from planner import Body, Certificate, Grip, GripperAction, Move, Plan
 from planner.collision.robot.robot_body import identity_of
 from planner.plan import Step
 from sim import event_text
-from sim.clock import DEFAULT_TICK_S, SHORTEST_TICK_S
+from sim.clock import DEFAULT_TICK_S
 from sim.errors import SimulationError
 from sim.events import EventKind, Observer
 from sim.grip_steps import GripSteps
 from sim.outcome import Dwell, Outcome
 from sim.timeline import Timeline
 from sim.world.contacts import ContactWatch, is_as_planned
-from sim.world.falling import GRAVITY_M_S2
 from sim.world.gripper import Gripper
 from sim.world.world import World
-
-__all__ = ["DEFAULT_TICK_S", "GRAVITY_M_S2", "SHORTEST_TICK_S", "Dwell", "Outcome", "Simulation"]
 
 LONGEST_WAIT_S = 86_400.0
 

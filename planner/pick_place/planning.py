@@ -35,8 +35,6 @@ from planner.plan import Plan
 from planner.scene.bodies import Scene
 from planner.scene.held import Held
 
-__all__ = ["PickAndPlace", "plan_pick_and_place", "plan_retract", "plan_start_move"]
-
 
 def plan_pick_and_place(
     task: PickAndPlace,

@@ -16,8 +16,6 @@ from sim.errors import SimulationError
 from sim.world.finger_closing import Closing, closing_of
 from sim.world.world import World
 
-__all__ = ["FINGER_SPEED_M_S", "Closing", "Gripper", "GripperState"]
-
 
 @dataclass(frozen=True, slots=True, repr=False)
 class GripperState(Checked, OneLine, error=SimulationError):

@@ -21,12 +21,9 @@ from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from planner.scene.held import Held
-from planner.scene.support import FLOOR, FLOOR_Z_M
 from sim.errors import SimulationError
 from sim.world.falling import Rest, come_to_rest
 from sim.world.robot_state import RobotState
-
-__all__ = ["FLOOR", "FLOOR_Z_M", "Held", "Rest", "World"]
 
 
 class World(RobotState):

@@ -30,6 +30,7 @@ from planner import (
     plan_straight_move,
 )
 from planner.errors import SceneError
+from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim import (
     Dwell,
     Event,
@@ -41,9 +42,9 @@ from sim import (
     Snapshot,
     World,
 )
-from sim.simulation import DEFAULT_TICK_S, GRAVITY_M_S2
+from sim.clock import DEFAULT_TICK_S
 from sim.world import Push
-from sim.world.gripper import FINGER_SPEED_M_S
+from sim.world.falling import GRAVITY_M_S2
 from tests.conftest import at, overhead
 
 TIME_S = 1e-9

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from baxter_kin import Baxter
 from baxter_kin.errors import UnknownNameError
 from planner import Body, Box, Part
+from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim import SimulationError, World
 from sim.world import Gripper, GripperState
-from sim.world.gripper import FINGER_SPEED_M_S, Closing
+from sim.world.finger_closing import Closing
 from tests.conftest import at
 
 CONTACT_M = 1e-7

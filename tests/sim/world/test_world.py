@@ -15,8 +15,8 @@ from baxter_kin.errors import ConfigurationError, PoseError, UnknownNameError
 from planner import Body, Box, Cylinder, Part, Sphere, load_object
 from planner.errors import SceneError
 from planner.scene.bodies import Shape
+from planner.scene.support import FLOOR, FLOOR_Z_M
 from sim import SimulationError, World
-from sim.world.world import FLOOR, FLOOR_Z_M
 from tests.conftest import at
 
 REST_M = 1e-7
