@@ -1,0 +1,60 @@
+"""What planning for one arm needs to know, and every way of not being one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from baxter_kin import Baxter, ConfigurationError, LimitsError, UnknownNameError
+from planner import Manipulator, TaskError
+
+
+@pytest.mark.parametrize("limb", ["middle", "", None, 5])
+def test_an_unknown_limb_raises(robot: Baxter, limb: Any) -> None:
+    with pytest.raises(UnknownNameError, match="use one of: left, right"):
+        Manipulator.of(robot, limb)
+
+
+@pytest.mark.parametrize("ratio", [0.0, -0.5, 1.5, np.nan, np.inf, None, "fast"])
+def test_a_speed_ratio_out_of_range_raises(robot: Baxter, ratio: Any) -> None:
+    with pytest.raises(LimitsError, match="speed ratio"):
+        Manipulator.of(robot, "left", speed_ratio=ratio)
+
+
+@pytest.mark.parametrize("q", ["q", [], [0.0] * 7, [np.nan] * 19])
+def test_other_joints_that_are_none_raise(robot: Baxter, q: Any) -> None:
+    with pytest.raises(ConfigurationError, match="q_others"):
+        Manipulator.of(robot, "left", q_others=q)
+
+
+@pytest.mark.parametrize("robot", [None, "baxter", 5])
+def test_a_manipulator_of_no_robot_raises(robot: Any) -> None:
+    with pytest.raises(TaskError, match="robot"):
+        Manipulator.of(robot, "left")
+
+
+class TestConfigurations:
+    """Full configurations of the robot for those of one arm."""
+
+    def test_arm_and_fingers_are_set_and_all_others_stay(self, manipulator: Manipulator) -> None:
+        names = manipulator.robot.joint_names
+        (q,) = manipulator.configurations(manipulator.arm.start[None], 0.01)
+        joints = dict(zip(names, q.tolist(), strict=True))
+        before = dict(zip(names, manipulator.q_others.tolist(), strict=True))
+        changed = manipulator.arm.joints(manipulator.arm.start) | {
+            "l_gripper_l_finger_joint": 0.01,
+            "l_gripper_r_finger_joint": -0.01,
+        }
+        assert joints == before | changed
+
+    def test_each_is_an_array_of_its_own(self, manipulator: Manipulator) -> None:
+        qs = np.stack([manipulator.arm.neutral, manipulator.arm.start])
+        first, second = manipulator.configurations(qs, 0.0)
+        assert first.tolist() != second.tolist()
+
+    @pytest.mark.parametrize("qs", [None, "q", [0.0] * 7, [[0.0] * 6], [[np.nan] * 7], 5])
+    def test_malformed_ones_are_refused(self, manipulator: Manipulator, qs: Any) -> None:
+        with pytest.raises(ConfigurationError, match="qs"):
+            list(manipulator.configurations(qs, 0.0))
