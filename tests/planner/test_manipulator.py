@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter, ConfigurationError, LimitsError, UnknownNameError
-from planner import Manipulator, TaskError
+from planner import Manipulator, Scene, TaskError
+
+ROUNDING = 1e-12
 
 
 @pytest.mark.parametrize("limb", ["middle", "", None, 5])
@@ -58,3 +60,28 @@ class TestConfigurations:
     def test_malformed_ones_are_refused(self, manipulator: Manipulator, qs: Any) -> None:
         with pytest.raises(ConfigurationError, match="qs"):
             list(manipulator.configurations(qs, 0.0))
+
+
+@pytest.mark.parametrize(("finger_m", "opening_m"), [(0.01, 0.01), (-0.001, 0.0), (0.5, 0.020833)])
+def test_its_fingers_stand_as_its_joints_say_within_their_stroke(
+    robot: Baxter, finger_m: float, opening_m: float
+) -> None:
+    q_others = robot.configuration({"l_gripper_l_finger_joint": finger_m})
+    assert Manipulator.of(robot, "left", q_others=q_others).finger_m == opening_m
+
+
+def test_a_new_worlds_hands_are_open(manipulator: Manipulator) -> None:
+    assert manipulator.finger_m == manipulator.hand.stroke_m
+
+
+def test_the_speed_ratio_scales_velocities_alone(robot: Baxter, manipulator: Manipulator) -> None:
+    slow = Manipulator.of(robot, "left", speed_ratio=0.25).limits
+    np.testing.assert_allclose(slow.v_max, 0.25 * manipulator.limits.v_max, rtol=ROUNDING)
+    np.testing.assert_array_equal(slow.a_max, manipulator.limits.a_max)
+
+
+def test_a_situation_has_the_fingers_as_far_open_as_is_said(manipulator: Manipulator) -> None:
+    index = manipulator.robot.indices(manipulator.hand.joint_names)[0]
+    context = manipulator.context(Scene.of(), finger_m=0.005)
+    assert context.q_others[index] == 0.005
+    assert manipulator.context(Scene.of()).q_others[index] == manipulator.finger_m
