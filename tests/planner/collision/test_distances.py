@@ -24,6 +24,8 @@ from tests.planner.conftest import mesh_of
 CUBE_M, BALL_M = 0.05, 0.02
 """Half of an edge, a radius."""
 
+PADDING_M = 0.003
+
 GJK_M = 1e-6
 """Where coal's iterations end, with its own tolerances."""
 
@@ -109,9 +111,10 @@ def test_a_distance_to_triangles_is_exact_below_what_is_asked_for_and_no_less_be
     heights: list[float], within_m: float
 ) -> None:
     """However far apart the two were before."""
-    pair = measured([cube_of_triangles(CUBE_M), coal.Sphere(BALL_M)], [Enclosure.none(), None])
+    shapes = [cube_of_triangles(CUBE_M), coal.Sphere(BALL_M)]
+    pair = measured(shapes, [Enclosure.none(), None], padding_m=PADDING_M)
     for height_m in heights:
-        placed(pair, ORIGIN, at(0.01, 0.01, CUBE_M + BALL_M + height_m))
+        placed(pair, ORIGIN, at(0.01, 0.01, CUBE_M + BALL_M + PADDING_M + height_m))
         found = pair.measure(0, within_m)
         if height_m < within_m:
             assert found == pytest.approx(height_m, abs=GJK_M)
@@ -141,9 +144,11 @@ def test_how_deep_something_is_in_triangles_is_known_of_the_pieces_around_them(
     assert pair.measure(0) == pytest.approx(-depth_m, abs=GJK_M)
 
 
-@pytest.mark.parametrize(("z_m", "is_inside"), [(0.0, True), (0.02, True), (0.2, False)])
-def test_a_ball_that_touches_no_triangle_may_be_inside_of_them(z_m: float, is_inside: bool) -> None:
-    enclosure = Enclosure(CUBE_M * CORNERS, np.array(SIDES))
-    pair = measured([cube_of_triangles(CUBE_M), coal.Sphere(BALL_M)], [enclosure, None])
-    T = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.4, -0.1, 0.2]))
-    assert placed(pair, T, T * at(0.0, 0.0, z_m)).is_within(0) is is_inside
+@pytest.mark.parametrize(("x_m", "is_inside"), [(0.0, True), (0.08, True), (0.2, False)])
+def test_a_ball_that_touches_no_triangle_may_be_inside_of_them(x_m: float, is_inside: bool) -> None:
+    """Of a plank, wherever it is turned to."""
+    corners = CORNERS * [0.11, 0.03, 0.03]
+    shapes = [surface(corners, np.array(SIDES)), coal.Sphere(BALL_M)]
+    pair = measured(shapes, [Enclosure(corners, np.array(SIDES)), None])
+    T = pin.SE3(pin.exp3(np.array([0.3, -0.7, 0.9])), np.array([0.4, -0.1, 0.2]))
+    assert placed(pair, T, T * at(x_m, 0.0, 0.0)).is_within(0) is is_inside
