@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -20,6 +22,7 @@ from planner import (
     Sphere,
 )
 from planner.collision.robot.robot_body import RobotBody
+from planner.collision.shape_pairs import CheckedPairs, ShapePairs
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from planner.scene.held import Held
 from tests.conftest import at
@@ -29,6 +32,8 @@ DISTANCE_TOLERANCE_M = 2e-6
 """Two runs of GJK on the same pair; its default tolerance is 1e-6."""
 
 Z = np.array([0.0, 0.0, 1.0])
+
+MARGIN_M = 0.01
 
 FloatArray = NDArray[np.float64]
 
@@ -180,3 +185,70 @@ class TestAllowedContacts:
         held = Held("left", "block", ORIGIN)
         with pytest.raises(SceneError, match="'block' is in the hand"):
             ClearanceChecker(shapes, left, scene, held=held, touchable="block")
+
+
+def needs_m(checked: CheckedPairs, body: str) -> dict[str, set[float]]:
+    """What distances each other shape's owner must exceed to a body when a margin is asked for."""
+    found: dict[str, set[float]] = defaultdict(set)
+    for number, need_m in enumerate(checked.needed_m(MARGIN_M).tolist()):
+        near = checked.between(number, 0.0)
+        if body in (near.first, near.second):
+            found[near.first if near.second == body else near.second].add(need_m)
+    return found
+
+
+def checked(
+    shapes: RobotShapes, left: Arm, touchable: str | None = None, *, may_press: bool = False
+) -> CheckedPairs:
+    pairs = ShapePairs(shapes, left)
+    scene = Scene.of([ball("ball", 0.7, 0.2, 0.1)])
+    pairs.add_scene(scene, touchable, may_press=may_press, supports=frozenset())
+    return pairs.built()
+
+
+def test_bodies_that_stand_are_paired_with_each_link_of_the_arm_and_keep_the_margin(
+    shapes: RobotShapes, left: Arm
+) -> None:
+    found = needs_m(checked(shapes, left), "ball")
+    assert set(found) == {shapes.links[i] for i in shapes.of_arm(left) & shapes.wholes}
+    assert all(needs == {MARGIN_M} for needs in found.values())
+
+
+@pytest.mark.parametrize("may_press", [False, True])
+def test_of_the_arm_the_hand_alone_may_come_near_what_is_touchable_and_its_pads_press_on_it(
+    shapes: RobotShapes, left: Arm, may_press: bool
+) -> None:
+    found = needs_m(checked(shapes, left, "ball", may_press=may_press), "ball")
+    hand, pads = (
+        {shapes.links[i] for i in numbers}
+        for numbers in (shapes.of_hand(left), shapes.of_pads(left))
+    )
+    assert pads < hand < set(found)
+    for link, needs in found.items():
+        if link not in hand:
+            assert needs == {MARGIN_M}
+        else:
+            presses = may_press and link in pads
+            assert needs <= ({0.0, -PRESSING_TOLERANCE_M} if presses else {0.0})
+            assert (-PRESSING_TOLERANCE_M in needs) is presses
+
+
+def test_a_held_body_is_paired_with_the_robot_but_its_hand_and_with_all_other_bodies(
+    shapes: RobotShapes, left: Arm
+) -> None:
+    pairs = ShapePairs(shapes, left)
+    others = [ball("stand", 0.7, 0.2, 0.1), ball("other", 0.5, 0.2, 0.1)]
+    bodies = pairs.add_scene(Scene.of(others), None, may_press=False, supports={"stand"})
+    pairs.add_held(ball("held", 0, 0, 0), ORIGIN, bodies, {"stand"})
+    found = needs_m(pairs.built(), "held")
+    hand = {shapes.links[i] for i in shapes.of_hand(left)}
+    assert set(found) == (set(shapes.links) - hand) | {"stand", "other"}
+    assert found["stand"] == {-PRESSING_TOLERANCE_M}
+    assert found["other"] == found["torso"] == {MARGIN_M}
+
+
+def test_the_robots_own_pairs_come_first_and_are_those_of_its_arm(
+    shapes: RobotShapes, left: Arm
+) -> None:
+    own = list(shapes.pairs_of(left))
+    assert checked(shapes, left).numbers[: len(own)].tolist() == [list(pair) for pair in own]

@@ -29,6 +29,12 @@ INTERVALS = 10
 
 ROUNDING = 1e-9
 
+ARC_COSINE_RAD = 1e-7
+"""What an arc cosine near one is good for."""
+
+FITTED, FITTED_RATE = 1e-8, 1e-6
+"""What a fitted or solved cubic of values around 1 is good for, and its derivative."""
+
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -85,7 +91,7 @@ def test_a_sketch_along_a_line_is_on_it_from_one_end_to_the_other(
     assert found.intervals == INTERVALS
     off_m, off_rad = down.off(left.T_base_tips(found.q))
     assert off_m.max() <= ROUNDING
-    assert off_rad.max() <= 1e-7  # an arc cosine near one
+    assert off_rad.max() <= ARC_COSINE_RAD
     np.testing.assert_array_equal(found.q[0], q)
     assert np.linalg.norm(down.error(1.0, left.T_base_tip(found.q[-1]))) <= ACCURACY
 
@@ -150,9 +156,9 @@ def test_between_two_motions_it_is_one_cubic_of_these_speeds(left: Arm, seed: in
     cubic = np.polynomial.polynomial.Polynomial
     for joint in range(7):
         fitted = cubic.fit(times, found.q[:, joint], 3)
-        np.testing.assert_allclose(fitted(times), found.q[:, joint], atol=1e-8)
+        np.testing.assert_allclose(fitted(times), found.q[:, joint], atol=FITTED)
         ends = fitted.deriv()(times[[0, -1]])
-        np.testing.assert_allclose(ends, found.v_ends[:, joint], atol=1e-6)
+        np.testing.assert_allclose(ends, found.v_ends[:, joint], atol=FITTED_RATE)
 
 
 @given(seeds)
@@ -171,5 +177,5 @@ def test_the_way_back_passes_the_same_places_at_the_opposite_speed(left: Arm, se
     )
     times = np.linspace(0.0, sketch.duration_s, 20)
     here, reverse = there.sample(times), back.sample(sketch.duration_s - times)
-    np.testing.assert_allclose(reverse.q, here.q, atol=1e-8)
-    np.testing.assert_allclose(reverse.v, -here.v, atol=1e-6)
+    np.testing.assert_allclose(reverse.q, here.q, atol=FITTED)
+    np.testing.assert_allclose(reverse.v, -here.v, atol=FITTED_RATE)

@@ -12,11 +12,20 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm
 from planner import LineTolerance, StraightLine, plan_joint_move, plan_straight_move
-from planner.motion.line_knots import INTERVAL_M, INTERVAL_RAD, at_knots, intervals_on, is_on_line
+from planner.motion.line_knots import (
+    INTERVAL_M,
+    INTERVAL_RAD,
+    TINY,
+    at_knots,
+    intervals_on,
+    is_on_line,
+)
 from planner.motion.straight_line import LEAST_M, LEAST_RAD, STRICT
 from tests.planner.lines import above, q_above
 
 FEWEST = 4
+
+ROUNDING = 1e-9
 
 tolerances = st.builds(LineTolerance, st.floats(LEAST_M, 0.01), st.floats(LEAST_RAD, 0.1))
 
@@ -49,7 +58,7 @@ def test_a_tip_ahead_on_its_line_is_not_turned_by_more_than_it_may_be(
 ) -> None:
     position_m, rotation_rad = at_knots(tolerance, [line(length_m, angle_rad)])
     ahead_rad = position_m / length_m * angle_rad
-    assert ahead_rad <= rotation_rad * (1.0 + 1e-9) or position_m == 1e-7
+    assert ahead_rad <= rotation_rad * (1.0 + ROUNDING) or position_m == TINY
     assert position_m <= at_knots(tolerance)[0]
 
 
@@ -59,8 +68,8 @@ def test_no_interval_of_a_line_is_longer_than_the_longest(
 ) -> None:
     count = intervals_on(line(length_m, angle_rad), tolerance, FEWEST)
     assert count >= FEWEST
-    assert length_m / count <= INTERVAL_M * (1.0 + 1e-9)
-    assert angle_rad / count <= INTERVAL_RAD * (1.0 + 1e-9)
+    assert length_m / count <= INTERVAL_M * (1.0 + ROUNDING)
+    assert angle_rad / count <= INTERVAL_RAD * (1.0 + ROUNDING)
 
 
 @given(tolerances, st.floats(1.0, 10.0), st.floats(0.0, 1.0))

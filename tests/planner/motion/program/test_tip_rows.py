@@ -29,7 +29,8 @@ ON_LINE = (Phase(4, 0, rests=True),)
 AT_SPEED = (Phase(5, 0, enters=True, leaves=True),)
 FREE = (Phase(6, rests=True),)
 
-STEP_S = 1e-4
+STEP_S, DIFFERENCES = 1e-4, 1e-5
+"""What differences over such a step are good for, relative."""
 
 
 class Drawn:
@@ -117,7 +118,7 @@ def test_speeds_are_those_of_the_tip_less_those_of_the_line(arm: Arm, end: int) 
         (found[1] / DURATION_S, w_tip - speed * turn),
         (found[2] / DURATION_S**2, a_tip - acceleration * way),
     ):
-        assert np.linalg.norm(row) == pytest.approx(np.linalg.norm(lacking), rel=1e-5)
+        assert np.linalg.norm(row) == pytest.approx(np.linalg.norm(lacking), rel=DIFFERENCES)
 
 
 @pytest.mark.parametrize(

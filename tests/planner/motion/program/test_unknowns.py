@@ -65,10 +65,9 @@ def test_clearance_falls_short_once_in_each_interval_where_it_is_asked_for(
 
 def test_where_the_arm_rests_three_controls_are_one_and_the_next_phase_begins_with_it() -> None:
     found = Unknowns.of(CYCLE)
-    for before, after in ((found.controls[1], found.controls[2]),):
-        three = np.concatenate([before[-3:], after[:3]])
-        assert (three == three[0]).all()
-        assert (three < found.count).all()
+    resting = np.concatenate([found.controls[1][-3:], found.controls[2][:3]])
+    assert (resting == resting[0]).all()
+    assert (resting < found.count).all()
     passing = np.concatenate([found.controls[0][-3:], found.controls[1][:3]])
     assert len(np.unique(passing)) == passing.size
 
