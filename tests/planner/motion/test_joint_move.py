@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,20 @@ from baxter_kin import Arm, JointLimits
 from baxter_kin.errors import ConfigurationError
 from planner import Trajectory, plan_joint_move
 from planner.errors import MotionError
-from planner.motion.joint_move import LONGEST_MOTION_S, POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
+from planner.motion.joint_move import (
+    LONGEST_MOTION_S,
+    POSITION_TOLERANCE_RAD,
+    RATIO_TOLERANCE,
+    rest_to_rest_s,
+)
 
 TIME_TOLERANCE_S = 1e-9
 """Ruckig solves polynomials of degree six; its times are good to about 1e-12 of some seconds."""
 
 ROUNDING_RAD = 1e-9
+
+REST_TIME_ROUNDING = 1e-6
+"""Relative, of a closed form against the polynomials of Ruckig."""
 
 seeds = st.integers(0, 2**32 - 1)
 FloatArray = NDArray[np.float64]
@@ -388,3 +397,42 @@ def test_the_same_states_give_the_same_motion(left: Arm, seed: int) -> None:
     first, second = (plan_joint_move(q_start, q_goal, left.limits) for _ in range(2))
     for name in ("knots_s", "q", "v", "a", "j"):
         assert getattr(first, name).tolist() == getattr(second, name).tolist()
+
+
+class TestRestTime:
+    """How long the fastest motion from rest to rest takes, in closed form."""
+
+    @given(
+        seed=st.integers(0, 2**32 - 1),
+        nearness=st.floats(1e-4, 1.0),
+        speed=st.floats(0.01, 3.0),
+        jerk=st.floats(0.2, 200.0),
+    )
+    def test_it_is_the_duration_that_ruckig_finds(
+        self, left: Arm, seed: int, nearness: float, speed: float, jerk: float
+    ) -> None:
+        rng = np.random.default_rng(seed)
+        limits = replace(
+            left.limits, v_max=left.limits.v_max * speed, j_max=left.limits.j_max * jerk / 20.0
+        )
+        start, other = left.random_configuration(rng), left.random_configuration(rng)
+        goal = start + nearness * (other - start)
+        expected = plan_joint_move(start, goal, limits).duration
+        assert rest_to_rest_s(goal - start, limits) == pytest.approx(
+            expected, rel=REST_TIME_ROUNDING
+        )
+
+    def test_many_ways_are_timed_at_once(self, left: Arm) -> None:
+        rng = np.random.default_rng(1)
+        ways = rng.uniform(-1.0, 1.0, (3, 4, 7))
+        together = rest_to_rest_s(ways, left.limits)
+        assert together.shape == (3, 4)
+        assert together[2, 1] == rest_to_rest_s(ways[2, 1], left.limits)
+
+    def test_staying_takes_no_time(self, left: Arm) -> None:
+        assert rest_to_rest_s(np.zeros(7), left.limits) == 0.0
+
+    @pytest.mark.parametrize("way", [np.zeros(6), 1.0, np.full(7, np.nan), "far"])
+    def test_what_is_no_displacement_is_refused(self, left: Arm, way: object) -> None:
+        with pytest.raises(MotionError):
+            rest_to_rest_s(way, left.limits)  # type: ignore[arg-type]

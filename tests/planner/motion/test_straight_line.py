@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from baxter_kin.errors import PoseError
 from baxter_kin.frames import checked_pose
-from planner import StraightLine, StraightMoveError
+from planner import LineTolerance, StraightLine, StraightMoveError
 from planner.errors import MotionError
 from planner.motion.straight_line import FARTHEST, HALF_TURN_MARGIN_RAD, LEAST_LENGTH
 
@@ -150,3 +150,11 @@ def test_how_far_tips_are_off_is_told_for_many_at_once(seed: int) -> None:
         assert radians == pytest.approx(
             np.linalg.norm(pin.log3(there.rotation.T @ (start * tip).rotation)), abs=1e-12
         )
+
+
+@pytest.mark.parametrize("bad", [0.0, 1e-9, -1.0, math.nan, math.inf, 1e3, "1 mm", None, True])
+def test_numbers_that_are_none_raise(bad: Any) -> None:
+    with pytest.raises(MotionError, match="line tolerance position_m"):
+        LineTolerance(bad)
+    with pytest.raises(MotionError, match="line tolerance rotation_rad"):
+        LineTolerance(1e-3, bad)

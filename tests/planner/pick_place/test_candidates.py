@@ -1,16 +1,17 @@
+"""Pairs of IK solutions in the order of the times that they promise."""
+
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
 from baxter_kin.errors import RequestError
-from planner import Manipulator, PickAndPlace, Scene, transfer_bound_s
+from planner import Manipulator, PickAndPlace, Plan, Scene, transfer_bound_s
 from planner.errors import MotionError
 from planner.pick_place.candidates import Candidates
 from planner.pick_place.request import PlanRequest
 from tests.conftest import at, overhead
-
-TASK = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
+from tests.planner.pick_place.conftest import PICK, PLACE, TASK
 
 REACHED_M = 1e-6
 
@@ -47,3 +48,15 @@ def test_a_bound_is_of_a_service_and_limits(manipulator: Manipulator) -> None:
         transfer_bound_s(5, manipulator.limits, T, T)  # type: ignore[arg-type]
     with pytest.raises(MotionError, match="limits must be of class JointLimits, got int"):
         transfer_bound_s(manipulator.ik, 5, T, T)  # type: ignore[arg-type]
+
+
+def test_no_transfer_is_faster_than_its_bound(plan: Plan, manipulator: Manipulator) -> None:
+    labels_ = ("pick: retract", "place: approach", "place: descend")
+    taken = sum(m.trajectory.duration for m in plan.moves if m.label in labels_)
+    bound = transfer_bound_s(manipulator.ik, manipulator.limits, PICK, PLACE)
+    assert 0.5 < bound < taken < 2.0 * bound
+
+
+def test_the_bound_to_a_pose_out_of_reach_is_infinite(manipulator: Manipulator) -> None:
+    far = at(2.0, 0.0, 0.0)
+    assert transfer_bound_s(manipulator.ik, manipulator.limits, PICK, far) == np.inf

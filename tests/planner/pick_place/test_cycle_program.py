@@ -16,10 +16,9 @@ from planner.pick_place.cycle import Cycle, StoppingCycles
 from planner.pick_place.cycle_program import CycleProgram
 from planner.pick_place.phases import PhaseMaker
 from planner.pick_place.request import PlanRequest
-from tests.conftest import at, overhead
+from tests.conftest import at
+from tests.planner.pick_place.conftest import PICK, PLACE, TASK
 
-PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.00, -0.129)
-TASK = PickAndPlace("block", PICK, PLACE)
 HAND_OVER = 1e-8
 """Of states, from one motion to the next: what certificates allow."""
 

@@ -24,7 +24,6 @@ from planner import (
     verify,
 )
 from planner.collision import ClearanceChecker
-from planner.collision.distances import Enclosure
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
 from planner.scene.bodies import Sphere
@@ -165,19 +164,6 @@ def test_a_padding_that_is_none_is_refused(body: RobotBody, padding_m: float) ->
 def test_a_body_of_another_kind_is_refused(robot: Baxter) -> None:
     with pytest.raises(SceneError, match="body"):
         RobotShapes(robot, "fat")  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("inside", [True, False])
-def test_a_closed_surface_winds_about_what_it_encloses(shapes: RobotShapes, inside: bool) -> None:
-    enclosure = next(
-        enclosure
-        for enclosure, link in ((made.enclosure, made.link) for made in shapes.made)
-        if enclosure is not None and link == "left_wrist"
-    )
-    assert isinstance(enclosure, Enclosure)
-    middle = (enclosure.vertices.max(axis=0) + enclosure.vertices.min(axis=0)) / 2
-    point = middle if inside else enclosure.vertices.max(axis=0) + 0.001
-    assert enclosure.winds_about(point) is inside
 
 
 def test_verify_accepts_what_a_plan_with_the_body_states(

@@ -1,0 +1,106 @@
+"""What is found of distances, and how it is told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.clearance import SHOWN_M, ContinuousContact, checked_margin_m, least
+from planner.collision import Clearance
+from planner.errors import MotionError, SceneError
+
+
+def test_the_least_of_clearances_is_the_smallest_and_of_none_is_none() -> None:
+    far, near = Clearance(0.2, "a", "b"), Clearance(-0.1, "c", "d")
+    assert least([far, near, far]) is near
+    assert least([]) is None
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "text"),
+    [
+        (0.0123, "arm is 12.3 mm from wall"),
+        (-0.0123, "arm is 12.3 mm inside wall"),
+        (0.9 * SHOWN_M, "arm touches wall"),
+        (-0.9 * SHOWN_M, "arm touches wall"),
+        (1.1 * SHOWN_M, "arm is 0.1 mm from wall"),
+    ],
+)
+def test_a_distance_is_told_in_millimetres_and_none_of_0_mm(distance_m: float, text: str) -> None:
+    assert Clearance(distance_m, "arm", "wall").text == text
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "needed_m", "is_told"),
+    [(0.01, 0.02, True), (0.01, 0.0, False), (0.01, -0.001, False), (-0.01, 0.02, False)],
+)
+def test_what_is_asked_for_is_told_where_there_is_some_distance_and_more_is_needed(
+    distance_m: float, needed_m: float, is_told: bool
+) -> None:
+    near = Clearance(distance_m, "arm", "wall")
+    asked = f", and {1e3 * needed_m:.1f} mm are asked for"
+    assert near.too_near(needed_m) == near.text + (asked if is_told else "")
+
+
+@pytest.mark.parametrize("needed_m", [None, "1 mm", np.nan])
+def test_a_need_that_is_no_number_is_refused(needed_m: Any) -> None:
+    with pytest.raises(SceneError, match="needed_m"):
+        Clearance(0.01, "arm", "wall").too_near(needed_m)
+
+
+def contact(
+    distance_m: float, needed_m: float, time_s: float | None = 1.0, duration_s: float = 4.0
+) -> ContinuousContact:
+    near = Clearance(distance_m, "arm", "wall", time_s)
+    return ContinuousContact(near, needed_m, duration_s, intervals=1, evaluations=1)
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "needed_m", "text"),
+    [
+        (-0.002, 0.0, "arm would be 2.0 mm inside wall at 1.000 s (25 % of the motion)"),
+        (0.0, 0.0, "arm would touch wall at 1.000 s (25 % of the motion)"),
+        (
+            0.003,
+            0.01,
+            "arm would be 3.0 mm from wall at 1.000 s (25 % of the motion); 10.0 mm are asked for",
+        ),
+        (
+            0.0101,
+            0.01,
+            "arm is not proven to keep 10 mm from wall: "
+            "10.100 mm apart at 1.000 s (25 % of the motion)",
+        ),
+    ],
+)
+def test_a_contact_says_what_would_be_or_what_is_not_proven(
+    distance_m: float, needed_m: float, text: str
+) -> None:
+    assert str(contact(distance_m, needed_m)) == text
+
+
+@given(st.floats(-0.1, 0.1), st.floats(-0.001, 0.1))
+def test_a_contact_is_found_where_no_more_than_the_need_is_left(
+    distance_m: float, needed_m: float
+) -> None:
+    assert contact(distance_m, needed_m).is_found is (distance_m <= needed_m)
+
+
+def test_a_contact_of_no_motion_is_at_its_begin() -> None:
+    assert contact(0.0, 0.0, None, 0.0).fraction == 0.0
+    assert contact(0.0, 0.0, 3.0).fraction == 0.75
+
+
+@given(st.floats(0.0, 1e3))
+def test_a_margin_is_a_number_that_is_not_negative(margin_m: float) -> None:
+    assert checked_margin_m(margin_m) == margin_m
+
+
+@pytest.mark.parametrize("margin_m", [-1e-9, np.nan, np.inf, None, "1 cm", True])
+def test_a_margin_that_is_none_is_refused(margin_m: Any) -> None:
+    with pytest.raises(MotionError, match="margin"):
+        checked_margin_m(margin_m)
