@@ -79,7 +79,7 @@ FORMAT_VERSION = 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
+class BenchmarkOutcome:
     """What was asked for, what took part, and what was measured.
 
     Attributes:
@@ -179,7 +179,7 @@ COLUMNS = (
 BATCH_COLUMNS = ("solver", "batch", "solved (1e-6)", "poses/s, one core", "poses/s, all cores")
 
 
-def markdown(outcome: Outcome) -> str:
+def markdown(outcome: BenchmarkOutcome) -> str:
     """Tables, then what their columns mean and how each solver was set up."""
     parts = [f"Measured on {outcome.machine}.", *_tables(outcome)]
     if outcome.batches:
@@ -188,7 +188,7 @@ def markdown(outcome: Outcome) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _tables(outcome: Outcome) -> Iterable[str]:
+def _tables(outcome: BenchmarkOutcome) -> Iterable[str]:
     groups: dict[tuple[str, str], list[Measurement]] = {}
     for row in outcome.rows:
         groups.setdefault((row.limb, row.scenario.caption), []).append(row)
@@ -224,7 +224,7 @@ def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in [columns, rule, *rows])
 
 
-def _notes(outcome: Outcome) -> Iterable[str]:
+def _notes(outcome: BenchmarkOutcome) -> Iterable[str]:
     yield (
         "Solved (1e-6): by Pinocchio on the whole robot's URDF, whatever the solver says: within "
         "1e-6 m and 1e-6 rad of the pose, inside the joint limits. Solved (1e-5): as TRAC-IK "

@@ -11,14 +11,14 @@ from baxter_kin.benchmark.entrants import ENTRANTS, Absence, Contestant, enter
 from baxter_kin.benchmark.measurement import BatchMeasurement, Measurement, measure, measure_batch
 from baxter_kin.benchmark.options import BenchmarkOptions
 from baxter_kin.benchmark.poses import draw_poses
-from baxter_kin.benchmark.report import Machine, Outcome, markdown
+from baxter_kin.benchmark.report import BenchmarkOutcome, Machine, markdown
 from baxter_kin.benchmark.verification import Verifier
 from baxter_kin.command_line import log_told
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.model import Baxter
 
 
-def run_benchmark(options: BenchmarkOptions) -> Outcome:
+def run_benchmark(options: BenchmarkOptions) -> BenchmarkOutcome:
     """Measure, print the table, write what was asked for."""
     with log_told((lambda _: None) if options.is_quiet else _tell, _tell):
         outcome = _measure(options)
@@ -37,7 +37,7 @@ def _tell(text: str) -> None:
     print(f"baxter_kin.benchmark: {text}", file=sys.stderr, flush=True)
 
 
-def _measure(options: BenchmarkOptions) -> Outcome:
+def _measure(options: BenchmarkOptions) -> BenchmarkOutcome:
     robot = Baxter.load(options.urdf)
     contestants: dict[str, Contestant] = {}
     absences: dict[Absence, None] = {}
@@ -51,7 +51,7 @@ def _measure(options: BenchmarkOptions) -> Outcome:
         rows += _rows(options, arm, Verifier(robot, arm), present)
         if options.with_batch:
             batches += _batches(options, arm, Verifier(robot, arm), present)
-    return Outcome(options, Machine.this(), contestants, tuple(absences), rows, batches)
+    return BenchmarkOutcome(options, Machine.this(), contestants, tuple(absences), rows, batches)
 
 
 def _enter(options: BenchmarkOptions, arm: Arm) -> tuple[dict[str, Contestant], list[Absence]]:

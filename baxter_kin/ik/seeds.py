@@ -24,7 +24,7 @@ from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, Indices
 
-ROTATION_WEIGHT_M = 0.3
+FEATURE_WEIGHT_M = 0.3
 """What rotation counts when poses are compared: metres per unit of the matrices' difference."""
 
 PERTURBATION_RAD = 0.5
@@ -218,5 +218,5 @@ def pose_features(Ts: FloatArray) -> FloatArray:
     Args:
         Ts: matrices, shape (m, 4, 4).
     """
-    rotations = ROTATION_WEIGHT_M * Ts[:, :3, :3].reshape(-1, 9)
+    rotations = FEATURE_WEIGHT_M * Ts[:, :3, :3].reshape(-1, 9)
     return np.concatenate([Ts[:, :3, 3], rotations], axis=1)

@@ -33,7 +33,7 @@ from planner.paths.rrt import EDGE_STEP_RAD, search_corners
 from planner.splines import Sketch
 from planner.trajectory import Trajectory
 
-MARGIN_M = 0.005
+DEFAULT_MARGIN_M = 0.005
 """Distance kept between samples and obstacles, so that the motion between samples is clear too."""
 
 TIMEOUT_S = 5.0
@@ -65,7 +65,7 @@ def plan_free_move(
     *,
     rng: np.random.Generator | None = None,
     timeout_s: float = TIMEOUT_S,
-    margin_m: float = MARGIN_M,
+    margin_m: float = DEFAULT_MARGIN_M,
 ) -> Trajectory:
     """A fast motion from rest to rest that touches nothing, around obstacles if need be.
 

@@ -20,7 +20,7 @@ from baxter_kin.ik import sample_solutions
 from baxter_kin.validation import FloatArray, Indices
 from planner.collision.context import CollisionContext
 from planner.errors import MotionError
-from planner.motion.free_move import MARGIN_M
+from planner.motion.free_move import DEFAULT_MARGIN_M
 from planner.motion.joint_move import rest_to_rest_s
 from planner.pick_place.cycle import PICK_LINES, PLACE_LINES
 from planner.pick_place.plan_builder import NoSolutionError
@@ -37,7 +37,7 @@ NEIGHBOURHOOD_RAD = 0.15
 in the angle of s0."""
 
 
-class Pair(NamedTuple):
+class CandidatePair(NamedTuple):
     """A solution at the pick and one at the place, shape (7,) both, rad."""
 
     q_pick: FloatArray
@@ -57,7 +57,7 @@ class Solutions:
 
     def __init__(self, stage: str, qs: FloatArray, context: CollisionContext) -> None:
         self.stage, self.qs, self._context = stage, qs, context
-        roomy = context.with_margin(context.margin_m + MARGIN_M)
+        roomy = context.with_margin(context.margin_m + DEFAULT_MARGIN_M)
         self.is_free = cache(lambda index: context.is_free(qs[index]))
         self.has_room = cache(lambda index: roomy.is_free(qs[index]))
 
@@ -109,9 +109,9 @@ class Candidates:
         self.order: Indices = np.stack(np.unravel_index(ranked, times.shape), axis=1)
         self._closed = np.zeros(times.shape, dtype=np.bool_)
 
-    def pair(self, pick: int, place: int) -> Pair:
+    def pair(self, pick: int, place: int) -> CandidatePair:
         """One pair by its numbers."""
-        return Pair(self.picks[pick], self.places[place])
+        return CandidatePair(self.picks[pick], self.places[place])
 
     def open_ones(self, picks: Solutions, places: Solutions) -> Iterator[tuple[int, int]]:
         """Those worth trying by what is known when each is asked for.

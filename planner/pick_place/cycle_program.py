@@ -14,7 +14,7 @@ from planner.motion.line_knots import at_knots, intervals_on, is_on_line
 from planner.motion.program.motion_program import Clearances, MotionProgram
 from planner.motion.program.phases import MotionTask, Phase
 from planner.motion.straight_line import StraightLine
-from planner.pick_place.candidates import Pair
+from planner.pick_place.candidates import CandidatePair
 from planner.pick_place.cycle import MOVES, Cycle
 from planner.pick_place.request import PlanRequest
 from planner.pick_place.task import PickAndPlace
@@ -74,7 +74,7 @@ class CycleProgram:
             return None
         return self._solved(Sketch.of_each(cycle, self._intervals))
 
-    def of(self, pair: Pair) -> Cycle | None:
+    def of(self, pair: CandidatePair) -> Cycle | None:
         """The fastest cycle near a pair of solutions; None where none is found."""
         sketches = self._sketched(pair) if self._is_usual else None
         return None if sketches is None else self._solved(sketches)
@@ -117,7 +117,7 @@ class CycleProgram:
         is_straight = all(is_on_line(arm, *each, self._tolerance) for each in straight)
         return found if is_straight else None
 
-    def _sketched(self, pair: Pair) -> list[Sketch] | None:
+    def _sketched(self, pair: CandidatePair) -> list[Sketch] | None:
         """A guess: up the lines faster and faster, down as up, and smoothly from one to the next.
 
         None where the arm cannot be led along a line from its solution.

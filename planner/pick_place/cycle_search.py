@@ -20,7 +20,7 @@ from itertools import islice
 import numpy as np
 import pinocchio as pin
 
-from planner.pick_place.candidates import Candidates, Pair, Solutions
+from planner.pick_place.candidates import CandidatePair, Candidates, Solutions
 from planner.pick_place.cycle import SIDEWAYS, STAGES, Cycle, StoppingCycles
 from planner.pick_place.cycle_program import CycleProgram
 from planner.pick_place.hand_lines import refuse_blocked_hand
@@ -161,9 +161,9 @@ class CycleSearch:
                 yield from map(self._along, self._program.around(cycle, self._contexts))
                 return
 
-    def _different(self) -> Iterator[Pair]:
+    def _different(self) -> Iterator[CandidatePair]:
         """Open pairs in order, but for those too near to one before."""
-        chosen: list[Pair] = []
+        chosen: list[CandidatePair] = []
         open_ones = self._candidates.open_ones(self._picks, self._places)
         for pair in (self._candidates.pair(*each) for each in open_ones):
             if all(np.abs(np.subtract(pair, other)).max() > DIFFERENT_RAD for other in chosen):

@@ -13,7 +13,7 @@ from planner.collision.context import CollisionContext
 from planner.errors import MotionError
 from planner.grasping.finger_travel import FingerTravel, prove_travel
 from planner.manipulator import Manipulator
-from planner.motion.free_move import MARGIN_M, TIMEOUT_S, plan_free_move
+from planner.motion.free_move import DEFAULT_MARGIN_M, TIMEOUT_S, plan_free_move
 from planner.motion.straight_move import plan_straight_move
 from planner.pick_place.request import PlanRequest
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
@@ -192,7 +192,7 @@ def free_motion(
             manipulator.limits,
             context,
             timeout_s=timeout_s,
-            margin_m=context.margin_m + MARGIN_M,
+            margin_m=context.margin_m + DEFAULT_MARGIN_M,
         )
     except MotionError as cause:
         raise NoSolutionError.at(label, str(cause)) from cause

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from baxter_kin.validation import FloatArray
 from planner.plan import Move
 from planner.verification.certificate import Check, Worst, greatest, least
-from planner.verification.clearance import Found, StepFound, least_of
+from planner.verification.clearance import FoundDistance, StepFound, least_of
 from planner.verification.fingers import Fingers, drop_m
 from planner.verification.motion.motion_checks import NO_MOVES
 from planner.verification.story import GraspEvent, ReleaseEvent, Story
@@ -62,7 +62,7 @@ def finger_checks(story: Story, fingers: Fingers, allowed: Tolerances) -> Iterat
 
 
 def clearance_checks(
-    found: list[Found], rest: tuple[Worst, Worst], allowed: Tolerances
+    found: list[FoundDistance], rest: tuple[Worst, Worst], allowed: Tolerances
 ) -> Iterator[Check]:
     """Moves, travels of the fingers, what the arm does not move, and contacts on purpose."""
     bound, steps = allowed.clearance_m, [step for stage in found for step in stage.steps]

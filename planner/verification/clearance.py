@@ -17,14 +17,14 @@ import numpy as np
 from planner.clearance import Clearance
 from planner.plan import Grip, Move
 from planner.scene.bodies import Scene
-from planner.verification.body.distances import Distances, Pair
+from planner.verification.body.distances import SolidDistances, SolidPair
 from planner.verification.body.enclosed import is_enclosed
 from planner.verification.body.nearest import FARTHEST_M, Nearest, all_touching, is_farther, nearest
 from planner.verification.body.pressing import depth_m
 from planner.verification.body.stretch import IN_HAND, Section, Stretch
 from planner.verification.body.stretches import TRAVELS_M, Stretches
 from planner.verification.certificate import Worst, greatest, least
-from planner.verification.story import FingerTravel, Stage
+from planner.verification.story import FingerMove, Stage
 from planner.verification.tolerances import Tolerances
 from planner.verification.urdf_robot import UrdfRobot
 
@@ -54,7 +54,7 @@ class StepFound:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FoundDistance:
     """What was found along one stage.
 
     Attributes:
@@ -76,9 +76,9 @@ class Found:
 
 def survey(
     stage: Stage, stretches: Stretches, robot: UrdfRobot, allowed: Tolerances
-) -> Found | None:
+) -> FoundDistance | None:
     """Measure along a stage; None for a run without moves."""
-    if isinstance(stage, FingerTravel):
+    if isinstance(stage, FingerMove):
         stretch = stretches.of_travel(stage)
         return _Survey(robot, stretch, stretches.pairs_of_travel(stage, stretch), allowed).found()
     if not stage.moves:
@@ -105,19 +105,19 @@ class _Survey:
     """One stage."""
 
     def __init__(
-        self, robot: UrdfRobot, stretch: Stretch, pairs: list[Pair], allowed: Tolerances
+        self, robot: UrdfRobot, stretch: Stretch, pairs: list[SolidPair], allowed: Tolerances
     ) -> None:
         self._robot, self._stretch, self._allowed = robot, stretch, allowed
         self._pairs = pairs
-        self._distances = Distances(robot, stretch, pairs)
+        self._distances = SolidDistances(robot, stretch, pairs)
         self._press = Worst(0.0, "no allowed contact presses")
         self._slides: list[Worst] = []
         self._astray: list[str] = []
 
-    def found(self) -> Found:
+    def found(self) -> FoundDistance:
         steps = tuple(self._section(section) for section in self._stretch.sections)
         astray = self._astray
-        return Found(
+        return FoundDistance(
             steps,
             self._press,
             greatest(self._slides, "no held body touches anything"),
@@ -184,7 +184,7 @@ class _Survey:
             return pair.body is not None
         return any(self._may_touch(section, pair, number) for section in sections)
 
-    def _may_touch(self, section: Section, pair: Pair, number: int) -> bool:
+    def _may_touch(self, section: Section, pair: SolidPair, number: int) -> bool:
         if pair.body is None:
             return False
         if pair.first.joint != IN_HAND:
@@ -206,7 +206,7 @@ class _Survey:
                 for first, last in _spans(sorted(distances)):
                     self._held_contact(section, pair, first, last)
 
-    def _measure_press(self, section: Section, pair: Pair, sample: int) -> None:
+    def _measure_press(self, section: Section, pair: SolidPair, sample: int) -> None:
         poses = [self._distances.pose(solid, sample) for solid in (pair.first, pair.second)]
         axes = self._distances.tip_base(sample).rotation
         depth = depth_m(
@@ -215,7 +215,7 @@ class _Survey:
         if depth > self._press.value:
             self._press = Worst(depth, f"{self._stretch.where(section, sample)}, {pair}")
 
-    def _held_contact(self, section: Section, pair: Pair, first: int, last: int) -> None:
+    def _held_contact(self, section: Section, pair: SolidPair, first: int, last: int) -> None:
         """One contact of a held body with what it stands on: it lasts from or to an end."""
         if isinstance(section.step, Grip):  # it is pushed along its support
             return
@@ -239,7 +239,7 @@ class _Survey:
         inside = [str(pair) for pair in self._pairs if self._is_either_enclosed(pair)]
         return Worst(len(inside), inside[0] if inside else "nothing inside a link")
 
-    def _is_either_enclosed(self, pair: Pair) -> bool:
+    def _is_either_enclosed(self, pair: SolidPair) -> bool:
         """Between the robot and a body; links of one robot do not fit into each other."""
         bodies = {id(solid) for solid in (*self._stretch.still, *self._stretch.held)}
         both = sorted((pair.first, pair.second), key=lambda solid: id(solid) in bodies)

@@ -36,7 +36,7 @@ _HALVINGS = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Closing:
+class ClosingFingers:
     """How a closing hand ends.
 
     Attributes:
@@ -70,7 +70,7 @@ class Fingers:
             upper = float(robot.model.upperPositionLimit[robot.model.joints[joint].idx_q])
             self._opens.append((1.0 if upper > 0.0 else -1.0, placed))
 
-    def closing(self, body: Body, T_tip_body: pin.SE3, finger_m: float) -> Closing:
+    def closing(self, body: Body, T_tip_body: pin.SE3, finger_m: float) -> ClosingFingers:
         """How the hand closes from an opening on a body that can slide along y of the tip.
 
         The finger that touches first pushes the body until the other one touches.
@@ -87,14 +87,14 @@ class Fingers:
         towards_right, towards_left = travels[1.0], travels[-1.0]
         total, first = towards_right + towards_left, min(travels.values())
         if first <= -LEAD_M:  # no room for the body
-            return Closing(finger_m, T_tip_body, is_hold=True, touch_m=finger_m)
+            return ClosingFingers(finger_m, T_tip_body, is_hold=True, touch_m=finger_m)
         if total > 2 * finger_m:
             touch_m = max(0.0, finger_m - max(0.0, first))
-            return Closing(0.0, T_tip_body, is_hold=False, touch_m=touch_m)
+            return ClosingFingers(0.0, T_tip_body, is_hold=False, touch_m=touch_m)
         push_m = (towards_right - towards_left) / 2
         pushed = pin.SE3(np.eye(3), np.array([0.0, push_m, 0.0])) * T_tip_body
         touch_m = min(finger_m, finger_m - first)
-        return Closing(finger_m - total / 2, pushed, True, touch_m, push_m)
+        return ClosingFingers(finger_m - total / 2, pushed, True, touch_m, push_m)
 
     def gaps_m(
         self, body: Body, T_tip_body: pin.SE3, finger_m: float, *, of_pads: bool = False

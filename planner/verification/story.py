@@ -17,7 +17,7 @@ from baxter_kin.validation import FloatArray
 from planner.plan import Grip, GripperAction, Move, Plan
 from planner.scene.bodies import Body, Scene
 from planner.situation import Situation
-from planner.verification.fingers import Closing, Fingers
+from planner.verification.fingers import ClosingFingers, Fingers
 from planner.verification.urdf_robot import UrdfRobot
 
 
@@ -60,7 +60,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FingerTravel:
+class FingerMove:
     """The fingers close or open while the arm stands still.
 
     Attributes:
@@ -92,7 +92,7 @@ class GraspEvent:
     T_base_tip: pin.SE3
     body: Body
     opening_m: float
-    closing: Closing
+    closing: ClosingFingers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +105,7 @@ class ReleaseEvent:
     scene: Scene
 
 
-Stage: TypeAlias = Run | FingerTravel
+Stage: TypeAlias = Run | FingerMove
 
 
 class Story:
@@ -165,7 +165,7 @@ class Story:
         """What the hand holds from the start it holds as after closing on it."""
         run, grip = self._run, Grip("start", GripperAction.CLOSE, carried.body.name)
         at = (run.finger_m, run.finger_m, run.finger_m)
-        self.stages.append(FingerTravel(grip, run.q_start, run.scene, carried, *at))
+        self.stages.append(FingerMove(grip, run.q_start, run.scene, carried, *at))
 
     @property
     def _q(self) -> FloatArray:
@@ -238,12 +238,12 @@ class Story:
         scene: Scene,
         between: Carried | None,
         end_m: float,
-        closing: Closing | None = None,
+        closing: ClosingFingers | None = None,
     ) -> None:
         """The run so far ends, and the fingers travel."""
         begin_m = self._run.finger_m
         touch_m, push_m = (end_m, 0.0) if closing is None else (closing.touch_m, closing.push_m)
-        travel = FingerTravel(grip, self._q, scene, between, begin_m, touch_m, end_m, push_m)
+        travel = FingerMove(grip, self._q, scene, between, begin_m, touch_m, end_m, push_m)
         self.stages += [self._run, travel]
 
     def _next(

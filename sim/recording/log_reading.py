@@ -17,7 +17,7 @@ from sim.errors import RecordingError
 from sim.files import Line, checked_path, read_lines
 from sim.recording.log_recorder import FORMAT, READABLE
 from sim.recording.recorded_motion import RecordedMove
-from sim.recording.recorder import Row, StoredEvent, Story
+from sim.recording.recorder import RecordingMemory, Row, StoredEvent
 from sim.recording.recording import NotedRecording
 
 
@@ -42,7 +42,7 @@ class _LogReader:
     """
 
     def __init__(self, joint_names: tuple[str, ...], robot: RobotIdentity | None) -> None:
-        self.story = Story(joint_names, robot)
+        self.story = RecordingMemory(joint_names, robot)
         self.told: dict[str, None] = {}
         self.stated: int | None = None
         self._poses: dict[str, FloatArray] = {}

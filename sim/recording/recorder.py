@@ -1,6 +1,6 @@
 """Recorder: an observer that keeps what happens in memory, until data is made of it.
 
-`Story` is that memory, which logs that are read back fill, too.
+`RecordingMemory` is that memory, which logs that are read back fill, too.
 
 And `StoredEvent`: what the files that keep all of a recording keep of an event. The move that began
 is not kept with it: its motion is among the moves.
@@ -79,7 +79,7 @@ class Row(NamedTuple):
     caption: str
 
 
-class Story:
+class RecordingMemory:
     """What happened so far, in memory: of a simulation, or of the lines of a log.
 
     Attributes:
@@ -158,7 +158,7 @@ class Recorder(Observer):
         if keep is not None:
             keep = whole_scalar(keep, "keep", RecordingError, least=1, most=sys.maxsize)
         expect(robot, Baxter, "robot", RecordingError)
-        self._story = Story(robot.joint_names, robot.description.identity, keep)
+        self._story = RecordingMemory(robot.joint_names, robot.description.identity, keep)
 
     @property
     def has_snapshots(self) -> bool:

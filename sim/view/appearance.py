@@ -46,7 +46,7 @@ TOOL_RGB = (0.45, 0.47, 0.50)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+class LinkMesh:
     """Triangles of one surface.
 
     A vertex is at `centre_m + scale_m * vertices`, in the frame of the mesh.
@@ -90,7 +90,7 @@ class RobotPart:
         rgb: red, green and blue, 0 .. 1, as shown on the screen.
     """
 
-    mesh: Mesh
+    mesh: LinkMesh
     joint: str
     T_joint_mesh: pin.SE3
     rgb: tuple[float, float, float]
@@ -107,7 +107,7 @@ class Appearance:
         spares: parts of hands that the stock robot lacks, where they would be mounted on its left.
     """
 
-    meshes: Mapping[str, Mesh]
+    meshes: Mapping[str, LinkMesh]
     parts: tuple[RobotPart, ...]
     notice: str
     spares: tuple[RobotPart, ...] = ()
@@ -179,7 +179,7 @@ def _tool(model: pin.Model, joint: UrdfJoint) -> RobotPart:
     normals *= 127.0 / np.linalg.norm(normals, axis=1, keepdims=True)
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     scale = float(np.abs(vertices - centre).max()) / np.iinfo(np.int16).max
-    mesh = Mesh(
+    mesh = LinkMesh(
         name=joint.child,
         vertices=np.rint((corners.reshape(-1, 3) - centre) / scale).astype(np.int16),
         normals=np.repeat(np.rint(normals), 3, axis=0).astype(np.int8),
@@ -211,7 +211,7 @@ def _from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Appearance:
 
 
 def _parts(
-    kind: str, meshes: Mapping[str, Mesh], arrays: Mapping[str, NDArray[Any]]
+    kind: str, meshes: Mapping[str, LinkMesh], arrays: Mapping[str, NDArray[Any]]
 ) -> Iterator[RobotPart]:
     columns = (arrays[f"{kind}_{name}"] for name in ("mesh", "joint", "xyz_quat_xyzw", "rgb"))
     for name, joint, pose, (r, g, b) in zip(*columns, strict=True):
@@ -219,9 +219,9 @@ def _parts(
         yield RobotPart(meshes[str(name)], str(joint), pin.XYZQUATToSE3(pose), rgb)
 
 
-def _mesh(name: str, arrays: Mapping[str, NDArray[Any]]) -> Mesh:
+def _mesh(name: str, arrays: Mapping[str, NDArray[Any]]) -> LinkMesh:
     *centre, scale = arrays[f"{name}/centre_scale"]
-    return Mesh(
+    return LinkMesh(
         name=name,
         vertices=arrays[f"{name}/vertices"],
         normals=arrays[f"{name}/normals"],

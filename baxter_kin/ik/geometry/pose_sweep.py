@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 
 from baxter_kin.ik.geometry.linkage import Linkage
-from baxter_kin.ik.geometry.shoulder_sweep import MARGIN_M, MARGIN_RAD
+from baxter_kin.ik.geometry.shoulder_sweep import MARGIN_RAD, SWEEP_MARGIN_M
 from baxter_kin.ik.geometry.uncertain import Flags, UncertainAngle, UncertainVector
 from baxter_kin.validation import FloatArray
 
@@ -90,7 +90,7 @@ class PoseSweep:
         self._arm = linkage
         low, high = np.array(linkage.q_min), np.array(linkage.q_max)
         self._low, self._middle, self._half = low, 0.5 * (low + high), 0.5 * (high - low)
-        self._margin_m = MARGIN_M + linkage.deviation.wrist_m
+        self._margin_m = SWEEP_MARGIN_M + linkage.deviation.wrist_m
         self._margin_rad = MARGIN_RAD + linkage.deviation.axis
 
     def excludes(

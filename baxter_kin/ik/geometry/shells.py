@@ -12,7 +12,7 @@ import numpy as np
 
 from baxter_kin.ik.geometry.linkage import FAR_M, Linkage
 from baxter_kin.ik.geometry.position_sweep import PositionSweep
-from baxter_kin.ik.geometry.shoulder_sweep import MARGIN_M
+from baxter_kin.ik.geometry.shoulder_sweep import SWEEP_MARGIN_M
 from baxter_kin.validation import FloatArray
 
 
@@ -36,8 +36,8 @@ class Shells:
         self.fold_m = self._fold_m - deviation.wrist_m
         self.radius_m = self._radius_m + deviation.tip_m
         self.tip_reach_m = self._position_sweep.tip_reach_m + deviation.tip_m
-        self._wrist_margin_m = MARGIN_M + deviation.wrist_m
-        self._tip_margin_m = MARGIN_M + deviation.tip_m
+        self._wrist_margin_m = SWEEP_MARGIN_M + deviation.wrist_m
+        self._tip_margin_m = SWEEP_MARGIN_M + deviation.tip_m
         low, high = linkage.q_min[0], linkage.q_max[0]
         self._s0_middle, self._s0_half = 0.5 * (low + high), 0.5 * (high - low)
 

@@ -31,7 +31,7 @@ from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.ik.geometry.uncertain import Flags, UncertainAngle, UncertainVector
 from baxter_kin.validation import FloatArray
 
-MARGIN_M = MARGIN_RAD = 5e-6
+SWEEP_MARGIN_M = MARGIN_RAD = 5e-6
 """Every proof also holds for wrists and tool axes this far off. A solution counts as valid within
 1e-6 m and 1e-6 rad of its pose, which moves the wrist by less than 2e-6 m, and the axis of a pose
 may be off by 1e-6 itself; rounding stays below 1e-9. By as much as an arm deviates from its linkage
@@ -92,7 +92,7 @@ class ShoulderSweep:
 
     def __init__(self, linkage: Linkage) -> None:
         self._arm = linkage
-        self._margin_m = MARGIN_M + linkage.deviation.wrist_m
+        self._margin_m = SWEEP_MARGIN_M + linkage.deviation.wrist_m
         margin_rad = MARGIN_RAD + linkage.deviation.axis
         self._upper, self._fore = linkage.upper_span_m, linkage.fore_span_m
         self._cos_elbow = math.cos(linkage.elbow_angle)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import casadi as ca
 
 from baxter_kin.ik.search.exact_search import arm_symbols, target_function
-from baxter_kin.ik.seeds import MAP_STARTS, ROTATION_WEIGHT_M, setpoint_table
+from baxter_kin.ik.seeds import FEATURE_WEIGHT_M, MAP_STARTS, setpoint_table
 from baxter_kin.kinematics.symbolic import Shape
 from baxter_kin.validation import FloatArray
 
@@ -99,7 +99,7 @@ def _state(dimensions: int, size: int) -> tuple[ca.MX, ...]:
 def _squares_function(middles: FloatArray) -> ca.Function:
     """`T -> squared distances` to the regions' middles, but for what all have in common, n x 1."""
     T = ca.SX.sym("T", 4, 4)
-    features = ca.vertcat(T[:3, 3], ROTATION_WEIGHT_M * ca.vec(T[:3, :3].T))
+    features = ca.vertcat(T[:3, 3], FEATURE_WEIGHT_M * ca.vec(T[:3, :3].T))
     squares = ca.SX((middles**2).sum(axis=1)) - 2 * ca.SX(middles) @ features
     return ca.Function("squares", [T], [squares])
 

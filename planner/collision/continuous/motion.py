@@ -27,7 +27,7 @@ class Around(NamedTuple):
     motions_m: Callable[[Indices, Indices], FloatArray]
 
 
-class Motion(Protocol):
+class ShapeMotion(Protocol):
     """How the shapes of a situation move."""
 
     @property
@@ -38,7 +38,7 @@ class Motion(Protocol):
         """The shapes in the middle of intervals, shape (m,) both, and their motion about it."""
 
 
-class ArmMotion:
+class ArmShapeMotion:
     """A trajectory of the arm of a checker, all else at rest."""
 
     def __init__(self, checker: ClearanceChecker, trajectory: Trajectory, full: FloatArray) -> None:

@@ -35,7 +35,7 @@ from planner.clearance import (
     checked_margin_m,
 )
 from planner.collision.checker import FARTHEST_JOINT, ClearanceChecker
-from planner.collision.continuous.motion import ArmMotion, Motion
+from planner.collision.continuous.motion import ArmShapeMotion, ShapeMotion
 from planner.collision.continuous.tasks import Tasks
 from planner.collision.distances import UNKNOWN_DEPTH_M
 from planner.collision.shape_pairs import CheckedPairs
@@ -92,12 +92,12 @@ def prove_clear(
     expect(trajectory, Trajectory, "trajectory", TrajectoryError)
     _check_joints(trajectory, checker)
     margin_m = checked_margin_m(margin_m)
-    motion = ArmMotion(checker, trajectory, checker.configuration(q))
+    motion = ArmShapeMotion(checker, trajectory, checker.configuration(q))
     return prove_motion(checker.checked, motion, margin_m)
 
 
 def prove_motion(
-    checked: CheckedPairs, motion: Motion, margin_m: float, pairs: Indices | None = None
+    checked: CheckedPairs, motion: ShapeMotion, margin_m: float, pairs: Indices | None = None
 ) -> ContinuousResult:
     """A proof that a motion of any kind is clear, or what speaks against it.
 
@@ -112,7 +112,7 @@ def prove_motion(
 
 
 def contact_of(
-    checked: CheckedPairs, motion: Motion, margin_m: float, pairs: Indices
+    checked: CheckedPairs, motion: ShapeMotion, margin_m: float, pairs: Indices
 ) -> ContinuousContact | None:
     """What speaks against a motion, as `prove_motion` finds it, and no distance beyond that."""
     result = _Search(checked, motion, margin_m, pairs, least_m=-np.inf).run()
@@ -125,7 +125,7 @@ class _Search:
     def __init__(
         self,
         checked: CheckedPairs,
-        motion: Motion,
+        motion: ShapeMotion,
         margin_m: float,
         pairs: Indices,
         least_m: float = np.inf,

@@ -20,7 +20,7 @@ from planner.verification.urdf_robot import UrdfRobot
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pair:
+class SolidPair:
     """Two shapes, one of them moving.
 
     Attributes:
@@ -41,7 +41,7 @@ class Pair:
         return f"{self.first.name} with {self.second.name}"
 
 
-class Distances:
+class SolidDistances:
     """Measures pairs at samples.
 
     Attributes:
@@ -49,7 +49,7 @@ class Distances:
         arms: how far one of each pair goes at most relative to the other, shape (p, 9).
     """
 
-    def __init__(self, robot: UrdfRobot, stretch: Stretch, pairs: list[Pair]) -> None:
+    def __init__(self, robot: UrdfRobot, stretch: Stretch, pairs: list[SolidPair]) -> None:
         self.pairs, self.stretch, self._robot = pairs, stretch, robot
         self.solids = list({id(s): s for p in pairs for s in (p.first, p.second)}.values())
         number = {id(solid): i for i, solid in enumerate(self.solids)}

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
-from planner.verification.body.distances import Distances
+from planner.verification.body.distances import SolidDistances
 from planner.verification.body.solid import ACCURACY_M
 
 FARTHEST_M = 1.0
@@ -68,7 +68,7 @@ class _Gaps:
         )
 
 
-class Search:
+class NearestSearch:
     """One search over some pairs between two samples.
 
     Attributes:
@@ -77,7 +77,7 @@ class Search:
 
     def __init__(
         self,
-        distances: Distances,
+        distances: SolidDistances,
         pairs: list[int],
         first: int,
         last: int,
@@ -171,24 +171,24 @@ class Search:
 
 
 def nearest(
-    distances: Distances, pairs: list[int], first: int, last: int, touch_m: float = -np.inf
+    distances: SolidDistances, pairs: list[int], first: int, last: int, touch_m: float = -np.inf
 ) -> tuple[Nearest, dict[int, dict[int, float]]]:
     """The least distance of pairs from one sample to another, and the touching found on the way."""
-    search = Search(distances, pairs, first, last, touch_m=touch_m)
+    search = NearestSearch(distances, pairs, first, last, touch_m=touch_m)
     return search.run(), search.touching
 
 
 def is_farther(
-    distances: Distances, pairs: list[int], first: int, last: int, wanted_m: float
+    distances: SolidDistances, pairs: list[int], first: int, last: int, wanted_m: float
 ) -> Nearest:
     """The least distance, not told apart beyond what is wanted."""
-    return Search(distances, pairs, first, last, ceiling_m=wanted_m).run()
+    return NearestSearch(distances, pairs, first, last, ceiling_m=wanted_m).run()
 
 
 def all_touching(
-    distances: Distances, pairs: list[int], first: int, last: int, touch_m: float
+    distances: SolidDistances, pairs: list[int], first: int, last: int, touch_m: float
 ) -> dict[int, dict[int, float]]:
     """Every sample of each pair that is at most so far apart, with the distance."""
-    search = Search(distances, pairs, first, last, touch_m=touch_m, is_all=True)
+    search = NearestSearch(distances, pairs, first, last, touch_m=touch_m, is_all=True)
     search.run()
     return search.touching

@@ -29,7 +29,7 @@ from planner.collision.robot.hand_body import fitted
 from planner.collision.robot.robot_body import RobotBody as StoredBody
 from planner.scene.contact import convex, surface
 from planner.verification.body.solid import Solid
-from planner.verification.body.urdf_shapes import LinkShape, link_shapes
+from planner.verification.body.urdf_shapes import UrdfShape, link_shapes
 from planner.verification.urdf_robot import read_model
 
 NO_PARTS = ("collision_head_link_", "_forearm_visual", "_elbow_visual")
@@ -40,7 +40,7 @@ GRIPPER = "_gripper_"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RobotBody:
+class SolidBody:
     """All shapes of the robot.
 
     Attributes:
@@ -53,7 +53,7 @@ class RobotBody:
 
 
 @lru_cache(maxsize=8)
-def robot_body(description: RobotDescription) -> RobotBody:
+def robot_body(description: RobotDescription) -> SolidBody:
     """The robot's shapes on its own joints, made once for the same robot.
 
     Links that the robot lacks, of a gripper that is not mounted, have none.
@@ -68,10 +68,10 @@ def robot_body(description: RobotDescription) -> RobotBody:
     placed = sorted(((_frame(model, shape.link), shape) for shape in there), key=itemgetter(0))
     measured: dict[int, Solid] = {}
     solids = tuple(_solid(model.frames[frame], shape, measured) for frame, shape in placed)
-    return RobotBody(solids, source)
+    return SolidBody(solids, source)
 
 
-def _shapes(description: RobotDescription) -> tuple[tuple[LinkShape, ...], str]:
+def _shapes(description: RobotDescription) -> tuple[tuple[UrdfShape, ...], str]:
     """The shapes of all links, and what they are."""
     try:
         shapes = link_shapes(description.stock, NO_PARTS, description.text)
@@ -81,13 +81,13 @@ def _shapes(description: RobotDescription) -> tuple[tuple[LinkShape, ...], str]:
         return stored, f"the planner's own body, since {cause}"
 
 
-def _stored_shapes(description: RobotDescription) -> Iterator[LinkShape]:
+def _stored_shapes(description: RobotDescription) -> Iterator[UrdfShape]:
     """The triangles and pieces that the planner takes the links to be."""
     for link in fitted(StoredBody.load(), description).links.values():
         if not link.is_in_pieces:
-            yield LinkShape(link.name, pin.SE3.Identity(), surface(*link.surface))
+            yield UrdfShape(link.name, pin.SE3.Identity(), surface(*link.surface))
         for piece in link.pieces if link.is_in_pieces else ():
-            yield LinkShape(link.name, pin.SE3.Identity(), convex(*piece))
+            yield UrdfShape(link.name, pin.SE3.Identity(), convex(*piece))
 
 
 def _is_there(model: pin.Model, link: str) -> bool:
@@ -102,7 +102,7 @@ def _frame(model: pin.Model, link: str) -> int:
     return int(model.getFrameId(link, pin.FrameType.BODY))
 
 
-def _solid(frame: pin.Frame, shape: LinkShape, measured: dict[int, Solid]) -> Solid:
+def _solid(frame: pin.Frame, shape: UrdfShape, measured: dict[int, Solid]) -> Solid:
     """A shape on its joint; cover and ball are taken from `measured` where it is there already."""
     T_joint_shape = frame.placement * shape.T_link_shape
     joint = int(frame.parentJoint)

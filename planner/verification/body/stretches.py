@@ -16,7 +16,7 @@ from baxter_kin.validation import FloatArray
 from planner.plan import GripperAction
 from planner.scene.bodies import Body, Scene
 from planner.verification.body import links
-from planner.verification.body.distances import Pair
+from planner.verification.body.distances import SolidPair
 from planner.verification.body.solid import Solid, solids_of
 from planner.verification.body.stretch import (
     FINGER,
@@ -29,7 +29,7 @@ from planner.verification.body.stretch import (
 )
 from planner.verification.motion.cubics import Cubics
 from planner.verification.motion.sampled_path import SampledPath, sampled_path
-from planner.verification.story import Carried, FingerTravel, Run
+from planner.verification.story import Carried, FingerMove, Run
 from planner.verification.urdf_robot import UrdfRobot
 
 TRAVELS_M = (1e-3, 1e-4)
@@ -67,7 +67,7 @@ class Stretches:
         self._palm = [s for s in self._arm if s.joint == robot.wrist]
         self._inner = [s for s in self._arm if s.joint not in {robot.wrist, *robot.fingers}]
         among = [*product(self._arm, self.rest), *combinations(self._arm, 2)]
-        self._own = [Pair(a, b) for a, b in among if self._pairs.is_checked(a, b)]
+        self._own = [SolidPair(a, b) for a, b in among if self._pairs.is_checked(a, b)]
 
     def of_run(self, run: Run, travel_m: float) -> Stretch:
         """The samples of moves, of which there is one at least."""
@@ -110,7 +110,7 @@ class Stretches:
             )
             begin += len(path.times_s)
 
-    def pairs_of_run(self, run: Run, stretch: Stretch) -> list[Pair]:
+    def pairs_of_run(self, run: Run, stretch: Stretch) -> list[SolidPair]:
         """All that are checked."""
         near = {run.released, run.wanted} - {None}
         found = list(self._own)
@@ -118,9 +118,13 @@ class Stretches:
             is_near = solid.name in near
             is_touched = is_near and link in self._fingers
             is_stated = not (is_near and link in self._palm)
-            found.append(Pair(link, solid, solid.name if is_touched else None, is_stated))
-        found += [Pair(part, link) for part, link in product(stretch.held, self.rest + self._inner)]
-        found += [Pair(h, solid, solid.name) for h, solid in product(stretch.held, stretch.still)]
+            found.append(SolidPair(link, solid, solid.name if is_touched else None, is_stated))
+        found += [
+            SolidPair(part, link) for part, link in product(stretch.held, self.rest + self._inner)
+        ]
+        found += [
+            SolidPair(h, solid, solid.name) for h, solid in product(stretch.held, stretch.still)
+        ]
         return found
 
     def of_rest(self, scene: Scene) -> Stretch:
@@ -130,19 +134,19 @@ class Stretches:
         gone = np.zeros((1, PUSH + 1))
         return Stretch(self._q_standing[None], gone, one, one, (), still)
 
-    def pairs_of_rest(self, stretch: Stretch) -> list[Pair]:
+    def pairs_of_rest(self, stretch: Stretch) -> list[SolidPair]:
         """The head and the other arm, with everything but the arm that moves."""
         jointed = [solid for solid in self.rest if solid.joint]
         among = combinations(self.rest, 2)
-        found = [Pair(a, b) for a, b in among if self._pairs.is_checked(a, b)]
+        found = [SolidPair(a, b) for a, b in among if self._pairs.is_checked(a, b)]
         in_hand = {body.name for body in self._elsewhere}
         hand = set(self._robot.other_hand)
         for link, solid in product(jointed, stretch.still):
             if not (link.joint in hand and solid.name in in_hand):
-                found.append(Pair(link, solid))
+                found.append(SolidPair(link, solid))
         return found
 
-    def of_travel(self, travel: FingerTravel) -> Stretch:
+    def of_travel(self, travel: FingerMove) -> Stretch:
         """The samples of fingers that close or open."""
         ways = [(travel.begin_m, travel.touch_m, 0.0, 0.0)]
         ways += [(travel.touch_m, travel.end_m, 0.0, travel.push_m)]
@@ -158,20 +162,24 @@ class Stretches:
         still = (*_placed(travel.scene), *self._elsewhere)
         return Stretch(q, gone, pushed, fingers, (section,), still, _held(between))
 
-    def pairs_of_travel(self, travel: FingerTravel, stretch: Stretch) -> list[Pair]:
+    def pairs_of_travel(self, travel: FingerMove, stretch: Stretch) -> list[SolidPair]:
         """Fingers with everything; what they push too; the palm with what they close on."""
         among = product(self._fingers, self.rest + self._inner)
-        found = [Pair(a, b) for a, b in among if self._pairs.is_checked(a, b)]
-        found += [Pair(finger, solid) for finger, solid in product(self._fingers, stretch.still)]
+        found = [SolidPair(a, b) for a, b in among if self._pairs.is_checked(a, b)]
+        found += [
+            SolidPair(finger, solid) for finger, solid in product(self._fingers, stretch.still)
+        ]
         held = stretch.held
-        found += [Pair(f, part, part.name) for f, part in product(self._fingers, held)]
+        found += [SolidPair(f, part, part.name) for f, part in product(self._fingers, held)]
         if travel.grip.action is GripperAction.CLOSE:
             among = product(held, self._palm)
-            found += [Pair(part, palm, is_stated=False) for part, palm in among]
+            found += [SolidPair(part, palm, is_stated=False) for part, palm in among]
         if abs(travel.push_m) > PUSHED_M:
             links_ = self.rest + self._inner
-            found += [Pair(part, link) for part, link in product(held, links_)]
-            found += [Pair(part, solid, solid.name) for part, solid in product(held, stretch.still)]
+            found += [SolidPair(part, link) for part, link in product(held, links_)]
+            found += [
+                SolidPair(part, solid, solid.name) for part, solid in product(held, stretch.still)
+            ]
         return found
 
 

@@ -27,7 +27,7 @@ _PACKAGE = "package://"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LinkShape:
+class UrdfShape:
     """One shape of a link.
 
     Attributes:
@@ -43,7 +43,7 @@ class LinkShape:
 
 def link_shapes(
     files: StockFiles, left_out: tuple[str, ...], own_text: str = "<robot/>"
-) -> list[LinkShape]:
+) -> list[UrdfShape]:
     """The shapes of every link whose name has none of some words in it.
 
     Args:
@@ -108,13 +108,13 @@ class _Shapes:
         return self._files.package_dir / name.removeprefix(_PACKAGE)
 
 
-def _of_link(link: ET.Element, shapes: _Shapes) -> Iterator[LinkShape]:
+def _of_link(link: ET.Element, shapes: _Shapes) -> Iterator[UrdfShape]:
     name = link.get("name", "")
     for element in link.findall("visual") or link.findall("collision"):
         kind = element.find("geometry/*")
         if kind is None:
             raise ValueError(f"a shape of the link {name} has no geometry")
-        yield LinkShape(name, _origin(element), shapes.of(kind))
+        yield UrdfShape(name, _origin(element), shapes.of(kind))
 
 
 def _origin(element: ET.Element) -> pin.SE3:

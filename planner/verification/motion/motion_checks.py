@@ -21,7 +21,7 @@ NO_MOVES = "no moves"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class JudgedMotion:
     """A move and its polynomials."""
 
     move: Move
@@ -32,7 +32,7 @@ def motion_checks(
     plan: Plan, robot: UrdfRobot, judge: JointLimits, allowed: Tolerances
 ) -> Iterator[Check]:
     """Every check that needs no shapes and no tip; limits are those of the judge."""
-    motions = [Motion(move, Cubics(move.trajectory)) for move in plan.moves]
+    motions = [JudgedMotion(move, Cubics(move.trajectory)) for move in plan.moves]
     yield _joints(motions, robot)
     yield _knot_order(motions)
     yield _stated(motions, judge, allowed)
@@ -42,19 +42,19 @@ def motion_checks(
     yield from _rests(plan, allowed)
 
 
-def _joints(motions: list[Motion], robot: UrdfRobot) -> Check:
+def _joints(motions: list[JudgedMotion], robot: UrdfRobot) -> Check:
     names = robot.arm_names
     foreign = [m.move.label for m in motions if m.move.trajectory.limits.names != names]
     where = ", ".join(foreign) if foreign else f"{names[0]} .. {names[-1]}"
     return Worst(len(foreign), where).at_most(0.0, "foreign joints", "moves")
 
 
-def _knot_order(motions: list[Motion]) -> Check:
+def _knot_order(motions: list[JudgedMotion]) -> Check:
     steps = (Worst(float(m.cubics.lengths_s.min(initial=np.inf)), m.move.label) for m in motions)
     return least(steps, NO_MOVES).above(0.0, "time between knots", "s")
 
 
-def _stated(motions: list[Motion], judge: JointLimits, allowed: Tolerances) -> Check:
+def _stated(motions: list[JudgedMotion], judge: JointLimits, allowed: Tolerances) -> Check:
     """Whether a plan claims limits above those it is judged by."""
     claims = [
         _claim(motion, name, np.asarray(getattr(judge, name)))
@@ -65,7 +65,7 @@ def _stated(motions: list[Motion], judge: JointLimits, allowed: Tolerances) -> C
     return claimed.at_most(1.0 + allowed.ratio, "stated limits of those judged by")
 
 
-def _claim(motion: Motion, name: str, bounds: FloatArray) -> Worst:
+def _claim(motion: JudgedMotion, name: str, bounds: FloatArray) -> Worst:
     stated = np.asarray(getattr(motion.move.trajectory.limits, name))
     joint = int(np.argmax(stated / bounds))
     where = (
@@ -75,7 +75,9 @@ def _claim(motion: Motion, name: str, bounds: FloatArray) -> Worst:
     return Worst(_number(stated[joint] / bounds[joint]), where)
 
 
-def _limits(motions: list[Motion], judge: JointLimits, allowed: Tolerances) -> Iterator[Check]:
+def _limits(
+    motions: list[JudgedMotion], judge: JointLimits, allowed: Tolerances
+) -> Iterator[Check]:
     """The judge's limits or those that the plan states, whichever are stricter."""
 
     def excess(state: States, limits: JointLimits) -> FloatArray:
@@ -98,13 +100,13 @@ def _limits(motions: list[Motion], judge: JointLimits, allowed: Tolerances) -> I
     yield jerk.at_most(ratio, "jerk of limit")
 
 
-def _extreme(motion: Motion, measure: Callable[[States, JointLimits], FloatArray]) -> Worst:
+def _extreme(motion: JudgedMotion, measure: Callable[[States, JointLimits], FloatArray]) -> Worst:
     """The greatest of a measure over a move."""
     states = motion.cubics.critical_states()
     return _of_joint(motion, states.time_s, measure(states, motion.move.trajectory.limits))
 
 
-def _jerk(motion: Motion, judge: JointLimits) -> Worst:
+def _jerk(motion: JudgedMotion, judge: JointLimits) -> Worst:
     cubics = motion.cubics
     share = abs(cubics.jerks) / np.minimum(judge.j_max, motion.move.trajectory.limits.j_max)
     if not share.size:
@@ -113,7 +115,7 @@ def _jerk(motion: Motion, judge: JointLimits) -> Worst:
     return _of_joint(motion, starts, share)
 
 
-def _knots(motions: list[Motion], allowed: Tolerances) -> Iterator[Check]:
+def _knots(motions: list[JudgedMotion], allowed: Tolerances) -> Iterator[Check]:
     for number, (name, unit) in enumerate(QUANTITIES):
         found = greatest(
             (
@@ -126,7 +128,7 @@ def _knots(motions: list[Motion], allowed: Tolerances) -> Iterator[Check]:
         yield found.at_most(allowed.state, f"{name} jump at knots", unit)
 
 
-def _joins(plan: Plan, motions: list[Motion], allowed: Tolerances) -> Iterator[Check]:
+def _joins(plan: Plan, motions: list[JudgedMotion], allowed: Tolerances) -> Iterator[Check]:
     still = np.zeros_like(plan.q_start)
     for number, (name, unit) in enumerate(QUANTITIES):
         before, found = (plan.q_start if number == 0 else still), []
@@ -166,14 +168,14 @@ def _of_state(label: str, move: Move, number: int) -> Worst:
     return Worst(_number(state[joint]), f"{label}, {move.trajectory.limits.names[joint]}")
 
 
-def _of_joint(motion: Motion, times_s: FloatArray, values: FloatArray) -> Worst:
+def _of_joint(motion: JudgedMotion, times_s: FloatArray, values: FloatArray) -> Worst:
     """The greatest of values, shape (k, n), with its move, time and joint."""
     row, joint = np.unravel_index(int(np.argmax(values)), values.shape)
     where = f"{motion.move.label}, {times_s[row, joint]:.4f} s, {_joint_name(motion, int(joint))}"
     return Worst(_number(values[row, joint]), where)
 
 
-def _joint_name(motion: Motion, joint: int) -> str:
+def _joint_name(motion: JudgedMotion, joint: int) -> str:
     return motion.move.trajectory.limits.names[joint]
 
 

@@ -24,7 +24,7 @@ from baxter_kin.benchmark.measurement import (
 )
 from baxter_kin.benchmark.options import BenchmarkOptions
 from baxter_kin.benchmark.poses import PoseSet, Scenario, draw_poses
-from baxter_kin.benchmark.report import Machine, Outcome, markdown
+from baxter_kin.benchmark.report import BenchmarkOutcome, Machine, markdown
 from baxter_kin.benchmark.verification import (
     LIMIT_ROUNDING_RAD,
     LOOSE_LIMIT_RAD,
@@ -235,7 +235,7 @@ def test_table_lists_an_absent_package_once_and_every_complaint(
     absences = [Absence("a", "x is not installed"), Absence("b", "x is not installed")]
     options = BenchmarkOptions(("left",), (Scenario.MID_RANGE,), ("bad",), len(poses), 0)
     rows = measure({"bad": bad}, poses, verifier)
-    text = markdown(Outcome(options, Machine.this(), {"bad": bad}, absences, rows, []))
+    text = markdown(BenchmarkOutcome(options, Machine.this(), {"bad": bad}, absences, rows, []))
     assert text.count("Not measured: x is not installed.") == 1
     assert f"{len(poses)} calls raised ZeroDivisionError: no luck." in text
 

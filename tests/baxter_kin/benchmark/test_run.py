@@ -17,7 +17,7 @@ from baxter_kin.benchmark.poses import Scenario
 from baxter_kin.benchmark.report import (
     BATCH_COLUMNS,
     COLUMNS,
-    Outcome,
+    BenchmarkOutcome,
     markdown,
     percent,
     three_digits,
@@ -39,7 +39,7 @@ print(sorted(heavy & set(sys.modules)))
 
 
 @pytest.fixture(scope="module")
-def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> BenchmarkOutcome:
     """A small run of our own solver on both arms."""
     folder = tmp_path_factory.mktemp("benchmark")
     return run_benchmark(
@@ -58,7 +58,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
 
 
 @pytest.fixture(scope="module")
-def numbers(outcome: Outcome) -> Any:
+def numbers(outcome: BenchmarkOutcome) -> Any:
     """What was written as JSON."""
     assert outcome.options.json is not None
     return json.loads(outcome.options.json.read_text("utf-8"))
@@ -72,12 +72,12 @@ def test_program_prints_a_table_alone_and_ends_with_status_0() -> None:
     assert "one thread a library" in done.stdout
 
 
-def test_our_solver_solves_every_near_pose(outcome: Outcome) -> None:
+def test_our_solver_solves_every_near_pose(outcome: BenchmarkOutcome) -> None:
     assert [row.solve_rate for row in outcome.rows] == [1.0, 1.0]
     assert [batch.solve_rate for batch in outcome.batches] == [1.0, 1.0]
 
 
-def test_table_has_every_column(outcome: Outcome) -> None:
+def test_table_has_every_column(outcome: BenchmarkOutcome) -> None:
     lines = markdown(outcome).splitlines()
     for columns in (COLUMNS, BATCH_COLUMNS):
         assert "| " + " | ".join(columns) + " |" in lines
@@ -86,7 +86,7 @@ def test_table_has_every_column(outcome: Outcome) -> None:
     assert "100 % | 100 %" in row
 
 
-def test_table_names_machine_arms_and_settings(outcome: Outcome) -> None:
+def test_table_names_machine_arms_and_settings(outcome: BenchmarkOutcome) -> None:
     text = markdown(outcome)
     assert text.startswith(f"Measured on {outcome.machine.cpu}")
     for word in ("Left arm", "Right arm", "CPython", "numpy", "`IKService.solve`", "Pinocchio"):
@@ -132,7 +132,7 @@ def test_json_has_a_number_for_every_pose(numbers: Any) -> None:
             assert len(row[key]) == COUNT
 
 
-def test_plot_is_drawn_in_the_format_of_its_name(outcome: Outcome) -> None:
+def test_plot_is_drawn_in_the_format_of_its_name(outcome: BenchmarkOutcome) -> None:
     assert outcome.options.plot is not None
     assert "<svg" in outcome.options.plot.read_text("utf-8")
 

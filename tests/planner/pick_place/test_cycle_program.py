@@ -11,7 +11,7 @@ import pytest
 from baxter_kin import Arm
 from planner import Body, Box, Manipulator, Part, PickAndPlace, Scene
 from planner.collision.context import CollisionContext
-from planner.pick_place.candidates import Candidates, Pair
+from planner.pick_place.candidates import CandidatePair, Candidates
 from planner.pick_place.cycle import Cycle, StoppingCycles
 from planner.pick_place.cycle_program import CycleProgram
 from planner.pick_place.phases import PhaseMaker
@@ -27,7 +27,7 @@ def request_of(manipulator: Manipulator, *bodies: Body) -> PlanRequest:
     return PlanRequest(manipulator, Scene.of(bodies), manipulator.arm.start)
 
 
-def pair_of(manipulator: Manipulator, task: PickAndPlace = TASK) -> Pair:
+def pair_of(manipulator: Manipulator, task: PickAndPlace = TASK) -> CandidatePair:
     found = Candidates(request_of(manipulator), task)
     return found.pair(*found.order[0])
 

@@ -31,7 +31,7 @@ from planner import (
     verify,
 )
 from planner.clearance import Clearance, ContinuousProof
-from planner.verification.body.distances import Distances
+from planner.verification.body.distances import SolidDistances
 from planner.verification.body.nearest import nearest
 from planner.verification.body.robot_body import robot_body
 from planner.verification.body.stretches import Stretches
@@ -328,7 +328,7 @@ def test_the_nearest_is_that_of_all_pairs_at_all_samples(plan: Plan) -> None:
     for run in runs:
         stretch = stretches.of_run(run, 0.03)
         pairs = stretches.pairs_of_run(run, stretch)
-        distances, numbers = Distances(robot, stretch, pairs), [*range(len(pairs))]
+        distances, numbers = SolidDistances(robot, stretch, pairs), [*range(len(pairs))]
         numbers = [i for i in numbers if pairs[i].body is None]
         found, _ = nearest(distances, numbers, 0, len(stretch.q) - 1)
         least = 1.0

@@ -13,7 +13,7 @@ from baxter_kin.description import ElectricGripper, RobotDescription
 from baxter_kin.validation import FloatArray
 from planner.verification.body import links
 from planner.verification.body.enclosed import is_enclosed
-from planner.verification.body.robot_body import RobotBody, robot_body
+from planner.verification.body.robot_body import SolidBody, robot_body
 from planner.verification.body.solid import Solid, distance_request
 from planner.verification.urdf_robot import read_model
 from tests.conftest import at
@@ -22,7 +22,7 @@ FILES = RobotDescription.installed()
 
 
 @pytest.fixture(scope="module")
-def body() -> RobotBody:
+def body() -> SolidBody:
     return robot_body(FILES)
 
 
@@ -75,7 +75,7 @@ def test_links_two_joints_apart_that_are_left_out_never_touch(tips: str) -> None
     ],
 )
 def test_the_nearest_links_two_joints_apart_never_touch_at_any_two_angles(
-    body: RobotBody, names: tuple[str, str], joints: tuple[str, str], least_m: float
+    body: SolidBody, names: tuple[str, str], joints: tuple[str, str], least_m: float
 ) -> None:
     """Nearest where the first joint ends."""
     model = read_model(FILES)
@@ -94,7 +94,7 @@ def test_the_nearest_links_two_joints_apart_never_touch_at_any_two_angles(
     assert found.index(min(found)) // 61 == 8
 
 
-def test_every_link_with_a_mesh_is_there_and_what_is_no_part_is_not(body: RobotBody) -> None:
+def test_every_link_with_a_mesh_is_there_and_what_is_no_part_is_not(body: SolidBody) -> None:
     names = [solid.name for solid in body.solids]
     assert body.source == "Rethink's meshes"
     assert {"torso", "pedestal", "left_hand_link", "right_wrist", "l_gripper_r_finger_tip"} <= set(
@@ -103,7 +103,7 @@ def test_every_link_with_a_mesh_is_there_and_what_is_no_part_is_not(body: RobotB
     assert not [name for name in names if "collision_head" in name or name.endswith("_visual")]
 
 
-def test_covers_and_balls_contain_their_shapes(body: RobotBody) -> None:
+def test_covers_and_balls_contain_their_shapes(body: SolidBody) -> None:
     for solid in body.solids:
         if solid.is_surface:
             vertices = np.array(solid.shape.vertices())
@@ -115,7 +115,7 @@ def test_covers_and_balls_contain_their_shapes(body: RobotBody) -> None:
             assert away.max() <= solid.radius_m + 1e-12
 
 
-def test_a_thing_inside_a_link_is_found_though_no_surface_is_near(body: RobotBody) -> None:
+def test_a_thing_inside_a_link_is_found_though_no_surface_is_near(body: SolidBody) -> None:
     wrist = next(solid for solid in body.solids if solid.name == "left_wrist")
     marble = Solid.of("marble", 0, at(0, 0, 0), coal.Sphere(0.001))
     corners = np.array(wrist.shape.vertices())

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from baxter_kin import Baxter
 from sim.errors import SimulationError
-from sim.view.appearance import Appearance, Mesh
+from sim.view.appearance import Appearance, LinkMesh
 
 MAX_BYTES = 1_000_000
 
@@ -127,7 +127,7 @@ def test_needs_neither_the_original_meshes_nor_what_reads_them() -> None:
 
 def test_refuses_a_mesh_whose_faces_miss_their_vertices() -> None:
     with pytest.raises(SimulationError, match="damaged"):
-        Mesh(
+        LinkMesh(
             name="broken",
             vertices=np.zeros((3, 3), dtype=np.int16),
             normals=np.zeros((3, 3), dtype=np.int8),

@@ -9,7 +9,7 @@ import pytest
 from baxter_kin import Arm, Baxter, BaxterError, Tolerance
 from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.ik.geometry.reach import ReachBound
-from baxter_kin.ik.geometry.shoulder_sweep import MARGIN_M
+from baxter_kin.ik.geometry.shoulder_sweep import SWEEP_MARGIN_M
 from baxter_kin.validation import FloatArray
 
 MIRROR_Y = np.diag([1.0, -1.0, 1.0])
@@ -285,7 +285,7 @@ def test_excess_is_the_distance_beyond_the_straight_arm(arm: Arm, bound: ReachBo
     shoulder = linkage.T_base_first.translation + linkage.shoulder_offset_m * radial
     proof = bound.proof(_with_wrist(arm, shoulder + 1.0 * radial, np.eye(3)))
     assert proof is not None
-    assert proof.excess_m == pytest.approx(1.0 - 0.745318 - MARGIN_M, abs=1e-6)
+    assert proof.excess_m == pytest.approx(1.0 - 0.745318 - SWEEP_MARGIN_M, abs=1e-6)
 
 
 def test_a_proof_reads_as_a_clause_with_numbers(bounds: dict[str, ReachBound]) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from baxter_kin.validation import FloatArray, Indices
 from planner import Manipulator, Scene, Trajectory, plan_joint_move
-from planner.collision.continuous.motion import ArmMotion
+from planner.collision.continuous.motion import ArmShapeMotion
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.planner.walls import Room, wall
 
@@ -34,8 +34,8 @@ def swing(room: Room, seed: int) -> Trajectory:
     return plan_joint_move(q_start, q_goal, arm.limits)
 
 
-def motion_of(room: Room, trajectory: Trajectory) -> ArmMotion:
-    return ArmMotion(room.checker, trajectory, room.full(trajectory.q_start))
+def motion_of(room: Room, trajectory: Trajectory) -> ArmShapeMotion:
+    return ArmShapeMotion(room.checker, trajectory, room.full(trajectory.q_start))
 
 
 def distances_m(room: Room, q: FloatArray, pairs: Indices) -> FloatArray:
