@@ -14,9 +14,11 @@ from baxter_kin import (
     IKService,
     PoseError,
     RequestError,
+    SeedMode,
+    SeedType,
     UnknownNameError,
 )
-from baxter_kin.ik.requests import BLOCK
+from baxter_kin.ik.requests import BLOCK, Requests
 from tests.conftest import overhead
 
 
@@ -107,3 +109,36 @@ def test_bad_pose_far_on_in_a_batch_is_named_by_its_number(left: Arm, ik: IKServ
     poses[BLOCK + 1] = np.zeros((4, 4))
     with pytest.raises(PoseError, match=rf"^poses\[{BLOCK + 1}\]: "):
         ik.solve_batch(poses)
+
+
+def test_blocks_hold_every_pose_and_its_seed_once_and_in_order(left: Arm) -> None:
+    count = 2 * BLOCK + 3
+    whole = Requests(list(range(count)), list(range(count)), left.start, SeedMode.AUTO)
+    blocks = list(whole.blocks())
+    assert [len(block.poses) for block in blocks] == [BLOCK, BLOCK, 3]
+    assert [block.first for block in blocks] == [0, BLOCK, 2 * BLOCK]
+    for each in (
+        [pose for block in blocks for pose in block.poses],
+        [seed for block in blocks if block.seeds is not None for seed in block.seeds],
+    ):
+        assert each == list(range(count))
+    assert {block.mode for block in blocks} == {SeedMode.AUTO}
+
+
+def test_a_table_of_seeds_has_no_number_where_there_is_no_seed(left: Arm) -> None:
+    seeds = [left.start, None, left.joints(left.neutral)]
+    table = Requests([None] * 3, seeds, left.start, SeedMode.AUTO).seed_table(left)
+    np.testing.assert_array_equal(table[SeedType.USER][[0, 2]], [left.start, left.neutral])
+    assert np.isnan(table[SeedType.USER][1]).all()
+    np.testing.assert_array_equal(table[SeedType.CURRENT], [left.start] * 3)
+    assert Requests([None], None, None, SeedMode.AUTO).seed_table(left) == {}
+
+
+def test_arrays_are_taken_together_as_they_are_one_by_one(left: Arm) -> None:
+    rng = np.random.default_rng(1)
+    arrays = [left.random_configuration(rng) for _ in range(20)]
+    together, apart = (
+        Requests([None] * 20, seeds, None, SeedMode.AUTO).seed_table(left)[SeedType.USER]
+        for seeds in (arrays, [q.tolist() for q in arrays])
+    )
+    np.testing.assert_array_equal(together, apart)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ def test_result_lists_joints_by_name(ik: IKService, left: Arm) -> None:
 
 
 @pytest.mark.parametrize(
-    "fields",
+    "changes",
     [
         {"seed_type": "x"},
         {"seed_type": 5},
@@ -49,7 +50,7 @@ def test_result_lists_joints_by_name(ik: IKService, left: Arm) -> None:
     ],
     ids=str,
 )
-def test_a_result_is_not_made_of_anything(left: Arm, fields: dict[str, Any]) -> None:
+def test_a_result_is_not_made_of_anything(left: Arm, changes: dict[str, Any]) -> None:
     whole: dict[str, Any] = {
         "joint_names": left.joint_names,
         "q": left.neutral,
@@ -59,10 +60,56 @@ def test_a_result_is_not_made_of_anything(left: Arm, fields: dict[str, Any]) -> 
     }
     assert IKResult(**whole).is_valid
     with pytest.raises(ConfigurationError):
-        IKResult(**(whole | fields))
+        IKResult(**(whole | changes))
 
 
-@pytest.mark.parametrize("fields", [{"reason": 5}, {"starts": {"x": 1}}, {"starts": 5}], ids=str)
-def test_a_failure_is_not_made_of_anything(fields: dict[str, Any]) -> None:
+@pytest.mark.parametrize("changes", [{"reason": 5}, {"starts": {"x": 1}}, {"starts": 5}], ids=str)
+def test_a_failure_is_not_made_of_anything(changes: dict[str, Any]) -> None:
     with pytest.raises(ConfigurationError, match="IKFailure"):
-        IKFailure(**({"reason": "no way"} | fields))
+        IKFailure(**({"reason": "no way"} | changes))
+
+
+@pytest.mark.parametrize(
+    ("seed_type", "failure"), [(SeedType.INVALID, None), (SeedType.USER, IKFailure("no way"))]
+)
+def test_a_result_has_either_a_seed_type_or_a_failure(
+    left: Arm, seed_type: SeedType, failure: IKFailure | None
+) -> None:
+    with pytest.raises(ConfigurationError, match="either a seed type that led to it or a failure"):
+        IKResult(left.joint_names, left.neutral, seed_type, 0.0, 0.0, failure)
+
+
+@pytest.mark.parametrize("failure", [None, IKFailure("no way")], ids=["valid", "invalid"])
+def test_a_trusted_result_is_the_checked_one(left: Arm, failure: IKFailure | None) -> None:
+    kind = SeedType.CURRENT if failure is None else SeedType.INVALID
+    checked = IKResult(left.joint_names, left.start, kind, 1e-9, 2e-9, failure)
+    trusted = IKResult.trusted(left.joint_names, left.start, kind, (1e-9, 2e-9), failure)
+    for field in fields(IKResult):
+        assert np.all(getattr(checked, field.name) == getattr(trusted, field.name)), field.name
+    assert repr(checked) == repr(trusted)
+    assert trusted.is_valid == (failure is None)
+
+
+def test_angles_are_copied_and_read_only(left: Arm) -> None:
+    q = np.array(left.start)
+    result = IKResult(left.joint_names, q, SeedType.USER, 0.0, 0.0)
+    q[0] = 7.0
+    np.testing.assert_array_equal(result.q, left.start)
+    with pytest.raises(ValueError, match="read-only"):
+        result.q[0] = 7.0
+
+
+def test_starts_of_a_failure_cannot_be_changed() -> None:
+    starts = {SeedType.USER: 1}
+    failure = IKFailure("no way", starts)
+    starts[SeedType.USER] = 2
+    assert failure.starts == {SeedType.USER: 1}
+    with pytest.raises(TypeError):
+        failure.starts[SeedType.USER] = 2  # type: ignore[index]
+
+
+def test_what_is_asked_later_must_be_a_failure() -> None:
+    with pytest.raises(ConfigurationError, match="ask must be callable, got str"):
+        IKFailure.later("why")  # type: ignore[arg-type]
+    with pytest.raises(ConfigurationError, match="what ask returns must be of class IKFailure"):
+        str(IKFailure.later(lambda: "why"))  # type: ignore[arg-type,return-value]

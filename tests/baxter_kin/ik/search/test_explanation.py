@@ -9,11 +9,14 @@ import pytest
 from baxter_kin import Arm, IKService, SeedMode, SeedType, pose_from_quaternion
 from baxter_kin.frames import angle_between
 from baxter_kin.ik.geometry.linkage import Linkage
+from baxter_kin.ik.search.explanation import BestAttempt, Explainer
+from baxter_kin.ik.search.searcher import Backend
+from baxter_kin.ik.search.solver import Solvers
+from baxter_kin.ik.tolerance import EXACT, Tolerance
 from tests.conftest import at, overhead
 
 TOLERANCE = 1e-6
 """In m and rad: what counts as a solution."""
-
 
 URDF_ROUNDING = 1e-10
 """The search takes the URDF's right angles for exact, which moves the tip by 2e-11 m."""
@@ -152,3 +155,47 @@ def test_what_is_hard_to_prove_out_of_reach_gets_a_bracket(left: Arm, tool_m: fl
     assert 0.0 < result.failure.beyond_reach_m <= result.failure.nearest_m
     reached = arm.T_base_tip(result.q)
     assert angle_between(reached.rotation, T.rotation) <= TOLERANCE
+
+
+@pytest.mark.parametrize("tolerance", [EXACT, Tolerance.about("z"), Tolerance.position_only(0.01)])
+def test_errors_in_neutral_are_what_exceeds_the_tolerance(left: Arm, tolerance: Tolerance) -> None:
+    explainer, rng = explainer_of(left, tolerance), np.random.default_rng(5)
+    poses = [left.T_base_tip(left.random_configuration(rng)) for _ in range(30)]
+    errors = explainer.errors_in_neutral(np.array([T.homogeneous for T in poses]))
+    for T, *found in zip(poses, *errors, strict=True):
+        expected = tolerance.excess(T, left.T_base_tip(left.neutral))
+        assert found == pytest.approx(expected, abs=TOLERANCE)
+        measured = explainer.measured(T.homogeneous, left.neutral)
+        assert (measured.position_error_m, measured.orientation_error_rad) == expected
+
+
+def explainer_of(arm: Arm, tolerance: Tolerance) -> Explainer:
+    return Solvers(arm, Backend.AUTO).within(tolerance).explainer
+
+
+def test_each_proof_that_takes_longer_holds_where_a_quicker_one_does(left: Arm) -> None:
+    explainer, rng = explainer_of(left, EXACT), np.random.default_rng(6)
+    Ts = np.array(
+        [
+            (
+                pin.SE3(np.eye(3), 0.3 * rng.normal(size=3))
+                * left.T_base_tip(left.random_configuration(rng))
+            ).homogeneous
+            for _ in range(300)
+        ]
+    )
+    glance = explainer.are_out_of_reach_at_a_glance(Ts)
+    clearly, thoroughly = explainer.are_clearly_out_of_reach(Ts), explainer.are_out_of_reach(Ts)
+    assert 0 < glance.sum() < clearly.sum() < thoroughly.sum() < 300
+    assert clearly[glance].all()
+    assert thoroughly[clearly].all()
+
+
+def test_joints_that_the_best_attempt_leaves_at_a_limit_are_named(left: Arm) -> None:
+    q, T = np.array(left.start), left.T_base_tip(left.start)
+    q[3], q[6] = left.limits.q_max[3], left.limits.q_min[6] + 1e-9
+    attempt = BestAttempt(T.homogeneous, q, 0.2, 1.0, {SeedType.USER: 3})
+    failure = explainer_of(left, EXACT).why(attempt, "USER")
+    assert failure.joints_at_limit == ("left_e1", "left_w2")
+    assert "in 3 starts (3 USER); the best attempt ends 200 mm and 1 rad away" in str(failure)
+    assert failure.nearest_m is None
