@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -8,7 +9,10 @@ import pytest
 
 from baxter_kin import Arm, Baxter, ConfigurationError
 from baxter_kin.ik.redundancy.continuation import EndKind
+from baxter_kin.ik.redundancy.curve_points import CurvePoints
 from baxter_kin.ik.redundancy.self_motion import trace_self_motion
+from baxter_kin.ik.redundancy.solution_curve import TOUCHING_RAD, SolutionCurve
+from baxter_kin.validation import FloatArray
 from tests.baxter_kin.ik.redundancy.test_self_motion import (
     ALONE,
     CROSSING,
@@ -17,6 +21,7 @@ from tests.baxter_kin.ik.redundancy.test_self_motion import (
     pose_error,
     singular_near,
 )
+from tests.conftest import at
 
 
 def test_start_that_nearly_reaches_the_pose_is_moved_onto_it(robot: Baxter, left: Arm) -> None:
@@ -76,3 +81,90 @@ def test_singular_configuration_that_no_branch_leaves_is_a_point(left: Arm) -> N
     np.testing.assert_array_equal(curve.q, [q])
     assert curve.length_rad == 0.0
     assert [end.kind for end in curve.ends] == [EndKind.SINGULARITY] * 2
+
+
+def curve_of(arm: Arm, q: FloatArray) -> SolutionCurve:
+    return SolutionCurve(arm, arm.T_base_tip(q))
+
+
+def test_the_error_is_the_way_that_is_left_to_the_pose(any_arm: Arm) -> None:
+    rng, first_order = np.random.default_rng(1), 1e-7
+    for _ in range(20):
+        q = any_arm.random_configuration(rng)
+        dq = 1e-4 * rng.normal(size=7)
+        twist = any_arm.jacobian(q) @ dq
+        error = curve_of(any_arm, q + dq).error(q)
+        np.testing.assert_allclose(error, twist, atol=first_order)
+        assert np.linalg.norm(curve_of(any_arm, q).error(q)) < 1e-14
+
+
+def test_what_is_corrected_stays_in_its_hyperplane(any_arm: Arm) -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        q = any_arm.random_configuration(rng)
+        curve, off = curve_of(any_arm, q), q + 1e-3 * rng.normal(size=7)
+        normal = np.linalg.svd(any_arm.jacobian(q))[2][6]
+        found = curve.corrected(off, normal)
+        assert found is not None
+        assert np.linalg.norm(curve.error(found[0])) < 1e-12
+        assert normal @ (found[0] - off) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_what_is_far_from_the_pose_is_not_corrected(left: Arm) -> None:
+    curve = SolutionCurve(left, at(3.0, 0.0, 0.0))
+    assert curve.corrected(left.start, np.eye(7)[0]) is None
+    with pytest.raises(ConfigurationError, match="misses the pose by"):
+        curve.onto(left.start)
+
+
+def test_the_direction_of_a_start_is_that_of_every_curve(any_arm: Arm) -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        q = any_arm.random_configuration(rng)
+        start, J = curve_of(any_arm, q).start(q), any_arm.jacobian(q)
+        assert start is not None
+        assert np.linalg.norm(J @ start.tangent) < 1e-12
+        determinant = np.linalg.det(np.vstack([J, start.tangent]))
+        assert start.determinant == pytest.approx(determinant, abs=1e-12)
+        assert determinant > 0.0
+
+
+def test_clearance_is_that_of_the_nearest_limit_and_negative_outside(arm: Arm) -> None:
+    curve, limits = curve_of(arm, arm.start), arm.limits
+    q = np.array([limits.q_min, limits.q_max, limits.q_min + 0.1, limits.q_max + 0.2])
+    np.testing.assert_allclose(curve.clearance_rad(q), [0.0, 0.0, 0.1, -0.2], atol=1e-15)
+    assert curve.without_limits.clearance_rad(q[3]) == math.inf
+
+
+def test_without_limits_whole_turns_are_no_way(left: Arm) -> None:
+    curve = curve_of(left, left.start)
+    end = left.start + 0.1 + 2.0 * math.pi * np.eye(7)[4]
+    np.testing.assert_array_equal(curve.way(left.start, end), end - left.start)
+    way = curve.without_limits.way(left.start, end)
+    np.testing.assert_allclose(way, np.full(7, 0.1), atol=1e-12)
+
+
+def test_turned_configurations_are_next_to_the_middle_of_the_ranges(left: Arm) -> None:
+    curve, rng = curve_of(left, left.start), np.random.default_rng(4)
+    q = np.array([left.random_configuration(rng) for _ in range(20)])
+    turns = 2.0 * math.pi * rng.integers(-2, 3, q.shape)
+    np.testing.assert_allclose(curve.turned(q + turns), q, atol=1e-12)
+
+
+def test_what_is_outside_by_rounding_is_put_on_the_limit(left: Arm) -> None:
+    q = np.array(left.start)
+    q[3] = left.limits.q_max[3]
+    curve = curve_of(left, q)
+    start = curve.without_limits.start(q)
+    assert start is not None
+    off = q + 0.5 * TOUCHING_RAD * np.eye(7)[3] - 2.0 * math.pi * np.eye(7)[6]
+    inside = curve.into_range(CurvePoints.of([replace(start, q=off)]))
+    np.testing.assert_allclose(inside.q, [q], atol=1e-12)
+    assert inside.clearance_rad[0] >= 0.0
+
+
+def test_a_rotation_of_few_digits_is_made_one(left: Arm) -> None:
+    T = left.T_base_tip(left.start)
+    rounded = SolutionCurve(left, pin.SE3(np.round(T.rotation, 4), T.translation)).T_base_tip
+    np.testing.assert_allclose(rounded.rotation @ rounded.rotation.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(rounded.rotation, T.rotation, atol=1e-4)
