@@ -1,13 +1,26 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.ik.redundancy.continuation import EndKind
+from baxter_kin.ik.redundancy.continuation import (
+    LONGEST_STEP_RAD,
+    EndKind,
+    filled,
+    may_leave,
+    walk,
+    walk_both_ways,
+    with_last,
+)
+from baxter_kin.ik.redundancy.curve_functions import MAX_TURN_RAD
+from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints
+from baxter_kin.ik.redundancy.segment import cubics
 from baxter_kin.ik.redundancy.self_motion import trace_self_motion
+from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
 from tests.baxter_kin.ik.redundancy.test_self_motion import (
     ALONE,
     CLOSED,
@@ -115,3 +128,96 @@ def test_sharp_turn_beside_a_singularity_is_followed(left: Arm, gap_rad: float) 
         again = trace_self_motion(left, curve.at(0.9 * curve.length_rad))
         assert again.ends == curve.ends
         assert hausdorff_rad(curve, again) < SAME_CURVE_RAD
+
+
+@pytest.fixture(scope="module")
+def solution_curve(arm: Arm) -> SolutionCurve:
+    return SolutionCurve(arm, arm.T_base_tip(arm.start))
+
+
+@pytest.fixture(scope="module")
+def start(arm: Arm, solution_curve: SolutionCurve) -> CurvePoint:
+    found = solution_curve.start(arm.start)
+    assert found is not None
+    return found
+
+
+def test_both_ways_are_each_way_from_the_start(
+    solution_curve: SolutionCurve, start: CurvePoint
+) -> None:
+    points, at, ends = walk_both_ways(solution_curve, start)
+    ahead, last = walk(solution_curve, start)
+    behind, first = walk(solution_curve, start.reversed())
+    assert ends == (first, last)
+    np.testing.assert_array_equal(points.q[at], start.q)
+    np.testing.assert_array_equal(points.q[at:], ahead.q)
+    np.testing.assert_array_equal(points.q[: at + 1], behind.q[::-1])
+
+
+def test_points_are_in_the_limits_and_turn_little(
+    solution_curve: SolutionCurve, start: CurvePoint
+) -> None:
+    points, _ = walk(solution_curve, start)
+    assert points.clearance_rad[0] > 0.0
+    assert points.clearance_rad.min() == points.clearance_rad[-1] == 0.0
+    cosines = (points.tangent[1:] * points.tangent[:-1]).sum(axis=1)
+    assert np.arccos(cosines.clip(max=1.0)).max() <= MAX_TURN_RAD
+    bent = 1.02  # a step is so long along the tangent, and goes as far aside as the curve bends
+    assert points.chords_rad.max() <= bent * LONGEST_STEP_RAD
+
+
+@pytest.mark.parametrize("step_rad", [0.05, 0.005])
+def test_filled_points_are_on_the_pose_and_no_farther_apart_than_asked(
+    solution_curve: SolutionCurve, start: CurvePoint, step_rad: float
+) -> None:
+    points, _ = walk(solution_curve, start)
+    closer, places = filled(solution_curve, points, step_rad)
+    np.testing.assert_array_equal(closer.rows[places], points.rows)
+    assert len(closer) > len(points)
+    assert closer.chords_rad.max() <= 1.01 * step_rad  # a cubic is not travelled at one speed
+    assert max(np.linalg.norm(solution_curve.error(q)) for q in closer.q) < 1e-11
+    assert ((closer.tangent[1:] * closer.tangent[:-1]).sum(axis=1) > 0.9).all()
+
+
+def test_arcs_that_may_be_as_long_as_they_are_get_no_points(
+    solution_curve: SolutionCurve, start: CurvePoint
+) -> None:
+    points, _ = walk(solution_curve, start)
+    steps = np.full(len(points) - 1, np.inf)
+    assert len(filled(solution_curve, points, steps)[0]) == len(points)
+    steps[2] = 0.25 * points.chords_rad[2]
+    _, places = filled(solution_curve, points, steps)
+    assert np.diff(places)[2] > 3
+    assert (np.delete(np.diff(places), 2) == 1).all()
+
+
+def test_wherever_a_curve_leaves_its_limits_it_was_suspected(arm: Arm) -> None:
+    """Loops without limits, and their cubics sampled closely."""
+    rng, crossings = np.random.default_rng(7), 0
+    for _ in range(6):
+        q = arm.random_configuration(rng)
+        curve = SolutionCurve(arm, arm.T_base_tip(q))
+        start = curve.start(q)
+        assert start is not None
+        points = curve.into_range(walk(curve.without_limits, start)[0])
+        suspected = may_leave(points)
+        for i, is_suspected in enumerate(suspected):
+            segment, u = np.full(50, i), np.linspace(0.0, 1.0, 50)
+            sampled, _ = cubics(points.q, points.tangent, segment, u)
+            inside = curve.clearance_rad(sampled) >= 0.0
+            if inside.any() and not inside.all() and inside[0] | inside[-1]:
+                crossings += 1
+                assert is_suspected, (q, i)
+    assert crossings > 20
+
+
+def test_the_last_point_takes_the_place_of_one_that_it_coincides_with(start: CurvePoint) -> None:
+    one = CurvePoints.of([start])
+    ahead = replace(start, q=start.q + 0.1)
+    two = with_last(one, ahead)
+    assert len(two) == 2
+    same = replace(ahead, q=ahead.q + 1e-10, residual=0.5)
+    assert len(with_last(two, same)) == 2
+    assert with_last(two, same).residual[-1] == 0.5
+    assert len(with_last(one, replace(start, residual=0.5))) == 1
+    assert with_last(one, replace(start, residual=0.5)).residual[0] == start.residual

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from baxter_kin import Arm, Baxter
+from baxter_kin.ik.redundancy.continuation import EndKind, filled
 from baxter_kin.ik.redundancy.cutting import Piece, pieces_inside
 from baxter_kin.ik.redundancy.loop import loops_near
+from baxter_kin.ik.redundancy.segment import feet
 from baxter_kin.ik.redundancy.self_motion import trace_self_motion
 from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
 from baxter_kin.ik.solution_set import distinct_solutions
@@ -76,3 +78,66 @@ def test_pieces_reach_the_pose(robot: Baxter, left: Arm) -> None:
     for piece in pieces_of(left, q_known):
         for q in piece.points.q:
             assert pose_error(robot, left, q, left.T_base_tip(q_known)) < 1e-9
+
+
+def test_what_of_a_loop_is_inside_the_limits_is_on_one_piece(arm: Arm) -> None:
+    """Between the points of the loop, sampled closely; pieces begin and end where it is not."""
+    rng, checked = np.random.default_rng(8), 0
+    for _ in range(5):
+        q = arm.random_configuration(rng)
+        solution_curve = SolutionCurve(arm, arm.T_base_tip(q))
+        (loop,) = loops_near(solution_curve, q[None])
+        pieces = list(pieces_inside(solution_curve, [loop]))
+        points, _ = filled(solution_curve.without_limits, loop.points, 0.01)
+        inside = solution_curve.into_range(points)
+        for point in inside.q[inside.clearance_rad > AT_LIMIT_RAD]:
+            assert sum(holds(piece, point) for piece in pieces) == 1
+            checked += 1
+        for point in inside.q[inside.clearance_rad < -AT_LIMIT_RAD]:
+            assert not any(holds(piece, point) for piece in pieces)
+    assert checked > 500
+
+
+AT_LIMIT_RAD = 1e-3
+"""Nearer to a limit, a sample may be taken for the end of a piece."""
+
+CUBIC_RAD = 2e-4
+"""How far the cubics of a piece may be from the curve; 7e-5 on these loops."""
+
+
+def holds(piece: Piece, q: FloatArray) -> bool:
+    if len(piece.points) < 2:
+        return False
+    return bool(feet(piece.points.q, piece.points.tangent, q[None])[0][0] < CUBIC_RAD)
+
+
+def test_ends_stand_on_the_limit_they_name_and_lead_out_of_it(arm: Arm) -> None:
+    rng = np.random.default_rng(9)
+    for _ in range(10):
+        for piece in pieces_of(arm, arm.random_configuration(rng)):
+            sides = (piece.points[0].reversed(), piece.points[len(piece.points) - 1])
+            for point, end in zip(sides, piece.ends, strict=True):
+                if end.kind is EndKind.LIMIT:
+                    joint = arm.joint_names.index(str(end.joint_name))
+                    assert point.q[joint] == end.limit_rad
+                    is_upper = end.limit_rad == arm.limits.q_max[joint]
+                    assert (point.tangent[joint] > 0.0) == is_upper
+
+
+def test_loops_cut_together_are_each_cut_as_alone(left: Arm) -> None:
+    rng = np.random.default_rng(10)
+    T = left.T_base_tip(left.start)
+    solution_curve = SolutionCurve(left, T)
+    starts = np.array([left.random_configuration(rng) for _ in range(200)])
+    loops = loops_near(solution_curve, starts)
+    assert len(loops) > 1
+    together = list(pieces_inside(solution_curve, loops))
+    alone = [piece for loop in loops for piece in pieces_inside(solution_curve, [loop])]
+    assert [piece.ends for piece in together] == [piece.ends for piece in alone]
+    for one, other in zip(together, alone, strict=True):
+        np.testing.assert_allclose(one.points.q, other.points.q, atol=1e-12)
+
+
+def test_no_loops_have_no_pieces(left: Arm) -> None:
+    solution_curve = SolutionCurve(left, left.T_base_tip(left.start))
+    assert list(pieces_inside(solution_curve, [])) == []

@@ -8,6 +8,9 @@ import pytest
 
 from baxter_kin import Arm, Baxter, IKService
 from baxter_kin.ik.redundancy.continuation import EndKind
+from baxter_kin.ik.redundancy.pieces import SAME_CURVE_RAD, all_pieces, pieces_through
+from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
+from baxter_kin.ik.search.searcher import Searcher
 from baxter_kin.ik.solution_set import distinct_solutions, solutions
 from tests.baxter_kin.ik.test_solution_set import BLOCK, independent_solutions
 from tests.served_urdf import served_urdf
@@ -88,3 +91,46 @@ def test_solutions_hold_every_other_solution(robot: Any, held: int) -> None:
         curves = solutions(IKService(arm), T)
         for other in [q, *independent_solutions(arm, T, 60, seed=8)]:
             assert min(curve.nearest(other)[1] for curve in curves) < 1e-4
+
+
+def test_every_candidate_is_on_one_of_the_pieces_and_these_are_apart(arm: Arm) -> None:
+    T = arm.T_base_tip(arm.start)
+    candidates = np.array(independent_solutions(arm, T, 30, seed=3))
+    found = pieces_through(SolutionCurve(arm, T), candidates, 0.05)
+    for q in candidates:
+        assert sum(piece.nearest(q)[1] < SAME_CURVE_RAD for piece in found) == 1
+
+
+def test_pieces_do_not_depend_on_the_order_of_candidates_and_the_longest_is_first(
+    left: Arm,
+) -> None:
+    T = left.T_base_tip(left.start)
+    candidates = np.array(independent_solutions(left, T, 20, seed=4))
+    one, other = (
+        pieces_through(SolutionCurve(left, T), each, 0.05)
+        for each in (candidates, candidates[::-1])
+    )
+    lengths = [piece.length_rad for piece in one]
+    assert lengths == sorted(lengths, reverse=True)
+    assert lengths == pytest.approx([piece.length_rad for piece in other], abs=1e-4)
+
+
+def test_a_known_solution_is_on_one_of_the_pieces(any_arm: Arm) -> None:
+    search, rng = Searcher(any_arm), np.random.default_rng(5)
+    for _ in range(5):
+        q = any_arm.random_configuration(rng)
+        found = all_pieces(any_arm, search, any_arm.T_base_tip(q), 0.1, q, starts=1)
+        assert min(piece.nearest(q)[1] for piece in found) < SAME_CURVE_RAD
+
+
+def test_the_sweep_finds_the_pieces_that_searches_lead_to(left: Arm) -> None:
+    search, T = Searcher(left), left.T_base_tip(left.start)
+    swept, all_ = (all_pieces(left, search, T, 0.1, starts=starts) for starts in (1, 64))
+    lengths = [piece.length_rad for piece in all_]
+    assert [piece.length_rad for piece in swept] == pytest.approx(lengths, abs=1e-4)
+    assert len(swept) > 1
+
+
+def test_no_candidates_are_on_no_pieces(left: Arm) -> None:
+    T = left.T_base_tip(left.start)
+    assert pieces_through(SolutionCurve(left, T), np.empty((0, 7)), 0.05) == ()
