@@ -41,7 +41,9 @@ def test_what_differs_by_less_than_rounding_agrees(library: Path) -> None:
     assert loaded([power(2, off=2.0 * AGREEMENT)], str(library)) is None
 
 
-@pytest.mark.parametrize("other", [power(3), power(2, size=3), power(2, off=np.nan)], ids=str)
+@pytest.mark.parametrize(
+    "other", [power(3), power(2, size=3), power(2, off=np.nan), power(2, off=1e-6)], ids=str
+)
 def test_a_library_of_another_function_is_refused(library: Path, other: ca.Function) -> None:
     assert loaded([other], str(library)) is None
 

@@ -97,6 +97,10 @@ def test_a_component_longer_than_the_vector_is_impossible() -> None:
     assert vector.arc_cosine(*one(5.05, 6.0))[1][0]
 
 
+def test_the_slack_of_an_angle_is_that_of_the_tangent_to_where_the_end_may_be() -> None:
+    assert UncertainVector(*one(0.0, 2.0, 1.0)).angle.slack[0] == math.asin(0.5)
+
+
 def test_a_vector_that_may_be_zero_may_have_any_angle() -> None:
     assert UncertainVector(*one(0.1, 0.0, 0.1)).angle.slack[0] == math.pi
 

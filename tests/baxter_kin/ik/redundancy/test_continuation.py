@@ -221,3 +221,23 @@ def test_the_last_point_takes_the_place_of_one_that_it_coincides_with(start: Cur
     assert with_last(two, same).residual[-1] == 0.5
     assert len(with_last(one, replace(start, residual=0.5))) == 1
     assert with_last(one, replace(start, residual=0.5)).residual[0] == start.residual
+
+
+def test_a_limit_that_is_crossed_between_two_points_inside_ends_the_curve(
+    robot: Baxter, left: Arm
+) -> None:
+    """Of each joint, halfway between its highest at points and its highest in between."""
+    whole = SolutionCurve(left, left.T_base_tip(CLOSED))
+    start = whole.start(CLOSED)
+    assert start is not None
+    points, _ = walk(whole, start)
+    at_points = points.q.max(axis=0)
+    between = filled(whole, points, 1e-3)[0].q.max(axis=0)
+    joints = np.flatnonzero(between - at_points > 1e-4)
+    assert joints.size > 2
+    for joint in joints:
+        q_max = np.array(left.limits.q_max)
+        q_max[joint] = 0.5 * (at_points + between)[joint]
+        narrow = with_limits(left, robot, left.limits.q_min, q_max)
+        _, end = walk(SolutionCurve(narrow, left.T_base_tip(CLOSED)), start)
+        assert end.joint_name == left.joint_names[joint]

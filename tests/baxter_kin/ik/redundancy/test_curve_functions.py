@@ -61,23 +61,29 @@ def test_many_lanes_are_each_as_one(any_arm: Arm) -> None:
 
 
 def test_a_march_goes_on_from_attempt_to_attempt(any_arm: Arm) -> None:
-    march, q = curve_functions()[3], any_arm.start
-    states = np.array(march(state_of(any_arm, q, 0.05), 0.05, *shared(any_arm, q))).T
-    assert states.shape == (BLOCK, 25)
-    before = state_of(any_arm, q, 0.05)
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        q = any_arm.random_configuration(rng)
+        states = np.array(curve_functions()[3](state_of(any_arm, q, 0.4), 0.4, *shared(any_arm, q)))
+        assert states.shape == (25, BLOCK)
+        assert states[23].any()
+        assert_each_follows(any_arm, state_of(any_arm, q, 0.4), states.T)
+
+
+def assert_each_follows(arm: Arm, before: FloatArray, states: FloatArray) -> None:
+    """Accepted ones a step ahead, refused ones where they were."""
     for state in states:
         if state[23] == 1.0:
             turn = math.acos(min(1.0, state[7:14] @ before[7:14]))
             assert turn <= MAX_TURN_RAD
             assert np.linalg.norm(state[:7] - before[:7]) <= 1.25 * before[21]
             assert state[22] * before[22] > 0.0
-            J = any_arm.jacobian(state[:7])
+            J = arm.jacobian(state[:7])
             assert np.linalg.norm(J @ state[7:14]) < ROUNDING
         else:
             np.testing.assert_array_equal(state[:7], before[:7])
             assert state[21] == 0.5 * before[21]
         before = state
-    assert states[:, 23].any()
 
 
 def test_a_step_that_turns_too_much_is_refused_and_halved(left: Arm) -> None:
