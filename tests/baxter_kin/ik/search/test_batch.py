@@ -3,10 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter, IKService, SeedMode, SeedType
 from baxter_kin.ik import Tolerance
-from baxter_kin.ik.search.searcher import Searcher
+from baxter_kin.ik.search.batch import COARSE_ROUNDS, Batch
+from baxter_kin.ik.search.buffered_search import Found
+from baxter_kin.ik.search.searcher import Backend, Searcher
+from baxter_kin.ik.search.solver import Solvers
 from tests.conftest import at, overhead
 
 TOLERANCE = 1e-6
@@ -112,3 +116,34 @@ def test_batch_takes_one_seed_per_pose_or_none(left: Arm, ik: IKService) -> None
     poses = [overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129)]
     results = ik.solve_batch(poses, seeds=[left.start, None], current=left.start)
     assert [r.seed_type for r in results] == [SeedType.USER, SeedType.CURRENT]
+
+
+def test_the_first_computed_start_that_leads_to_a_solution_counts(left: Arm) -> None:
+    """Of poses that the setpoints do not solve, whichever round that start belongs to."""
+    solver, rng = Solvers(left, Backend.AUTO).exact, np.random.default_rng(34)
+    qs = np.array([left.random_configuration(rng) for _ in range(15_000)])
+    qs = np.where(rng.random(qs.shape) < 0.3, left.limits.q_max, qs)  # few starts lead there
+    Ts = left.T_base_tips(qs)
+    Ts = Ts[~are_close(solver.search.search_from_map(Ts))]
+    batch = Batch(Ts, {}, SeedMode.NS_MAP)
+    batch.solve(solver)
+    computed = solver.starts.coarse.starts(Ts, sum(COARSE_ROUNDS))
+    later = 0
+    for T, q_starts, result in zip(Ts, computed, batch.results(solver), strict=True):
+        found = solver.search.search(q_starts, np.repeat(T[None], len(q_starts), axis=0))
+        first = int(np.argmax(are_close(found)))
+        if found.is_valid[first]:
+            np.testing.assert_array_equal(result.q, found.q[first])
+            later += first > 1
+    assert later > 3
+
+
+def are_close(found: Found) -> NDArray[np.bool_]:
+    """Which searches end at a solution, converged or not."""
+    return (found.position_error_m <= TOLERANCE) & (found.orientation_error_rad <= TOLERANCE)
+
+
+def test_a_batch_of_no_poses_has_no_results(left: Arm) -> None:
+    solver, batch = Solvers(left, Backend.AUTO).exact, Batch(np.empty((0, 4, 4)), {}, SeedMode.AUTO)
+    batch.solve(solver)
+    assert list(batch.results(solver)) == []
