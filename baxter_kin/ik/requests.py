@@ -64,7 +64,7 @@ class Requests:
             limits, slack = arm.limits, SEED_TOLERANCE_RAD
             inside = (together >= limits.q_min - slack) & (together <= limits.q_max + slack)
             if inside.all():  # which NaN is not
-                return together
+                return together.clip(limits.q_min, limits.q_max)
         table = np.full((len(seeds), 7), np.nan)
         for i, seed in enumerate(seeds):
             if seed is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,21 +16,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from baxter_kin.errors import BaxterError, PoseError
+from baxter_kin.errors import PoseError
 from baxter_kin.json_data import from_json, to_json, unchecked
-from baxter_kin.json_text import as_lines, as_text, from_text
+from baxter_kin.json_text import as_text, from_text
 from baxter_kin.validation import FloatArray
-
-FINITE = st.floats(-1e30, 1e30)
-JSON = st.recursive(
-    st.none() | st.booleans() | st.integers(-(10**14), 10**14) | FINITE | st.text(),
-    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
-    max_leaves=9,
-)
-
-
-class FileProblemError(BaxterError):
-    """What the caller of these tests wants to be raised."""
+from tests.baxter_kin.test_json_text import FINITE, JSON, FileProblemError
 
 
 class Mood(str, Enum):
@@ -151,12 +140,6 @@ def test_arrays_are_known_by_the_annotation_of_this_numpy() -> None:
         assert kept(array, annotation).tolist() == array.tolist()
 
 
-@given(JSON)
-def test_data_comes_back_from_text(data: Any) -> None:
-    assert from_text(as_text(data, FileProblemError), FileProblemError) == data
-    assert from_text(as_lines(data).encode(), FileProblemError) == data
-
-
 NAMES = st.sampled_from(["count", "is_red", "shape", "parts", "corner", "numbers", "rows", "T"])
 
 
@@ -258,33 +241,3 @@ def test_a_type_without_a_place_in_files_is_named() -> None:
 def test_a_fault_in_the_check_of_a_class_is_no_refusal() -> None:
     with pytest.raises(TypeError, match="concatenate"):
         from_json({"name": "a"}, Faulty, "it", FileProblemError)
-
-
-def test_numbers_that_are_not_finite_are_no_text() -> None:
-    with pytest.raises(FileProblemError, match="cannot be kept"):
-        as_text([1.0, float("nan")], FileProblemError)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "no complete JSON"),
-        ('{"a": 1', "no complete JSON"),
-        (b"\xff", "no complete JSON"),
-        ("NaN", "has NaN where a finite number must be"),
-        ("-Infinity", "has -Infinity"),
-        ("1e999", "has 1e999 where a finite number must be"),
-        ("1" * 5000, "integer too large"),
-        ('{"a": 1, "a": 2}', "has the entry 'a' twice"),
-        ("[" * 100_000, "nested too deeply|no complete JSON"),
-    ],
-)
-def test_text_that_is_no_data_is_refused(text: str | bytes, words: str) -> None:
-    with pytest.raises(FileProblemError, match=words):
-        from_text(text, FileProblemError)
-
-
-def test_lines_show_a_row_of_numbers_each() -> None:
-    data: Any = {"a": [[1, 2], [3, 4]], "b": {}, "c": []}
-    assert as_lines(data) == '{\n "a": [\n  [1, 2],\n  [3, 4]\n ],\n "b": {},\n "c": []\n}'
-    assert json.loads(as_lines(data)) == data

@@ -55,7 +55,11 @@ class UncertainVector(NamedTuple):
     def angle(self) -> UncertainAngle:
         """From x towards y."""
         length, slack = self.length, self.slack
-        turn = np.where(slack < length, np.arcsin(slack / np.maximum(length, slack)), math.pi)
+        turn = np.where(
+            slack < length,
+            np.arcsin(slack / np.maximum(np.maximum(length, slack), _LEAST)),
+            math.pi,
+        )
         return UncertainAngle(np.arctan2(self.y, self.x), turn)
 
     def arc_cosine(self, least: FloatArray, most: FloatArray) -> tuple[UncertainAngle, Flags]:

@@ -37,7 +37,8 @@ CORRECTIONS = 3
 """Newton steps of one call: from 0.01 rad off to rounding."""
 
 MAX_TURN_RAD = 0.2
-"""How far the tangent may turn in one step; keeps cubics between the points good to 1e-5 rad."""
+"""How far the tangent may turn in one step; keeps cubics between the points good to
+1e-4 rad, mostly to 1e-5."""
 
 MIN_STEP_RAD = 1e-6
 """A curve that asks for shorter steps turns as sharply as where branches meet."""

@@ -22,7 +22,7 @@ from baxter_kin.validation import FloatArray
 ON_LOOP_RAD, ALONG = 1e-3, 0.9
 """How near to the cubics between its points a configuration of the pose lies on a loop, and the
 cosine of its direction with theirs. Beside singularities cubics are off by so much, elsewhere by
-less than 1e-5."""
+less than 1e-4."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

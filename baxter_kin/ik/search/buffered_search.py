@@ -69,7 +69,7 @@ class BatchedSearch:
     def __call__(self, inputs: tuple[FloatArray, ...], shared: tuple[FloatArray, ...]) -> Found:
         """What it finds for inputs of shape (m, ...) each, and shared ones."""
         count, most = len(inputs[0]), BATCH_SIZES[-1]
-        parts = [slice(at, at + most) for at in range(0, count, most)]
+        parts = [slice(at, at + most) for at in range(0, max(count, 1), most)]
         with _side_by_side(len(parts)) as each:
             found = each(lambda part: self._run([x[part] for x in inputs], shared), parts)
             q, report = (np.concatenate(column) for column in zip(*found, strict=True))

@@ -132,12 +132,3 @@ def test_a_circle_beside_the_root_is_left_out() -> None:
         for p, c in (("a", "b"), ("b", "a"))
     )
     assert read_urdf(text_of(circle, links=links), "base").joints == ()
-
-
-def test_a_tree_has_every_joint_on_its_root() -> None:
-    circle = (
-        UrdfJoint("j", JointKind.FIXED, "a", "b"),
-        UrdfJoint("k", JointKind.FIXED, "b", "a"),
-    )
-    with pytest.raises(DescriptionError, match="joint j is not on 'base'"):
-        Urdf("base", circle)

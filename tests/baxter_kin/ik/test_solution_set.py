@@ -7,17 +7,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm, Baxter, IKService
+from baxter_kin import Arm, IKService
 from baxter_kin.errors import ConfigurationError, PoseError, RequestError
 from baxter_kin.frames import angle_between
 from baxter_kin.ik import sample_solutions
-from baxter_kin.ik.redundancy.continuation import EndKind
 from baxter_kin.ik.redundancy.objectives import NearestTo, best_on
 from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
 from baxter_kin.ik.solution_set import MOST_CANDIDATES, MOST_TURNS, distinct_solutions, solutions
 from baxter_kin.validation import FloatArray
 from tests.conftest import at, overhead
-from tests.served_urdf import served_urdf
 
 ON_CURVE_RAD = 1e-6
 BLOCK = overhead(0.70, 0.15, -0.129)
@@ -139,52 +137,6 @@ def test_solutions_come_from_a_service(ik: IKService) -> None:
     assert all(curve.pose_residual < 1e-9 for curve in curves)
 
 
-def test_pose_of_which_a_piece_was_missed_has_eleven(left: Arm, ik: IKService) -> None:
-    """Random seeds led to 10; the eleventh is 3 rad long."""
-    q = (-1.416317, -1.827109, -0.598712, 0.95013, 1.787514, -1.458849, 0.568832)
-    curves = solutions(ik, left.T_base_tip(q))
-    assert len(curves) == 11
-    assert sum(curve.length_rad > 2.9 for curve in curves) == 4
-
-
-@pytest.mark.parametrize("held", [0, 2, 4])
-def test_solutions_hold_every_other_solution(robot: Any, held: int) -> None:
-    """Of poses from configurations with so many joints at limits."""
-    for side, seed in (("left", 20), ("right", 21)):
-        arm, rng = robot.arm(side), np.random.default_rng(seed)
-        q = arm.random_configuration(rng)
-        at_limits = rng.permutation(7)[:held]
-        q[at_limits] = arm.limits.q_max[at_limits]
-        T = arm.T_base_tip(q)
-        curves = solutions(IKService(arm), T)
-        for other in [q, *independent_solutions(arm, T, 60, seed=8)]:
-            assert min(curve.nearest(other)[1] for curve in curves) < 1e-4
-
-
-CORNERED = [
-    [1.70167993878, 1.0443488648307344, 3.05417993878, 1.42441708, -0.06325, -1.57079632679, 2.339],
-    [-0.48514126853, 1.047, 1.1315255858299293, 2.618, 3.059, -1.57079632679, -1.583915925166547],
-    [-1.267772644728416, 1.047, 2.6609278854205, 0.160593487500, -3.059, 2.094, -3.059],
-]
-"""Configurations of the left arm that cannot move: joints at limits stop it both ways."""
-
-
-@pytest.mark.parametrize("q", CORNERED)
-def test_solution_cornered_between_limits_is_a_piece(
-    left: Arm, ik: IKService, q: list[float]
-) -> None:
-    curves = solutions(ik, left.T_base_tip(q))
-    (cornered,) = [curve for curve in curves if curve.nearest(q)[1] < 1e-6]
-    assert cornered.length_rad < 1e-6
-    assert {end.kind for end in cornered.ends} == {EndKind.LIMIT}
-    assert all(not left.limits.violations(point) for curve in curves for point in curve.q)
-
-
-def test_more_starts_find_nothing_more(ik: IKService) -> None:
-    one, other = (solutions(ik, BLOCK, starts=starts) for starts in (1, 300))
-    assert [c.length_rad for c in one] == pytest.approx([c.length_rad for c in other], abs=1e-6)
-
-
 def test_solutions_of_a_tool_reach_its_pose(left: Arm) -> None:
     tipped = left.with_tip(pin.SE3(pin.utils.rotate("x", 0.4), np.array([0.05, 0.0, 0.2])))
     T = tipped.T_base_tip(left.start)
@@ -193,37 +145,6 @@ def test_solutions_of_a_tool_reach_its_pose(left: Arm) -> None:
     for curve in curves:
         difference = tipped.T_base_tip(curve.at(0.5 * curve.length_rad)).actInv(T)
         assert np.linalg.norm(pin.log6(difference).vector) < 1e-11
-
-
-def test_pieces_are_of_the_arm_as_it_is(robot: Any) -> None:
-    """Also of one whose joints are not where those of the stock robot are."""
-    arm, rng = Arm("left", robot.model), np.random.default_rng(12)
-    for i in range(1, 8):
-        off = pin.exp6(np.concatenate([5e-3 * rng.uniform(-1, 1, 3), 1e-2 * rng.uniform(-1, 1, 3)]))
-        arm.model.jointPlacements[i] = arm.model.jointPlacements[i] * off
-    T = arm.T_base_tip(arm.start)
-    curves = distinct_solutions(arm, independent_solutions(arm, T, 60, seed=1))
-    assert curves
-    for curve in curves:
-        for q in curve.q:
-            assert np.linalg.norm(pin.log6(arm.T_base_tip(q).actInv(T)).vector) < 1e-11
-
-
-CALIBRATED = [
-    [-1.70167993878, 0.577773317903, 1.325334048397, -0.05, -3.059, 1.951729631474, 2.604904680837],
-    [-0.9592524447, -1.9142184511, 2.990260422, 0.247286426, 0.1654163201, 1.770201325, -2.4610039],
-]
-"""Configurations of a calibrated left arm whose loops lie 0.1 rad and more from all closed forms of
-the arm as drawn."""
-
-
-@pytest.mark.parametrize("q", CALIBRATED)
-def test_all_pieces_of_a_calibrated_arm_are_found(q: list[float]) -> None:
-    arm = Baxter.load(served_urdf(np.random.default_rng(7))).arm("left")
-    T = arm.T_base_tip(q)
-    curves = solutions(IKService(arm), T)
-    for other in [np.array(q), *independent_solutions(arm, T, 100, seed=2)]:
-        assert min(curve.nearest(other)[1] for curve in curves) < 1e-4
 
 
 def test_same_pose_has_the_same_solutions(ik: IKService) -> None:

@@ -283,11 +283,3 @@ def test_what_is_no_tolerance_is_refused(left: Arm, ik: IKService) -> None:
     tolerance: object = 0.1
     with pytest.raises(RequestError, match="tolerance must be of class Tolerance, got float"):
         ik.solve(left.T_base_tip(left.start), tolerance=tolerance)  # type: ignore[arg-type]
-
-
-def test_many_tolerances_in_turn_cost_bounded_memory(left: Arm) -> None:
-    service, T = IKService(left), left.T_base_tip(left.start)
-    for i in range(40):
-        tolerance = Tolerance.position_only(1e-3 * (1 + i))
-        assert service.solve(T, left.start, tolerance=tolerance).is_valid
-    assert len(service._solvers._others) <= 16

@@ -23,7 +23,7 @@ from baxter_kin.ik.redundancy.objectives import (
 from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
 from baxter_kin.ik.solution_set import distinct_solutions
 from baxter_kin.validation import FloatArray
-from tests.baxter_kin.ik.redundancy.test_loop import WITH_TINY_PIECE
+from tests.baxter_kin.ik.redundancy.test_cutting import WITH_TINY_PIECE
 from tests.baxter_kin.ik.redundancy.test_self_motion import ALONE, CLOSED, singular_near
 
 LOCATED = 1e-9

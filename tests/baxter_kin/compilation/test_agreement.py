@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from baxter_kin.compilation import agreement
+from baxter_kin.compilation.agreement import AGREEMENT, loaded
+from baxter_kin.compilation.compiler import compilers
+
+
+def power(exponent: int, *, size: int = 2, off: float = 0.0) -> ca.Function:
+    """A function of one name, whatever it computes."""
+    x = ca.SX.sym("x", size)
+    return ca.Function("power", [x], [x**exponent + off])
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The square of a vector, compiled."""
+    if not compilers():
+        pytest.skip("machine code needs a C compiler; pip install ziglang brings one")
+    generator = ca.CodeGenerator("power")
+    generator.add(power(2))
+    folder = tmp_path_factory.mktemp("library")
+    return compilers()[0].compile(str(generator.dump()), folder)
+
+
+def test_a_library_of_the_same_function_is_loaded(library: Path) -> None:
+    found = loaded([power(2)], str(library))
+    assert found is not None
+    np.testing.assert_array_equal(np.array(found[0]([3.0, -4.0])).ravel(), [9.0, 16.0])
+
+
+def test_what_differs_by_less_than_rounding_agrees(library: Path) -> None:
+    assert loaded([power(2, off=0.5 * AGREEMENT)], str(library)) is not None
+    assert loaded([power(2, off=2.0 * AGREEMENT)], str(library)) is None
+
+
+@pytest.mark.parametrize(
+    "other", [power(3), power(2, size=3), power(2, off=np.nan), power(2, off=1e-6)], ids=str
+)
+def test_a_library_of_another_function_is_refused(library: Path, other: ca.Function) -> None:
+    assert loaded([other], str(library)) is None
+
+
+def test_a_library_without_the_function_is_refused(library: Path, tmp_path: Path) -> None:
+    x = ca.SX.sym("x")
+    assert loaded([ca.Function("another", [x], [x])], str(library)) is None
+    assert loaded([power(2)], str(tmp_path / "nowhere.so")) is None
+
+
+@pytest.mark.parametrize(("exponent", "status"), [(2, 0), (3, 1)])
+def test_as_a_program_it_ends_with_status_0_when_all_agree(
+    library: Path, tmp_path: Path, exponent: int, status: int
+) -> None:
+    saved = tmp_path / "power.casadi"
+    power(exponent).save(str(saved))
+    command = [sys.executable, agreement.__file__, str(library), str(saved)]
+    assert subprocess.run(command, check=False, timeout=60).returncode == status

@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Arm, IKService, quaternion_xyzw
+from baxter_kin.errors import RequestError
+from baxter_kin.ik.geometry.reach import ReachBound
+from baxter_kin.ik.search.ipopt import IpoptSearcher, NearestSearcher, Program
+from baxter_kin.ik.seeds import NullSpaceMap
+from baxter_kin.ik.tolerance import EXACT
+from baxter_kin.validation import FloatArray
+from tests.conftest import overhead
+
+
+def test_the_reference_finds_the_nearest_solution_to_the_seed(left: Arm) -> None:
+    """First-order optimality: the way to the seed has no component along the self-motion."""
+    result = IKService(left, "ipopt").solve(overhead(0.70, 0.15, -0.129), seed=left.start)
+    self_motion = np.linalg.svd(left.jacobian(result.q))[2][-1]
+    assert abs(self_motion @ (result.q - left.start)) < 1e-6
+
+
+def test_the_reference_solver_knows_the_calibrated_arm(any_arm: Arm) -> None:
+    ik = IKService(any_arm, "ipopt")
+    T = any_arm.T_base_tip(any_arm.neutral)
+    result = ik.solve(T, seed=any_arm.neutral + 0.05)
+    assert result.is_valid
+    assert np.linalg.norm(any_arm.T_base_tip(result.q).translation - T.translation) < 1e-6
+
+
+def evaluated(program: Program, expression: Any, q: FloatArray, p: FloatArray) -> FloatArray:
+    """An expression of a program at numbers for its variables and parameters."""
+    function = ca.Function("f", [program.q, program.parameters], [expression])
+    return np.asarray(np.array(function(q, p)).ravel())
+
+
+def test_the_error_of_the_program_is_that_of_pinocchio(any_arm: Arm) -> None:
+    program, rng = Program.of(any_arm), np.random.default_rng(1)
+    for _ in range(20):
+        q = any_arm.random_configuration(rng)
+        reached = any_arm.T_base_tip(q)
+        offset, turn = rng.normal(size=3), 0.1 * rng.normal(size=3)
+        T = pin.SE3(reached.rotation @ pin.exp3(-turn), reached.translation - offset)
+        p = np.concatenate([T.translation, quaternion_xyzw(T), q])
+        error = evaluated(program, program.pose_error, q, p)
+        np.testing.assert_allclose(error[:3], offset, atol=1e-12)
+        size = np.linalg.norm(turn)
+        expected = 2.0 * np.sin(size / 2.0) / size * turn
+        sign = np.sign(error[3:] @ expected)  # a quaternion and its opposite are one rotation
+        np.testing.assert_allclose(sign * error[3:], expected, atol=1e-12)
+
+
+def test_half_a_turn_away_the_error_is_not_zero(left: Arm) -> None:
+    program, q = Program.of(left), np.array(left.start)
+    T = left.T_base_tip(q) * pin.SE3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+    p = np.concatenate([T.translation, quaternion_xyzw(T), q])
+    assert np.linalg.norm(evaluated(program, program.pose_error, q, p)) == pytest.approx(2.0)
+
+
+def test_the_objective_is_half_the_squared_distance(left: Arm) -> None:
+    q, q_seed, T = left.start, left.neutral, left.T_base_tip(left.neutral)
+    p = np.concatenate([T.translation, quaternion_xyzw(T), q_seed])
+    to_seed, to_position = Program.of(left), Program.of_nearest(left)
+    (found,) = evaluated(to_seed, to_seed.objective, q, p)
+    assert found == pytest.approx(0.5 * np.sum((q - q_seed) ** 2))
+    (found,) = evaluated(to_position, to_position.objective, q, p)
+    away_m = np.linalg.norm(left.T_base_tip(q).translation - T.translation)
+    assert found == pytest.approx(0.5 * (1e3 * away_m) ** 2)
+
+
+def test_the_nearest_position_is_no_farther_than_what_a_proof_leaves(left: Arm) -> None:
+    """A pose out of reach: the way there is longer than the proven excess, and not by much."""
+    search = NearestSearcher(left, NullSpaceMap(left))
+    bound = ReachBound(left)
+    q = np.array([0.3, -0.2, 0.0, 0.187, 0.0, 0.9, 0.2])  # nearly straight
+    T = left.T_base_tip(q)
+    for away_m in (0.05, 0.15):
+        target = pin.SE3(T.rotation, T.translation + away_m * T.translation / _norm(T.translation))
+        proof = bound.proof(target)
+        assert proof is not None
+        found = search.search(q[None], target.homogeneous[None])
+        assert found.orientation_error_rad[0] <= 1e-6
+        assert proof.excess_m <= found.position_error_m[0] <= away_m
+        assert not left.limits.violations(found.q[0])
+
+
+def _norm(v: FloatArray) -> float:
+    return float(np.linalg.norm(v))
+
+
+def test_bounds_other_than_the_limits_are_kept(left: Arm) -> None:
+    starts = NullSpaceMap(left)
+    T, q = left.T_base_tip(left.start), np.array(left.start)
+    bounds = np.concatenate([q - 0.2, q + 0.2])
+    for search in (IpoptSearcher(left, starts, EXACT), NearestSearcher(left, starts)):
+        found = search.search((q + 0.1)[None], T.homogeneous[None], bounds)
+        assert found.is_valid[0]
+        assert np.abs(found.q[0] - q).max() <= 0.2
+        assert max(EXACT.excess(T, left.T_base_tip(found.q[0]))) <= 1e-6
+
+
+@pytest.mark.parametrize("arm", [None, "left"])
+def test_what_is_no_arm_has_no_program(arm: Any) -> None:
+    for state in (Program.of, Program.of_nearest):
+        with pytest.raises(RequestError, match="arm must be of class Arm"):
+            state(arm)
