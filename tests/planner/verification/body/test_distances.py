@@ -27,6 +27,7 @@ from tests.bodies import CORNERS, SIDES
 from tests.planner.conftest import hull
 
 PAIRS = 100_000
+
 LEAST_M, GREATEST_M = 1e-6, 10.0
 """Distances, evenly many in each power of ten."""
 
