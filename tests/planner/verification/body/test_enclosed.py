@@ -49,9 +49,9 @@ def test_a_shell_encloses_what_is_in_it_even_with_a_side_open(lacking: int) -> N
 
 
 def test_beside_a_plate_nothing_is_enclosed() -> None:
-    plate = Solid.of("plate", 0, at(0, 0, 0), surface(CORNERS * [1, 1, 0], np.array(SIDES[:2])))
-    for height_m in (1e-3, 0.1):
-        assert not is_inside(marble_at(0.0, 0.0, height_m), plate)
+    plate = Solid.of("plate", 0, at(0, 0, 0), surface(CORNERS * [0, 1, 1], np.array(SIDES[:2])))
+    for beside_m in (1e-3, 0.1):
+        assert not is_inside(marble_at(beside_m, 0.0, 0.0), plate)
 
 
 def test_convex_shapes_enclose_nothing_since_their_depth_is_known() -> None:

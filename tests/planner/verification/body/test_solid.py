@@ -75,7 +75,7 @@ def test_covers_are_no_farther_apart_than_what_they_cover(body: RobotBody) -> No
 
 
 def test_a_convex_shape_and_a_flat_one_are_their_own_covers() -> None:
-    plate = surface(CORNERS * [1.0, 1.0, 0.0], np.array(SIDES[:2]))
+    plate = surface(CORNERS * [0.0, 1.0, 1.0], np.array(SIDES[:2]))
     for shape in (coal.Box(1.0, 2.0, 3.0), plate):
         solid = Solid.of("thing", 0, at(0.0, 0.0, 0.0), shape)
         assert solid.cover is solid.shape

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -112,6 +114,14 @@ def test_fingers_may_touch_the_body_only_on_the_lines_next_to_the_grip(
         "place: retract",
     }
     assert touched["pick: descend"] == touched["place: retract"] == {"block"}
+
+
+def test_fingers_may_touch_nothing_on_a_way_that_is_not_straight(
+    stretches: Stretches, runs: list[Run]
+) -> None:
+    for run in runs:
+        curved = replace(run, moves=tuple(replace(m, is_straight=False) for m in run.moves))
+        assert not any(s.touched for s in stretches.of_run(curved, STEP_M).sections)
 
 
 def test_what_stands_still_has_one_sample(

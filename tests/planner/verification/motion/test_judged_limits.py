@@ -79,7 +79,7 @@ def test_a_number_of_the_callers_says_that_it_is(urdf: UrdfRobot) -> None:
     assert set(found.j_max) == {7.0}
     assert set(found.a_max) == {DEFAULT_ACCELERATION_RAD_S2}
     assert found.origins["jerk"] == "the caller"
-    assert found.origins["acceleration"] == robot_limits(urdf).origins["acceleration"]
+    assert "the caller" not in {found.origins["acceleration"], *robot_limits(urdf).origins.values()}
 
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, np.nan])
