@@ -23,7 +23,7 @@ def test_ctrl_c_interrupts_at_once() -> None:
 
 
 def test_while_it_is_deferred_work_goes_on_to_its_end() -> None:
-    done = []
+    done: list[str] = []
 
     def work() -> None:
         with interrupt.deferred():
