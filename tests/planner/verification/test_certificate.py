@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 from dataclasses import replace
 
 import pytest
 
 from baxter_kin import UnknownNameError
 from planner import Certificate, Check, Plan, Scene, Situation
-from planner.verification.certificate import Relation
+from planner.verification.certificate import Relation, Worst, greatest, least
 from tests.conftest import at
 from tests.planner.verification.conftest import TABLE_M
 
@@ -85,3 +86,25 @@ def test_a_value_without_a_number_is_null_in_json() -> None:
 def test_there_is_no_check_of_another_name() -> None:
     with pytest.raises(UnknownNameError):
         _ = Certificate("left", 2.0, 10, ())["velocity limit"]
+
+
+def test_a_certificate_from_another_process_is_of_no_plan(
+    cube_plan: Plan, cube_certificate: Certificate
+) -> None:
+    sent = pickle.loads(pickle.dumps(cube_certificate))
+    assert sent == cube_certificate
+    assert sent.subject is None
+    assert not sent.is_of(cube_plan)
+
+
+def test_the_worst_is_the_greatest_or_the_least_and_of_none_says_why() -> None:
+    found = [Worst(1.0, "a"), Worst(3.0, "b"), Worst(-2.0, "c")]
+    assert greatest(found, "none") == Worst(3.0, "b")
+    assert least(found, "none") == Worst(-2.0, "c")
+    assert greatest([], "none") == Worst(0.0, "none")
+    assert least([], "none") == Worst(math.inf, "none")
+
+
+def test_a_worst_of_zero_has_no_negative_zero() -> None:
+    assert math.copysign(1.0, Worst(0.0, "a").negated.value) == 1.0
+    assert Worst(2.0, "a").negated == Worst(-2.0, "a")

@@ -1,4 +1,4 @@
-"""Pose sources: the truth, the truth as it was, noise with the promised spread, and replays."""
+"""Pose sources: the truth, and the truth as it was."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The reader of COLLADA files: trimesh's triangles, Pinocchio's vertices, and what it refuses."""
+"""The reader of COLLADA files: trimesh's triangles, Pinocchio's vertices, and placed nodes."""
 
 from __future__ import annotations
 

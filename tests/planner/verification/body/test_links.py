@@ -1,4 +1,4 @@
-"""The robot's shapes, and the pairs of them that a certificate leaves out."""
+"""Pairs of links that a certificate leaves out never touch."""
 
 from __future__ import annotations
 
