@@ -12,7 +12,7 @@ import pinocchio as pin
 from baxter_kin.errors import quoted
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_scalar, float_array
-from baxter_kin.value_objects import Frozen, OneLine, count, phrase, seconds
+from baxter_kin.value_objects import Frozen, FrozenMapping, OneLine, count, phrase, seconds
 from planner import Body, Move
 from planner.grasping import Grasp
 from planner.grasping.grasp import Miss
@@ -114,6 +114,8 @@ class Snapshot(Frozen, OneLine):
         joints = count if count in JOINTS_OF_ROBOT else JOINTS_OF_ROBOT[-1]
         q = finite_array(self.q, (joints,), "q", SimulationError)
         object.__setattr__(self, "q", q)
+        for name in ("T_base_bodies", "grippers"):
+            object.__setattr__(self, name, FrozenMapping(getattr(self, name)))
         finite_scalar(self.time_s, "time_s", SimulationError)
         missing = [side for side in LIMBS if side not in self.grippers]
         if missing:

@@ -16,13 +16,14 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
 from baxter_kin import Baxter
-from planner import Body, Manipulator, PickAndPlace, plan_pick_and_place, plan_start_move
+from planner import Body, Manipulator, PickAndPlace, Plan, plan_pick_and_place, plan_start_move
 from planner.scene.bodies import Box, Part
-from sim import Event, Recorder, Simulation, World
+from sim import Event, Outcome, Recorder, Simulation, World
 from sim.recording.recording import Recording
 from sim.view.tip_path import HOLDING_RGB
 from tests.chromium import find_chromium
 from tests.conftest import at, overhead
+from tests.sim.runs import Run
 
 SWITCHES = (
     "--no-sandbox",
@@ -227,3 +228,23 @@ def green_centre(picture: NDArray[np.int16]) -> NDArray[np.float64] | None:
     red, green, blue = np.moveaxis(picture, -1, 0)
     rows, columns = np.nonzero((green > 80) & (red < green / 2) & (blue < green / 2))
     return np.array([columns.mean(), rows.mean()]) if len(rows) > 20 else None
+
+
+@pytest.fixture
+def run(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> Run:
+    return Run(robot, (table, block), manipulator)
+
+
+@pytest.fixture(scope="session")
+def plan(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> Plan:
+    """The demo's pick and place."""
+    return Run(robot, (table, block), manipulator).plan()
+
+
+@pytest.fixture(scope="session")
+def cycle(
+    robot: Baxter, manipulator: Manipulator, table: Body, block: Body, plan: Plan
+) -> tuple[Run, Outcome]:
+    """One pick and place, done; nobody changes it any more."""
+    run = Run(robot, (table, block), manipulator)
+    return run, run.simulation.execute(plan)

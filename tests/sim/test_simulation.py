@@ -3,49 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
-from planner import (
-    Body,
-    Box,
-    Grip,
-    GripperAction,
-    Manipulator,
-    Move,
-    Part,
-    PickAndPlace,
-    Plan,
-    PlanFailure,
-    Scene,
-    load_object,
-    plan_pick_and_place,
-    plan_start_move,
-    plan_straight_move,
-)
+from planner import Body, Manipulator, PickAndPlace, Plan, PlanFailure, Scene, plan_pick_and_place
 from planner.errors import SceneError
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
-from sim import (
-    Dwell,
-    Event,
-    EventKind,
-    Observer,
-    Outcome,
-    Simulation,
-    SimulationError,
-    Snapshot,
-    World,
-)
+from sim import EventKind, Outcome, Simulation, SimulationError
 from sim.clock import DEFAULT_TICK_S
 from sim.world import Push
-from sim.world.falling import GRAVITY_M_S2
-from tests.conftest import at, overhead
+from tests.sim.runs import PICK, PLACE, Run
 
 TIME_S = 1e-9
 """Sums of some dozen durations below 10 s."""
@@ -54,75 +25,6 @@ RIGID = 1e-12
 """Products of rotations of order 1."""
 
 REST_M = 1e-7
-FALL_M = 0.15
-PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.00, -0.129)
-ORIGIN = at(0.0, 0.0, 0.0)
-
-
-class Witness(Observer):
-    """Remembers all that it was told, in order."""
-
-    def __init__(self) -> None:
-        self.told: list[Event | Snapshot] = []
-
-    def on_snapshot(self, snapshot: Snapshot) -> None:
-        self.told.append(snapshot)
-
-    def on_event(self, event: Event) -> None:
-        self.told.append(event)
-
-    @property
-    def snapshots(self) -> list[Snapshot]:
-        return [item for item in self.told if isinstance(item, Snapshot)]
-
-    @property
-    def events(self) -> list[Event]:
-        return [item for item in self.told if isinstance(item, Event)]
-
-    @property
-    def kinds(self) -> list[EventKind]:
-        return [event.kind for event in self.events]
-
-
-class Run:
-    """A simulation of the demo's scene, the left arm at its start, with a witness."""
-
-    def __init__(
-        self, robot: Baxter, bodies: Iterable[Body], manipulator: Manipulator, **options: Any
-    ) -> None:
-        self.manipulator = manipulator
-        self.witness = Witness()
-        self.world = World(robot)
-        self.world.move_arm("left", manipulator.arm.start)
-        self.simulation = Simulation(self.world, [self.witness], **options)
-        for body in bodies:
-            self.simulation.spawn(body)
-
-    def plan(self, place: pin.SE3 = PLACE) -> Plan:
-        task = PickAndPlace("block", PICK, place)
-        start = self.world.arm_q("left")
-        plan = plan_pick_and_place(task, self.manipulator, self.world.scene, start)
-        assert plan.is_valid, str(plan.failure)
-        return plan
-
-
-@pytest.fixture
-def run(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> Run:
-    return Run(robot, (table, block), manipulator)
-
-
-@pytest.fixture(scope="module")
-def plan(robot: Baxter, manipulator: Manipulator, table: Body, block: Body) -> Plan:
-    return Run(robot, (table, block), manipulator).plan()
-
-
-@pytest.fixture(scope="module")
-def cycle(
-    robot: Baxter, manipulator: Manipulator, table: Body, block: Body, plan: Plan
-) -> tuple[Run, Outcome]:
-    """One pick and place, done; nobody changes it any more."""
-    run = Run(robot, (table, block), manipulator)
-    return run, run.simulation.execute(plan)
 
 
 class TestCycle:
@@ -350,22 +252,6 @@ def test_the_tick_changes_neither_the_end_nor_how_long_it_takes(
     assert len(times) == math.floor(outcome.duration_s / tick_s) + 1
 
 
-def test_dwells_are_added_once_each(run: Run, cycle: tuple[Run, Outcome]) -> None:
-    dwelling = Simulation(run.world, dwell=Dwell(after_grasp_s=0.4, after_release_s=0.3))
-    outcome = dwelling.execute(run.plan())
-    # the cycle begins with an opening, which dwells as well
-    assert outcome.duration_s == pytest.approx(cycle[1].duration_s + 0.4 + 2 * 0.3, abs=TIME_S)
-
-
-def test_the_arm_stands_still_while_it_dwells(run: Run) -> None:
-    witness = Witness()
-    simulation = Simulation(run.world, [witness], dwell=Dwell(after_grasp_s=0.5))
-    simulation.execute(run.plan())
-    begin = next(e.time_s for e in witness.events if e.kind is EventKind.GRASPED)
-    during = {s.q.tobytes() for s in witness.snapshots if begin < s.time_s <= begin + 0.5}
-    assert len(during) == 1
-
-
 def test_the_way_back_puts_the_block_back(run: Run, plan: Plan) -> None:
     before = run.world.body("block").centre_base
     run.simulation.execute(plan)
@@ -374,115 +260,6 @@ def test_the_way_back_puts_the_block_back(run: Run, plan: Plan) -> None:
     assert run.simulation.execute(back).is_success
     # the first grasp moves the block by up to 4.2 mm, into the middle of the hand
     assert run.world.body("block").centre_base == pytest.approx(before, abs=5e-3)
-
-
-class TestMiss:
-    """A close on nothing is noticed and ends the plan there."""
-
-    @pytest.fixture
-    def missed(self, run: Run) -> tuple[Run, Outcome]:
-        plan = run.plan()
-        run.world.place_body("block", at(0.9, -0.2, -0.155))
-        return run, run.simulation.execute(plan)
-
-    def test_it_is_an_outcome_that_names_stage_body_and_gap(
-        self, missed: tuple[Run, Outcome]
-    ) -> None:
-        _, outcome = missed
-        assert not outcome.is_success
-        assert outcome.failure == (
-            "pick: close: missed: the fingers closed fully on block, 15.3 mm apart, and hold "
-            "nothing: block is 395 mm beside the tip and -2 mm ahead of it, not between the pads"
-        )
-
-    def test_the_gripper_reports_it(self, missed: tuple[Run, Outcome]) -> None:
-        state = missed[0].simulation.grippers["left"].state
-        assert (state.percent, state.is_gripping, state.has_missed) == (0.0, False, True)
-
-    def test_the_last_event_is_the_miss(self, missed: tuple[Run, Outcome]) -> None:
-        assert missed[0].witness.kinds[-1] is EventKind.MISSED
-
-    def test_the_arm_stays_at_the_pick(self, missed: tuple[Run, Outcome]) -> None:
-        tip = missed[0].world.T_base_tip("left")
-        assert tip.translation == pytest.approx(PICK.translation, abs=1e-6)
-
-    def test_time_is_that_until_the_fingers_have_closed(
-        self, missed: tuple[Run, Outcome], plan: Plan
-    ) -> None:
-        run, outcome = missed
-        moves_s = sum(move.trajectory.duration for move in plan.moves[:2])
-        stroke_s = run.world.hands["left"].stroke_m / FINGER_SPEED_M_S
-        assert outcome.duration_s == pytest.approx(moves_s + stroke_s, abs=TIME_S)
-
-    def test_another_body_between_the_fingers_is_not_the_right_one(self, run: Run) -> None:
-        plan = run.plan()
-        run.simulation.delete("block")
-        run.simulation.spawn(
-            load_object("block", at(0.6725, 0.1265, -0.155), name="brick", is_movable=True)
-        )
-        outcome = run.simulation.execute(plan)
-        assert outcome.failure == "pick: close: grasped brick instead of block"
-
-    def test_a_block_wider_than_the_hand_is_missed(self, run: Run) -> None:
-        plan = run.plan()
-        run.simulation.delete("block")
-        part = Part(Box((0.06, 0.06, 0.05)), ORIGIN)
-        run.simulation.spawn(Body("block", (part,), at(0.70, 0.15, -0.13), is_movable=True))
-        assert "missed" in str(run.simulation.execute(plan).failure)
-
-    def test_a_hand_that_is_full_is_told_so(self, run: Run) -> None:
-        plan = run.plan()
-        run.simulation.execute(Plan("left", plan.q_start, plan.steps[:4]))
-        close = Plan("left", run.world.arm_q("left"), (Grip("close", GripperAction.CLOSE),))
-        with pytest.raises(SimulationError, match="closed on 'block'; open it first"):
-            run.simulation.execute(close)
-
-
-class TestRelease:
-    """What is let go falls as things fall."""
-
-    @pytest.fixture
-    def dropped(self, run: Run) -> Run:
-        """The block let go 15 cm above the table, at rest now."""
-        plan = run.plan()
-        run.simulation.execute(Plan("left", plan.q_start, (*plan.steps[:4], self.rise(run, plan))))
-        run.witness.told.clear()
-        opening = Plan("left", run.world.arm_q("left"), (Grip("drop", GripperAction.OPEN),))
-        run.simulation.execute(opening)
-        return run
-
-    @staticmethod
-    def rise(run: Run, plan: Plan) -> Move:
-        """From the pick straight up to rest; the plan's own retract passes on at speed."""
-        arm, limits = run.manipulator.arm, run.manipulator.limits
-        q_pick = plan.moves[1].trajectory.q_goal
-        T_base_above = at(0.0, 0.0, FALL_M) * PICK
-        return Move("rise", plan_straight_move(arm, q_pick, T_base_above, limits))
-
-    def test_it_ends_at_rest_on_the_table(self, dropped: Run) -> None:
-        assert dropped.world.supports["block"] == "table"
-        assert dropped.world.body("block").centre_base[2] == pytest.approx(-0.130, abs=REST_M)
-
-    def test_it_falls_with_gravity(self, dropped: Run) -> None:
-        released = next(e.time_s for e in dropped.witness.events if e.kind is EventKind.RELEASED)
-        settled = next(e.time_s for e in dropped.witness.events if e.kind is EventKind.SETTLED)
-        snapshots = [s for s in dropped.witness.snapshots if released <= s.time_s < settled]
-        heights = [s.T_base_bodies["block"].translation[2] for s in snapshots]
-        drops = [GRAVITY_M_S2 * (s.time_s - released) ** 2 / 2 for s in snapshots]
-        top = heights[0] + drops[0]
-        moving = [(h, d) for h, d in zip(heights, drops, strict=True) if d < 0.14]
-        assert len(moving) > 10
-        for height, drop in moving:
-            assert top - height == pytest.approx(drop, abs=1e-9)
-
-    def test_a_fall_takes_its_time_even_when_the_fingers_are_open_sooner(
-        self, dropped: Run
-    ) -> None:
-        released, settled = (
-            next(e.time_s for e in dropped.witness.events if e.kind is kind)
-            for kind in (EventKind.RELEASED, EventKind.SETTLED)
-        )
-        assert settled - released == pytest.approx(math.sqrt(2 * FALL_M / GRAVITY_M_S2), abs=2e-3)
 
 
 class TestRefusals:
@@ -522,12 +299,6 @@ class TestRefusals:
         with pytest.raises(SimulationError, match=r"duration_s|wait"):
             run.simulation.wait(duration_s)
 
-    @pytest.mark.parametrize("dwell_s", [-1e-9, np.nan, np.inf, None, "long"])
-    @pytest.mark.parametrize("name", ["after_grasp_s", "after_release_s"])
-    def test_a_dwell_that_is_none(self, name: str, dwell_s: Any) -> None:
-        with pytest.raises(SimulationError, match=name):
-            Dwell(**{name: dwell_s})
-
     @pytest.mark.parametrize("options", [{"dwell": 1.0}, {"dwell": "long"}, {"dwell": {}}])
     def test_dwells_of_another_class(self, run: Run, options: dict[str, Any]) -> None:
         with pytest.raises(SimulationError, match="dwell"):
@@ -550,134 +321,3 @@ class TestRefusals:
         with pytest.raises(SceneError, match="no body 'brick'"):
             run.simulation.delete("brick")
         assert len(run.witness.told) == told
-
-
-class TestTelling:
-    """Observers."""
-
-    def test_all_observers_are_told_the_same_in_their_order(self, run: Run) -> None:
-        order: list[str] = []
-
-        class Named(Witness):
-            def __init__(self, name: str) -> None:
-                super().__init__()
-                self.name = name
-
-            def on_event(self, event: Event) -> None:
-                super().on_event(event)
-                order.append(self.name)
-
-        first, second = Named("first"), Named("second")
-        simulation = Simulation(run.world, [first, second])
-        simulation.execute(
-            plan_start_move(run.manipulator, run.world.scene, run.world.arm_q("left"))
-        )
-        assert first.told == second.told
-        assert order == ["first", "second"] * len(first.events)
-
-    def test_enabling_spawning_and_deleting_are_told(self, run: Run) -> None:
-        run.simulation.enable()
-        run.simulation.delete("block")
-        run.simulation.delete("table")
-        assert [event.text for event in run.witness.events] == [
-            "table spawned",
-            "block spawned, at rest on table",
-            "robot enabled",
-            "block deleted",
-            "table deleted",
-        ]
-
-    def test_grasp_and_release_are_told_with_names_and_numbers(
-        self, cycle: tuple[Run, Outcome]
-    ) -> None:
-        texts = {event.kind: event.text for event in cycle[0].witness.events}
-        assert texts[EventKind.GRASPED] == "block grasped, 52.4 mm between the pads (89 % open)"
-        assert texts[EventKind.RELEASED] == "block released"
-        assert texts[EventKind.SETTLED] == "block at rest on table"
-
-    def test_an_observer_reads_the_same_clock(self, run: Run) -> None:
-        clocks: list[tuple[float, float]] = []
-
-        class Watch(Observer):
-            def on_snapshot(self, snapshot: Snapshot) -> None:
-                clocks.append((snapshot.time_s, simulation.time_s))
-
-        simulation = Simulation(run.world, [Watch()])
-        simulation.wait(0.1)
-        assert len(clocks) == 11
-        assert all(told == read for told, read in clocks)
-
-    def test_a_title_comes_before_each_caption(self, run: Run) -> None:
-        plan = plan_start_move(run.manipulator, run.world.scene, run.world.arm_q("left"))
-        run.simulation.execute(plan, "cycle 3, ")
-        captions = {snapshot.caption for snapshot in run.witness.snapshots}
-        assert captions
-        assert all(caption.startswith("cycle 3, ") for caption in captions)
-
-    def test_time_stays_in_order_when_an_observer_stops_the_run(self, run: Run) -> None:
-        class Stop(Observer):
-            def on_snapshot(self, snapshot: Snapshot) -> None:
-                if snapshot.time_s >= 0.5:
-                    raise KeyboardInterrupt
-
-        witness = Witness()
-        simulation = Simulation(run.world, [witness, Stop()])
-        with pytest.raises(KeyboardInterrupt):
-            simulation.execute(run.plan())
-        simulation.delete("block")
-        times = [item.time_s for item in witness.told]
-        assert times == sorted(times)
-        assert times[-1] == pytest.approx(0.5, abs=TIME_S)
-
-    def test_an_observer_that_overrides_nothing_is_no_trouble(self, run: Run) -> None:
-        simulation = Simulation(run.world, [Observer()])
-        simulation.enable()
-        simulation.wait(0.05)
-
-
-class TestWaiting:
-    """Time passes, and nothing else."""
-
-    def test_it_takes_as_long_as_asked(self, run: Run) -> None:
-        run.simulation.wait(0.123)
-        assert run.simulation.time_s == 0.123
-
-    def test_nothing_moves(self, run: Run) -> None:
-        run.simulation.wait(0.2)
-        assert len({snapshot.q.tobytes() for snapshot in run.witness.snapshots}) == 1
-
-    def test_waits_in_pieces_give_the_ticks_of_one(
-        self, robot: Baxter, manipulator: Manipulator
-    ) -> None:
-        whole, pieces = (Run(robot, (), manipulator) for _ in range(2))
-        whole.simulation.wait(0.5)
-        for _ in range(50):
-            pieces.simulation.wait(0.01)
-        times = [[s.time_s for s in run.witness.snapshots] for run in (whole, pieces)]
-        assert times[0][:50] == times[1][:50]
-
-    def test_waiting_for_no_time_shows_at_most_the_present(self, run: Run) -> None:
-        for _ in range(3):
-            run.simulation.wait(0.0)
-        assert [snapshot.time_s for snapshot in run.witness.snapshots] == [0.0]
-
-
-class TestFinishing:
-    """A run ends between two ticks; its end can be shown."""
-
-    def test_the_end_is_shown_once(self, run: Run) -> None:
-        run.simulation.wait(0.123)
-        run.simulation.finish()
-        assert [shot.time_s for shot in run.witness.snapshots][-2:] == [0.12, 0.123]
-
-    def test_an_end_that_a_tick_has_shown_is_not_shown_again(self, run: Run) -> None:
-        run.simulation.wait(0.0)
-        run.simulation.finish()
-        assert [shot.time_s for shot in run.witness.snapshots] == [0.0]
-
-    def test_ticks_go_on_as_before(self, run: Run) -> None:
-        run.simulation.wait(0.015)
-        run.simulation.finish()
-        run.simulation.wait(0.015)
-        times = [shot.time_s for shot in run.witness.snapshots]
-        assert times == pytest.approx([0.0, 0.01, 0.015, 0.02, 0.03], abs=TIME_S)

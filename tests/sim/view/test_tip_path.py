@@ -9,7 +9,19 @@ import pytest
 from baxter_kin import Baxter
 from sim.recording.recording import Recording
 from sim.view.gripper_status import gripper_timelines
-from sim.view.tip_path import STRETCH_M, PathPiece, TipTracker, recorded_paths
+from sim.view.meshcat_commands import Command
+from sim.view.tip_path import (
+    EMPTY_RGB,
+    HOLDING_RGB,
+    LONGEST_JUMP_M,
+    PIECE_POINTS,
+    PIECES_KEPT,
+    STRETCH_M,
+    PathPiece,
+    TipPath,
+    TipTracker,
+    recorded_paths,
+)
 
 LINE_TOLERANCE_M = 1e-3
 """How far a line may be from where the tip was."""
@@ -22,6 +34,28 @@ def paths_of(recording: Recording, robot: Baxter) -> list[PathPiece]:
 @pytest.fixture(scope="module")
 def pieces(executed: Recording, robot: Baxter) -> list[PathPiece]:
     return paths_of(executed, robot)
+
+
+def walk(
+    tip_path: TipPath, steps: int, *, start_m: float = 0.0, is_holding: bool = False
+) -> list[Command]:
+    """What is drawn while the tip goes along x, a little more than a stretch at a time."""
+    return [
+        command
+        for step in range(steps)
+        for command in tip_path.advance(
+            np.array([start_m + 1.01 * STRETCH_M * step, 0.0, 0.0]), is_holding=is_holding
+        )
+    ]
+
+
+def colour(command: Command) -> int:
+    return int(command["object"]["materials"][0]["color"])
+
+
+def hexed(rgb: tuple[float, float, float]) -> int:
+    red, green, blue = (round(255 * value) for value in rgb)
+    return red << 16 | green << 8 | blue
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -87,3 +121,43 @@ def test_a_jump_is_not_drawn(recording: Recording, robot: Baxter) -> None:
     assert len(pieces) == 2
     longest = max(np.linalg.norm(np.diff(p.points_base, axis=0), axis=1).max() for p in pieces)
     assert longest < 0.1
+
+
+def test_nothing_is_drawn_for_a_tip_at_rest() -> None:
+    tip_path = TipPath("left")
+    assert [tip_path.advance(np.zeros(3), is_holding=False) for _ in range(5)] == [[]] * 5
+
+
+def test_a_line_is_drawn_behind_a_tip_that_moves() -> None:
+    (line,) = walk(TipPath("left"), 2)
+    assert line["path"].startswith("/path/left/")
+
+
+def test_a_growing_piece_takes_the_place_of_its_shorter_self() -> None:
+    assert len({line["path"] for line in walk(TipPath("left"), PIECE_POINTS)}) == 1
+
+
+def test_a_full_piece_is_followed_by_the_next() -> None:
+    assert len({line["path"] for line in walk(TipPath("left"), PIECE_POINTS + 1)}) == 2
+
+
+def test_the_colour_changes_with_the_grasp() -> None:
+    tip_path = TipPath("left")
+    empty = walk(tip_path, 3)
+    laden = walk(tip_path, 3, start_m=3 * STRETCH_M, is_holding=True)
+    assert {colour(line) for line in empty} == {hexed(EMPTY_RGB)}
+    assert {colour(line) for line in laden} == {hexed(HOLDING_RGB)}
+
+
+def test_old_pieces_vanish() -> None:
+    commands = walk(TipPath("left"), PIECE_POINTS * (PIECES_KEPT + 5))
+    drawn = {c["path"] for c in commands if c["type"] == "set_object"}
+    deleted = {c["path"] for c in commands if c["type"] == "delete"}
+    assert len(drawn - deleted) == PIECES_KEPT
+
+
+def test_a_jump_is_not_drawn_in_a_trail() -> None:
+    tip_path = TipPath("left")
+    walk(tip_path, 3)
+    far = np.array([3 * STRETCH_M + 2 * LONGEST_JUMP_M, 0.0, 0.0])
+    assert tip_path.advance(far, is_holding=False) == []

@@ -18,23 +18,37 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from baxter_kin.description import RobotDescription
 from baxter_kin.validation import FloatArray
+from planner import Plan
 from planner.scene.bodies import Box, Cylinder, Shape, Sphere
 from planner.scene.contact import coal_shape
 from planner.scene.mesh import Mesh
+from planner.verification.body.distances import SolidDistances
+from planner.verification.body.robot_body import robot_body
 from planner.verification.body.solid import ACCURACY_M, distance_request
+from planner.verification.body.stretch import IN_HAND
+from planner.verification.body.stretches import Stretches
+from planner.verification.fingers import Fingers
+from planner.verification.story import Run, Story
+from planner.verification.urdf_robot import UrdfRobot
 from tests.bodies import CORNERS, SIDES
 from tests.planner.conftest import hull
 
 PAIRS = 100_000
+
+
 LEAST_M, GREATEST_M = 1e-6, 10.0
-"""Distances, evenly many in each power of ten."""
+"""SolidDistances, evenly many in each power of ten."""
+
 
 SMALLEST_M, LARGEST_M = 0.01, 1.0
 """Half the size of shapes."""
 
+
 POOL = 24
 """Shapes of each kind."""
+
 
 Support = Callable[[FloatArray], FloatArray]
 
@@ -144,3 +158,70 @@ def test_coals_distances_are_right_to_what_planner_and_certificate_allow(
     errors: FloatArray,
 ) -> None:
     assert np.abs(errors).max() < ACCURACY_M
+
+
+@pytest.fixture(scope="module")
+def distances(cube_plan: Plan, urdf: UrdfRobot) -> SolidDistances:
+    """Along the run that carries a cube."""
+    assert cube_plan.situation is not None
+    solids = robot_body(RobotDescription.installed()).solids
+    story = Story(cube_plan, cube_plan.situation, urdf, Fingers(urdf, solids))
+    stretches = Stretches(urdf, solids, urdf.standing(cube_plan.situation.joints), [], ())
+    run = next(s for s in story.stages if isinstance(s, Run) and s.carried is not None)
+    stretch = stretches.of_run(run, 0.1)
+    return SolidDistances(urdf, stretch, stretches.pairs_of_run(run, stretch))
+
+
+def drawn_pairs(distances: SolidDistances, count: int) -> list[tuple[int, int]]:
+    """Numbers of pairs and samples."""
+    rng = np.random.default_rng(21)
+    pairs = rng.integers(len(distances.pairs), size=count).tolist()
+    samples = rng.integers(len(distances.stretch.q), size=count).tolist()
+    return list(zip(pairs, samples, strict=True))
+
+
+def test_balls_are_no_farther_apart_than_covers_and_these_than_shapes(
+    distances: SolidDistances,
+) -> None:
+    for pair, sample in drawn_pairs(distances, 200):
+        balls = distances.balls_apart(np.array([pair]), sample)[0]
+        covers = distances.covers_apart(pair, sample)
+        shapes = distances.shapes_apart(pair, sample)
+        assert balls <= shapes + ACCURACY_M
+        assert covers <= shapes + ACCURACY_M
+
+
+def test_a_pair_is_measured_where_pinocchio_has_it(
+    distances: SolidDistances, urdf: UrdfRobot
+) -> None:
+    data, request, result = urdf.model.createData(), distance_request(), coal.DistanceResult()
+    for number, sample in drawn_pairs(distances, 40):
+        pair = distances.pairs[number]
+        pin.forwardKinematics(urdf.model, data, distances.stretch.q[sample])
+        frames = {joint: data.oMi[joint] for joint in range(urdf.model.njoints)}
+        frames[IN_HAND] = data.oMi[urdf.wrist] * urdf.T_wrist_tip()
+        poses = [frames[s.joint] * s.T_joint_shape for s in (pair.first, pair.second)]
+        placed = [coal.Transform3s(T.rotation, T.translation) for T in poses]
+        result.clear()
+        known = coal.distance(
+            pair.first.shape, placed[0], pair.second.shape, placed[1], request, result
+        )
+        # a guess of nearest points that was kept from another sample may end elsewhere
+        assert distances.shapes_apart(number, sample) == pytest.approx(known, abs=2 * ACCURACY_M)
+
+
+def test_a_distance_beyond_what_is_wanted_is_only_said_to_be(distances: SolidDistances) -> None:
+    for number, sample in drawn_pairs(distances, 40):
+        known = distances.shapes_apart(number, sample)
+        assert distances.shapes_apart(number, sample, known / 2) >= known / 2
+        near = distances.shapes_apart(number, sample, known + 0.1)
+        assert near == pytest.approx(known, abs=2 * ACCURACY_M)
+
+
+def test_what_is_held_moves_with_the_tip(distances: SolidDistances) -> None:
+    held = distances.stretch.held[0]
+    seen = [
+        (distances.tip_base(sample).inverse() * distances.pose(held, sample)).homogeneous
+        for sample in (0, len(distances.stretch.q) - 1)
+    ]
+    assert np.abs(seen[1] - seen[0]).max() < 1e-12

@@ -1,0 +1,111 @@
+"""A certificate: what passes, what it says, and which plan and world it is of."""
+
+from __future__ import annotations
+
+import json
+import math
+import pickle
+from dataclasses import replace
+
+import pytest
+
+from baxter_kin.errors import UnknownNameError
+from planner import Certificate, Plan, Scene, Situation
+from planner.verification import Check
+from planner.verification.certificate import Relation, Worst, greatest, least
+from tests.conftest import at
+from tests.planner.verification.conftest import TABLE_M
+
+
+def check(value: float, relation: Relation, bound: float) -> Check:
+    return Check("velocity limit", value, relation, bound, "rad/s", "pick: approach")
+
+
+def test_the_table_names_every_check(certificate: Certificate) -> None:
+    assert all(check.name in certificate.table() for check in certificate.checks)
+
+
+def test_the_data_has_every_check(certificate: Certificate) -> None:
+    data = certificate.as_dict()
+    assert data["is_valid"] is True
+    assert [check["name"] for check in data["checks"]] == [c.name for c in certificate.checks]
+
+
+def test_a_certificate_is_that_of_the_plan_and_world_it_was_made_of(
+    cube_plan: Plan, cube_certificate: Certificate
+) -> None:
+    assert cube_plan.situation is not None
+    again = Situation(Scene(cube_plan.situation.scene.bodies), cube_plan.situation.joints)
+    assert cube_certificate.is_of(cube_plan)
+    assert cube_certificate.is_of(cube_plan, again)
+    assert not cube_certificate.is_of(replace(cube_plan))
+    moved = replace(again, scene=again.scene.moved("block", at(0.70, 0.15, TABLE_M + 1e-12)))
+    assert not cube_certificate.is_of(cube_plan, moved)
+    turned = replace(again, joints={**again.joints, "head_pan": 1e-12})
+    assert not cube_certificate.is_of(cube_plan, turned)
+
+
+def test_a_certificate_that_somebody_wrote_is_of_no_plan(cube_plan: Plan) -> None:
+    assert not Certificate("left", 1.0, 1, ()).is_of(cube_plan)
+
+
+@pytest.mark.parametrize(
+    ("value", "relation", "bound", "passes"),
+    [
+        (1.0, Relation.AT_MOST, 1.0, True),
+        (1.1, Relation.AT_MOST, 1.0, False),
+        (1.0, Relation.AT_LEAST, 1.0, True),
+        (0.9, Relation.AT_LEAST, 1.0, False),
+        (1.0, Relation.ABOVE, 1.0, False),
+        (math.inf, Relation.AT_MOST, 1.0, False),
+        (math.nan, Relation.AT_MOST, 1.0, False),
+        (math.nan, Relation.ABOVE, 1.0, False),
+    ],
+)
+def test_a_check_is_passed_when_its_value_keeps_the_bound(
+    value: float, relation: Relation, bound: float, passes: bool
+) -> None:
+    assert check(value, relation, bound).is_passed is passes
+
+
+def test_a_certificate_names_what_fails() -> None:
+    checks = (check(0.5, Relation.AT_MOST, 1.0), check(math.inf, Relation.AT_MOST, 1.0))
+    certificate = Certificate("left", 2.0, 10, checks)
+    assert not certificate.is_valid
+    assert certificate.failures == checks[1:]
+    assert "1 of 2 checks fail: velocity limit inf rad/s" in certificate.verdict
+    assert "FAILS" in str(certificate)
+
+
+def test_a_value_without_a_number_is_null_in_json() -> None:
+    certificate = Certificate("left", 2.0, 10, (check(math.inf, Relation.AT_MOST, 1.0),))
+    data = json.loads(json.dumps(certificate.as_dict(), allow_nan=False))
+    assert data["checks"][0]["value"] is None
+    assert data["checks"][0]["relation"] == "<="
+
+
+def test_there_is_no_check_of_another_name() -> None:
+    with pytest.raises(UnknownNameError):
+        _ = Certificate("left", 2.0, 10, ())["velocity limit"]
+
+
+def test_a_certificate_from_another_process_is_of_no_plan(
+    cube_plan: Plan, cube_certificate: Certificate
+) -> None:
+    sent = pickle.loads(pickle.dumps(cube_certificate))
+    assert sent == cube_certificate
+    assert sent.subject is None
+    assert not sent.is_of(cube_plan)
+
+
+def test_the_worst_is_the_greatest_or_the_least_and_of_none_says_why() -> None:
+    found = [Worst(1.0, "a"), Worst(3.0, "b"), Worst(-2.0, "c")]
+    assert greatest(found, "none") == Worst(3.0, "b")
+    assert least(found, "none") == Worst(-2.0, "c")
+    assert greatest([], "none") == Worst(0.0, "none")
+    assert least([], "none") == Worst(math.inf, "none")
+
+
+def test_a_worst_of_zero_has_no_negative_zero() -> None:
+    assert math.copysign(1.0, Worst(0.0, "a").negated.value) == 1.0
+    assert Worst(2.0, "a").negated == Worst(-2.0, "a")

@@ -1,0 +1,37 @@
+"""Dwells are times, and an outcome is a success or says why not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim import Dwell, Outcome, SimulationError
+
+
+@pytest.mark.parametrize("dwell_s", [-1e-9, np.nan, np.inf, None, "long"])
+@pytest.mark.parametrize("name", ["after_grasp_s", "after_release_s"])
+def test_a_dwell_that_is_none(name: str, dwell_s: Any) -> None:
+    with pytest.raises(SimulationError, match=name):
+        Dwell(**{name: dwell_s})
+
+
+def test_nothing_dwells_unless_asked_to() -> None:
+    assert Dwell() == Dwell(after_grasp_s=0.0, after_release_s=0.0)
+
+
+def test_an_outcome_is_a_success_when_nothing_failed() -> None:
+    assert Outcome(None, 6.5).is_success
+    assert not Outcome("pick: close: missed", 2.0).is_success
+
+
+def test_an_outcome_is_told_in_one_line() -> None:
+    assert repr(Outcome(None, 6.5)) == "Outcome(6.50 s, success)"
+    assert "failed: pick: close: missed" in repr(Outcome("pick: close:\nmissed", 2.0))
+
+
+@pytest.mark.parametrize("facts", [{"failure": 5}, {"duration_s": "long"}])
+def test_an_outcome_of_other_classes_is_refused(facts: dict[str, Any]) -> None:
+    with pytest.raises(SimulationError, match=next(iter(facts))):
+        Outcome(**{"failure": None, "duration_s": 1.0, **facts})

@@ -1,0 +1,144 @@
+"""Time passes, and observers are told in order; its end can be shown."""
+
+from __future__ import annotations
+
+import pytest
+
+from baxter_kin import Baxter
+from planner import Manipulator, plan_start_move
+from sim import Event, EventKind, Observer, Outcome, Simulation, Snapshot
+from tests.sim.runs import Run, Witness
+
+TIME_S = 1e-9
+"""Sums of some dozen durations below 10 s."""
+
+
+class TestTelling:
+    """Observers."""
+
+    def test_all_observers_are_told_the_same_in_their_order(self, run: Run) -> None:
+        order: list[str] = []
+
+        class Named(Witness):
+            def __init__(self, name: str) -> None:
+                super().__init__()
+                self.name = name
+
+            def on_event(self, event: Event) -> None:
+                super().on_event(event)
+                order.append(self.name)
+
+        first, second = Named("first"), Named("second")
+        simulation = Simulation(run.world, [first, second])
+        simulation.execute(
+            plan_start_move(run.manipulator, run.world.scene, run.world.arm_q("left"))
+        )
+        assert first.told == second.told
+        assert order == ["first", "second"] * len(first.events)
+
+    def test_enabling_spawning_and_deleting_are_told(self, run: Run) -> None:
+        run.simulation.enable()
+        run.simulation.delete("block")
+        run.simulation.delete("table")
+        assert [event.text for event in run.witness.events] == [
+            "table spawned",
+            "block spawned, at rest on table",
+            "robot enabled",
+            "block deleted",
+            "table deleted",
+        ]
+
+    def test_grasp_and_release_are_told_with_names_and_numbers(
+        self, cycle: tuple[Run, Outcome]
+    ) -> None:
+        texts = {event.kind: event.text for event in cycle[0].witness.events}
+        assert texts[EventKind.GRASPED] == "block grasped, 52.4 mm between the pads (89 % open)"
+        assert texts[EventKind.RELEASED] == "block released"
+        assert texts[EventKind.SETTLED] == "block at rest on table"
+
+    def test_an_observer_reads_the_same_clock(self, run: Run) -> None:
+        clocks: list[tuple[float, float]] = []
+
+        class Watch(Observer):
+            def on_snapshot(self, snapshot: Snapshot) -> None:
+                clocks.append((snapshot.time_s, simulation.time_s))
+
+        simulation = Simulation(run.world, [Watch()])
+        simulation.wait(0.1)
+        assert len(clocks) == 11
+        assert all(told == read for told, read in clocks)
+
+    def test_a_title_comes_before_each_caption(self, run: Run) -> None:
+        plan = plan_start_move(run.manipulator, run.world.scene, run.world.arm_q("left"))
+        run.simulation.execute(plan, "cycle 3, ")
+        captions = {snapshot.caption for snapshot in run.witness.snapshots}
+        assert captions
+        assert all(caption.startswith("cycle 3, ") for caption in captions)
+
+    def test_time_stays_in_order_when_an_observer_stops_the_run(self, run: Run) -> None:
+        class Stop(Observer):
+            def on_snapshot(self, snapshot: Snapshot) -> None:
+                if snapshot.time_s >= 0.5:
+                    raise KeyboardInterrupt
+
+        witness = Witness()
+        simulation = Simulation(run.world, [witness, Stop()])
+        with pytest.raises(KeyboardInterrupt):
+            simulation.execute(run.plan())
+        simulation.delete("block")
+        times = [item.time_s for item in witness.told]
+        assert times == sorted(times)
+        assert times[-1] == pytest.approx(0.5, abs=TIME_S)
+
+    def test_an_observer_that_overrides_nothing_is_no_trouble(self, run: Run) -> None:
+        simulation = Simulation(run.world, [Observer()])
+        simulation.enable()
+        simulation.wait(0.05)
+
+
+class TestWaiting:
+    """Time passes, and nothing else."""
+
+    def test_it_takes_as_long_as_asked(self, run: Run) -> None:
+        run.simulation.wait(0.123)
+        assert run.simulation.time_s == 0.123
+
+    def test_nothing_moves(self, run: Run) -> None:
+        run.simulation.wait(0.2)
+        assert len({snapshot.q.tobytes() for snapshot in run.witness.snapshots}) == 1
+
+    def test_waits_in_pieces_give_the_ticks_of_one(
+        self, robot: Baxter, manipulator: Manipulator
+    ) -> None:
+        whole, pieces = (Run(robot, (), manipulator) for _ in range(2))
+        whole.simulation.wait(0.5)
+        for _ in range(50):
+            pieces.simulation.wait(0.01)
+        times = [[s.time_s for s in run.witness.snapshots] for run in (whole, pieces)]
+        assert times[0][:50] == times[1][:50]
+
+    def test_waiting_for_no_time_shows_at_most_the_present(self, run: Run) -> None:
+        for _ in range(3):
+            run.simulation.wait(0.0)
+        assert [snapshot.time_s for snapshot in run.witness.snapshots] == [0.0]
+
+
+class TestFinishing:
+    """A run ends between two ticks; its end can be shown."""
+
+    def test_the_end_is_shown_once(self, run: Run) -> None:
+        run.simulation.wait(0.123)
+        run.simulation.finish()
+        assert [shot.time_s for shot in run.witness.snapshots][-2:] == [0.12, 0.123]
+
+    def test_an_end_that_a_tick_has_shown_is_not_shown_again(self, run: Run) -> None:
+        run.simulation.wait(0.0)
+        run.simulation.finish()
+        assert [shot.time_s for shot in run.witness.snapshots] == [0.0]
+
+    def test_ticks_go_on_as_before(self, run: Run) -> None:
+        run.simulation.wait(0.015)
+        run.simulation.finish()
+        run.simulation.wait(0.015)
+        times = [shot.time_s for shot in run.witness.snapshots]
+        assert times == pytest.approx([0.0, 0.01, 0.015, 0.02, 0.03], abs=TIME_S)
