@@ -91,7 +91,9 @@ class Arm:
 
     @property
     def T_gripper_tip(self) -> pin.SE3:
-        """The tip seen from the gripper; the identity unless another tip was chosen."""
+        """The tip seen from the gripper; exactly the identity unless another tip was chosen."""
+        if self.tip_frame == self.gripper_frame:
+            return pin.SE3.Identity()
         gripper = self.model.frames[self.model.getFrameId(self.gripper_frame)].placement
         return gripper.actInv(self.model.frames[self._tip_id].placement)
 

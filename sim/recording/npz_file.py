@@ -18,10 +18,12 @@ The same recording gives the same bytes. A file is replaced at once or not at al
 from __future__ import annotations
 
 import io
+import lzma
 import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from tokenize import TokenError
 from typing import IO, Any
 
 import numpy as np
@@ -49,8 +51,8 @@ two had an entry `sha256`, the SHA-256 of the others, which is not read any more
 LARGEST_FILE_BYTES = 4 * 2**30
 """Unpacked; an hour at 100 Hz takes 0.1 GB."""
 
-_ARRAYS = ("times_s", "q", "gripper_percent", "body_poses")
-_KINDS = {**dict.fromkeys(_ARRAYS, "float64"), "document": "uint8"}
+_ARRAYS = {"times_s": 1, "q": 2, "gripper_percent": 2, "body_poses": 3}
+_KINDS = {**{name: ("float64", axes) for name, axes in _ARRAYS.items()}, "document": ("uint8", 1)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,18 +162,30 @@ def _arrays_in(stream: IO[bytes]) -> dict[str, NDArray[Any]]:
     try:
         with zipfile.ZipFile(stream) as archive:
             _check_entries(archive)
-        stream.seek(0)
-        with np.load(stream, allow_pickle=False) as archived:
-            arrays = {name: archived[name] for name in _KINDS}
-    except (*_DAMAGE, ValueError) as cause:
+            arrays = {name: _array_in(archive, name) for name in _KINDS}
+    except _DAMAGE as cause:
         raise RecordingError(f"is no npz file, or a truncated or damaged one: {cause}") from cause
     for name, array in arrays.items():
-        if array.dtype.name != _KINDS[name]:
-            raise RecordingError(f"has an entry {name} of {array.dtype}, not of {_KINDS[name]}")
+        kind, axes = _KINDS[name]
+        if array.dtype.name != kind or array.ndim != axes:
+            raise RecordingError(
+                f"has an entry {name} of {array.dtype} and {array.ndim} axes, where it must be of "
+                f"{kind} and have {axes}"
+            )
     return arrays
 
 
-_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, MemoryError, NotImplementedError, RuntimeError)
+def _array_in(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    with archive.open(f"{name}.npy") as entry:
+        array: NDArray[Any] = np.lib.format.read_array(entry, allow_pickle=False)
+        return array
+
+
+_DAMAGE = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, NotImplementedError, RuntimeError),
+    *(ValueError, TypeError, IndexError, SyntaxError, TokenError, OverflowError, MemoryError),
+)
+"""What damage leads to in archives, and in what NumPy reads as Python: the headers of arrays."""
 
 
 def _check_entries(archive: zipfile.ZipFile) -> None:

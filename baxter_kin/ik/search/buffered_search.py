@@ -40,9 +40,13 @@ class Found:
     iterations: FloatArray
 
     def improve(self, at: Indices, other: Found) -> None:
-        """Put what others found in the places `at`, shape (k,), where it is better."""
+        """Put what others found in the places `at`, shape (k,), where it is valid or nearer.
+
+        What is valid there stays.
+        """
         residual = self.position_error_m[at] + self.orientation_error_rad[at]
-        is_better = other.position_error_m + other.orientation_error_rad < residual
+        is_nearer = other.position_error_m + other.orientation_error_rad < residual
+        is_better = (is_nearer | other.is_valid) & ~self.is_valid[at]
         for field_ in fields(self):
             getattr(self, field_.name)[at[is_better]] = getattr(other, field_.name)[is_better]
 

@@ -65,8 +65,10 @@ class Solvers:
         """The solver for what a tolerance leaves free."""
         if tolerance == EXACT:
             return self.exact
-        if tolerance not in self._others:
-            if len(self._others) >= MOST_SOLVERS:
-                del self._others[next(iter(self._others))]
-            self._others[tolerance] = Solver(self._arm, self._backend, tolerance)
-        return self._others[tolerance]
+        solver = self._others.get(tolerance)
+        if solver is None:
+            solver = Solver(self._arm, self._backend, tolerance)
+            for oldest in list(self._others)[: 1 - MOST_SOLVERS]:
+                self._others.pop(oldest, None)  # another thread may have been quicker
+            self._others[tolerance] = solver
+        return solver

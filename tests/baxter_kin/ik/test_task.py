@@ -8,7 +8,8 @@ from baxter_kin import Arm, IKService, SeedType
 from baxter_kin.errors import RequestError
 from baxter_kin.ik import Backend, NearestTo, Tolerance
 from baxter_kin.ik.geometry.reach import ReachBound
-from baxter_kin.ik.tolerance import FREE
+from baxter_kin.ik.task import Task
+from baxter_kin.ik.tolerance import EXACT, FREE
 from tests.conftest import at
 
 WITHIN = 1e-6
@@ -283,3 +284,11 @@ def test_what_is_no_tolerance_is_refused(left: Arm, ik: IKService) -> None:
     tolerance: object = 0.1
     with pytest.raises(RequestError, match="tolerance must be of class Tolerance, got float"):
         ik.solve(left.T_base_tip(left.start), tolerance=tolerance)  # type: ignore[arg-type]
+
+
+def test_at_its_gripper_every_arm_is_searched_for_exactly(any_arm: Arm) -> None:
+    """Calibrated ones too, whose gripper frames are turned: rounding does not make them tools."""
+    assert any_arm.T_gripper_tip == pin.SE3.Identity()
+    assert Task.of(any_arm, EXACT).is_exact
+    assert not Task.of(any_arm, Tolerance.about("z")).is_exact
+    assert not Task.of(any_arm.with_tip(f"{any_arm.side}_hand"), EXACT).is_exact

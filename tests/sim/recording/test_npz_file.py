@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import zipfile
 from dataclasses import replace
@@ -100,6 +101,24 @@ def test_files_of_earlier_versions_are_read(path: Path, tmp_path: Path, version:
     assert_same(load_recording(tmp_path / "old.npz"), load_recording(path))
 
 
+HEADERS = [
+    "{'descr': '<f8', 'fortran_order': False, 'shape': (10**30,)}",
+    "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000000000000000000000,)}",
+    "{'descr': '<f8', 'fortran_order': False, 'shape': ()}",
+    "{'descr': '<f8', 'fortran_order': False, 'shape': (True,)}",
+    "{'descr': ((),()), 'fortran_order': False, 'shape': (1,)}",
+    "{[]: 1}",
+    "{(",
+    "  x\n y\n",
+]
+
+
+def npy_header(text: str) -> bytes:
+    """The beginning of an array's file, with that for a header, and one number after it."""
+    header = text.encode()
+    return np.lib.format.magic(1, 0) + len(header).to_bytes(2, "little") + header + bytes(8)
+
+
 class TestRefused:
     """A truncated, foreign or edited file."""
 
@@ -132,8 +151,28 @@ class TestRefused:
             arrays = dict(entries)
         arrays["q"] = arrays["q"].astype(np.float32)
         np.savez(tmp_path / "other.npz", **arrays)
-        with pytest.raises(RecordingError, match="an entry q of float32, not of float64"):
+        with pytest.raises(
+            RecordingError,
+            match="an entry q of float32 and 2 axes, where it must be of float64 and have 2",
+        ):
             load_recording(tmp_path / "other.npz")
+
+    @pytest.mark.parametrize("name", ["q", "body_poses", "document"])
+    @pytest.mark.parametrize(
+        "content",
+        [b"", b"no array", *map(npy_header, HEADERS)],
+        ids=lambda content: repr(content[10:40]),
+    )
+    def test_an_entry_that_is_no_array(
+        self, small: bytes, tmp_path: Path, name: str, content: bytes
+    ) -> None:
+        whole = zipfile.ZipFile(io.BytesIO(small))
+        with zipfile.ZipFile(tmp_path / "bad.npz", "w") as archive:
+            for entry in whole.namelist():
+                data = content if entry == f"{name}.npy" else whole.read(entry)
+                archive.writestr(entry, data)
+        with pytest.raises(RecordingError, match=r"bad\.npz: (is no npz file|has an entry)"):
+            load_recording(tmp_path / "bad.npz")
 
     def test_another_npz(self, tmp_path: Path) -> None:
         np.savez(tmp_path / "other.npz", q=np.zeros(3))
