@@ -46,9 +46,8 @@ def test_closing_fingers_end_where_both_touch_and_touch_nothing_before(
     body = Body("thing", (Part(shape, at(0, 0, 0)),), T_tip_body, is_movable=True)
     stroke = manipulator.hand.stroke_m
     ours = fingers.closing(body, T_tip_body, stroke)
-    has_room = (
-        min(fingers.gaps_m(body, T_tip_body, stroke)) > 0.0
-    )  # begun inside, it is pushed more
+    # what begins inside a body, by up to `LEAD_M`, pushes it by more than it travels
+    has_room = min(fingers.gaps_m(body, T_tip_body, stroke)) > 0.0
     if not (ours.is_hold and has_room):
         return
     assert max(map(abs, fingers.gaps_m(body, ours.T_tip_body, ours.finger_m))) < 1e-5
