@@ -16,11 +16,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import baxter_kin
-import baxter_kin.ik
 import planner
 import planner.collision
-import planner.grasping
 import planner.trajectory
 import planner.verification
 import sim
@@ -34,24 +31,12 @@ from planner.collision import Clearance
 from sim import Recorder, Simulation, World
 from sim.view.live.viewer import Viewer
 from tests.conftest import at, overhead
-
-PACKAGES = (
-    baxter_kin,
-    baxter_kin.ik,
-    planner,
-    planner.collision,
-    planner.grasping,
-    planner.verification,
-    sim,
-    sim.perception,
-    sim.recording,
-    sim.world,
-)
+from tests.front_doors import FRONT_DOORS
 
 
 def public_classes() -> dict[str, type[Any]]:
     """By name, those that objects can be made of."""
-    found = (getattr(package, name) for package in PACKAGES for name in package.__all__)
+    found = (getattr(package, name) for package in FRONT_DOORS for name in package.__all__)
     return {
         each.__name__: each
         for each in found

@@ -14,18 +14,7 @@ import pytest
 import baxter_kin
 import baxter_kin.ik
 import planner
-import planner.collision
-import planner.grasping
-import planner.verification
-import sim
-import sim.demo
-import sim.perception
-import sim.recording
-import sim.world
-
-DOORS = [planner.collision, planner.grasping, sim.perception, sim.recording, sim.world]
-LAZY = [baxter_kin, sim, *DOORS]
-PACKAGES = [baxter_kin, baxter_kin.ik, planner, planner.verification, sim, *DOORS]
+from tests.front_doors import FRONT_DOORS, LAZY
 
 QUIET_IMPORT = """
 import socket, sys, threading
@@ -58,7 +47,7 @@ print([path for path in opened if path.endswith((".dae", ".stl", ".obj"))])
 """
 
 
-@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.__name__)
+@pytest.mark.parametrize("package", FRONT_DOORS, ids=lambda package: package.__name__)
 def test_all_lists_what_exists_in_order(package: types.ModuleType) -> None:
     assert list(package.__all__) == sorted(package.__all__)
     assert all(getattr(package, name) is not None for name in package.__all__)

@@ -11,11 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-import baxter_kin.ik
-import planner
-import sim
 from baxter_kin import BaxterError
 from baxter_kin.validation import check_fields, finite_array, finite_rows, float_array, whole_scalar
+from tests.front_doors import FRONT_DOORS
 
 
 @pytest.mark.parametrize(
@@ -167,7 +165,7 @@ def test_values_of_other_classes_are_refused_by_name(fields: dict[str, Any], mes
 
 PUBLIC = {
     f"{package.__name__}.{name}": getattr(package, name)
-    for package in (baxter_kin, baxter_kin.ik, planner, sim)
+    for package in FRONT_DOORS
     for name in package.__all__
 }
 CHECKED = [
