@@ -2,10 +2,14 @@
 
 ```
 BaxterError
-└── SimulationError       an order that the world cannot follow
-    ├── ViewerError       the live view cannot be served
-    └── RecordingError    a recording that is none, or cannot be read or written
-                          (also ValueError)
+└── SimulationError             an order that the world cannot follow
+    ├── ViewerError             the live view cannot be served
+    ├── RecordingError          a recording that is none, or cannot be read or written
+    │                           (also ValueError)
+    └── RosError                what goes wrong on a ROS 1 network, or in reaching it
+        ├── RosMessageError     a message, type or name that is none   (also ValueError)
+        ├── RosConnectionError  a peer or a master that cannot be reached
+        └── ServiceRefused      a service that answered with an error
 ```
 
 A missed grasp is an `Outcome`, not an exception.
@@ -26,3 +30,31 @@ class ViewerError(SimulationError):
 
 class RecordingError(SimulationError, ValueError):
     """A recording that is malformed, or cannot be read or written."""
+
+
+class RosError(SimulationError):
+    """What goes wrong on a ROS 1 network, or in reaching it."""
+
+
+class RosMessageError(RosError, ValueError):
+    """A message that does not fit its type, a type that is not known, or a name that is none."""
+
+
+class RosConnectionError(RosError):
+    """A peer or a master that cannot be reached, or that does not speak ROS 1.
+
+    Attributes:
+        host: where it was looked for, such as "127.0.0.1:11311".
+        node: whose it is: the node's name, "the master", or empty where that is not known.
+        remedy: what to do about it; it may be empty.
+    """
+
+    def __init__(self, reason: str, *, host: str = "", node: str = "", remedy: str = "") -> None:
+        self.host = host
+        self.node = node
+        self.remedy = remedy
+        super().__init__(f"{reason}; {remedy}" if remedy else reason)
+
+
+class ServiceRefused(RosError):  # noqa: N818 - it is an answer, and ours to give too
+    """A service that answered with an error; raised by a handler it is that answer."""
