@@ -29,6 +29,10 @@ PARTS = "---"
 """What ROS puts between a service's request and its response."""
 
 
+_LACKING = {"tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms\n"}
+"""A standard type that the library does not have."""
+
+
 class MessageType(OneLine):
     """A type of message.
 
@@ -202,10 +206,9 @@ def _load_store(definitions: Mapping[str, str]) -> Typestore:
     unsigned = time_fields[1][1]  # the library reads seconds as ROS 2 does, signed
     store.fielddefs["builtin_interfaces/msg/Time"] = ([], [("sec", unsigned), time_fields[1]])
     added = {}
-    for name, text in definitions.items():
+    for name, text in (_LACKING | dict(definitions)).items():
         added.update(get_types_from_msg(text, _full_name(name)))
-    if added:
-        store.register(added)
+    store.register(added)
     return store
 
 

@@ -35,6 +35,7 @@ from sim.recording.ros1_messages import (
     TEXT,
     TRANSFORMS,
     joint_state,
+    message_type,
     nanoseconds,
     text,
     transforms,
@@ -56,9 +57,11 @@ class McapFile(NotCopied, Observer):
         """Open the file, in place of an older one.
 
         Raises:
-            RecordingError: when the package `mcap` is missing, or the file cannot be written.
+            RecordingError: when the package `mcap` or `rosbags` is missing, or the file cannot be
+                written.
         """
         make_writer = _writer_class()
+        message_type(TEXT)  # what is missing is said before there is a file
         self._names = joint_names
         self._velocities = _Velocities(joint_names)
         self._number = 0
@@ -113,7 +116,7 @@ class McapFile(NotCopied, Observer):
         return self._output._facts()
 
     def _channel(self, topic: str) -> int:
-        kind = TOPICS[topic]
+        kind = message_type(TOPICS[topic])
         schema = self._writer.register_schema(kind.name, "ros1msg", kind.definition.encode())
         return self._writer.register_channel(topic, "ros1", schema)
 
@@ -134,7 +137,8 @@ class McapRecorder(McapFile):
         """Open the file.
 
         Raises:
-            RecordingError: when the package `mcap` is missing, or the file cannot be written.
+            RecordingError: when the package `mcap` or `rosbags` is missing, or the file cannot be
+                written.
         """
         super().__init__(path, expect(robot, Baxter, "robot", RecordingError).joint_names)
 
@@ -143,8 +147,8 @@ def write_mcap(recording: Recording, path: PathLike) -> None:
     """Write a recording to a file.
 
     Raises:
-        RecordingError: when the package `mcap` is missing, a time is negative, or the file cannot
-            be written.
+        RecordingError: when the package `mcap` or `rosbags` is missing, a time is negative, or the
+            file cannot be written.
     """
     names = expect(recording, Recording, "recording", RecordingError).joint_names
     nanoseconds(float(recording.times_s[0]))

@@ -1,87 +1,36 @@
-"""The three ROS 1 messages of a recording, serialised as ROS 1 does.
-
-Little-endian, fields in the order of the definition; text and arrays begin with their length as
-uint32 (ROS wiki, "msg" and "Message serialization"). The definitions are those of common_msgs and
-std_msgs, with those they are made of below them, as a bag file holds them.
-"""
+"""The three ROS 1 messages of a recording."""
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 
-import numpy as np
-
 from baxter_kin.validation import FloatArray
-from sim.errors import RecordingError
+from sim.errors import RecordingError, RosError
+from sim.ros1_messages import MessageType, MessageTypes
 
 NANOSECONDS = 1_000_000_000
 
 LATEST_S = 2**32 - 1
 """A stamp's seconds are a uint32."""
 
-_RULE = 80 * "="
+JOINT_STATE = "sensor_msgs/JointState"
+TRANSFORMS = "tf2_msgs/TFMessage"
+TEXT = "std_msgs/String"
 
-_HEADER = f"""{_RULE}
-MSG: std_msgs/Header
-uint32 seq
-time stamp
-string frame_id
-"""
+_TYPES = MessageTypes()
 
 
-@dataclass(frozen=True, slots=True)
-class MessageType:
-    """A type of message.
+def message_type(name: str) -> MessageType:
+    """One of ROS 1's standard types.
 
-    Attributes:
-        name: such as "sensor_msgs/JointState".
-        definition: its fields, and those of the types it is made of.
+    Raises:
+        RecordingError: when the package that reads and writes them is missing.
     """
-
-    name: str
-    definition: str
-
-
-JOINT_STATE = MessageType(
-    "sensor_msgs/JointState",
-    f"""Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-{_HEADER}""",
-)
-
-TRANSFORMS = MessageType(
-    "tf2_msgs/TFMessage",
-    f"""geometry_msgs/TransformStamped[] transforms
-{_RULE}
-MSG: geometry_msgs/TransformStamped
-Header header
-string child_frame_id
-Transform transform
-{_HEADER}{_RULE}
-MSG: geometry_msgs/Transform
-Vector3 translation
-Quaternion rotation
-{_RULE}
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-{_RULE}
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
-""",
-)
-
-TEXT = MessageType("std_msgs/String", "string data\n")
+    try:
+        return _TYPES.message(name)
+    except RosError as cause:
+        raise RecordingError(str(cause)) from cause
 
 
 def nanoseconds(time_s: float) -> int:
@@ -99,45 +48,48 @@ def joint_state(
     number: int, time_ns: int, names: tuple[str, ...], position: FloatArray, velocity: FloatArray
 ) -> bytes:
     """A `JOINT_STATE`: rad and rad/s, or m and m/s; it says nothing of efforts."""
-    return b"".join(
-        [
-            _header(number, time_ns, ""),
-            _texts(names),
-            _floats(position),
-            _floats(velocity),
-            struct.pack("<I", 0),
-        ]
-    )
+    kind = message_type(JOINT_STATE)
+    header = _header(number, time_ns, "")
+    shown = _showable_names(names)
+    state = kind.make(header=header, name=shown, position=position, velocity=velocity)
+    return kind.serialise(state)
 
 
 def transforms(number: int, time_ns: int, parent: str, poses: Mapping[str, list[float]]) -> bytes:
     """A `TRANSFORMS`: for each child frame x, y, z, quaternion x, y, z, w, seen from its parent."""
-    items = (
-        _header(number, time_ns, parent) + _text(child) + struct.pack("<7d", *row)
+    kind = message_type(TRANSFORMS)
+    header = _header(number, time_ns, parent)
+    items = [
+        {"header": header, "child_frame_id": _showable(child), "transform": _transform(row)}
         for child, row in poses.items()
-    )
-    return struct.pack("<I", len(poses)) + b"".join(items)
+    ]
+    return kind.serialise(kind.make(transforms=items))
 
 
 def text(data: str) -> bytes:
     """A `TEXT`."""
-    return _text(data)
+    kind = message_type(TEXT)
+    return kind.serialise(kind.make(data=_showable(data)))
 
 
-def _header(number: int, time_ns: int, frame: str) -> bytes:
+def _header(number: int, time_ns: int, frame: str) -> dict[str, object]:
     seconds, rest = divmod(time_ns, NANOSECONDS)
-    return struct.pack("<III", number % 2**32, seconds, rest) + _text(frame)
+    stamp = {"sec": seconds, "nanosec": rest}
+    return {"seq": number % 2**32, "stamp": stamp, "frame_id": frame}
 
 
-def _text(data: str) -> bytes:
-    content = data.encode("utf-8", "backslashreplace")  # half a surrogate pair is no UTF-8
-    return struct.pack("<I", len(content)) + content
+def _transform(row: list[float]) -> dict[str, object]:
+    return {
+        "translation": dict(zip("xyz", row[:3], strict=True)),
+        "rotation": dict(zip("xyzw", row[3:], strict=True)),
+    }
 
 
 @lru_cache(maxsize=8)
-def _texts(items: tuple[str, ...]) -> bytes:
-    return struct.pack("<I", len(items)) + b"".join(_text(item) for item in items)
+def _showable_names(names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(map(_showable, names))
 
 
-def _floats(values: FloatArray) -> bytes:
-    return struct.pack("<I", len(values)) + np.asarray(values, "<f8").tobytes()
+def _showable(data: str) -> str:
+    """Half a surrogate pair is no UTF-8."""
+    return data.encode("utf-8", "backslashreplace").decode("utf-8")

@@ -1,8 +1,8 @@
 """The types of Baxter's interface that ROS 1's standard packages do not have.
 
 Only names, order and kinds of constants and fields are here: of them ROS makes the md5 sum that
-both ends of a connection compare. They are facts of baxter_core_msgs 1.2, and of gazebo_msgs,
-control_msgs and tf2_msgs of ROS Noetic.
+both ends of a connection compare. They are facts of baxter_core_msgs 1.2, and of gazebo_msgs and
+control_msgs of ROS Noetic.
 """
 
 from __future__ import annotations
@@ -223,9 +223,6 @@ string name
 float64 position
 float64 velocity
 float64 acceleration
-""",
-    "tf2_msgs/TFMessage": """
-geometry_msgs/TransformStamped[] transforms
 """,
 }
 """Constants and fields, by the type's name."""

@@ -18,6 +18,7 @@ from baxter_kin import Baxter
 from sim import McapRecorder, Recording, Simulation, World, write_mcap
 from sim.errors import RecordingError
 from sim.recording.recorded_motion import arm_joints
+from sim.ros1_messages import MessageTypes
 
 STAMP_S = 1e-9
 VELOCITY = 1e-9
@@ -170,6 +171,16 @@ def test_without_the_package_the_error_says_what_to_install(
         McapRecorder(tmp_path / "run.mcap", robot)
     with pytest.raises(RecordingError, match=words):
         write_mcap(picked, tmp_path / "run.mcap")
+
+
+def test_without_the_package_for_messages_no_file_is_made(
+    robot: Baxter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    monkeypatch.setattr("sim.recording.ros1_messages._TYPES", MessageTypes())
+    with pytest.raises(RecordingError, match="need the package rosbags"):
+        McapRecorder(tmp_path / "run.mcap", robot)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("bad", [None, 3, b"x"])
