@@ -1,0 +1,1 @@
+"""Sockets, and the one thread that waits for all of a node's."""

@@ -1,0 +1,1 @@
+"""TCPROS: how messages, requests and responses travel."""
