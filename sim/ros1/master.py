@@ -1,0 +1,207 @@
+"""A small ROS 1 master: who publishes, listens and serves, and parameters.
+
+It has the methods that nodes, rostopic, rosnode, rosservice and rosparam call (ROS wiki, "Master
+API" and "Parameter server API"). What it does not have is statistics, and roslaunch's ways of
+starting nodes.
+
+    python -m sim.ros1.master --port 11311
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import threading
+from types import FrameType
+from typing import Any, TypeAlias
+
+from baxter_kin.value_objects import NotCopied, OneLine
+from sim.errors import RosError
+from sim.ros1.mastering.directory import Change, Directory
+from sim.ros1.mastering.notifier import Notifier
+from sim.ros1.mastering.parameters import Parameters
+from sim.ros1.transport.network.addresses import Home, resolve
+from sim.ros1.transport.network.counts import Counts, Tally
+from sim.ros1.transport.network.loop import Loop
+from sim.ros1.transport.xmlrpc.server import Method, XmlRpcServer
+
+OK = 1
+DEFAULT_PORT = 11311
+
+NAME = "/master"
+
+Answer: TypeAlias = tuple[int, str, Any]
+"""Code, text and value."""
+
+
+class Master(NotCopied, OneLine):
+    """A master, from its making until it is closed. A context manager.
+
+    Attributes:
+        uri: where nodes find it, as in ROS_MASTER_URI.
+    """
+
+    def __init__(self, *, host: str = "127.0.0.1", port: int = DEFAULT_PORT) -> None:
+        """Serve at once.
+
+        Args:
+            host: this computer's name or address; it listens on that address only.
+            port: 0 takes a free one.
+
+        Raises:
+            RosConnectionError: when it cannot listen there.
+        """
+        self._directory = Directory()
+        self._parameters = Parameters()
+        self._watchers: dict[str, dict[str, str]] = {}
+        self._notifier = Notifier(NAME)
+        self._ended = threading.Event()
+        self._tally = Tally()
+        home = Home(host, resolve(host, node="this computer"))
+        self._loop = Loop("master", self._tally)
+        try:
+            self._server = XmlRpcServer(home, port, self._loop, self._tally, self._methods())
+        except RosError:
+            self._loop.close()
+            raise
+        self.uri = self._server.uri
+
+    def __enter__(self) -> Master:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def counts(self) -> Counts:
+        """What went wrong on the network so far."""
+        return self._tally.counts
+
+    def close(self) -> None:
+        """Serve no more; nodes keep their connections. Twice is no trouble."""
+        if not self._ended.is_set():
+            self._ended.set()
+            self._loop.call(self._server.close)
+            self._loop.close()
+
+    def wait_closed(self, timeout_s: float | None = None) -> bool:
+        """Wait until it is closed; False when the time is over."""
+        return self._ended.wait(timeout_s)
+
+    def _methods(self) -> dict[str, Method]:
+        return {
+            "deleteParam": self._delete_parameter,
+            "getParam": lambda _, name: (OK, f"Parameter [{name}]", self._parameters.get(name)),
+            "getParamNames": lambda _: (OK, "Parameter names", self._parameters.names()),
+            "getPid": lambda _: (OK, "", os.getpid()),
+            "getPublishedTopics": lambda _, below: (OK, "", self._directory.published(below)),
+            "getSystemState": lambda _: (OK, "current system state", self._directory.state()),
+            "getTopicTypes": lambda _: (OK, "current system state", self._directory.types()),
+            "getUri": lambda _: (OK, "", self.uri),
+            "hasParam": lambda _, name: (OK, name, self._parameters.has(name)),
+            "lookupNode": lambda _, name: (OK, "node api", self._directory.node_uri(name)),
+            "lookupService": lambda _, name: (OK, "rosrpc URI", self._directory.service_uri(name)),
+            "registerPublisher": self._register_publisher,
+            "registerService": self._register_service,
+            "registerSubscriber": self._register_subscriber,
+            "searchParam": self._search_parameter,
+            "setParam": self._set_parameter,
+            "shutdown": self._shutdown,
+            "subscribeParam": self._subscribe_parameter,
+            "unregisterPublisher": self._unregister_publisher,
+            "unregisterService": self._unregister_service,
+            "unregisterSubscriber": self._unregister_subscriber,
+            "unsubscribeParam": self._unsubscribe_parameter,
+        }
+
+    def _register_publisher(self, node: str, topic: str, kind: str, uri: str) -> Answer:
+        self._tell(self._directory.add_publisher(node, topic, kind, uri))
+        return OK, f"Registered [{node}]", self._directory.subscribers_of(topic)
+
+    def _register_subscriber(self, node: str, topic: str, kind: str, uri: str) -> Answer:
+        self._tell(self._directory.add_subscriber(node, topic, kind, uri))
+        return OK, f"Subscribed to [{topic}]", self._directory.publishers_of(topic)
+
+    def _register_service(self, node: str, service: str, service_uri: str, uri: str) -> Answer:
+        self._tell(self._directory.add_service(node, service, service_uri, uri))
+        return OK, f"Registered [{node}]", 1
+
+    def _unregister_publisher(self, node: str, topic: str, uri: str) -> Answer:
+        was_there = self._directory.remove_publisher(node, topic, uri)
+        if was_there:
+            self._tell(Change(topic, {}))
+        return OK, f"Unregistered [{node}]", int(was_there)
+
+    def _unregister_subscriber(self, node: str, topic: str, uri: str) -> Answer:
+        return OK, "", int(self._directory.remove_subscriber(node, topic, uri))
+
+    def _unregister_service(self, node: str, service: str, service_uri: str) -> Answer:
+        return OK, "", int(self._directory.remove_service(node, service, service_uri))
+
+    def _tell(self, change: Change) -> None:
+        for node, uri in change.ended.items():
+            reason = f"[{node}] Reason: new node registered with same name"
+            self._notifier.end(uri, reason)
+        if change.topic:
+            publishers = self._directory.publishers_of(change.topic)
+            for uri in self._directory.subscribers_of(change.topic):
+                self._notifier.publishers_changed(uri, change.topic, publishers)
+
+    def _set_parameter(self, _: str, name: str, value: Any) -> Answer:
+        self._parameters.set(name, value)
+        for watched, uris in self._watchers.items():
+            if f"{name}/".startswith(f"{watched}/"):
+                for uri in uris.values():
+                    self._notifier.parameter_changed(uri, name, value)
+        return OK, f"parameter {name} set", 0
+
+    def _delete_parameter(self, _: str, name: str) -> Answer:
+        self._parameters.delete(name)
+        return OK, f"parameter {name} deleted", 0
+
+    def _search_parameter(self, node: str, name: str) -> Answer:
+        found = self._parameters.search(name, node)
+        return OK, f"Found [{found}]", found
+
+    def _subscribe_parameter(self, node: str, uri: str, name: str) -> Answer:
+        self._watchers.setdefault(name.rstrip("/"), {})[node] = uri
+        value = self._parameters.get(name) if self._parameters.has(name) else {}
+        return OK, f"Subscribed to parameter [{name}]", value
+
+    def _unsubscribe_parameter(self, node: str, uri: str, name: str) -> Answer:
+        nodes = self._watchers.get(name.rstrip("/"), {})
+        was_there = nodes.get(node) == uri and nodes.pop(node) == uri
+        return OK, f"Unsubscribe to parameter [{name}]", int(was_there)
+
+    def _shutdown(self, _: str, _reason: str = "") -> Answer:
+        threading.Thread(target=self.close, name="end of the master", daemon=True).start()
+        return OK, "shutdown", 0
+
+    def _facts(self) -> tuple[str, ...]:
+        return self.uri, "ended" if self._ended.is_set() else ""
+
+
+def main() -> None:
+    """Run a master until it is interrupted."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("--host", default="127.0.0.1", help="default: %(default)s")
+    parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="default: %(default)s")
+    options = parser.parse_args()
+    try:
+        master = Master(host=options.host, port=options.port)
+    except RosError as error:
+        parser.exit(1, f"{error}\n")
+
+    def end(_: int, __: FrameType | None) -> None:
+        threading.Thread(target=master.close).start()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
+    print(f"export ROS_MASTER_URI={master.uri}", flush=True)
+    while not master.wait_closed(1.0):
+        pass
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The parts of the small master: who is there, parameters, and telling nodes what changed."""
