@@ -32,6 +32,13 @@ OPENMP = "libgomp.so.1"
 ATOMIC = "libatomic.so.1"
 """Another of its runtimes, which Playwright's wheel leaves to the system."""
 
+ROS = (
+    "python3-rosmaster python3-rospy python3-rostopic python3-rosservice python3-genpy"
+    " python3-actionlib python3-std-msgs python3-sensor-msgs python3-geometry-msgs ros-std-msgs"
+    " ros-sensor-msgs ros-geometry-msgs ros-trajectory-msgs ros-actionlib-msgs"
+)
+"""What of Debian's ROS 1 our node is tested against; nothing else needs it."""
+
 WITHIN_S = 900.0
 """What one command may take; the longest one downloads a browser of 0.3 GB."""
 
@@ -63,6 +70,7 @@ def main() -> None:
     if options.purpose == "test":
         bring_browser(python)
         bring_compiler(python, options.wheel)
+        bring_ros(python)
 
 
 def bring_openmp() -> None:
@@ -157,8 +165,18 @@ def bring_compiler(python: Path, wheel: Path | None) -> None:
         say("the tests of machine code will be skipped; to have them: apt-get install gcc")
 
 
-def install_of_distribution(package: str) -> bool:
-    """Install a package of Debian or its kin; False where that cannot be done without asking."""
+def bring_ros(python: Path) -> None:
+    """ROS 1 for the tests, under the system's Python: what is there, or the distribution's."""
+    search = str(python), "-m", "tests.sim.ros1.debian"
+    if succeeds(*search):
+        return
+    say("no ROS 1, which the ROS 1 node is tested against (58 packages, 60 MB)")
+    if not (install_of_distribution(*ROS.split()) and succeeds(*search)):
+        say(f"tests against ROS 1 will be skipped; to have them: apt-get install {ROS}")
+
+
+def install_of_distribution(*packages: str) -> bool:
+    """Install packages of Debian or its kin; False where that cannot be done without asking."""
     if shutil.which("apt-get") is None:
         return False
     if os.geteuid() == 0:
@@ -169,7 +187,7 @@ def install_of_distribution(package: str) -> bool:
         return False
     quiet = (*as_root, "env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "-qq")
     update = *quiet, "update"
-    get = *quiet, "install", "--yes", "--no-install-recommends", package
+    get = *quiet, "install", "--yes", "--no-install-recommends", *packages
     say(f"running: {shlex.join(update)} && {shlex.join(get)}")
     is_installed = succeeds(*update) and succeeds(*get)
     if not is_installed:

@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+from tests.sim.ros1.debian import PACKAGES
+
 SCRIPT = Path(__file__).parents[1] / "scripts" / "set_up.py"
 APT_GET = "env DEBIAN_FRONTEND=noninteractive apt-get -qq"
 
@@ -206,6 +208,29 @@ def test_a_compiler_that_cannot_be_had_is_told(
         "pip install --quiet --disable-pip-version-check some.whl[compiler]"
     )
     assert "the tests of machine code will be skipped" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("as_root")
+def test_ros_is_the_distributions_or_else_told_as_missing(
+    script: Any, system: System, capsys: pytest.CaptureFixture[str]
+) -> None:
+    system.add("python", status=1)
+    system.add("apt-get")
+    script.bring_ros(system.programs / "python")
+    assert system.called == [
+        "python -m tests.sim.ros1.debian",
+        "apt-get -qq update",
+        f"apt-get -qq install --yes --no-install-recommends {PACKAGES}",
+        "python -m tests.sim.ros1.debian",
+    ]
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("set-up: tests against ROS 1 will be skipped; to have them: apt-get")
+
+
+def test_ros_that_is_there_is_enough(script: Any, system: System) -> None:
+    system.add("python")
+    script.bring_ros(system.programs / "python")
+    assert system.called == ["python -m tests.sim.ros1.debian"]
 
 
 def test_an_old_python_is_told_in_one_sentence(
