@@ -18,6 +18,11 @@ import rospy
 
 
 def class_of(name: str) -> Any:
+    """Of a message, or of a part of a service."""
+    for part in ("Request", "Response"):
+        if name.endswith(part):
+            service = service_class_of(name[: -len(part)])
+            return getattr(service, f"_{part.lower()}_class")
     return roslib.message.get_message_class(name)
 
 

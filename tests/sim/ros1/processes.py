@@ -77,9 +77,12 @@ class Process:
 class Peer(Process):
     """A node of rospy; `ask` has it do what peer.py can."""
 
-    def __init__(self, name: str, *, uri: str, classes: Path, log: Path) -> None:
+    def __init__(
+        self, name: str, *, uri: str, classes: Path, log: Path, start: bool = True
+    ) -> None:
         super().__init__(PYTHON, str(SCRIPT), uri=uri, classes=classes, log=log)
-        self.name = self.ask("start", name)
+        if start:
+            self.ask("start", name)
 
     def ask(self, method: str, *args: Any) -> Any:
         stdin, stdout = self.process.stdin, self.process.stdout
