@@ -1,0 +1,1 @@
+"""What `scripts/measure_ros1.py` measures."""
