@@ -58,12 +58,13 @@ def debian_master(classes: Path) -> Iterator[DebianMaster]:
 
 
 @pytest.fixture(scope="module", params=["our master", "Debian's master"])
-def master_uri(request: pytest.FixtureRequest, classes: Path) -> Iterator[str]:
+def master_uri(request: pytest.FixtureRequest) -> Iterator[str]:
     """Where a master is that the tests of a module share: either one in turn."""
     if request.param == "our master":
         with Master(port=0) as master:
             yield master.uri
     else:
+        classes = request.getfixturevalue("classes")
         debians = DebianMaster(
             port=free_port(), classes=classes, log=classes / f"m{next(_NUMBERS)}"
         )

@@ -174,7 +174,11 @@ def connect(place: Place, *, node: str, timeout_s: float) -> socket.socket:
     """
     address = resolve(place.host, node=node)
     try:
-        return socket.create_connection((address, place.port), timeout_s)
+        sock = socket.create_connection((address, place.port), timeout_s)
+        if sock.getsockname() == sock.getpeername():  # where nobody listened, it may meet itself
+            sock.close()
+            raise ConnectionRefusedError("Connection refused")
+        return sock
     except (OSError, OverflowError) as cause:
         reason = "no answer" if isinstance(cause, TimeoutError) else str(cause)
         raise RosConnectionError(

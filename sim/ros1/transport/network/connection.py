@@ -21,6 +21,9 @@ SEND_BUFFER = 65_536
 """What the system keeps of what a slow reader has not taken, in bytes: little, or it would read
 seconds of old messages."""
 
+LINGER_S = 10.0
+"""How long a peer may take to read the last that is sent to it."""
+
 _LOG = logging.getLogger(__name__)
 
 
@@ -106,11 +109,14 @@ class Connection(NotCopied, OneLine):
             self._sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
 
     def expect_within(self, time_s: float | None) -> None:
-        """Give the peer up unless this is called again in time; None waits for ever."""
+        """Give the peer up unless this is called again in time; None waits for ever.
+
+        For the loop's thread.
+        """
         if self._deadline is not None:
             self._deadline.cancel()
         self._deadline = None
-        if time_s is not None:
+        if time_s is not None and self._is_open:
             reason = f"{time_s:g} s of silence"
             self._deadline = self._loop.later(time_s, lambda: self.give_up(reason))
 
@@ -130,11 +136,13 @@ class Connection(NotCopied, OneLine):
             self._loop.call(self._watch)
 
     def close_after_sending(self) -> None:
-        """Close when all that waits is sent. Any thread may call it."""
+        """Close when all that waits is sent, or has not been in time. Any thread may call it."""
         with self._lock:
             self._is_closing = True
             is_left = bool(self._rest)
-        if not is_left:
+        if is_left:
+            self._loop.call(lambda: self.expect_within(LINGER_S))
+        else:
             self._loop.call(self.close)
 
     def close(self) -> None:

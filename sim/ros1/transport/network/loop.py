@@ -23,6 +23,9 @@ WRITE = selectors.EVENT_WRITE
 CLOSING_S = 2.0
 """How long a loop that is closed may take to finish what it does."""
 
+FEW_TIMERS = 64
+"""So many are kept even when they are cancelled."""
+
 Ready: TypeAlias = Callable[[int], None]
 """Told which of `READ` and `WRITE` a socket is ready for."""
 
@@ -34,6 +37,11 @@ class Timer:
 
     def __init__(self, function: Callable[[], None]) -> None:
         self._function: Callable[[], None] | None = function
+
+    @property
+    def is_cancelled(self) -> bool:
+        """Whether it will not be called."""
+        return self._function is None
 
     def cancel(self) -> None:
         """Do not call; when it has been called already, this changes nothing."""
@@ -57,6 +65,7 @@ class Loop(NotCopied, OneLine):
         self._selector = selectors.DefaultSelector()
         self._calls: deque[Callable[[], None]] = deque()
         self._timers: list[tuple[float, int, Timer]] = []
+        self._most_timers = FEW_TIMERS
         self._numbers = count()
         self._is_closing = False
         self._wake, self._woken = socket.socketpair()
@@ -82,7 +91,7 @@ class Loop(NotCopied, OneLine):
         """Call it after a time, unless the timer is cancelled before."""
         timer = Timer(function)
         due = time.monotonic() + delay_s
-        self.call(lambda: heapq.heappush(self._timers, (due, next(self._numbers), timer)))
+        self.call(lambda: self._keep(due, timer))
         return timer
 
     def watch(self, sock: socket.socket, events: int, ready: Ready) -> None:
@@ -103,6 +112,13 @@ class Loop(NotCopied, OneLine):
         self.call(lambda: None)
         if not self.is_here:
             self._thread.join(CLOSING_S)
+
+    def _keep(self, due: float, timer: Timer) -> None:
+        if len(self._timers) >= self._most_timers:
+            self._timers = [each for each in self._timers if not each[2].is_cancelled]
+            heapq.heapify(self._timers)
+            self._most_timers = max(FEW_TIMERS, 2 * len(self._timers))
+        heapq.heappush(self._timers, (due, next(self._numbers), timer))
 
     def _run(self) -> None:
         while not self._is_closing or self._calls:

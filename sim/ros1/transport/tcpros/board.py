@@ -58,6 +58,11 @@ class Board(NotCopied, OneLine):
         )
         self.place = Place(home.name, self._listener.place.port)
 
+    @property
+    def connections(self) -> tuple[Connection, ...]:
+        """Those that others have opened: readers, clients, and who has not said yet."""
+        return self._listener.connections
+
     def close(self) -> None:
         """Send everybody away, in the loop's thread."""
         self._listener.close()

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import TypeAlias
 
 from baxter_kin.value_objects import NotCopied, OneLine, listing
@@ -23,6 +24,9 @@ from sim.ros1_fields import Message
 from sim.ros1_messages import MessageType
 
 CONNECT_S = 3.0
+
+MOST_PUBLISHERS = 100
+"""Of one topic; what is told beyond is nobody's."""
 
 RETRY_S = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 """How long to wait before the next attempt to reach a publisher; the last goes for all further."""
@@ -127,8 +131,9 @@ class Subscription(NotCopied, OneLine):
         One that is not among them is not sought again, but kept as long as it keeps the connection:
         a master that was restarted knows nobody.
         """
+        first = tuple(islice(uris, MOST_PUBLISHERS))
         with self._lock:
-            self._wanted = frozenset(uris)
+            self._wanted = frozenset(first)
             added = [uri for uri in self._wanted if uri not in self._links and not self._is_closed]
             links = [_Link(uri, f"a publisher of {self.topic}") for uri in added]
             self._links.update(zip(added, links, strict=True))

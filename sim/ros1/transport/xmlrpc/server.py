@@ -144,9 +144,11 @@ class XmlRpcServer(NotCopied, OneLine):
             args, name = xmlrpc.client.loads(body)
         except NOT_XMLRPC as cause:
             raise ProtocolError(f"no XML-RPC: {quoted(str(cause))}") from cause
+        if name is None:
+            raise ProtocolError("an answer of XML-RPC instead of a call")
         answer: object
         try:
-            method = self._methods[str(name)]
+            method = self._methods[name]
         except KeyError:
             answer = xmlrpc.client.Fault(FAILURE, f"there is no method {quoted(name)}")
             return _written(answer)

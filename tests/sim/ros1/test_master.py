@@ -1,0 +1,200 @@
+"""Our master, and Debian's: the same questions have the same answers."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.errors import RosConnectionError, RosError
+from sim.ros1.master import Master
+from sim.ros1.mastering.parameters import Parameters
+from sim.ros1.transport.network.addresses import Home
+from sim.ros1.transport.network.counts import Tally
+from sim.ros1.transport.network.loop import Loop
+from sim.ros1.transport.xmlrpc.client import ask
+from sim.ros1.transport.xmlrpc.server import XmlRpcServer
+from tests.sim.ros1.conftest import MakeNode
+from tests.sim.ros1.processes import until
+from tests.sim.ros1.wire import listening_addresses, own_sockets
+
+TEXT = "std_msgs/String"
+NOWHERE = "http://127.0.0.1:1/"
+HERE = Home("127.0.0.1", "127.0.0.1")
+VALUES: Any = st.recursive(
+    st.booleans() | st.integers(-(2**31), 2**31 - 1) | st.floats(allow_nan=False) | st.just("ü<&"),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from("abc"), inner),
+    max_leaves=8,
+)
+
+
+def asked(uri: str, method: str, *args: Any) -> Any:
+    return ask(uri, method, "/asker", *args, node="the master", timeout_s=20.0)
+
+
+def test_what_is_registered_is_told(master_uri: str) -> None:
+    assert asked(master_uri, "registerPublisher", "/m/t", TEXT, NOWHERE) == []
+    assert asked(master_uri, "registerSubscriber", "/m/t", TEXT, NOWHERE) == [NOWHERE]
+    assert asked(master_uri, "registerPublisher", "/m/t", TEXT, NOWHERE) == [NOWHERE]
+    asked(master_uri, "registerService", "/m/s", "rosrpc://127.0.0.1:2", NOWHERE)
+    assert asked(master_uri, "lookupService", "/m/s") == "rosrpc://127.0.0.1:2"
+    assert asked(master_uri, "lookupNode", "/asker") == NOWHERE
+    assert ["/m/t", TEXT] in asked(master_uri, "getPublishedTopics", "/m")
+    assert ["/m/t", TEXT] not in asked(master_uri, "getPublishedTopics", "/other")
+    publishers, subscribers, services = asked(master_uri, "getSystemState")
+    assert ["/m/t", ["/asker"]] in publishers
+    assert ["/m/t", ["/asker"]] in subscribers
+    assert ["/m/s", ["/asker"]] in services
+    assert asked(master_uri, "unregisterPublisher", "/m/t", NOWHERE) == 1
+    assert asked(master_uri, "unregisterPublisher", "/m/t", NOWHERE) == 0
+    assert asked(master_uri, "unregisterSubscriber", "/m/t", NOWHERE) == 1
+    assert asked(master_uri, "unregisterService", "/m/s", "rosrpc://127.0.0.1:2") == 1
+    with pytest.raises(RosError, match="unknown node"):
+        asked(master_uri, "lookupNode", "/asker")
+    assert ["/m/t", TEXT] in asked(master_uri, "getTopicTypes")
+
+
+@pytest.mark.parametrize(
+    ("method", "args"),
+    [
+        ("lookupService", ("/none",)),
+        ("lookupNode", ("/none",)),
+        ("getParam", ("/none",)),
+        ("deleteParam", ("/none",)),
+        ("searchParam", ("none",)),
+    ],
+)
+def test_what_is_not_there_is_refused(master_uri: str, method: str, args: tuple[str, ...]) -> None:
+    with pytest.raises(RosError, match=f"the master refused {method}"):
+        asked(master_uri, method, *args)
+
+
+@given(value=VALUES)
+def test_parameters_come_back(value: Any) -> None:
+    with Master(port=0) as master:
+        asked(master.uri, "setParam", "/p/value", value)
+        assert asked(master.uri, "getParam", "/p/value") == value
+        assert asked(master.uri, "getParam", "p") == {"value": value}
+
+
+def test_parameters_are_a_tree(master_uri: str) -> None:
+    asked(master_uri, "setParam", "/tree", {"a": {"b": 1, "c": 2}, "d": 3})
+    asked(master_uri, "setParam", "/tree/a/b", 4)
+    assert asked(master_uri, "getParam", "/tree") == {"a": {"b": 4, "c": 2}, "d": 3}
+    asked(master_uri, "deleteParam", "/tree/a/b")
+    assert {"/tree/a/c", "/tree/d"} <= set(asked(master_uri, "getParamNames"))
+    assert asked(master_uri, "hasParam", "/tree/a/b") is False
+    assert asked(master_uri, "hasParam", "/tree/a") is True
+    asked(master_uri, "setParam", "/tree/d/e", 5)
+    assert asked(master_uri, "getParam", "/tree/d") == {"e": 5}
+    asked(master_uri, "deleteParam", "/tree")
+    assert asked(master_uri, "hasParam", "/tree") is False
+
+
+def test_the_nearest_parameter_is_found_upwards() -> None:
+    parameters = Parameters()
+    parameters.set("/rate", 1)
+    parameters.set("/robot/rate", 2)
+    parameters.set("/robot/limb", {"left": {"gain": 3}})
+    assert parameters.search("rate", "/robot/node") == "/robot/rate"
+    assert parameters.search("rate", "/other/node") == "/rate"
+    assert parameters.search("limb/left/gain", "/robot/node") == "/robot/limb/left/gain"
+    assert parameters.search("/robot/rate", "/other") == "/robot/rate"
+    with pytest.raises(RosError, match="Cannot find"):
+        parameters.search("none", "/robot/node")
+
+
+def test_everything_may_be_set_and_removed_at_once() -> None:
+    parameters = Parameters()
+    parameters.set("/", {"a": 1})
+    assert parameters.names() == ["/a"]
+    with pytest.raises(RosError, match="cannot set /"):
+        parameters.set("/", 3)
+    parameters.delete("/a")
+    assert parameters.names() == []
+
+
+def test_who_asked_is_told_of_a_parameter_that_changes() -> None:
+    told: list[tuple[Any, ...]] = []
+
+    def param_update(*args: Any) -> tuple[int, str, int]:
+        told.append(args)
+        return 1, "", 0
+
+    tally = Tally()
+    loop = Loop("watcher", tally)
+    server = XmlRpcServer(HERE, 0, loop, tally, {"paramUpdate": param_update})
+    with Master(port=0) as master:
+        assert asked(master.uri, "subscribeParam", server.uri, "/rate") == {}
+        asked(master.uri, "setParam", "/other", 1)
+        asked(master.uri, "setParam", "/rate", 2)
+        assert until(lambda: told) == [("/master", "/rate", 2)]
+        assert asked(master.uri, "unsubscribeParam", server.uri, "/rate") == 1
+        assert asked(master.uri, "unsubscribeParam", server.uri, "/rate") == 0
+    loop.call(server.close)
+    loop.close()
+
+
+def test_a_service_is_taken_over_by_the_last_who_offers_it(
+    own_master: str, make_node: MakeNode
+) -> None:
+    def answer(_: Any) -> Any:
+        raise AssertionError("nobody calls")
+
+    first, second = make_node("/first", own_master), make_node("/second", own_master)
+    service = first.serve("/s", "gazebo_msgs/DeleteModel", answer)
+    second.serve("/s", "gazebo_msgs/DeleteModel", answer)
+    assert first.providers_of("/s") == ("/second",)
+    service.close()
+    assert first.providers_of("/s") == ("/second",)
+
+
+def test_a_node_that_does_not_answer_delays_nobody(own_master: str, make_node: MakeNode) -> None:
+    asked(own_master, "registerSubscriber", "/t", TEXT, NOWHERE)
+    reader = make_node("/reader", own_master)
+    subscriber = reader.subscribe("/t", TEXT, lambda _: None)
+    make_node("/writer", own_master).advertise("/t", TEXT)
+    until(lambda: subscriber.writers)
+
+
+def test_wrong_calls_are_answered_with_words(own_master: str) -> None:
+    with pytest.raises(RosError, match="there is no method 'launch'"):
+        asked(own_master, "launch")
+    with pytest.raises(RosError, match=r"registerPublisher: .*missing 3 required"):
+        asked(own_master, "registerPublisher")
+
+
+def test_it_listens_on_its_address_alone() -> None:
+    before = own_sockets()
+    with Master(port=0):
+        assert listening_addresses(own_sockets() - before) == {"0100007F"}
+    until(lambda: own_sockets() == before)
+
+
+def test_a_port_that_is_taken_is_told() -> None:
+    with Master(port=0) as master:
+        port = int(master.uri.rstrip("/").rpartition(":")[2])
+        with pytest.raises(RosConnectionError, match=rf"cannot listen on 127\.0\.0\.1:{port}"):
+            Master(port=port)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_its_process_says_where_it_is_and_ends_when_it_is_told(number: signal.Signals) -> None:
+    command = [sys.executable, "-m", "sim.ros1.master", "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        found = re.fullmatch(
+            r"export ROS_MASTER_URI=(http://127\.0\.0\.1:\d+/)\n", process.stdout.readline()
+        )
+        assert found is not None
+        assert asked(found[1], "getUri") == found[1]
+        assert asked(found[1], "getPid") == process.pid != os.getpid()
+        process.send_signal(number)
+        assert process.wait(20.0) == 0
