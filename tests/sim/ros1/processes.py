@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import selectors
 import signal
 import socket
@@ -67,6 +68,15 @@ class Process:
     def kill(self) -> None:
         """End it as the power does."""
         self.end(signal.SIGKILL)
+
+    def said_matching(self, pattern: str) -> re.Match[str]:
+        """The first line of its output in which a pattern is found."""
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            found = re.search(pattern, line.decode())
+            if found:
+                return found
+        raise AssertionError(f"it never said {pattern}: {self.said}")
 
     @property
     def said(self) -> str:

@@ -10,9 +10,10 @@ import pytest
 
 from sim.errors import ServiceRefused
 from sim.ros1.definitions import message_type, service_type
+from sim.ros1.transport import registry
 from sim.ros1_fields import Message
 from tests.sim.ros1.conftest import MakeNode, MakePeer
-from tests.sim.ros1.processes import Peer, until
+from tests.sim.ros1.processes import DebianMaster, Peer, until
 
 JOINT_STATE = message_type("sensor_msgs/JointState")
 COMMAND = message_type("baxter_core_msgs/JointCommand")
@@ -213,6 +214,34 @@ def test_a_publisher_that_is_killed_is_sought_and_found_when_it_is_back(
         until(lambda: received)
         victim.kill()
         until(lambda: not subscriber.writers)
+
+
+def test_debians_master_that_is_restarted_learns_of_us_again(
+    debian_master: DebianMaster,
+    classes: Path,
+    make_node: MakeNode,
+    make_peer: MakePeer,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(registry, "EVERY_S", 0.05)
+    node = make_node("/ours", debian_master.uri)
+    publisher = node.advertise("/t", TEXT.name)
+    old = make_peer("old", debian_master.uri)
+    old.ask("subscribe", "/t", TEXT.name)
+    until(lambda: publisher.readers)
+    debian_master.kill()
+    publisher.send(data="no master, and still heard")
+    until(lambda: old.published("/t"))
+    again = DebianMaster(port=debian_master.port, classes=classes, log=classes / "again")
+    try:
+        until(lambda: node.counts.registrations)
+        new = make_peer("new", debian_master.uri)
+        new.ask("subscribe", "/t", TEXT.name)
+        until(lambda: "/new" in publisher.readers)
+        publisher.send(data="x")
+        until(lambda: new.published("/t") and old.published("/t"))
+    finally:
+        again.kill()
 
 
 def test_a_node_of_rospy_takes_our_name(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import socket
+from typing import Any
+
 import pytest
 
 from sim.errors import RosConnectionError, RosMessageError
@@ -80,3 +83,20 @@ def test_nobody_there_is_told_with_place_and_node() -> None:
         connect(place, node="/robot", timeout_s=1.0)
     assert (caught.value.host, caught.value.node) == (str(place), "/robot")
     assert "firewall" in caught.value.remedy
+
+
+def test_a_connection_that_met_itself_is_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As Linux makes one, now and then, to a port of this computer where nobody listens."""
+    made: list[socket.socket] = []
+
+    def meet_itself(*_: Any) -> socket.socket:
+        sock = socket.socket()
+        made.append(sock)
+        sock.bind(("127.0.0.1", 0))
+        sock.connect(sock.getsockname())
+        return sock
+
+    monkeypatch.setattr(socket, "create_connection", meet_itself)
+    with pytest.raises(RosConnectionError, match="Connection refused"):
+        connect(Place("127.0.0.1", 1), node="/robot", timeout_s=1.0)
+    assert made[0].fileno() == -1
