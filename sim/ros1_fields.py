@@ -42,7 +42,8 @@ _BASE, _NAMED, _ARRAY = 1, 2, 3
 """How the library numbers the kinds of field: one value, one message, an array of fixed length;
 what is left is an array of any length."""
 
-_TIMES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
+_TIMES = {"builtin_interfaces/msg/Time": "time", "builtin_interfaces/msg/Duration": "duration"}
+"""What the library calls ROS 1's times, and what ROS 1 does."""
 
 _HIDDEN = "structure_needs_at_least_one_member"
 """The library's field of a message without fields."""
@@ -74,7 +75,7 @@ class MessageMaker:
             full_name: the library's, such as "sensor_msgs/msg/JointState".
             store: where their types are.
         """
-        self._name = full_name.replace("/msg/", "/")
+        self._name = _TIMES.get(full_name, full_name.replace("/msg/", "/"))
         self._is_time = full_name in _TIMES
         found = store.get_msgdef(full_name)
         self._class: Callable[..., Message] = found.cls

@@ -115,6 +115,16 @@ def test_a_header_takes_seconds() -> None:
     assert (stamp.sec, stamp.nanosec) == (1, 250_000_000)
 
 
+def test_seconds_of_a_time_are_unsigned_and_of_a_duration_signed() -> None:
+    time, duration = TYPES.message("std_msgs/Time"), TYPES.message("std_msgs/Duration")
+    latest = time.make(data={"sec": 2**32 - 1, "nanosec": 999_999_999})
+    assert time.serialise(latest) == b"\xff\xff\xff\xff\xff\xc9\x9a\x3b"
+    assert time.deserialise(time.serialise(latest)) == latest
+    assert duration.deserialise(duration.serialise(duration.make(data=-0.25))).data.sec == -1
+    with pytest.raises(RosMessageError, match="data: time.sec: a uint32 is 0 to 4294967295"):
+        time.make(data=-1.0)
+
+
 @pytest.mark.parametrize(
     ("values", "words"),
     [
