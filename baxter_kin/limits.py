@@ -1,9 +1,23 @@
-"""JointLimits: position, velocity, acceleration and jerk of every joint, each with its origin."""
+"""JointLimits: position, velocity, acceleration and jerk of every joint, each with its origin.
+
+Rethink published neither acceleration nor jerk, so these come as presets, with their evidence: what
+real Baxters did in public recordings, 99.9 percentile of the magnitude for each joint, s0 to w2.
+
+| recordings | rad/s^2 | rad/s^3 |
+|---|---|---|
+| driven by torques, window of 0.51 s | 6.3 7.2 2.6 8.1 7.3 14 9.9 | 40 44 17 46 41 83 66 |
+| the same, window of 0.31 s | 6.7 7.7 3.6 9.1 9.8 20 14 | 55 64 37 72 100 211 144 |
+| guided by hand, window of 0.31 s | 3.0 4.1 5.0 8.0 20 34 32 | 24 34 45 57 153 271 295 |
+
+The first two are 16 files of 902 s at 99.6 Hz (EduardoRosLab/Baxter_Dynamic_Model on GitHub), the
+third is 59 files of 2493 s. An encoder step of 0.38 mrad makes noise of jerk: trust accelerations.
+In position mode neither limits a Baxter, but speed: it lags by about 0.4 s times its velocity.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeGuard
 
@@ -13,6 +27,7 @@ from numpy.typing import ArrayLike
 from baxter_kin.errors import (
     ConfigurationError,
     LimitsError,
+    UnknownNameError,
     degrees_hint,
     expect,
     quoted,
@@ -27,14 +42,87 @@ DEFAULT_ACCELERATION_RAD_S2 = 2.0
 DEFAULT_JERK_RAD_S3 = 20.0
 """Nobody published a jerk limit for Baxter; the toolkit's choice: full acceleration in 0.1 s."""
 
+_URDF = "the robot's URDF"
+
+_JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
+
+
+@dataclass(frozen=True, slots=True)
+class _Preset:
+    """Accelerations and jerks of the joints s0 to w2, rad/s^2 and rad/s^3, and their origins."""
+
+    a_max: tuple[float, ...]
+    j_max: tuple[float, ...]
+    acceleration: str
+    jerk: str
+
+
+_REACHED = "of the 99.9 percentile of real Baxters under torque control"
+
+_PRESETS: Mapping[str, _Preset] = {
+    "safe": _Preset(
+        a_max=(DEFAULT_ACCELERATION_RAD_S2,) * 7,
+        j_max=(DEFAULT_JERK_RAD_S3,) * 7,
+        acceleration="preset safe: MoveIt's Baxter configuration, 2 rad/s^2 for every joint; a "
+        f"seventh (w1) to three quarters (e0), mostly a third, {_REACHED}",
+        jerk="preset safe: this toolkit's choice, 20 rad/s^3 for every joint; nobody published "
+        "one; full acceleration in 0.1 s",
+    ),
+    "torque-control": _Preset(
+        a_max=(4.0, 4.0, 2.0, 4.0, 6.0, 8.0, 6.0),
+        j_max=(40.0,) * 7,
+        acceleration="preset torque-control: 4 4 2 4 6 8 6 rad/s^2; real Baxters under torque "
+        "control reached 6.3 7.2 2.6 8.1 7.3 14 9.9 (99.9 percentile of 902 s at 99.6 Hz, window "
+        "of 0.51 s, EduardoRosLab/Baxter_Dynamic_Model)",
+        jerk="preset torque-control: 40 rad/s^3 for every joint; there they reached 40 44 17 46 41 "
+        "83 66, by encoders that make jerk uncertain",
+    ),
+}
+
 DEFAULT_ORIGINS: Mapping[str, str] = FrozenMapping(
     {
-        "position": "the robot's URDF",
-        "velocity": "the robot's URDF",
-        "acceleration": "MoveIt's Baxter configuration, 2.0 rad/s^2 for every joint",
-        "jerk": "this toolkit's choice, 20 rad/s^3 for every joint; nobody published one",
+        "position": _URDF,
+        "velocity": _URDF,
+        "acceleration": _PRESETS["safe"].acceleration,
+        "jerk": _PRESETS["safe"].jerk,
     }
 )
+
+PRESETS = tuple(_PRESETS)
+"""The names that `JointLimits.preset` knows."""
+
+_STOCK = {
+    "q_min": (-1.70167993878, -2.147, -3.05417993878, -0.05, -3.059, -1.57079632679, -3.059),
+    "q_max": (1.70167993878, 1.047, 3.05417993878, 2.618, 3.059, 2.094, 3.059),
+    "v_max": (1.5, 1.5, 1.5, 1.5, 4.0, 4.0, 4.0),
+}
+"""Of Rethink's URDF, joints s0 to w2, rad and rad/s."""
+
+
+class _PresetOf:
+    """`JointLimits.preset`, which knows whether limits or their class were asked."""
+
+    def __get__(self, limits: JointLimits | None, owner: object) -> Callable[[str], JointLimits]:
+        def preset(name: str) -> JointLimits:
+            """Limits with the accelerations and jerks of a preset.
+
+            Positions and velocities remain: `arm.limits.preset(name)` has those of that arm, and
+            `JointLimits.preset(name)` those of the stock robot's left arm.
+
+            Args:
+                name: one of `PRESETS`. "safe" is what arms have when loaded; "torque-control" is
+                    for a Baxter whose joints are driven by torques, and inside what such have done.
+
+            Raises:
+                UnknownNameError: when there is no such preset.
+                LimitsError: when the limits are not those of a Baxter's arm.
+            """
+            chosen = _PRESETS.get(name) if isinstance(name, str) else None
+            if chosen is None:
+                raise UnknownNameError("preset", name, PRESETS)
+            return _with_preset(_stock() if limits is None else limits, chosen)
+
+        return preset
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -62,6 +150,8 @@ class JointLimits(Frozen, OneLine):
     a_max: FloatArray
     j_max: FloatArray
     origins: Mapping[str, str] = field(default_factory=lambda: DEFAULT_ORIGINS)
+
+    preset = _PresetOf()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", _checked_names(self.names))
@@ -161,6 +251,30 @@ class JointLimits(Frozen, OneLine):
                 )
             for what in ("v_max", "a_max", "j_max"):
                 positive_scalar(getattr(self, what)[i], f"{what} of {name}", LimitsError)
+
+
+def _stock() -> JointLimits:
+    """Of the stock robot's left arm."""
+    low, high, fast = (np.array(_STOCK[name]) for name in ("q_min", "q_max", "v_max"))
+    a, j = np.array(_PRESETS["safe"].a_max), np.array(_PRESETS["safe"].j_max)
+    return JointLimits(_arm_joints("left"), low, high, fast, a, j)
+
+
+def _arm_joints(side: str) -> tuple[str, ...]:
+    return tuple(f"{side}_{joint}" for joint in _JOINTS)
+
+
+def _with_preset(limits: JointLimits, chosen: _Preset) -> JointLimits:
+    if limits.names not in (_arm_joints("left"), _arm_joints("right")):
+        names = ", ".join(limits.names)
+        raise LimitsError(f"presets are for the seven joints of a Baxter's arm, not for {names}")
+    said = {"acceleration": chosen.acceleration, "jerk": chosen.jerk}
+    return replace(
+        limits,
+        a_max=np.array(chosen.a_max),
+        j_max=np.array(chosen.j_max),
+        origins={**limits.origins, **said},
+    )
 
 
 def _checked_tolerance(tolerance: object) -> float:

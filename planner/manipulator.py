@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, Baxter, IKService, JointLimits
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import ConfigurationError, expect
+from baxter_kin.errors import ConfigurationError, LimitsError, expect
 from baxter_kin.validation import FloatArray, check_fields, finite_array, float_array
 from baxter_kin.value_objects import Frozen, OneLine, millimetres
 from planner.collision.checker import ClearanceChecker
@@ -62,18 +62,20 @@ class Manipulator(Frozen, OneLine):
         limb: str,
         *,
         speed_ratio: float = 1.0,
+        limits: JointLimits | None = None,
         q_others: FloatArray | None = None,
         body: RobotBody | None = None,
     ) -> Manipulator:
         """Everything for one limb, its velocity limits scaled by `speed_ratio` in (0, 1].
 
+        Where `limits` are not given, they are the arm's own; `arm.limits.preset` knows others.
         Where `q_others` is not given, the other arm is in neutral and its hand open, as in a new
         world. Where `body` is not given, the robot is `RobotBody.load()`.
 
         Raises:
             UnknownNameError: when `limb` is neither "left" nor "right".
             SceneError: when that arm has no fingers.
-            LimitsError: when the ratio is outside (0, 1].
+            LimitsError: when the ratio is outside (0, 1], or the limits are of other joints.
             ConfigurationError: when `q_others` has another shape or is not finite.
         """
         expect(robot, Baxter, "robot", TaskError)
@@ -84,7 +86,7 @@ class Manipulator(Frozen, OneLine):
             ik=IKService(arm),
             hand=Hand.of(robot, arm, shapes),
             shapes=shapes,
-            limits=arm.limits.scaled(speed_ratio),
+            limits=_limits_of(arm, limits).scaled(speed_ratio),
             q_others=_at_rest(robot, shapes) if q_others is None else q_others,
         )
 
@@ -160,6 +162,19 @@ class Manipulator(Frozen, OneLine):
     def _facts(self) -> tuple[str, ...]:
         opening = f"hand opens {millimetres(self.hand.open_gap_m)}"
         return repr(self.arm), opening, f"up to {self.limits.v_max.max():g} rad/s"
+
+
+def _limits_of(arm: Arm, limits: JointLimits | None) -> JointLimits:
+    """The arm's own limits, or those given, which must be of its joints."""
+    if limits is None:
+        return arm.limits
+    names = expect(limits, JointLimits, "limits", TaskError).names
+    if names != arm.joint_names:
+        raise LimitsError(
+            f"the limits are those of {', '.join(names)}; the {arm.side} arm has: "
+            f"{', '.join(arm.joint_names)}"
+        )
+    return limits
 
 
 def _at_rest(robot: Baxter, shapes: RobotShapes) -> FloatArray:

@@ -19,6 +19,7 @@ from baxter_kin.command_line import (
     hands_of,
 )
 from baxter_kin.description import RobotDescription
+from baxter_kin.limits import PRESETS
 from planner.plan import Plan
 from planner.plan_file import load_plan
 from planner.verification.inspection import verify
@@ -71,7 +72,15 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
             type=float,
             help=f"greatest {name} of every joint to judge by, {unit}; the robot's when not given",
         )
-    return parser.parse_args(argv)
+    parser.add_argument(
+        "--limits",
+        choices=PRESETS,
+        help="preset of acceleration and jerk to judge by (default: safe)",
+    )
+    options = parser.parse_args(argv)
+    if options.limits is not None and (options.acceleration, options.jerk) != (None, None):
+        parser.error("--limits says acceleration and jerk; give it, or --acceleration and --jerk")
+    return options
 
 
 def _checked(options: argparse.Namespace) -> int:
@@ -96,6 +105,8 @@ def _checked(options: argparse.Namespace) -> int:
 
 
 def _limits(plan: Plan, robot: RobotDescription, options: argparse.Namespace) -> JointLimits | None:
+    if options.limits is not None:
+        return robot_limits(UrdfRobot(robot, plan.limb)).preset(options.limits)
     if options.acceleration is None and options.jerk is None:
         return None
     return robot_limits(UrdfRobot(robot, plan.limb), options.acceleration, options.jerk)

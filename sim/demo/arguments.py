@@ -19,6 +19,7 @@ from baxter_kin.command_line import (
 )
 from baxter_kin.errors import millimetres_hint
 from baxter_kin.files import Destination
+from baxter_kin.limits import PRESETS
 from sim.demo.options import DEFAULT_POSES_M, DemoOptions
 
 DEFAULT_HOVER_M = 0.15
@@ -55,6 +56,7 @@ def parse_options(argv: Sequence[str] | None = None) -> DemoOptions:
         seed=raw.seed,
         cycles=cycles,
         speed_ratio=raw.speed,
+        limits=raw.limits,
         is_headless=raw.headless,
         html=raw.html,
         shows_body=raw.show_body,
@@ -202,6 +204,12 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
         default=1.0,
         metavar="RATIO",
         help="scale of the joint velocity limits, from 0.001 to 1 (default %(default)s)",
+    )
+    parser.add_argument(
+        "--limits",
+        choices=PRESETS,
+        default=PRESETS[0],
+        help="preset of joint accelerations and jerks (default %(default)s)",
     )
 
 

@@ -34,6 +34,7 @@ class DemoOptions:
         seed: of the noise.
         cycles: number of picks and places; None goes on until stopped.
         speed_ratio: scale of the velocity limits, in (0, 1].
+        limits: preset of accelerations and jerks.
         is_headless: without the live view, as fast as possible.
         html: where to write the replay, or None.
         shows_body: whether the replay can show the body that is planned with, too.
@@ -59,6 +60,7 @@ class DemoOptions:
     seed: int
     cycles: int | None
     speed_ratio: float
+    limits: str
     is_headless: bool
     html: Path | None
     shows_body: bool

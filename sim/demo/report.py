@@ -129,6 +129,7 @@ class Report(Observer):
             "limb": self.options.limb,
             "hover_distance_m": self.options.hover_m,
             "speed_ratio": self.options.speed_ratio,
+            "limits": self.options.limits,
             "margin_m": self.options.margin_m,
             "line_tolerance": dict(
                 zip(("position_m", "rotation_rad"), self.options.line_tolerance, strict=True)

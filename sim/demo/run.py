@@ -76,7 +76,11 @@ class _Demo:
         self._arm = self._robot.arm(options.limb)
         self._world = World(self._robot)
         self._manipulator = Manipulator.of(
-            self._robot, options.limb, speed_ratio=options.speed_ratio, q_others=self._world.q
+            self._robot,
+            options.limb,
+            speed_ratio=options.speed_ratio,
+            limits=self._arm.limits.preset(options.limits),
+            q_others=self._world.q,
         )
         self._bounds_s: dict[tuple[bytes, bytes], float] = {}
         self._is_plan_saved = False

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import JointLimits
-from baxter_kin.errors import ConfigurationError, LimitsError
+from baxter_kin import Baxter, JointLimits
+from baxter_kin.errors import ConfigurationError, LimitsError, UnknownNameError
+from baxter_kin.limits import PRESETS
 
 
 def limits(**changes: object) -> JointLimits:
@@ -145,3 +146,75 @@ def test_joint_values_in_degrees_are_asked_about() -> None:
         limits().check([45.0, 30.0])
     with pytest.raises(ConfigurationError, match=r"-1 .. 1$"):
         limits().check([3.5, 0.0])
+
+
+TORQUE_REACHED = {
+    "rad/s^2": [6.3, 7.2, 2.6, 8.1, 7.3, 14.0, 9.9],
+    "rad/s^3": [40.0, 44.0, 17.0, 46.0, 41.0, 83.0, 66.0],
+}
+"""99.9 percentile of the magnitude that real Baxters reached under torque control, s0 to w2."""
+
+
+class TestPresets:
+    """Accelerations and jerks, with what real Baxters did as their evidence."""
+
+    def test_safe_is_what_an_arm_has(self, robot: Baxter) -> None:
+        for arm in robot.arms.values():
+            found = arm.limits.preset("safe")
+            assert found.names == arm.joint_names
+            assert set(found.a_max) == {2.0}
+            assert set(found.j_max) == {20.0}
+            for name in ("q_min", "q_max", "v_max", "a_max", "j_max"):
+                np.testing.assert_array_equal(getattr(found, name), getattr(arm.limits, name))
+            assert found.origins == arm.limits.origins
+
+    def test_torque_control_is_harder_and_keeps_positions_and_velocities(
+        self, robot: Baxter
+    ) -> None:
+        own = robot.arm("right").limits.scaled(0.5)
+        found = own.preset("torque-control")
+        assert found.names == own.names
+        assert found.a_max.tolist() == [4.0, 4.0, 2.0, 4.0, 6.0, 8.0, 6.0]
+        assert set(found.j_max) == {40.0}
+        for name in ("q_min", "q_max", "v_max"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(own, name))
+        assert found.origins["velocity"] == own.origins["velocity"]
+
+    def test_of_the_class_it_is_the_stock_robots_left_arm(self, robot: Baxter) -> None:
+        own = robot.arm("left").limits
+        for name in PRESETS:
+            found, expected = JointLimits.preset(name), own.preset(name)
+            assert found.names == expected.names
+            assert found.origins == expected.origins
+            for array in ("q_min", "q_max", "v_max", "a_max", "j_max"):
+                np.testing.assert_allclose(
+                    getattr(found, array), getattr(expected, array), rtol=1e-12
+                )
+
+    @pytest.mark.parametrize("name", PRESETS)
+    def test_accelerations_are_inside_what_real_baxters_did(self, name: str) -> None:
+        assert (JointLimits.preset(name).a_max < TORQUE_REACHED["rad/s^2"]).all()
+
+    def test_origins_quote_the_evidence(self) -> None:
+        found = JointLimits.preset("torque-control").origins
+        assert set(found) == {"position", "velocity", "acceleration", "jerk"}
+        for kind, unit in (("acceleration", "rad/s^2"), ("jerk", "rad/s^3")):
+            assert " ".join(f"{value:g}" for value in TORQUE_REACHED[unit]) in found[kind]
+        assert "902 s" in found["acceleration"]
+        assert "MoveIt" in JointLimits.preset("safe").origins["acceleration"]
+
+    def test_another_preset_replaces_the_first(self, robot: Baxter) -> None:
+        own = robot.arm("left").limits
+        back = own.preset("torque-control").preset("safe")
+        np.testing.assert_array_equal(back.a_max, own.a_max)
+        assert back.origins == own.origins
+
+    @pytest.mark.parametrize("name", ["fast", "", "Safe", None, 5, ["safe"]])
+    def test_unknown_ones_are_refused_with_the_names_that_are_known(self, name: Any) -> None:
+        for preset in (JointLimits.preset, limits().preset):
+            with pytest.raises(UnknownNameError, match="use one of: safe, torque-control"):
+                preset(name)
+
+    def test_other_joints_than_an_arms_have_none(self) -> None:
+        with pytest.raises(LimitsError, match="joints of a Baxter's arm, not for a, b"):
+            limits().preset("safe")

@@ -82,6 +82,24 @@ def test_the_speed_ratio_scales_velocities_alone(robot: Baxter, manipulator: Man
     np.testing.assert_array_equal(slow.a_max, manipulator.limits.a_max)
 
 
+def test_given_limits_are_used_and_scaled(robot: Baxter) -> None:
+    harder = robot.arm("left").limits.preset("torque-control")
+    found = Manipulator.of(robot, "left", limits=harder, speed_ratio=0.5).limits
+    np.testing.assert_array_equal(found.a_max, harder.a_max)
+    np.testing.assert_allclose(found.v_max, 0.5 * harder.v_max, rtol=ROUNDING)
+
+
+def test_limits_of_other_joints_raise(robot: Baxter) -> None:
+    with pytest.raises(LimitsError, match=r"those of right_s0, .*; the left arm has: left_s0, "):
+        Manipulator.of(robot, "left", limits=robot.arm("right").limits)
+
+
+@pytest.mark.parametrize("limits", ["safe", 2.0])
+def test_limits_that_are_none_raise(robot: Baxter, limits: Any) -> None:
+    with pytest.raises(TaskError, match="limits must be of class JointLimits"):
+        Manipulator.of(robot, "left", limits=limits)
+
+
 def test_a_situation_has_the_fingers_as_far_open_as_is_said(manipulator: Manipulator) -> None:
     index = manipulator.robot.indices(manipulator.hand.joint_names)[0]
     context = manipulator.context(Scene.of(), finger_m=0.005)

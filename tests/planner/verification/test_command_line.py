@@ -101,6 +101,22 @@ def test_limits_can_be_said(
     assert "j_max of left_s0 must be" in capsys.readouterr().err
 
 
+def test_a_preset_of_limits_can_be_said(
+    plan: Plan, manipulator: Manipulator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    harder = manipulator.limits.preset("torque-control")
+    fast = plan_joint_move(plan.q_start, plan.q_start + 0.1, harder)
+    file = str(tmp_path / "fast.json")
+    save_plan(replace(plan, steps=(Move("reach out", fast),)), file)
+    assert main([file]) == main([file, "--limits", "safe"]) == 1
+    assert "stated limits of those judged by" in capsys.readouterr().err
+    assert main([file, "--limits", "torque-control"]) == 0
+    assert "\njudged by 2 .. 8 rad/s^2 and 40 rad/s^3, " in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main([file, "--limits", "safe", "--jerk", "3"])
+    assert "--limits says acceleration and jerk" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("content", [b"", b"{}", b"\xff\xfe", b"[1, 2]"])
 def test_a_file_without_a_plan_exits_with_2_and_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes

@@ -282,6 +282,20 @@ def test_what_was_recorded_before_a_failure_is_kept(tmp_path: Path) -> None:
     assert recorded_s > report["cycles"][0]["duration_s"]
 
 
+def test_limits_of_torque_control_are_faster_and_their_plan_verifies(
+    tmp_path: Path, robot: Baxter, report: dict[str, Any]
+) -> None:
+    path = tmp_path / "plan.json"
+    options = "--limits", "torque-control", "--cycles", "1", "--plan", str(path)
+    found = report_of(tmp_path, *options)
+    assert (found["limits"], report["limits"]) == ("torque-control", "safe")
+    slower = report["cycles"][0]["transfer_time_s"]
+    assert found["cycles"][0]["transfer_time_s"] < slower
+    harder = robot.arm("left").limits.preset("torque-control")
+    assert verify(load_plan(path), limits=harder).is_valid
+    assert not verify(load_plan(path)).is_valid
+
+
 def test_csv_is_the_recorders_of_the_rsdk(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     report_of(tmp_path, "--csv", str(path), "--cycles", "1")
