@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from sim.perception.noisy_poses import Noise, NoisyPoses
     from sim.perception.pose_source import PoseSource, TruePoses
     from sim.perception.transfer import Transfer
-    from sim.recording.log_reading import read_log
     from sim.recording.log_recorder import LogRecorder
     from sim.recording.mcap_file import McapRecorder, write_mcap
     from sim.recording.npz_file import load_recording, save_recording
     from sim.recording.playback import retell
     from sim.recording.plot import plot_recording
+    from sim.recording.reading.log_reading import read_log
+    from sim.recording.reading.rsdk_reading import read_rsdk_csv
     from sim.recording.recorder import Recorder
     from sim.recording.recording import Recording
     from sim.recording.rsdk_csv import CsvRecorder, write_csv
-    from sim.recording.rsdk_reading import read_rsdk_csv
     from sim.simulation import Simulation
     from sim.view.live.live_view import LiveView
     from sim.view.live.tip_target import TipTarget
@@ -84,7 +84,7 @@ __getattr__ = loader(
         "sim.events",
         "sim.world.falling",
         "sim.world.gripper",
-        "sim.recording.log_reading",
+        "sim.recording.reading.log_reading",
         "sim.recording.mcap_file",
         "sim.perception.noisy_poses",
         "sim.outcome",
@@ -98,7 +98,7 @@ __getattr__ = loader(
         "sim.recording.playback",
         "sim.recording.plot",
         "sim.recording.rsdk_csv",
-        "sim.recording.rsdk_reading",
+        "sim.recording.reading.rsdk_reading",
         "sim.simulation",
         "sim.world.pushing",
         "sim.world.world",

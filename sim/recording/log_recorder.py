@@ -15,7 +15,7 @@ Every line but the first has one entry that says what it is:
 - last `{"end": n}`: the number of snapshots; missing when the run was cut short.
 
 SI units, radians, poses seen from base; the rules of `baxter_kin.json_data`, so every number reads
-back as the same float. `sim.recording.log_reading` reads it.
+back as the same float. `sim.recording.reading.log_reading` reads it.
 """
 
 from __future__ import annotations

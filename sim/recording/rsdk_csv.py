@@ -2,7 +2,7 @@
 
 It is what `joint_recorder.py` of the Rethink SDK writes and `joint_position_file_playback.py`
 reads: header and 17 columns, time in seconds with six decimals, angles in rad, grippers 0..100.
-`sim.recording.rsdk_reading` reads it.
+`sim.recording.reading.rsdk_reading` reads it.
 """
 
 from __future__ import annotations

@@ -27,8 +27,8 @@ from planner.errors import SceneError, TaskError
 from planner.verification.command_line import main
 from sim import Recorder, Recording, Simulation, World, load_recording, save_recording
 from sim.errors import RecordingError, SimulationError
-from sim.recording.log_reading import read_log
 from sim.recording.log_recorder import LogRecorder
+from sim.recording.reading.log_reading import read_log
 from sim.view.appearance import Appearance
 from sim.view.replay import replay_html
 from sim.view.scenegraph import RobotTree

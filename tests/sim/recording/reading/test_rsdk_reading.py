@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from baxter_kin import Baxter
 from sim import Recording, read_rsdk_csv, write_csv
 from sim.errors import RecordingError
+from sim.recording.reading.rsdk_reading import LIMIT_SLACK_RAD
 from sim.recording.rsdk_csv import CsvFile, csv_header
-from sim.recording.rsdk_reading import LIMIT_SLACK_RAD
 from sim.view.replay import write_replay
 
 HEADER = (

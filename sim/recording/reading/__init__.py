@@ -1,0 +1,1 @@
+"""Recordings read from files, also those of real robots."""
