@@ -5,9 +5,10 @@ said otherwise:
 
 - `times_s` (n,), `q` (n, joints), `gripper_percent` (n, 2) and `body_poses` (bodies, n, 7), as in
   `Recording`, the bodies in the order of `tracks` in the document,
-- `document`: JSON as bytes of UTF-8 (uint8): `format` "baxter-kin recording"; `version` 3, or an
+- `document`: JSON as bytes of UTF-8 (uint8): `format` "baxter-kin recording"; `version` 4, or an
   earlier one; `joint_names`, `bodies` with their shapes, `tracks`, `captions`, `events`, `moves`
-  with their exact trajectories, and `robot`, which one it was, where that is known.
+  with their exact trajectories, `robot`, which one it was, where that is known, and `limbs`, the
+  arms that were recorded.
 
 Kept is everything but the moves that events carry; a loaded event has the body of its name, as it
 is in `bodies`. Reading makes nothing but these values: no pickle is read, and a file that was
@@ -34,6 +35,7 @@ from baxter_kin.errors import expect, shown_path
 from baxter_kin.files import PathLike
 from baxter_kin.json_data import from_json, shown, to_json
 from baxter_kin.json_text import as_text, from_text
+from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from planner import Body
 from sim.errors import RecordingError
@@ -43,10 +45,11 @@ from sim.recording.recorder import StoredEvent
 from sim.recording.recording import Recording
 
 FORMAT = "baxter-kin recording"
-VERSION = 3
-READABLE = (1, 2, 3)
+VERSION = 4
+READABLE = (1, 2, 3, 4)
 """In the first one events named no side, and moves not what inverse kinematics answered; the first
-two had an entry `sha256`, the SHA-256 of the others, which is not read any more."""
+two had an entry `sha256`, the SHA-256 of the others, which is not read any more. Before the fourth
+all recordings had both arms."""
 
 LARGEST_FILE_BYTES = 4 * 2**30
 """Unpacked; an hour at 100 Hz takes 0.1 GB."""
@@ -68,6 +71,7 @@ class _Document:
     events: tuple[StoredEvent, ...]
     moves: tuple[RecordedMove, ...]
     robot: RobotIdentity | None = None
+    limbs: tuple[str, ...] = LIMBS
 
 
 def save_recording(recording: Recording, path: PathLike) -> None:
@@ -119,6 +123,7 @@ def _document(recording: Recording) -> str:
         events=tuple(StoredEvent.of(event) for event in recording.events),
         moves=recording.moves,
         robot=recording.robot,
+        limbs=recording.limbs,
     )
     data = to_json(document, _Document, "recording", RecordingError)
     return as_text(data, RecordingError)
@@ -141,6 +146,7 @@ def _recording(arrays: Mapping[str, NDArray[Any]]) -> Recording:
         events=tuple(stored.event(bodies) for stored in document.events),
         moves=document.moves,
         robot=document.robot,
+        limbs=document.limbs,
     )
 
 

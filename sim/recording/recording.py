@@ -49,9 +49,12 @@ class Recording(Frozen, OneLine):
         events: everything that happened.
         moves: the commands: every move of an arm with its exact motion, in order.
         robot: which robot it was; None where nobody said.
+        limbs: the arms that were recorded, in the order left, right. A file of a real robot may
+            have one alone; the other stands still in `q` then.
 
     Raises:
-        RecordingError: when shapes do not fit, times do not increase, or there is no snapshot.
+        RecordingError: when shapes do not fit, times do not increase, there is no snapshot, or no
+            arm.
     """
 
     joint_names: tuple[str, ...]
@@ -64,10 +67,12 @@ class Recording(Frozen, OneLine):
     events: tuple[Event, ...]
     moves: tuple[RecordedMove, ...] = ()
     robot: RobotIdentity | None = None
+    limbs: tuple[str, ...] = LIMBS
 
     def __post_init__(self) -> None:
         if self.robot is not None:
             expect(self.robot, RobotIdentity, "robot", RecordingError)
+        self._check_limbs()
         count = float_array(self.times_s, "times_s", RecordingError).size
         if count == 0:
             raise RecordingError("the recording is empty: nothing was simulated")
@@ -118,7 +123,16 @@ class Recording(Frozen, OneLine):
 
     def _facts(self) -> tuple[str, ...]:
         rows, bodies = count(len(self.times_s), "snapshot"), listing(self.bodies, "body")
-        return rows, seconds(self.duration_s), count(len(self.events), "event"), bodies
+        arms = "" if self.limbs == LIMBS else f"{self.limbs[0]} arm alone"
+        return rows, seconds(self.duration_s), arms, count(len(self.events), "event"), bodies
+
+    def _check_limbs(self) -> None:
+        limbs = expect_all(self.limbs, str, "limbs", RecordingError)
+        if limbs not in (LIMBS, *((side,) for side in LIMBS)):
+            raise RecordingError(
+                f"limbs must be {quoted(LIMBS)}, or one of them alone, got {quoted(limbs)}"
+            )
+        object.__setattr__(self, "limbs", limbs)
 
     def _frozen_poses(self) -> Mapping[str, FloatArray]:
         if not isinstance(self.body_poses, Mapping):

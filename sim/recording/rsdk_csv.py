@@ -7,6 +7,8 @@ reads: header and 17 columns, time in seconds with six decimals, angles in rad, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from baxter_kin import Baxter
@@ -20,21 +22,26 @@ from sim.events import Observer, Snapshot
 from sim.files import LineFile
 from sim.recording.recording import Recording
 
-_ROW = ",".join(["{:.6f}", *["{:.12g}"] * 16])
-"""Time, and both arms with their grippers."""
+_TIME, _VALUE = "{:.6f}", "{:.12g}"
 
 
 class CsvFile(NotCopied, OneLine):
     """The RSDK's CSV while it is being written; use it as a context manager."""
 
-    def __init__(self, path: PathLike) -> None:
+    def __init__(self, path: PathLike, limbs: Sequence[str] = LIMBS) -> None:
         """Open the file and write the header.
+
+        Args:
+            path: the file; an older one is replaced.
+            limbs: the arms that have columns.
 
         Raises:
             RecordingError: when the file cannot be written.
         """
+        header = csv_header(limbs)
+        self._row = ",".join([_TIME, *[_VALUE] * (len(header) - 1)])
         self._file = LineFile(path)
-        self._file.write(",".join(csv_header()))
+        self._file.write(",".join(header))
 
     def __enter__(self) -> CsvFile:
         return self
@@ -47,8 +54,8 @@ class CsvFile(NotCopied, OneLine):
 
         Args:
             time_s: time.
-            arms: left, then right arm, shape (14,), rad.
-            percent: left and right gripper, shape (2,).
+            arms: the arms one after the other, shape (7 m,) for m arms, rad.
+            percent: their grippers, shape (m,).
 
         Raises:
             RecordingError: when the file cannot be written.
@@ -56,13 +63,15 @@ class CsvFile(NotCopied, OneLine):
         self.write_row(time_s, arms.tolist(), percent.tolist())
 
     def write_row(self, time_s: float, joints: list[float], percent: list[float]) -> None:
-        """The same from plain numbers, 14 and 2.
+        """The same from plain numbers.
 
         Raises:
             RecordingError: when the file cannot be written.
         """
-        left, right = percent
-        self._file.write(_ROW.format(time_s, *joints[:7], left, *joints[7:], right))
+        values = []
+        for i, gripper in enumerate(percent):
+            values += [*joints[7 * i : 7 * i + 7], gripper]
+        self._file.write(self._row.format(time_s, *values))
 
     def close(self) -> None:
         """Close the file.
@@ -107,21 +116,21 @@ class CsvRecorder(NotCopied, Observer):
         return self._csv._facts()
 
 
-def csv_header() -> list[str]:
-    """The 17 column names."""
+def csv_header(limbs: Sequence[str] = LIMBS) -> list[str]:
+    """The names of the columns: time, and of each arm seven joints and the gripper."""
     columns = ["time"]
-    for side in LIMBS:
+    for side in limbs:
         columns += [*(f"{side}_{joint}" for joint in JOINTS), f"{side}_gripper"]
     return columns
 
 
-def arm_indices(joint_names: tuple[str, ...]) -> list[int]:
-    """Where the joints of left and right arm stand in a configuration.
+def arm_indices(joint_names: tuple[str, ...], limbs: Sequence[str] = LIMBS) -> list[int]:
+    """Where the joints of the arms stand in a configuration.
 
     Raises:
         RecordingError: when one is missing.
     """
-    wanted = [f"{side}_{joint}" for side in LIMBS for joint in JOINTS]
+    wanted = [f"{side}_{joint}" for side in limbs for joint in JOINTS]
     missing = [name for name in wanted if name not in joint_names]
     if missing:
         raise RecordingError(f"the recording lacks {', '.join(missing)}, which the CSV needs")
@@ -129,13 +138,14 @@ def arm_indices(joint_names: tuple[str, ...]) -> list[int]:
 
 
 def write_csv(recording: Recording, path: PathLike) -> None:
-    """Write a recording as the RSDK's CSV.
+    """Write a recording as the RSDK's CSV; of one arm alone when no more was recorded.
 
     Raises:
         RecordingError: when it is of another class, lacks joints of an arm, or cannot be written.
     """
     told = expect(recording, Recording, "recording", RecordingError)
-    indices = arm_indices(told.joint_names)
-    with CsvFile(path) as file:
-        for time_s, q, percent in zip(told.times_s, told.q, told.gripper_percent, strict=True):
-            file.write(float(time_s), q[indices], percent)
+    indices = arm_indices(told.joint_names, told.limbs)
+    percent = told.gripper_percent[:, [LIMBS.index(side) for side in told.limbs]]
+    with CsvFile(path, told.limbs) as file:
+        for time_s, q, grippers in zip(told.times_s, told.q, percent, strict=True):
+            file.write(float(time_s), q[indices], grippers)

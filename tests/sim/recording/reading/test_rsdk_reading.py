@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter
-from sim import Recording, read_rsdk_csv, write_csv
+from sim import Recording, load_recording, read_rsdk_csv, save_recording, write_csv
 from sim.errors import RecordingError
-from sim.recording.reading.rsdk_reading import LIMIT_SLACK_RAD
+from sim.recording.reading.plausibility import LIMIT_SLACK_RAD
 from sim.recording.rsdk_csv import CsvFile, csv_header
 from sim.view.replay import write_replay
 
@@ -197,8 +197,8 @@ class TestRealFiles:
         )
 
     def test_limits_slightly_exceeded_are_kept_with_a_note(self, robot: Baxter, path: Path) -> None:
-        lines = rows([0.0, 0.01, 0.02])
-        lines[1] = lines[1].replace("1.94002381", "-0.0713")
+        lines = [row.replace("1.94002381", "-0.04") for row in rows([0.0, 0.01, 0.02])]
+        lines[1] = lines[1].replace("-0.04,", "-0.0713,")
         found, notes = read_rsdk_csv(write(path, HEADER, *lines), robot)
         assert found.q[1, robot.joint_names.index("left_e1")] == -0.0713
         assert notes == (
@@ -256,13 +256,14 @@ class TestRefused:
             read_rsdk_csv(write(path, *lines), robot)
 
     def test_just_beyond_the_slack(self, robot: Baxter, path: Path) -> None:
+        assert LIMIT_SLACK_RAD == 0.04
         for excess, is_kept in ((LIMIT_SLACK_RAD - 1e-6, True), (LIMIT_SLACK_RAD + 1e-6, False)):
             line = rows([0.0])[0].replace("1.94002381", f"{2.618 + excess:.9f}")
             write(path, HEADER, line)
             if is_kept:
                 assert read_rsdk_csv(path, robot).notes
             else:
-                with pytest.raises(RecordingError, match="left_e1"):
+                with pytest.raises(RecordingError, match=r"line 2: left_e1 = 2.658\d* rad"):
                     read_rsdk_csv(path, robot)
 
     @pytest.mark.parametrize("content", [b"\x89PNG\r\n\x1a\n\0\0", b"\xff\xfet\0i\0m\0e\0\n"])
@@ -287,3 +288,161 @@ class TestRefused:
         bad: Any = "robot"
         with pytest.raises(RecordingError, match="robot"):
             read_rsdk_csv(write(path, HEADER, *rows([0.0])), bad)
+
+
+ARM = ["s0", "s1", "e0", "e1", "w0", "w1", "w2"]
+
+
+def one_arm(side: str, *, gripper: bool) -> list[str]:
+    """A file of one arm with three rows."""
+    names = [f"{side}_{joint}" for joint in ARM]
+    values = (LEFT if side == "left" else RIGHT).split(",")
+    if gripper:
+        names, values = [*names, f"{side}_gripper"], [*values, "3.5"]
+    times = ["0.012", "0.022", "0.032"]
+    return [",".join(["time", *names]), *(",".join([time, *values]) for time in times)]
+
+
+class TestOneArm:
+    """Files with the columns of one arm alone, as most of the public ones that were refused."""
+
+    @pytest.mark.parametrize("side", ["left", "right"])
+    @pytest.mark.parametrize("gripper", [True, False])
+    def test_it_is_read_and_the_other_stands_in_neutral(
+        self, robot: Baxter, path: Path, side: str, gripper: bool
+    ) -> None:
+        found, notes = read_rsdk_csv(write(path, *one_arm(side, gripper=gripper)), robot)
+        other = "right" if side == "left" else "left"
+        assert found.limbs == (side,)
+        own = [float(text) for text in (LEFT if side == "left" else RIGHT).split(",")]
+        np.testing.assert_array_equal(found.motion(side).q, np.tile(own, (3, 1)))
+        neutral = robot.arm(other).neutral
+        np.testing.assert_array_equal(found.motion(other).q, np.tile(neutral, (3, 1)))
+        missing = () if gripper else (f"the {side} gripper was not recorded: shown open",)
+        assert notes == (f"the {other} arm was not recorded: shown in neutral", *missing)
+
+    def test_its_name_says_so(self, robot: Baxter, path: Path) -> None:
+        found = read_rsdk_csv(write(path, *one_arm("right", gripper=True)), robot).recording
+        assert "right arm alone" in repr(found)
+
+    @pytest.mark.parametrize("side", ["left", "right"])
+    def test_written_again_it_has_that_arm_alone(
+        self, robot: Baxter, path: Path, side: str
+    ) -> None:
+        lines = one_arm(side, gripper=True)
+        found = read_rsdk_csv(write(path, *lines), robot).recording
+        again = path.with_name("again.csv")
+        write_csv(found, again)
+        assert again.read_text("ascii").splitlines()[0] == lines[0]
+        back = read_rsdk_csv(again, robot).recording
+        assert back.limbs == (side,)
+        np.testing.assert_array_equal(back.q, found.q)
+        np.testing.assert_array_equal(back.gripper_percent, found.gripper_percent)
+
+    def test_it_is_kept_in_npz_with_which_arm_it_is(self, robot: Baxter, path: Path) -> None:
+        found = read_rsdk_csv(write(path, *one_arm("right", gripper=True)), robot).recording
+        save_recording(found, path.with_suffix(".npz"))
+        assert load_recording(path.with_suffix(".npz")).limbs == ("right",)
+
+    def test_the_gripper_of_the_other_hand_is_read(self, robot: Baxter, path: Path) -> None:
+        lines = one_arm("left", gripper=False)
+        lines = [lines[0] + ",right_gripper", *(f"{row},40.0" for row in lines[1:])]
+        found, notes = read_rsdk_csv(write(path, *lines), robot)
+        assert found.limbs == ("left",)
+        assert found.gripper_percent[:, 1].tolist() == [40.0] * 3
+        assert "the left gripper was not recorded: shown open" in notes
+
+    def test_an_arm_that_lacks_a_joint_is_refused_by_its_name(
+        self, robot: Baxter, path: Path
+    ) -> None:
+        lines = [line.replace("right_w2,", "") for line in (HEADER, *rows([0.0]))]
+        with pytest.raises(RecordingError, match="has no column right_w2"):
+            read_rsdk_csv(write(path, *lines), robot)
+
+    @given(
+        st.sampled_from(["left", "right"]),
+        st.permutations([*ARM, "gripper"]),
+        st.lists(st.lists(st.floats(0.0, 1.0), min_size=8, max_size=8), min_size=1, max_size=5),
+    )
+    def test_any_motion_of_it_comes_back(
+        self,
+        robot: Baxter,
+        tmp_path_factory: pytest.TempPathFactory,
+        side: str,
+        order: list[str],
+        shares: list[list[float]],
+    ) -> None:
+        limits = robot.arm(side).limits
+        share = np.array(shares)
+        q = limits.q_min + share[:, :7] * (limits.q_max - limits.q_min)
+        q = np.clip(q, limits.q_min, limits.q_max)
+        columns = dict(zip([*ARM, "gripper"], [*q.T, 100.0 * share[:, 7]], strict=True))
+        lines = [",".join(["time", *(f"{side}_{name}" for name in order)])]
+        for row in range(len(q)):  # two seconds are time for any move
+            values = [f"{columns[name][row].item()!r}" for name in order]
+            lines.append(",".join([f"{2.0 * row}", *values]))
+        path = write(tmp_path_factory.getbasetemp() / "one.csv", *lines)
+        found, notes = read_rsdk_csv(path, robot)
+        np.testing.assert_array_equal(found.motion(side).q, q)
+        hand = ["left", "right"].index(side)
+        np.testing.assert_array_equal(found.gripper_percent[:, hand], 100.0 * share[:, 7])
+        assert len(notes) == 1
+
+
+class TestWrittenByOthers:
+    """Files with one meaning that other programs and hands have made."""
+
+    @pytest.mark.parametrize(
+        "change",
+        [
+            lambda line: line.upper() if line.startswith("time") else line,
+            lambda line: line.replace("left_s0", "Left_S0"),
+            lambda line: line + ",",
+            lambda line: line + "," if line.startswith("time") else line,
+            lambda line: line if line.startswith("time") else line + ",",
+            lambda line: line + ", ",
+            lambda line: ",".join(f'"{field}"' for field in line.split(",")),
+            lambda line: ",".join(f"'{field}'" for field in line.split(",")),
+            lambda line: line.replace(",", ";"),
+            lambda line: line.replace(",", "\t"),
+            lambda line: line.replace(",", " "),
+            lambda line: line.replace(",", "  "),
+            lambda line: "# " + line if line.startswith("time") else line,
+            lambda line: "# made by hand\n#" + line if line.startswith("time") else line,
+            lambda line: line.replace(",", ", ") + " \r",
+        ],
+    )
+    def test_they_are_read_without_a_note(self, robot: Baxter, path: Path, change: Any) -> None:
+        lines = [HEADER, *rows([0.0, 0.01])]
+        plain = read_rsdk_csv(write(path, *lines), robot).recording
+        found, notes = read_rsdk_csv(write(path, *map(change, lines)), robot)
+        assert notes == ()
+        assert found.q.tolist() == plain.q.tolist()
+        assert found.gripper_percent.tolist() == plain.gripper_percent.tolist()
+
+    def test_comments_among_the_rows_are_left_out_with_a_note(
+        self, robot: Baxter, path: Path
+    ) -> None:
+        first, second = rows([0.0, 0.01])
+        found, notes = read_rsdk_csv(write(path, HEADER, first, "# grasped", second), robot)
+        assert len(found.times_s) == 2
+        assert notes == ("1 comment among the rows: left out",)
+
+    @pytest.mark.parametrize(
+        ("lines", "words"),
+        [
+            (["# nothing else"], "is empty"),
+            ([HEADER, f"0.0,{ROW},,7"], "line 2: 19 fields under 17 columns"),
+            (["time,x,y,z", "0.0,1,2,3"], "has no column left_s0, left_s1, left_e0 ..."),
+            (["left_s0;time", "0,5;1,2"], "has no column left_s1"),
+            (
+                [HEADER.replace(",", ";"), rows([0.0])[0].replace(",", ";").replace(".", ",")],
+                "time",
+            ),
+        ],
+    )
+    def test_what_has_no_one_meaning_is_refused(
+        self, robot: Baxter, path: Path, lines: list[str], words: str
+    ) -> None:
+        with pytest.raises(RecordingError, match=words):
+            read_rsdk_csv(write(path, *lines), robot)
