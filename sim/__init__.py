@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from sim.perception.noisy_poses import Noise, NoisyPoses
     from sim.perception.pose_source import PoseSource, TruePoses
     from sim.perception.transfer import Transfer
+    from sim.recording.csv_writing import write_csv
     from sim.recording.log_recorder import LogRecorder
     from sim.recording.mcap_file import McapRecorder, write_mcap
     from sim.recording.npz_file import load_recording, save_recording
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from sim.recording.reading.rsdk_reading import read_rsdk_csv
     from sim.recording.recorder import Recorder
     from sim.recording.recording import Recording
-    from sim.recording.rsdk_csv import CsvRecorder, write_csv
+    from sim.recording.rsdk_csv import CsvRecorder
     from sim.simulation import Simulation
     from sim.view.live.live_view import LiveView
     from sim.view.live.tip_target import TipTarget
@@ -97,6 +98,7 @@ __getattr__ = loader(
         "sim.recording.npz_file",
         "sim.recording.playback",
         "sim.recording.plot",
+        "sim.recording.csv_writing",
         "sim.recording.rsdk_csv",
         "sim.recording.reading.rsdk_reading",
         "sim.simulation",

@@ -8,6 +8,13 @@ from baxter_kin.validation import Checked, finite_scalar
 from baxter_kin.value_objects import OneLine, seconds, sentence
 from sim.errors import SimulationError
 
+ROBOT_DWELL_S = 1.0
+"""How long a real arm stands before and after its gripper acts, as in the original demo. At speed
+ratio 0.3 it settles within 0.8 s, and the script that plays files back tells grippers at 20 Hz."""
+
+LONGEST_DWELL_S = 60.0
+"""Longer ones are mistakes."""
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Dwell(OneLine):

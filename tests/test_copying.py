@@ -213,7 +213,7 @@ def test_every_public_class_was_copied_or_refuses(everything: dict[str, object])
         for cls in (getattr(package, name) for name in package.__all__)
         if isinstance(cls, type) and not issubclass(cls, (BaseException, Enum))
     }
-    refusing = {"CsvRecorder", "LogRecorder", "McapRecorder", "LoggedPoses"}
+    refusing = {"CsvRecorder", "LogRecorder", "McapRecorder", "PlanCsvFile", "LoggedPoses"}
     refusing |= {"LiveView", "TipTarget", "Viewer"}
     abstract = {"Observer", "PoseSource"}
     missing = public.keys() - copied - refusing - abstract
@@ -235,6 +235,7 @@ def test_what_holds_a_file_or_a_socket_says_that_it_cannot_be_copied(
         CsvRecorder(tmp_path / "a.csv", robot),
         LogRecorder(tmp_path / "a.log", robot),
         McapRecorder(tmp_path / "a.mcap", robot),
+        sim.recording.PlanCsvFile(tmp_path / "b.csv"),
         LoggedPoses(poses, tmp_path / "a.jsonl"),
         Viewer(robot),
     )

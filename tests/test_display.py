@@ -46,6 +46,9 @@ def public_classes() -> dict[str, type[Any]]:
     }
 
 
+WRITERS = ("CsvRecorder", "LogRecorder", "McapRecorder", "PlanCsvFile", "LoggedPoses")
+
+
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """A valid object of every class, from the fuzzing script."""
@@ -53,7 +56,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
         patch.syspath_prepend(str(Path(__file__).parents[1] / "scripts"))
         made = importlib.import_module("fuzzing.stage").Stage(tmp_path_factory.mktemp("stage"))
         yield made
-        for kind in ("CsvRecorder", "LogRecorder", "McapRecorder", "LoggedPoses"):
+        for kind in WRITERS:
             made[kind].close()
 
 

@@ -19,8 +19,7 @@ from baxter_kin.command_line import (
 )
 from baxter_kin.errors import millimetres_hint
 from baxter_kin.files import Destination
-from baxter_kin.limits import PRESETS
-from sim.demo.options import DEFAULT_POSES_M, DemoOptions
+from sim.demo.options import DEFAULT_POSES_M, LIMITS, LONGEST_DWELL_S, ROBOT_DWELL_S, DemoOptions
 
 DEFAULT_HOVER_M = 0.15
 FARTHEST_M = 10.0
@@ -61,6 +60,7 @@ def parse_options(argv: Sequence[str] | None = None) -> DemoOptions:
         html=raw.html,
         shows_body=raw.show_body,
         csv=raw.csv,
+        dwell_s=raw.dwell,
         record=raw.record,
         report=raw.report,
         plan=raw.plan,
@@ -81,6 +81,10 @@ def _check_together(parser: argparse.ArgumentParser, raw: argparse.Namespace) ->
         parser.error("--forever and --cycles exclude each other; give one of them")
     if raw.forever and raw.record is not None and raw.record.suffix == ".npz":
         parser.error("--record keeps .npz in memory until the end; with --forever use .jsonl")
+    if raw.dwell is not None and raw.csv is None:
+        parser.error("--dwell is for the file of --csv; give both")
+    if raw.dwell is not None and _retries(raw) is not None:
+        parser.error("--dwell writes what is played back blindly; leave noise and --retries out")
     files = raw.html, raw.csv, raw.record, raw.report, raw.plan
     targets = [Destination.of(path).identity for path in files if path is not None]
     if len(set(targets)) < len(targets):
@@ -207,8 +211,8 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--limits",
-        choices=PRESETS,
-        default=PRESETS[0],
+        choices=LIMITS,
+        default=LIMITS[0],
         help="preset of joint accelerations and jerks (default %(default)s)",
     )
 
@@ -224,6 +228,16 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--csv", type=file_to_write, metavar="FILE", help="write joints as the RSDK does"
+    )
+    parser.add_argument(
+        "--dwell",
+        type=number_within(0.0, LONGEST_DWELL_S, "s"),
+        nargs="?",
+        const=ROBOT_DWELL_S,
+        metavar="S",
+        help="let that file be for a robot to play back with joint_trajectory_file_playback.py, at "
+        "--speed 0.25 or less: grippers as commanded, 0 %% to close, and the arm standing so long "
+        "before and after (%(const)s s when S is left out); without, it is what the simulation did",
     )
     parser.add_argument(
         "--record",

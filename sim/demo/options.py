@@ -13,6 +13,10 @@ if TYPE_CHECKING:
 DEFAULT_POSES_M = ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
 """Block poses of the original demo, for its left arm; y is mirrored for the right one."""
 
+LIMITS = ("safe", "torque-control")
+ROBOT_DWELL_S, LONGEST_DWELL_S = 1.0, 60.0
+"""As `baxter_kin.limits.PRESETS` and `sim.outcome` have them, which load NumPy."""
+
 
 @dataclass(frozen=True, slots=True)
 class DemoOptions:
@@ -39,6 +43,8 @@ class DemoOptions:
         html: where to write the replay, or None.
         shows_body: whether the replay can show the body that is planned with, too.
         csv: where to write the RSDK's CSV, or None.
+        dwell_s: how long that lets the arm stand before and after gripper actions, for a robot to
+            play it back; None for what the simulation did.
         record: where to write everything that happened, or None; the format by its suffix, one of
             `RECORD_SUFFIXES`.
         report: where to write the JSON report, or None.
@@ -65,6 +71,7 @@ class DemoOptions:
     html: Path | None
     shows_body: bool
     csv: Path | None
+    dwell_s: float | None
     record: Path | None
     report: Path | None
     plan: Path | None

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 from baxter_kin import Baxter
-from planner import RobotBody
+from planner import Plan, RobotBody
 from sim import CsvRecorder, LogRecorder, McapRecorder, Observer, Recorder, Snapshot, World
 from sim.demo.interrupt import Interrupt
 from sim.demo.narration import Narrator
 from sim.demo.options import DemoOptions
+from sim.recording.csv_writing import PlanCsvFile
 from sim.recording.npz_file import save_recording
 from sim.view.live.live_view import LiveView
 
@@ -36,7 +37,7 @@ def outputs(
         ViewerError: when the live view cannot be served.
     """
     robot = world.robot
-    if options.csv is not None:
+    if options.csv is not None and options.dwell_s is None:
         csv = CsvRecorder(options.csv, robot)
         cleanup.callback(csv.close)
         yield csv
@@ -49,6 +50,18 @@ def outputs(
         yield recorder
     if not options.is_headless:
         yield _live(world, narrator, cleanup)
+
+
+def playback(options: DemoOptions, cleanup: ExitStack) -> Callable[[Plan], None]:
+    """What takes the plans for the file that a robot is to play back, or nothing.
+
+    Raises:
+        RecordingError: when the file cannot be written.
+    """
+    if options.csv is None or options.dwell_s is None:
+        return lambda _: None
+    file = cleanup.enter_context(PlanCsvFile(options.csv, dwell_s=options.dwell_s))
+    return lambda plan: file.add(plan) if plan.is_valid else None
 
 
 def _recorder(path: Path, robot: Baxter, cleanup: ExitStack) -> Observer:

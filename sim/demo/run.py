@@ -41,7 +41,7 @@ from sim import (
 from sim.demo.interrupt import Interrupt
 from sim.demo.narration import Narrator
 from sim.demo.options import DemoOptions
-from sim.demo.outputs import StopWatch, outputs
+from sim.demo.outputs import StopWatch, outputs, playback
 from sim.demo.report import Json, Point, Report
 from sim.demo.scene import BLOCK, centred_below, demo_bodies, obstacles, overhead
 
@@ -109,6 +109,7 @@ class _Demo:
     def _run(self) -> None:
         with ExitStack() as cleanup:
             simulation = Simulation(self._world, self._observers(cleanup))
+            self._play_back = playback(self._options, cleanup)
             with self._scene(simulation):
                 self._go(simulation)
             self._report.totals.wall_time_s = time.perf_counter() - self._started_s
@@ -216,6 +217,7 @@ class _Demo:
         started_s = time.perf_counter()
         with self._interrupt.deferred():
             plan = make_plan()
+            self._play_back(plan)
         self._report.totals.planning_time_s += time.perf_counter() - started_s
         return plan
 

@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING
 from baxter_kin.lazy import loader
 
 if TYPE_CHECKING:
+    from sim.recording.csv_writing import PlanCsvFile, write_csv
     from sim.recording.recorded_motion import ArmMotion, RecordedMove
     from sim.recording.recording import NotedRecording
 
-__all__ = ["ArmMotion", "NotedRecording", "RecordedMove"]
+__all__ = ["ArmMotion", "NotedRecording", "PlanCsvFile", "RecordedMove", "write_csv"]
 
 __getattr__ = loader(
     __name__,
     (
+        "sim.recording.csv_writing",
         "sim.recording.recorded_motion",
         "sim.recording.recording",
     ),

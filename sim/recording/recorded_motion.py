@@ -147,6 +147,11 @@ def arm_joints(side: str) -> tuple[str, ...]:
     return tuple(f"{side}_{joint}" for joint in JOINTS)
 
 
+def finger_joints(side: str) -> tuple[str, str]:
+    """The two joints of a hand's fingers; the second mirrors the first."""
+    return f"{side[0]}_gripper_l_finger_joint", f"{side[0]}_gripper_r_finger_joint"
+
+
 def arm_motion(
     joint_names: tuple[str, ...],
     times_s: FloatArray,

@@ -2,6 +2,7 @@
 
 It is what `joint_recorder.py` of the Rethink SDK writes and `joint_position_file_playback.py`
 reads: header and 17 columns, time in seconds with six decimals, angles in rad, grippers 0..100.
+`sim.recording.csv_writing` writes recordings and plans so.
 `sim.recording.reading.rsdk_reading` reads it.
 """
 
@@ -20,7 +21,6 @@ from baxter_kin.value_objects import NotCopied, OneLine
 from sim.errors import RecordingError
 from sim.events import Observer, Snapshot
 from sim.files import LineFile
-from sim.recording.recording import Recording
 
 _TIME, _VALUE = "{:.6f}", "{:.12g}"
 
@@ -135,17 +135,3 @@ def arm_indices(joint_names: tuple[str, ...], limbs: Sequence[str] = LIMBS) -> l
     if missing:
         raise RecordingError(f"the recording lacks {', '.join(missing)}, which the CSV needs")
     return [joint_names.index(name) for name in wanted]
-
-
-def write_csv(recording: Recording, path: PathLike) -> None:
-    """Write a recording as the RSDK's CSV; of one arm alone when no more was recorded.
-
-    Raises:
-        RecordingError: when it is of another class, lacks joints of an arm, or cannot be written.
-    """
-    told = expect(recording, Recording, "recording", RecordingError)
-    indices = arm_indices(told.joint_names, told.limbs)
-    percent = told.gripper_percent[:, [LIMBS.index(side) for side in told.limbs]]
-    with CsvFile(path, told.limbs) as file:
-        for time_s, q, grippers in zip(told.times_s, told.q, percent, strict=True):
-            file.write(float(time_s), q[indices], grippers)

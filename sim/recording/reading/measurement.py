@@ -16,7 +16,7 @@ from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import count
 from sim.recording.reading.plausibility import Rows, check_rows
-from sim.recording.recorded_motion import arm_joints
+from sim.recording.recorded_motion import arm_joints, finger_joints
 from sim.recording.recording import NotedRecording, Recording
 
 GAP_TICKS = 5.0
@@ -75,11 +75,6 @@ def noted_recording(measured: Measurement, robot: Baxter) -> NotedRecording:
         limbs=limbs,
     )
     return NotedRecording(recording, tuple(notes))
-
-
-def finger_joints(side: str) -> tuple[str, str]:
-    """The two joints of a hand's fingers; the second mirrors the first."""
-    return f"{side[0]}_gripper_l_finger_joint", f"{side[0]}_gripper_r_finger_joint"
 
 
 def _gap_notes(times: FloatArray) -> list[str]:

@@ -19,6 +19,12 @@ def test_default_is_the_original_demo() -> None:
     assert not options.is_headless
 
 
+def test_a_dwell_is_that_of_a_robot_unless_it_is_said(tmp_path: Path) -> None:
+    csv = ["--csv", str(tmp_path / "x.csv")]
+    found = [parse_options([*csv, *more]).dwell_s for more in ([], ["--dwell"], ["--dwell", "0"])]
+    assert found == [None, 1.0, 0.0]
+
+
 def test_poses_are_mirrored_for_the_right_arm() -> None:
     assert parse_options(["--limb", "right"]).poses_m[0] == (0.70, -0.15, -0.129)
 
@@ -53,6 +59,12 @@ def test_forever_has_no_number_of_cycles() -> None:
         ("--html /", "cannot write /: it is a folder, no regular file"),
         ("--html /dev/null", "cannot write /dev/null: it is a device, no regular file"),
         (f"--html {'a' * 300}", f"cannot write {'a' * 200}...: File name too long"),
+        ("--dwell 1", "--dwell is for the file of --csv; give both"),
+        ("--csv x --dwell -1", "-1"),
+        ("--csv x --dwell 61", "--dwell: 61 is not from 0 to 60 s"),
+        ("--csv x --dwell --retries 1", "leave noise and --retries out"),
+        ("--csv x --dwell --noise-mm 1", "leave noise and --retries out"),
+        ("--limits fast", "--limits: invalid choice: 'fast'"),
         ("--csv x --report x", "must go to different files"),
         ("--csv x.npz --record x.npz", "must go to different files"),
         ("--record run.bag", "--record: run.bag must end in one of .jsonl, .mcap, .npz"),

@@ -16,7 +16,7 @@ import pytest
 from baxter_kin import Baxter
 from planner import Manipulator, load_plan, transfer_bound_s, verify
 from planner.plan import SHOWN_RAD
-from sim import Recording, load_recording, read_log
+from sim import Recording, load_recording, read_log, read_rsdk_csv
 from sim.demo import main
 from tests.conftest import overhead
 
@@ -308,6 +308,18 @@ def test_csv_is_the_recorders_of_the_rsdk(tmp_path: Path) -> None:
     times = np.array([float(row[0]) for row in rows[1:]])
     np.testing.assert_allclose(np.diff(times), 0.01, atol=1e-6)
     assert all(math.isfinite(float(value)) for row in rows[1:] for value in row)
+
+
+def test_csv_with_a_dwell_is_what_a_robot_is_told(tmp_path: Path, robot: Baxter) -> None:
+    path = tmp_path / "robot.csv"
+    report_of(tmp_path, "--csv", str(path), "--dwell", "0.5", "--cycles", "2")
+    found, notes = read_rsdk_csv(path, robot)
+    assert notes == ()
+    percent = found.gripper_percent[:, 0]
+    assert percent[np.flatnonzero(np.diff(percent)) + 1].tolist() == [0.0, 100.0] * 2
+    q = found.motion("left").q
+    for row in np.flatnonzero(np.diff(percent)):
+        assert np.ptp(q[row - 45 : row + 45], axis=0).max() == 0.0
 
 
 @pytest.mark.parametrize(
