@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from sim.perception.transfer import Transfer
     from sim.recording.csv_writing import write_csv
     from sim.recording.log_recorder import LogRecorder
-    from sim.recording.mcap_file import McapRecorder, write_mcap
     from sim.recording.npz_file import load_recording, save_recording
     from sim.recording.playback import retell
     from sim.recording.plot import plot_recording
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from sim.recording.reading.rsdk_reading import read_rsdk_csv
     from sim.recording.recorder import Recorder
     from sim.recording.recording import Recording
+    from sim.recording.ros1_files.mcap_file import McapRecorder, write_mcap
     from sim.recording.rsdk_csv import CsvRecorder
     from sim.simulation import Simulation
     from sim.view.live.live_view import LiveView
@@ -86,7 +86,7 @@ __getattr__ = loader(
         "sim.world.falling",
         "sim.world.gripper",
         "sim.recording.reading.log_reading",
-        "sim.recording.mcap_file",
+        "sim.recording.ros1_files.mcap_file",
         "sim.perception.noisy_poses",
         "sim.outcome",
         "sim.perception.pose_log",

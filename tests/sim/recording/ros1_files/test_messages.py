@@ -13,7 +13,7 @@ from mcap.records import Schema
 from mcap_ros1.decoder import DecoderFactory
 
 from sim.errors import RecordingError
-from sim.recording.ros1_messages import (
+from sim.recording.ros1_files.messages import (
     JOINT_STATE,
     TEXT,
     TRANSFORMS,

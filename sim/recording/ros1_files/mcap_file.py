@@ -30,7 +30,7 @@ from sim.recording.playback import retell
 from sim.recording.recorded_motion import RecordedMove, recorded_move
 from sim.recording.recorder import pose_row
 from sim.recording.recording import Recording
-from sim.recording.ros1_messages import (
+from sim.recording.ros1_files.messages import (
     JOINT_STATE,
     TEXT,
     TRANSFORMS,

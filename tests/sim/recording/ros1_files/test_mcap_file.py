@@ -177,7 +177,7 @@ def test_without_the_package_for_messages_no_file_is_made(
     robot: Baxter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    monkeypatch.setattr("sim.recording.ros1_messages._TYPES", MessageTypes())
+    monkeypatch.setattr("sim.recording.ros1_files.messages._TYPES", MessageTypes())
     with pytest.raises(RecordingError, match="need the package rosbags"):
         McapRecorder(tmp_path / "run.mcap", robot)
     assert not list(tmp_path.iterdir())
