@@ -22,10 +22,14 @@ if TYPE_CHECKING:
     from sim.recording.npz_file import load_recording, save_recording
     from sim.recording.playback import retell
     from sim.recording.plot import plot_recording
+    from sim.recording.reading.bag_reading import read_bag
+    from sim.recording.reading.by_suffix import read_recording
     from sim.recording.reading.log_reading import read_log
+    from sim.recording.reading.mcap_reading import read_mcap
     from sim.recording.reading.rsdk_reading import read_rsdk_csv
     from sim.recording.recorder import Recorder
     from sim.recording.recording import Recording
+    from sim.recording.ros1_files.bag_file import BagRecorder, write_bag
     from sim.recording.ros1_files.mcap_file import McapRecorder, write_mcap
     from sim.recording.rsdk_csv import CsvRecorder
     from sim.simulation import Simulation
@@ -37,6 +41,7 @@ if TYPE_CHECKING:
     from sim.world.world import World
 
 __all__ = [
+    "BagRecorder",
     "ClosedLoop",
     "Closing",
     "CsvRecorder",
@@ -64,10 +69,14 @@ __all__ = [
     "World",
     "load_recording",
     "plot_recording",
+    "read_bag",
     "read_log",
+    "read_mcap",
+    "read_recording",
     "read_rsdk_csv",
     "retell",
     "save_recording",
+    "write_bag",
     "write_csv",
     "write_mcap",
     "write_replay",
@@ -85,7 +94,11 @@ __getattr__ = loader(
         "sim.events",
         "sim.world.falling",
         "sim.world.gripper",
+        "sim.recording.reading.bag_reading",
+        "sim.recording.reading.by_suffix",
         "sim.recording.reading.log_reading",
+        "sim.recording.reading.mcap_reading",
+        "sim.recording.ros1_files.bag_file",
         "sim.recording.ros1_files.mcap_file",
         "sim.perception.noisy_poses",
         "sim.outcome",

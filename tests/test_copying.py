@@ -214,7 +214,7 @@ def test_every_public_class_was_copied_or_refuses(everything: dict[str, object])
         if isinstance(cls, type) and not issubclass(cls, (BaseException, Enum))
     }
     refusing = {"CsvRecorder", "LogRecorder", "McapRecorder", "PlanCsvFile", "LoggedPoses"}
-    refusing |= {"LiveView", "TipTarget", "Viewer"}
+    refusing |= {"BagRecorder", "LiveView", "TipTarget", "Viewer"}
     abstract = {"Observer", "PoseSource"}
     missing = public.keys() - copied - refusing - abstract
     assert missing == set()
@@ -235,6 +235,7 @@ def test_what_holds_a_file_or_a_socket_says_that_it_cannot_be_copied(
         CsvRecorder(tmp_path / "a.csv", robot),
         LogRecorder(tmp_path / "a.log", robot),
         McapRecorder(tmp_path / "a.mcap", robot),
+        sim.BagRecorder(tmp_path / "a.bag", robot),
         sim.recording.PlanCsvFile(tmp_path / "b.csv"),
         LoggedPoses(poses, tmp_path / "a.jsonl"),
         Viewer(robot),

@@ -46,7 +46,14 @@ def public_classes() -> dict[str, type[Any]]:
     }
 
 
-WRITERS = ("CsvRecorder", "LogRecorder", "McapRecorder", "PlanCsvFile", "LoggedPoses")
+WRITERS = (
+    "BagRecorder",
+    "CsvRecorder",
+    "LogRecorder",
+    "McapRecorder",
+    "PlanCsvFile",
+    "LoggedPoses",
+)
 
 
 @pytest.fixture(scope="module")

@@ -470,6 +470,7 @@ _MOVING: dict[str, Callable[[Stage], Any]] = {
     "Observer": lambda _: s.Observer(),
     "Recorder": lambda stage: s.Recorder(stage["Baxter"]),
     "CsvRecorder": lambda stage: s.CsvRecorder(stage.file("csv"), stage["Baxter"]),
+    "BagRecorder": lambda stage: s.BagRecorder(stage.file("bag"), stage["Baxter"]),
     "PlanCsvFile": lambda stage: s.recording.PlanCsvFile(stage.file("csv")),
     "LogRecorder": lambda stage: s.LogRecorder(stage.file("log"), stage["Baxter"]),
     "McapRecorder": lambda stage: s.McapRecorder(stage.file("mcap"), stage["Baxter"]),

@@ -27,7 +27,7 @@ SLOWEST = 0.001
 MOST_NOISE_MM, MOST_NOISE_DEG = 1000.0, 180.0
 STRICT, LEAST_TOLERANCE, MOST_TOLERANCE = (0.1, 0.02), 1e-3, 100.0
 DEFAULT_RETRIES = 3
-RECORD_SUFFIXES = (".jsonl", ".mcap", ".npz")
+RECORD_SUFFIXES = (".bag", ".jsonl", ".mcap", ".npz")
 
 
 def parse_options(argv: Sequence[str] | None = None) -> DemoOptions:
@@ -244,7 +244,7 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
         type=_record_target,
         metavar="FILE",
         help="write all that happens: .jsonl (a log, complete even when killed), .mcap (for "
-        "Foxglove) or .npz (at the end)",
+        "Foxglove), .bag (for ROS 1) or .npz (at the end)",
     )
     parser.add_argument("--report", type=file_to_write, metavar="FILE", help="write a JSON report")
     parser.add_argument(

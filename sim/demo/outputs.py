@@ -8,7 +8,16 @@ from pathlib import Path
 
 from baxter_kin import Baxter
 from planner import Plan, RobotBody
-from sim import CsvRecorder, LogRecorder, McapRecorder, Observer, Recorder, Snapshot, World
+from sim import (
+    BagRecorder,
+    CsvRecorder,
+    LogRecorder,
+    McapRecorder,
+    Observer,
+    Recorder,
+    Snapshot,
+    World,
+)
 from sim.demo.interrupt import Interrupt
 from sim.demo.narration import Narrator
 from sim.demo.options import DemoOptions
@@ -70,8 +79,9 @@ def _recorder(path: Path, robot: Baxter, cleanup: ExitStack) -> Observer:
         recorder = Recorder(robot)
         cleanup.callback(_save, recorder, path)
         return recorder
-    make = LogRecorder if path.suffix == ".jsonl" else McapRecorder
-    stream = make(path, robot)
+    makers: dict[str, Callable[[Path, Baxter], BagRecorder | LogRecorder | McapRecorder]]
+    makers = {".bag": BagRecorder, ".jsonl": LogRecorder, ".mcap": McapRecorder}
+    stream = makers[path.suffix](path, robot)
     cleanup.callback(stream.close)
     return stream
 

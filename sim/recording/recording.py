@@ -1,8 +1,9 @@
 """Recording: what happened, as data.
 
 Files: npz by `save_recording` and `load_recording`, the RSDK's CSV by `write_csv`, MCAP by
-`write_mcap`; while the simulation runs, `LogRecorder`, `CsvRecorder` and `McapRecorder` write to
-disk as they go. `plot_recording` draws it.
+`write_mcap`, bags by `write_bag`; while the simulation runs, `LogRecorder`, `CsvRecorder`,
+`McapRecorder` and `BagRecorder` write to disk as they go. `read_recording` reads all of them.
+`plot_recording` draws it.
 """
 
 from __future__ import annotations

@@ -118,6 +118,8 @@ def _configurations(
     """Full configurations, shape (n, 19): joints as measured, the rest in neutral."""
     q = np.tile(robot.configuration(), (len(percent), 1))
     for i, side in enumerate(LIMBS):
+        if finger_joints(side)[0] not in robot.joint_names:
+            continue
         first, second = robot.indices(finger_joints(side))
         q[:, first] = percent[:, i] / 100.0 * robot.model.upperPositionLimit[first]
         q[:, second] = -q[:, first]

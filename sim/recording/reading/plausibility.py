@@ -68,11 +68,11 @@ def check_rows(rows: Rows, robot: Baxter) -> list[str]:
     for side, arm in robot.arms.items():
         if not set(arm_joints(side)) <= rows.joints.keys():
             continue
-        _check_unlike_poses(rows, side)
-        for name, low, high in zip(
-            arm.joint_names, arm.limits.q_min.tolist(), arm.limits.q_max.tolist(), strict=True
-        ):
+        bounds = zip(arm.limits.q_min.tolist(), arm.limits.q_max.tolist(), strict=True)
+        for name, (low, high) in zip(arm.joint_names, bounds, strict=True):
             notes += _limit_notes(rows, name, low, high)
+        _check_unlike_poses(rows, side)
+        for name in arm.joint_names:
             _check_continuity(rows, name)
     return notes
 

@@ -1,4 +1,4 @@
-"""The three ROS 1 messages of a recording."""
+"""The three ROS 1 messages of a recording, and a gripper's, which is read."""
 
 from __future__ import annotations
 
@@ -18,11 +18,40 @@ JOINT_STATE = "sensor_msgs/JointState"
 TRANSFORMS = "tf2_msgs/TFMessage"
 TEXT = "std_msgs/String"
 
-_TYPES = MessageTypes()
+GRIPPER_STATE = "baxter_core_msgs/EndEffectorState"
+
+_GRIPPER_FIELDS = """
+uint8 STATE_FALSE=0
+uint8 STATE_TRUE=1
+uint8 STATE_UNKNOWN=2
+float32 POSITION_CLOSED=0.0
+float32 POSITION_OPEN=100.0
+float32 FORCE_MIN=0.0
+float32 FORCE_MAX=100.0
+time timestamp
+uint32 id
+uint8 enabled
+uint8 calibrated
+uint8 ready
+uint8 moving
+uint8 gripping
+uint8 missed
+uint8 error
+uint8 reverse
+float32 position
+float32 force
+string state
+string command
+string command_sender
+uint32 command_sequence
+"""
+"""As `sim.ros1.definitions` has it, which stands above recordings; real robots' bags have it."""
+
+_TYPES = MessageTypes({GRIPPER_STATE: _GRIPPER_FIELDS})
 
 
 def message_type(name: str) -> MessageType:
-    """One of ROS 1's standard types.
+    """One of ROS 1's standard types, or `GRIPPER_STATE`.
 
     Raises:
         RecordingError: when the package that reads and writes them is missing.

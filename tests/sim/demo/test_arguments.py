@@ -67,7 +67,7 @@ def test_forever_has_no_number_of_cycles() -> None:
         ("--limits fast", "--limits: invalid choice: 'fast'"),
         ("--csv x --report x", "must go to different files"),
         ("--csv x.npz --record x.npz", "must go to different files"),
-        ("--record run.bag", "--record: run.bag must end in one of .jsonl, .mcap, .npz"),
+        ("--record run.txt", "--record: run.txt must end in one of .bag, .jsonl, .mcap, .npz"),
         ("--record run.npz --forever", "with --forever use .jsonl"),
         ("--add-pose 1e308 0 0", "--add-pose: 1e308 is not within 10 m of the robot"),
         (

@@ -255,6 +255,11 @@ class TestRefused:
         with pytest.raises(RecordingError, match=words):
             read_rsdk_csv(write(path, *lines), robot)
 
+    def test_numbers_of_any_size_are_outside_the_limits(self, robot: Baxter, path: Path) -> None:
+        line = rows([0.0])[0].replace("1.94002381", "1e300")
+        with pytest.raises(RecordingError, match=r"line 2: left_e1 = 1e\+300 rad is outside"):
+            read_rsdk_csv(write(path, HEADER, line), robot)
+
     def test_just_beyond_the_slack(self, robot: Baxter, path: Path) -> None:
         assert LIMIT_SLACK_RAD == 0.04
         for excess, is_kept in ((LIMIT_SLACK_RAD - 1e-6, True), (LIMIT_SLACK_RAD + 1e-6, False)):

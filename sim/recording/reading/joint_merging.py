@@ -1,0 +1,153 @@
+"""Joint states of several publishers, merged by the names of joints to one recording.
+
+A real Baxter has two publishers on one topic: all joints at 100 Hz, and the joints of the fingers
+at 38 Hz. So a message counts for the joints that it names, and each joint keeps its last value
+until it is named again. A row stands at every time at which a joint of an arm was named, from where
+all of them have been.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baxter_kin import Baxter
+from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import FloatArray
+from baxter_kin.value_objects import count
+from sim.errors import RecordingError
+from sim.events import Event, EventKind
+from sim.recording.reading.joint_messages import Heard, JointMessages
+from sim.recording.reading.measurement import Measurement, limbs_in, noted_recording
+from sim.recording.reading.plausibility import Rows
+from sim.recording.recorded_motion import arm_joints, finger_joints
+from sim.recording.recording import NotedRecording
+from sim.recording.ros1_files.messages import NANOSECONDS
+
+WALL_CLOCK_S = 1e8
+"""Later stamps are of a clock that counts from 1970; nobody simulates three years."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Track:
+    """What was told of one joint: times in ns, not decreasing, and positions, shape (n,) each."""
+
+    times: NDArray[np.int64]
+    values: FloatArray
+
+    def held(self, times: NDArray[np.int64]) -> FloatArray:
+        """The last value at or before each time; NaN before the first."""
+        index = np.searchsorted(self.times, times, side="right") - 1
+        held: FloatArray = np.where(index < 0, np.nan, self.values[np.maximum(index, 0)])
+        return held
+
+
+def merged_recording(
+    messages: JointMessages, robot: Baxter, topic: str | None, notes: Iterable[str]
+) -> NotedRecording:
+    """The recording that the messages of a file make.
+
+    Args:
+        messages: what they told.
+        robot: whose joints they are.
+        topic: where these were published; found when not given.
+        notes: what was odd about the file.
+
+    Raises:
+        RecordingError: when no topic has all joints of an arm, or several have, or the numbers
+            cannot be of a Baxter's joints.
+    """
+    told = tuple(notes)
+    chosen, others = _topic(messages, topic, told)
+    states = messages.states[chosen]
+    is_stamped = any(heard.stamp_ns for heard in states)
+    tracks = _tracks(states, is_stamped=is_stamped)
+    limbs = limbs_in(tracks)
+    arms = {name: tracks[name] for side in limbs for name in arm_joints(side)}
+    times = np.unique(np.concatenate([track.times for track in arms.values()]))
+    times = times[times >= max(int(track.times[0]) for track in arms.values())]
+    origin_ns = int(times[0]) if times[0] > WALL_CLOCK_S * NANOSECONDS else 0
+    times_s = (times - origin_ns) / NANOSECONDS
+
+    def place(row: int) -> str:
+        return f"{messages.file}, {chosen} at {times_s[row]:.6f} s"
+
+    held = {name: track.held(times) for name, track in tracks.items() if name in robot.joint_names}
+    rows = Rows(times_s, _joints(held, arms), place)
+    percent = _finger_percent(held, robot)
+    grippers = _tracks(messages.grippers, is_stamped=is_stamped)
+    percent |= {side: track.held(times) for side, track in grippers.items()}
+    told = (*told, *_topic_notes(chosen, others), *_clock_notes(origin_ns))
+    found = noted_recording(Measurement(rows, percent, told), robot)
+    events = _events(messages.events, origin_ns)
+    return found._replace(recording=replace(found.recording, events=events))
+
+
+def _topic(
+    messages: JointMessages, asked: str | None, told: tuple[str, ...]
+) -> tuple[str, tuple[str, ...]]:
+    """The topic to read; where there is none, what was odd about the file may be the reason."""
+    try:
+        return messages.topic(asked)
+    except RecordingError as cause:
+        raise RecordingError("; ".join([str(cause), *told])) from cause
+
+
+def _tracks(states: list[Heard], *, is_stamped: bool) -> dict[str, _Track]:
+    """What was told of each joint, in order of time."""
+    columns: dict[str, tuple[list[int], list[float]]] = {}
+    at = [heard.stamp_ns if is_stamped else heard.time_ns for heard in states]
+    for i in sorted(range(len(states)), key=at.__getitem__):
+        for name, value in zip(states[i].names, states[i].values, strict=True):
+            times, values = columns.setdefault(name, ([], []))
+            times.append(at[i])
+            values.append(value)
+    return {
+        name: _Track(np.array(times, dtype=np.int64), np.array(values))
+        for name, (times, values) in columns.items()
+    }
+
+
+def _joints(held: Mapping[str, FloatArray], arms: Mapping[str, object]) -> dict[str, FloatArray]:
+    """Joints of whole arms, and others that are known from the first row on."""
+    parts = {name for side in LIMBS for name in arm_joints(side)} - arms.keys()
+    return {
+        name: values
+        for name, values in held.items()
+        if name not in parts and not np.isnan(values).any()
+    }
+
+
+def _finger_percent(held: Mapping[str, FloatArray], robot: Baxter) -> dict[str, FloatArray]:
+    """How far the fingers are open, of hands whose joints are told."""
+    first = {side: finger_joints(side)[0] for side in LIMBS}
+    return {
+        side: 100.0 * held[name] / robot.model.upperPositionLimit[robot.indices((name,))[0]]
+        for side, name in first.items()
+        if name in held
+    }
+
+
+def _events(told: list[tuple[int, str]], origin_ns: int) -> tuple[Event, ...]:
+    """What happened, of a file that is written here: "kind: text"."""
+    kinds = {kind.value: kind for kind in EventKind}
+    events = []
+    for time_ns, line in told:
+        kind, _, text = line.partition(": ")
+        if kind in kinds:
+            events.append(Event((time_ns - origin_ns) / NANOSECONDS, kinds[kind], text))
+    return tuple(events)
+
+
+def _topic_notes(chosen: str, others: tuple[str, ...]) -> list[str]:
+    if not others:
+        return []
+    left = count(len(others), "other topic")
+    return [f"{chosen} was read, and {left} with arms left out: {', '.join(others)}"]
+
+
+def _clock_notes(origin_ns: int) -> list[str]:
+    return [f"time zero is {origin_ns / NANOSECONDS:.3f} s since 1970"] if origin_ns else []
