@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from typing import Any
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 from sim.errors import RosConnectionError, RosError
 from sim.ros1.master import Master
+from sim.ros1.mastering import notifier
 from sim.ros1.mastering.parameters import Parameters
 from sim.ros1.transport.network.addresses import Home
 from sim.ros1.transport.network.counts import Tally
@@ -156,12 +158,17 @@ def test_a_service_is_taken_over_by_the_last_who_offers_it(
     assert first.providers_of("/s") == ("/second",)
 
 
-def test_a_node_that_does_not_answer_delays_nobody(own_master: str, make_node: MakeNode) -> None:
-    asked(own_master, "registerSubscriber", "/t", TEXT, NOWHERE)
+def test_a_node_that_does_not_answer_delays_nobody(
+    own_master: str, make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(notifier, "ANSWER_S", 1000.0)
     reader = make_node("/reader", own_master)
-    subscriber = reader.subscribe("/t", TEXT, lambda _: None)
-    make_node("/writer", own_master).advertise("/t", TEXT)
-    until(lambda: subscriber.writers)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        uri = f"http://127.0.0.1:{silent.getsockname()[1]}/"
+        asked(own_master, "registerSubscriber", "/t", TEXT, uri)
+        subscriber = reader.subscribe("/t", TEXT, lambda _: None)
+        make_node("/writer", own_master).advertise("/t", TEXT)
+        until(lambda: subscriber.writers)
 
 
 def test_wrong_calls_are_answered_with_words(own_master: str) -> None:

@@ -96,11 +96,14 @@ def test_one_reader_does_not_delay_another(
 def test_nothing_is_made_or_serialised_when_nobody_listens(node: Node) -> None:
     publisher = node.advertise("/t", TEXT.name)
     publisher.send(nonsense=3)
+    publisher.publish("not even a message")
     sock, _ = greeted(topic_place(node, "/t"), READER)
     with sock:
         until(lambda: publisher.readers)
         with pytest.raises(RosMessageError, match="has no field 'nonsense'"):
             publisher.send(nonsense=3)
+        with pytest.raises(RosMessageError, match="not a std_msgs/String"):
+            publisher.publish("not even a message")
 
 
 def test_readers_are_told_type_sum_and_definition(node: Node) -> None:
