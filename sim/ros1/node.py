@@ -34,13 +34,8 @@ POLL_S = 0.05
 LOG_TOPIC = "/rosout"
 LOG_QUEUE = 100
 
-LEVELS = {
-    logging.DEBUG: 1,
-    logging.INFO: 2,
-    logging.WARNING: 4,
-    logging.ERROR: 8,
-    logging.CRITICAL: 16,
-}
+_PYTHONS = logging.DEBUG, logging.INFO, logging.WARNING, logging.ERROR, logging.CRITICAL
+LEVELS = dict(zip(_PYTHONS, (1, 2, 4, 8, 16), strict=True))
 """What Python's levels are in rosgraph_msgs/Log."""
 
 
