@@ -9,6 +9,7 @@ BaxterError
     └── RosError                what goes wrong on a ROS 1 network, or in reaching it
         ├── RosMessageError     a message, type or name that is none   (also ValueError)
         ├── RosConnectionError  a peer or a master that cannot be reached
+        │   └── RosUnreachableError  nobody answers where it should be
         └── ServiceRefused      a service that answered with an error
 ```
 
@@ -54,6 +55,10 @@ class RosConnectionError(RosError):
         self.node = node
         self.remedy = remedy
         super().__init__(f"{reason}; {remedy}" if remedy else reason)
+
+
+class RosUnreachableError(RosConnectionError):
+    """Nobody answers where a peer or a master should be; it may have ended."""
 
 
 class ServiceRefused(RosError):  # noqa: N818 - it is an answer, and ours to give too

@@ -13,7 +13,8 @@ from sim.ros1.definitions import message_type, service_type
 from sim.ros1.master import Master
 from sim.ros1.node import Node
 from sim.ros1.transport import registry
-from sim.ros1.transport.tcpros import board
+from sim.ros1.transport.tcpros import board, subscription
+from sim.ros1.transport.xmlrpc.master_client import MasterClient
 from sim.ros1_fields import Message
 from tests.sim.ros1.conftest import MakeNode
 from tests.sim.ros1.processes import free_port, until
@@ -218,6 +219,33 @@ def test_a_fault_in_a_callback_is_told_and_the_next_message_comes(
     assert "ZeroDivisionError" in caplog.text
 
 
+def test_a_publisher_that_ends_is_no_reason_to_complain(
+    own_master: str, make_node: MakeNode, caplog: pytest.LogCaptureFixture
+) -> None:
+    reader = make_node("/reader", own_master)
+    subscribers = [reader.subscribe(f"/t{n}", TEXT.name, lambda _: None) for n in range(5)]
+    with Node("/short", master_uri=own_master) as node:
+        for number in range(5):
+            node.advertise(f"/t{number}", TEXT.name)
+        until(lambda: all(each.writers for each in subscribers))
+    until(lambda: not any(each._subscription._links for each in subscribers))
+    assert caplog.messages == []
+
+
+def test_a_publisher_that_is_registered_and_not_there_is_told_after_a_while(
+    own_master: str,
+    node: Node,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setattr(subscription, "RETRY_S", 6 * (0.01,))
+    dead = MasterClient(own_master, "/dead")
+    dead.call("registerPublisher", "/t", TEXT.name, f"http://127.0.0.1:{free_port()}/")
+    node.subscribe("/t", TEXT.name, lambda _: None)
+    until(lambda: caplog.messages)
+    assert caplog.messages[0].startswith("/t: cannot reach /dead at 127.0.0.1:")
+
+
 def test_everything_is_unregistered_at_the_end(own_master: str, make_node: MakeNode) -> None:
     asker = make_node("/asker", own_master)
     with Node("/short", master_uri=own_master) as node:
@@ -306,8 +334,6 @@ def test_a_publisher_whose_name_does_not_resolve_is_told_with_node_and_remedy(
     own_master: str, node: Node, caplog: pytest.LogCaptureFixture
 ) -> None:
     """As a Baxter that calls itself <serial>.local."""
-    from sim.ros1.transport.xmlrpc.master_client import MasterClient  # noqa: PLC0415
-
     robot = MasterClient(own_master, "/baxter")
     robot.call("registerPublisher", "/t", TEXT.name, "http://011412p0003.invalid:40000/")
     node.subscribe("/t", TEXT.name, lambda _: None)

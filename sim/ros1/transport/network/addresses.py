@@ -12,7 +12,7 @@ from typing import NamedTuple
 from urllib.parse import urlsplit
 
 from baxter_kin.errors import quoted
-from sim.errors import RosConnectionError, RosMessageError
+from sim.errors import RosConnectionError, RosMessageError, RosUnreachableError
 
 DEFAULT_MASTER = "http://127.0.0.1:11311"
 """Where ROS looks for a master when nothing is said."""
@@ -181,7 +181,7 @@ def connect(place: Place, *, node: str, timeout_s: float) -> socket.socket:
         return sock
     except (OSError, OverflowError) as cause:
         reason = "no answer" if isinstance(cause, TimeoutError) else str(cause)
-        raise RosConnectionError(
+        raise RosUnreachableError(
             f"cannot reach {node} at {place}: {reason}",
             host=str(place),
             node=node,

@@ -12,7 +12,7 @@ from itertools import islice
 from typing import TypeAlias
 
 from baxter_kin.value_objects import NotCopied, OneLine, listing
-from sim.errors import RosConnectionError, RosError, RosMessageError
+from sim.errors import RosConnectionError, RosError, RosMessageError, RosUnreachableError
 from sim.ros1.transport.network.addresses import Place, connect
 from sim.ros1.transport.network.connection import Connection
 from sim.ros1.transport.network.counts import Tally
@@ -163,14 +163,19 @@ class Subscription(NotCopied, OneLine):
         try:
             sock, answer = self._shake_hands(link)
         except RosError as error:
-            link.attempts += 1
-            if link.attempts == 1:
-                link.name = self._name_of(link.uri) or link.name
-            elif link.attempts == 2:  # now that it is known who it is
-                _LOG.warning("%s: %s", self.topic, error)
+            self._note(link, error)
             self._loop.call(lambda: self._retry(link))
             return
         self._loop.call(lambda: self._adopt(link, sock, answer))
+
+    def _note(self, link: _Link, error: RosError) -> None:
+        """Say once what is wrong; who is not there any more may have ended, and is waited for."""
+        link.attempts += 1
+        if link.attempts == 1:
+            link.name = self._name_of(link.uri) or link.name
+        patience = len(RETRY_S) if isinstance(error, RosUnreachableError) else 0
+        if link.attempts == patience + 2:  # not at once: now it is known who it is
+            _LOG.warning("%s: %s", self.topic, error)
 
     def _shake_hands(self, link: _Link) -> tuple[socket.socket, Answer]:
         wish = [["TCPROS"]]

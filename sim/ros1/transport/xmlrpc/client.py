@@ -8,7 +8,7 @@ from typing import Any
 from xml.parsers.expat import ExpatError
 
 from baxter_kin.errors import quoted
-from sim.errors import RosConnectionError, RosError
+from sim.errors import RosConnectionError, RosError, RosUnreachableError
 from sim.ros1.transport.network.addresses import Place, place_of, resolve
 
 LONGEST_ANSWER = 16 * 2**20
@@ -39,7 +39,8 @@ def ask(uri: str, method: str, *args: Any, node: str, timeout_s: float) -> Any:
         timeout_s: how long each step may take: connecting, sending, every piece of the answer.
 
     Raises:
-        RosConnectionError: when it cannot be reached, or does not answer as a node does.
+        RosUnreachableError: when nobody answers.
+        RosConnectionError: when its name is not known here, or it does not answer as a node does.
         RosError: when it refuses; the message has its reason.
     """
     place = place_of(uri)
@@ -76,7 +77,7 @@ def _post(place: Place, body: bytes, node: str, timeout_s: float) -> bytes:
         content = answer.read(LONGEST_ANSWER + 1)
     except (OSError, http.client.HTTPException) as cause:
         reason = "no answer" if isinstance(cause, TimeoutError) else str(cause) or repr(cause)
-        raise RosConnectionError(
+        raise RosUnreachableError(
             f"cannot reach {node} at {place}: {reason}",
             host=str(place),
             node=node,
