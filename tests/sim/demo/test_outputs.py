@@ -10,6 +10,7 @@ import pytest
 from baxter_kin import Baxter
 from planner import Body
 from sim import (
+    BagRecorder,
     CsvRecorder,
     LogRecorder,
     McapRecorder,
@@ -48,7 +49,12 @@ def test_without_a_wish_a_headless_demo_records_nothing(world: World) -> None:
 
 @pytest.mark.parametrize(
     ("file", "kind"),
-    [("run.npz", Recorder), ("run.jsonl", LogRecorder), ("run.mcap", McapRecorder)],
+    [
+        ("run.npz", Recorder),
+        ("run.jsonl", LogRecorder),
+        ("run.mcap", McapRecorder),
+        ("run.bag", BagRecorder),
+    ],
 )
 def test_the_suffix_says_the_format(world: World, tmp_path: Path, file: str, kind: type) -> None:
     assert recorded(world, ["--record", str(tmp_path / file)]) == [kind]

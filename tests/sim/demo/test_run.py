@@ -346,7 +346,9 @@ def test_recording_for_foxglove_is_a_complete_file(tmp_path: Path) -> None:
     assert path.read_bytes()[-8:] == path.read_bytes()[:8] == b"\x89MCAP0\r\n"
 
 
-@pytest.mark.parametrize("option", ["--record run.jsonl", "--record run.mcap", "--csv run.csv"])
+@pytest.mark.parametrize(
+    "option", ["--record run.jsonl", "--record run.mcap", "--record run.bag", "--csv run.csv"]
+)
 def test_a_disk_that_fills_up_ends_the_demo_with_that_reason(
     tmp_path: Path,
     small_disk: Callable[[int], None],
