@@ -121,7 +121,7 @@ def test_seconds_of_a_time_are_unsigned_and_of_a_duration_signed() -> None:
     assert time.serialise(latest) == b"\xff\xff\xff\xff\xff\xc9\x9a\x3b"
     assert time.deserialise(time.serialise(latest)) == latest
     assert duration.deserialise(duration.serialise(duration.make(data=-0.25))).data.sec == -1
-    with pytest.raises(RosMessageError, match=r"data: time.sec: a uint32 is 0 to 4294967295"):
+    with pytest.raises(RosMessageError, match=r"data: time\.sec: a uint32 is 0 to 4294967295"):
         time.make(data=-1.0)
 
 
