@@ -1,0 +1,1 @@
+"""Parts of the simulated Baxter, each a state machine that knows no wire."""

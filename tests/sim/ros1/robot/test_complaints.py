@@ -1,0 +1,39 @@
+"""Complaints are counted always and said once a second."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.ros1.robot.complaints import Complaints
+
+TIMES = st.lists(st.floats(0.0, 100.0), min_size=1).map(sorted)
+
+
+@given(TIMES)
+def test_says_at_most_one_a_second_and_counts_all(times: list[float]) -> None:
+    said: list[str] = []
+    complaints = Complaints(said.append)
+    said_s: list[float] = []
+    for time_s in times:
+        before = len(said)
+        complaints.about("/topic", "/sender", "left_s0 = nan", time_s)
+        said_s += [time_s] * (len(said) - before)
+    assert complaints.counts["/topic"] == len(times)
+    assert said[0] == "/topic from /sender: left_s0 = nan"
+    assert said_s[0] == times[0]
+    assert all(later - earlier >= 1.0 for earlier, later in pairwise(said_s))
+
+
+def test_other_senders_are_said_at_once_and_what_was_not_said_is_told() -> None:
+    said: list[str] = []
+    complaints = Complaints(said.append)
+    for sender, time_s in (("/a", 0.0), ("/a", 0.1), ("/a", 0.2), ("/b", 0.3), ("/a", 1.5)):
+        complaints.about("/topic", sender, "bad", time_s)
+    assert said == [
+        "/topic from /a: bad",
+        "/topic from /b: bad",
+        "/topic from /a: bad (2 more since the last time)",
+    ]
