@@ -7,17 +7,13 @@ from collections.abc import Callable, Mapping
 from planner import Grip
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim import event_text
-from sim.events import EventKind
+from sim.grip_telling import GripTelling
 from sim.outcome import Dwell
 from sim.timeline import Timeline
 from sim.world.contacts import ContactWatch, falls_as_planned
-from sim.world.falling import Rest
 from sim.world.finger_closing import Closing
 from sim.world.gripper import Gripper
 from sim.world.world import World
-
-MOVED_M = 1e-6
-"""A body pushed or fallen by less was not; contacts are found to 1e-8 m."""
 
 
 class GripSteps:
@@ -33,6 +29,7 @@ class GripSteps:
     ) -> None:
         self._world, self._grippers, self._timeline = world, grippers, timeline
         self._watch, self._dwell = watch, dwell
+        self._telling = GripTelling(world, grippers, timeline)
 
     def close(self, limb: str, grip: Grip) -> str | None:
         """Close on what is between the pads; returns why that failed, or None."""
@@ -40,10 +37,13 @@ class GripSteps:
         closing = gripper.closing(grip.body)
         self._slide(limb, closing.finger_m, lambda _: self._push(limb, closing))
         gripper.finish(closing)
-        self._pushed(limb, closing)
+        if self._telling.pushed(limb, closing):
+            self._watch.is_trusted = False
         if closing.grasp is None:
-            return self._missed(limb, grip, closing)
-        self._grasped(limb, closing, gripper.state.percent)
+            return f"{grip.label}: {self._telling.missed(limb, closing, grip.body)}"
+        if closing.body is not None:
+            self._watch.is_trusted &= not self._world.riders(closing.body)
+        self._telling.grasped(limb, closing)
         self._timeline.pass_s(self._dwell.after_grasp_s)
         if grip.body is not None and closing.body != grip.body:
             return f"{grip.label}: grasped {closing.body} instead of {grip.body}"
@@ -52,55 +52,15 @@ class GripSteps:
     def _push(self, limb: str, closing: Closing) -> None:
         self._grippers[limb].close_to(closing, self._world.finger_m(limb))
 
-    def _pushed(self, limb: str, closing: Closing) -> None:
-        """Tell what was pushed; what is not held comes to rest."""
-        for push in closing.pushes:
-            if push.distance_m > MOVED_M and not push.is_riding:
-                text, body = event_text.of_push(push, limb), self._world.body(push.body)
-                self._timeline.tell(EventKind.PUSHED, text, limb, body=body, detail=push)
-            if push.body != closing.body and not push.is_riding:
-                self._watch.is_trusted = False
-                self._settle(push.body)
-
-    def _settle(self, name: str) -> None:
-        """Let a body come to rest at once, and tell when that moved it."""
-        rest = self._world.settle(name)
-        if rest.fall_m > MOVED_M:
-            self._settled(name, rest)
-
-    def _settled(self, name: str, rest: Rest) -> None:
-        body = self._world.body(name)
-        self._timeline.tell(
-            EventKind.SETTLED, event_text.of_rest(name, rest), body=body, detail=rest
-        )
-
-    def _grasped(self, limb: str, closing: Closing, percent: float) -> None:
-        if closing.body is not None and closing.grasp is not None:
-            self._watch.is_trusted &= not self._world.riders(closing.body)
-            text = event_text.of_grasp(closing.body, closing.grasp, percent)
-            body = self._world.body(closing.body)
-            self._timeline.tell(EventKind.GRASPED, text, limb, body=body, detail=closing.grasp)
-
-    def _missed(self, limb: str, grip: Grip, closing: Closing) -> str:
-        gap_m, is_closed = self._grippers[limb].gap_m, closing.finger_m == 0.0
-        text = event_text.of_miss(closing.miss, grip.body, gap_m, is_closed=is_closed)
-        body = None if grip.body is None else self._world.scene.bodies.get(grip.body)
-        self._timeline.tell(EventKind.MISSED, text, limb, body=body, detail=closing.miss)
-        return f"{grip.label}: {text}"
-
     def open(self, limb: str, grip: Grip) -> str | None:
         """Open, and let go of what is held; returns why they opened no farther, or None."""
-        gripper = self._grippers[limb]
-        name = gripper.release()
+        name = self._grippers[limb].release()
         finger_m, failure = self._free_opening(limb, grip)
         if name is None:
             self._slide(limb, finger_m)
-            self._timeline.tell(
-                EventKind.OPENED, event_text.of_opening(limb, gripper.state.percent), limb
-            )
+            self._telling.opened(limb)
         else:
-            body = self._world.body(name)
-            self._timeline.tell(EventKind.RELEASED, f"{name} released", limb, body=body)
+            self._telling.released(limb, name)
             self._let_go(limb, name, finger_m)
         self._timeline.pass_s(self._dwell.after_release_s)
         return failure
@@ -110,9 +70,7 @@ class GripSteps:
         begin_m = self._world.finger_m(limb)
         end_m = self._grippers[limb].open_m if grip.opening_m is None else grip.opening_m
         for contact in self._watch.of_fingers(limb, end_m, FINGER_SPEED_M_S):
-            self._timeline.tell(
-                EventKind.HIT, event_text.of_contact(contact, limb), limb, detail=contact
-            )
+            self._telling.hit(limb, contact)
             if contact.stops:
                 way = contact.free_s * FINGER_SPEED_M_S
                 stop_m = begin_m + way if end_m > begin_m else begin_m - way
@@ -130,7 +88,7 @@ class GripSteps:
             at_least_s=rest.duration_s,
         )
         self._world.put_to_rest(name, rest)
-        self._settled(name, rest)
+        self._telling.settled(name, rest)
 
     def _slide(
         self,

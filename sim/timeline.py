@@ -50,6 +50,8 @@ class Timeline(Clock):
 
     def show(self) -> None:
         """Show the world to all observers."""
+        if not self._observers:
+            return
         snapshot = Snapshot(
             time_s=self.time_s,
             q=self._world.q,

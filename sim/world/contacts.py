@@ -92,6 +92,19 @@ class ContactWatch:
         path = self._configurations(side, trajectory.sample(times).q)
         return self._found(side, path, times, self._surroundings(side))
 
+    def at(self, side: str, q: FloatArray) -> list[Contact]:
+        """The contacts of an arm that goes to a configuration nearby, shape (7,), rad, likewise.
+
+        It is looked at there alone, so a way is to be asked for in steps of `CHECK_S`. What the arm
+        ran into at the last step, and still does, is not told again, unless it stops the arm.
+        """
+        if self.is_trusted or not self._looks:
+            return []
+        here = np.zeros(1)
+        return self._found(
+            side, self._configurations(side, q[None]), here, self._surroundings(side)
+        )
+
     def of_fingers(self, side: str, finger_m: float, speed_m_s: float) -> list[Contact]:
         """The contacts of fingers that go from where they are to a position, likewise.
 
@@ -165,6 +178,8 @@ class _Surroundings:
         self._checker = ClearanceChecker(world.shapes, arm, carried, held=held)
         self._touches = Touches(self._checker, -PRESSING_TOLERANCE_M)
         self._held = None if held is None else held.body
+        self._fewer: dict[str, _Surroundings] = {}
+        self._alone: dict[str, _Surroundings] = {}
 
     def is_touched(self, q: FloatArray) -> bool:
         """Whether anything is run into at a full configuration."""
@@ -172,7 +187,10 @@ class _Surroundings:
 
     def less(self, name: str) -> _Surroundings:
         """The same without one more body."""
-        return _Surroundings(self._world, self._side, self._left_out | {name})
+        if name not in self._fewer:
+            less = _Surroundings(self._world, self._side, self._left_out | {name})
+            self._fewer[name] = less
+        return self._fewer[name]
 
     def touched_by_pads(self) -> list[str]:
         """Movable bodies that a pad touches now: what the hand holds, or has just let go."""
@@ -191,11 +209,9 @@ class _Surroundings:
 
     def touched_at(self, q: FloatArray) -> frozenset[str]:
         """Which of the bodies left out are run into at a full configuration."""
-        return frozenset(
-            name
-            for name in self._left_out
-            if _Surroundings(self._world, self._side, only=name).is_touched(q)
-        )
+        for name in self._left_out - self._alone.keys():
+            self._alone[name] = _Surroundings(self._world, self._side, only=name)
+        return frozenset(n for n in self._left_out if self._alone[n].is_touched(q))
 
     def deepest(self, q: FloatArray, time_s: float, free_s: float) -> Contact:
         """The worst contact at a full configuration."""

@@ -49,6 +49,7 @@ class RobotState(OneLine):
         self._arm_indices = {
             s: np.array(robot.indices(a.joint_names)) for s, a in robot.arms.items()
         }
+        self._head = robot.indices(("head_pan",))[0]
         self._finger_indices = {
             s: list(robot.indices(h.joint_names)) for s, h in self.hands.items()
         }
@@ -99,6 +100,14 @@ class RobotState(OneLine):
         """
         limits = self._limits[self._side(side)]
         self._q[self._arm_indices[side]] = limits.check(q, "q", tolerance=ROUNDING_RAD)
+
+    def turn_head(self, pan_rad: float) -> None:
+        """Turn the head, rad, positive to the robot's left.
+
+        Raises:
+            SimulationError: when it is not a finite number.
+        """
+        self._q[self._head] = finite_scalar(pan_rad, "pan_rad", SimulationError)
 
     def set_fingers(self, side: str, finger_m: float) -> None:
         """Put the fingers of a hand somewhere; they do not push.

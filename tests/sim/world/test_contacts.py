@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -21,6 +22,7 @@ from planner import (
     Move,
     PickAndPlace,
     Plan,
+    Trajectory,
     make_block,
     plan_joint_move,
     plan_pick_and_place,
@@ -349,3 +351,37 @@ def test_a_released_block_between_the_fingers_is_no_hit(bench: Bench) -> None:
     assert bench.simulation.execute(opening).is_success
     assert bench.line(0.70, 0.15, 0.0).is_success
     assert bench.diary.hits == []
+
+
+class TestSteps:
+    """An arm that is led step by step meets what it would meet on the whole move."""
+
+    def motion(self, bench: Bench, x: float, y: float, z: float) -> Trajectory:
+        q, arm = bench.world.arm_q("left"), bench.manipulator.arm
+        return plan_straight_move(arm, q, overhead(x, y, z), bench.manipulator.limits)
+
+    def test_it_is_stopped_by_what_stops_the_move(self, bench: Bench) -> None:
+        bench.grasp()
+        motion = self.motion(bench, 0.70, 0.15, -0.2)
+        (wanted,) = ContactWatch(bench.world).along("left", motion)
+        watch = ContactWatch(bench.world)
+        steps = max(1, math.ceil(motion.duration / CHECK_S))
+        for time_s in np.linspace(0.0, motion.duration, steps + 1):
+            found = watch.at("left", motion.sample(time_s).q)
+            if found:
+                break
+        assert time_s == wanted.time_s
+        assert [(c.mover, c.other, c.stops, c.depth_m) for c in found] == [
+            (wanted.mover, wanted.other, True, wanted.depth_m)
+        ]
+        assert watch.at("left", motion.sample(time_s).q)  # and again, as long as it would go on
+
+    def test_a_movable_body_is_told_once_for_as_long_as_it_lasts(self, bench: Bench) -> None:
+        watch, q = ContactWatch(bench.world), bench.world.arm_q("left")
+        bench.world.place_body("red", bench.world.T_base_tip("left") * at(0.0, 0.0, -0.1))
+        first, second = watch.at("left", q), watch.at("left", q)
+        assert {contact.other for contact in first} == {"red"}
+        assert not second
+        aside = q + np.eye(7)[0] * 0.5
+        assert not watch.at("left", aside)
+        assert [contact.other for contact in watch.at("left", q)] == ["red"]

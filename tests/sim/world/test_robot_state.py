@@ -51,6 +51,15 @@ class TestRobot:
             assert shared.arm_q(side).tolist() == q.tolist()
             assert shared.T_base_tip(side) == arm.T_base_tip(q)
 
+    def test_the_head_turns_alone_to_a_finite_angle(self, robot: Baxter) -> None:
+        world = World(robot)
+        before = world.q
+        world.turn_head(-0.7)
+        (turned,) = np.flatnonzero(world.q != before)
+        assert (robot.joint_names[turned], world.q[turned]) == ("head_pan", -0.7)
+        with pytest.raises(SimulationError, match="pan_rad"):
+            world.turn_head(float("nan"))
+
     def test_moving_one_arm_moves_nothing_else(self, robot: Baxter) -> None:
         world = World(robot)
         before = world.q
