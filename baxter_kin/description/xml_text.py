@@ -29,12 +29,14 @@ class Element:
     Attributes:
         name: its name, as it is written.
         attributes: text by name.
-        children: the elements in it, in order; what is written between them is not kept.
+        children: the elements in it, in order.
+        text: what is written in it before its first child.
     """
 
     name: str
     attributes: dict[str, str]
     children: list[Element] = field(default_factory=list)
+    text: str = ""
 
     def all(self, name: str) -> Iterator[Element]:
         """The children of that name."""
@@ -65,6 +67,8 @@ def read_xml(text: str | bytes) -> Element:
     parser = expat.ParserCreate(encoding)
     parser.StartElementHandler = reader.start
     parser.EndElementHandler = reader.end
+    parser.buffer_text = True  # few pieces of text, however many lines it has
+    parser.CharacterDataHandler = reader.read
     parser.StartDoctypeDeclHandler = reader.refuse
     try:
         parser.Parse(content, True)
@@ -94,6 +98,11 @@ class _Reader:
         element = Element(name, attributes)
         self._open[-1].children.append(element)
         self._open.append(element)
+
+    def read(self, text: str) -> None:
+        element = self._open[-1]
+        if not element.children:
+            element.text += text
 
     def end(self, _: str) -> None:
         self._open.pop()

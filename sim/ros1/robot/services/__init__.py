@@ -1,0 +1,1 @@
+"""Services of the simulated Baxter: inverse kinematics, and models that come and go."""
