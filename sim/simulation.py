@@ -94,10 +94,7 @@ class Simulation(OneLine):
         Raises:
             SceneError: when the name is taken.
         """
-        support = self.world.spawn(body)
-        on = f", at rest on {support}" if body.is_movable else ""
-        settled = self.world.body(body.name)
-        self._timeline.tell(EventKind.SPAWNED, f"{body.name} spawned{on}", body=settled)
+        self._timeline.spawn(body)
 
     def delete(self, name: str) -> None:
         """Remove a body.
@@ -105,9 +102,7 @@ class Simulation(OneLine):
         Raises:
             SceneError: when it is not there.
         """
-        body = self.world.body(name)
-        self.world.delete(name)
-        self._timeline.tell(EventKind.DELETED, f"{name} deleted", body=body)
+        self._timeline.delete(name)
 
     def wait(self, duration_s: float) -> None:
         """Let time pass.

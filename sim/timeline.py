@@ -77,3 +77,24 @@ class Timeline(Clock):
         event = Event(self.time_s, kind, text, side, move, body, detail)
         for observer in self._observers:
             observer.on_event(event)
+
+    def spawn(self, body: Body) -> None:
+        """Add a body to the world, and tell; a movable one falls on what is below it.
+
+        Raises:
+            SceneError: when the name is taken.
+        """
+        support = self._world.spawn(body)
+        on = f", at rest on {support}" if body.is_movable else ""
+        settled = self._world.body(body.name)
+        self.tell(EventKind.SPAWNED, f"{body.name} spawned{on}", body=settled)
+
+    def delete(self, name: str) -> None:
+        """Remove a body from the world, and tell.
+
+        Raises:
+            SceneError: when it is not there.
+        """
+        body = self._world.body(name)
+        self._world.delete(name)
+        self.tell(EventKind.DELETED, f"{name} deleted", body=body)

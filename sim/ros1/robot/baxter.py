@@ -1,0 +1,270 @@
+"""The simulated Baxter without its wire: a world and all its parts, advanced in ticks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import FloatArray
+from baxter_kin.value_objects import OneLine, seconds
+from planner import Body
+from sim.clock import DEFAULT_TICK_S
+from sim.events import EventKind, Observer
+from sim.grip_telling import GripTelling
+from sim.ros1.robot.parts.arm_motion import ArmMotion, Following
+from sim.ros1.robot.parts.assembly import Assembly
+from sim.ros1.robot.parts.contact_stop import ContactStop
+from sim.ros1.robot.parts.electric_gripper import ElectricGripper, GripperOrder
+from sim.ros1.robot.parts.fingers import Fingers
+from sim.ros1.robot.parts.head import Head
+from sim.ros1.robot.parts.joint_order import BadOrderError, JointOrder
+from sim.ros1.robot.parts.panel import Panel
+from sim.timeline import Timeline
+from sim.world.contacts import ContactWatch
+from sim.world.gripper import Gripper
+from sim.world.world import World
+
+TICK_S = DEFAULT_TICK_S
+"""Between two states; a real Baxter publishes its joints at 100 Hz."""
+
+LONGEST_LEAP = 5
+"""Ticks: a process that was stopped for longer goes on where it was, and leaps no farther."""
+
+TUCKED_S0_RAD, TUCKED_S1_RAD = (-1.0, 1.0), -2.07
+"""Of the left and the right arm when they are tucked, as the original `tuck_arms` has it."""
+
+TUCKED_WITHIN_RAD = 0.2
+"""Likewise: how near to that an arm counts as tucked."""
+
+
+class SimulatedBaxter(OneLine):
+    """A Baxter in its world.
+
+    Attributes:
+        world: where everything is; of an arm that stands outside its limits, at its limits.
+        time_s: how long it has been on.
+        arms: the joints of both arms, by side.
+        grippers: of the hands that have fingers, by side.
+        assembly: whether it is enabled.
+        head: where it looks.
+        panel: buttons and lights.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        observers: Iterable[Observer] = (),
+        *,
+        following: Following | None = None,
+        q_start: Mapping[str, FloatArray] | None = None,
+        is_calibrated: bool = True,
+    ) -> None:
+        """Switch it on, disabled.
+
+        Args:
+            world: what it moves in.
+            observers: who is told what happens, and shown the world at every tick.
+            following: how the arms follow their set-points.
+            q_start: where arms stand, by side, shape (7,), rad; where the world has them when not
+                given. A real one may stand outside its limits when it is tucked.
+            is_calibrated: whether the grippers are.
+
+        Raises:
+            SimulationError: when an argument is of another class.
+        """
+        self.world = world
+        hands = {side: Gripper(world, side) for side in world.hands}
+        self._timeline = Timeline(world, hands, observers, TICK_S)
+        telling = GripTelling(world, hands, self._timeline)
+        watches = {side: ContactWatch(world) for side in LIMBS}
+        self.grippers = {
+            side: ElectricGripper(
+                Fingers(world, side, hand, telling, watches[side]), is_calibrated=is_calibrated
+            )
+            for side, hand in hands.items()
+        }
+        self._stops = {side: ContactStop(side, watches[side], telling) for side in LIMBS}
+        starts = {side: world.arm_q(side) for side in LIMBS} | dict(q_start or {})
+        self.arms = {
+            side: ArmMotion(world.robot.arm(side).limits, starts[side], following) for side in LIMBS
+        }
+        for side in LIMBS:
+            self._put(side, starts[side])
+        self.assembly, self.head, self.panel = Assembly(), Head(), Panel()
+        self._ticks = 0
+
+    @property
+    def time_s(self) -> float:
+        """How long it has been on."""
+        return self._ticks * TICK_S
+
+    @property
+    def is_tucked(self) -> bool:
+        """Whether an arm is tucked."""
+        return any(self._is_tucked(side) for side in LIMBS)
+
+    def _is_tucked(self, side: str) -> bool:
+        tucked = np.array([TUCKED_S0_RAD[LIMBS.index(side)], TUCKED_S1_RAD])
+        return bool((np.abs(self.arms[side].q[:2] - tucked) <= TUCKED_WITHIN_RAD).all())
+
+    def tick(self, ticks: int = 1) -> None:
+        """Let time pass, at most `LONGEST_LEAP` ticks, and show the world once."""
+        for _ in range(min(ticks, LONGEST_LEAP)):
+            self._ticks += 1
+            self._timeline.time_s = self.time_s
+            for side in LIMBS:
+                self._step_arm(side)
+            for gripper in self.grippers.values():
+                gripper.step(TICK_S)
+            self._step_head()
+            self.panel.step(TICK_S)
+        self._timeline.show()
+
+    def _step_arm(self, side: str) -> None:
+        arm = self.arms[side]
+        q = arm.proposal(TICK_S, self.time_s)
+        if (q == arm.q).all():
+            arm.move(q, TICK_S)
+        elif self._stops[side].lets_pass(self._inside(side, arm.q), self._inside(side, q)):
+            arm.move(q, TICK_S)
+            self._put(side, q)
+        else:
+            arm.move(arm.q, TICK_S)
+
+    def _put(self, side: str, q: FloatArray) -> None:
+        self.world.move_arm(side, self._inside(side, q))
+
+    def _inside(self, side: str, q: FloatArray) -> FloatArray:
+        limits = self.world.robot.arm(side).limits
+        return np.asarray(np.minimum(np.maximum(q, limits.q_min), limits.q_max))
+
+    def _step_head(self) -> None:
+        before = self.head.pan_rad
+        self.head.step(TICK_S)
+        if self.head.pan_rad != before:
+            self.world.turn_head(self.head.pan_rad)
+
+    def order_joints(
+        self, side: str, mode: int, names: Sequence[str], command: Sequence[float]
+    ) -> tuple[str, ...]:
+        """Take a joint command; a disabled robot checks it and does nothing.
+
+        Returns:
+            A phrase for each joint that was clipped.
+
+        Raises:
+            BadOrderError: when it makes no sense; it is ignored whole.
+        """
+        arm = self.world.robot.arm(side)
+        order = JointOrder.of(arm.joint_names, mode, names, command)
+        if not self.assembly.state.is_enabled:
+            return ()
+        return self.arms[side].order(order, self.time_s)
+
+    def order_gripper(self, side: str, order: GripperOrder) -> None:
+        """Take a command to a gripper.
+
+        Raises:
+            BadOrderError: when it is ignored.
+        """
+        if side not in self.grippers:
+            raise BadOrderError(f"the {side} hand has no gripper")
+        is_enabled = self.assembly.state.is_enabled
+        self.grippers[side].order(order, is_enabled=is_enabled)
+
+    def order_head(self, target_rad: float) -> None:
+        """Turn the head, unless the robot is disabled.
+
+        Raises:
+            BadOrderError: when the angle is not finite.
+        """
+        if self.assembly.state.is_enabled:
+            self.head.pan(target_rad)
+
+    def nod(self) -> None:
+        """Nod once, unless the robot is disabled."""
+        if self.assembly.state.is_enabled:
+            self.head.nod()
+
+    def enable(self) -> None:
+        """Enable it; what it is already changes nothing.
+
+        Raises:
+            BadOrderError: when that is refused.
+        """
+        if self.assembly.state.is_enabled:
+            return
+        refusal = self.assembly.enable(self.time_s, is_tucked=self.is_tucked)
+        if refusal is not None:
+            raise BadOrderError(f"not enabled: {refusal}")
+        self._timeline.tell(EventKind.ENABLED, "robot enabled")
+
+    def disable(self) -> None:
+        """Disable it: everything stays where it is, and what is held is held."""
+        self.assembly.disable()
+        self._hold()
+
+    def stop(self) -> None:
+        """Stop it until it is reset."""
+        self.assembly.stop()
+        self._hold()
+
+    def reset(self) -> None:
+        """Reset it, which disables it.
+
+        Raises:
+            BadOrderError: when that is refused.
+        """
+        refusal = self.assembly.reset()
+        if refusal is not None:
+            raise BadOrderError(f"not reset: {refusal}")
+        self._hold()
+
+    def press(self, side: str, button: str) -> None:
+        """Press a button, or release all.
+
+        Raises:
+            BadOrderError: when there is no such button.
+        """
+        if button == "estop":
+            self.assembly.press()
+            self._hold()
+        elif button == "release":
+            self.assembly.release()
+            self.panel.release()
+        else:
+            self.panel.press(side, button)
+
+    def _hold(self) -> None:
+        for arm in self.arms.values():
+            arm.hold()
+        for gripper in self.grippers.values():
+            gripper.stop()
+        self.head.hold()
+
+    def spawn(self, body: Body) -> None:
+        """Add a body; a movable one falls on what is below it.
+
+        Raises:
+            SceneError: when the name is taken.
+        """
+        self._timeline.spawn(body)
+        self._look_again()
+
+    def delete(self, name: str) -> None:
+        """Remove a body.
+
+        Raises:
+            SceneError: when it is not there.
+        """
+        self._timeline.delete(name)
+        self._look_again()
+
+    def _look_again(self) -> None:
+        for gripper in self.grippers.values():
+            gripper.look_again()
+
+    def _facts(self) -> tuple[str, ...]:
+        return seconds(self.time_s), repr(self.assembly.state), repr(self.world)

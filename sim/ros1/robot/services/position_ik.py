@@ -1,0 +1,122 @@
+"""Position IK: the inverse kinematics service of one arm, as a Baxter offers it.
+
+`baxter_core_msgs/SolvePositionIK`: poses in, joints out, with the numbers of seed modes and of
+result types that `baxter_kin.ik.seeds` has. Seeds come by joint name; a joint that a seed does not
+name is where it is now. An empty seed, or one that makes no sense, is none. Asking for user seeds
+alone without giving any is refused, as by the original.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from baxter_kin import Baxter, IKService
+from baxter_kin.errors import BaxterError
+from baxter_kin.ik.result import IKResult
+from baxter_kin.ik.seeds import SeedMode
+from baxter_kin.validation import FloatArray
+from baxter_kin.value_objects import OneLine
+from sim.errors import ServiceRefused
+from sim.ros1.definitions import service_type
+from sim.ros1.robot.services.frame_tree import T_base_frame, pose_of
+from sim.ros1_fields import Message
+
+TYPE = "baxter_core_msgs/SolvePositionIK"
+
+
+class PositionIK(OneLine):
+    """The service of one arm; any thread may ask it."""
+
+    def __init__(
+        self,
+        robot: Baxter,
+        side: str,
+        now: Callable[[], FloatArray],
+        say: Callable[[str], object],
+    ) -> None:
+        """Prepare the searches.
+
+        Args:
+            robot: whose arm.
+            side: "left" or "right".
+            now: gives the full configuration, rad and m.
+            say: told why a pose has no solution.
+        """
+        self._robot, self._now, self._say = robot, now, say
+        self._arm = robot.arm(side)
+        self._ik = IKService(self._arm)
+        self._indices = list(robot.indices(self._arm.joint_names))
+        self._one_at_a_time = threading.Lock()
+        self._types = service_type(TYPE)
+
+    def answer(self, request: Message) -> Message:
+        """The response to a request; of each pose that has no solution, the reason is said.
+
+        Raises:
+            ServiceRefused: when there is no such seed mode, or user seeds alone are wanted and none
+                are given.
+        """
+        if request.seed_mode not in list(SeedMode):
+            raise ServiceRefused(f"seed mode {request.seed_mode} is unknown; use 0 .. 3")
+        mode = SeedMode(request.seed_mode)
+        if request.pose_stamp and mode is SeedMode.USER and not request.seed_angles:
+            raise ServiceRefused("seed mode USER needs seed_angles; give some, or use another mode")
+        with self._one_at_a_time:
+            found = [self._solve(request, i, mode) for i in range(len(request.pose_stamp))]
+        return self._types.response.make(
+            joints=[self._joints(result) for result in found],
+            isValid=[result is not None for result in found],
+            result_type=[0 if result is None else int(result.seed_type) for result in found],
+        )
+
+    def _solve(self, request: Message, index: int, mode: SeedMode) -> IKResult | None:
+        """The solution of one pose, or None when there is none."""
+        stamped, say = request.pose_stamp[index], partial(self._tell, index)
+        q = self._now()
+        try:
+            T_base_header = T_base_frame(self._robot, q, stamped.header.frame_id)
+            seeds = request.seed_angles
+            seed = self._seed(seeds[index], q, say) if index < len(seeds) else None
+            T_base_tip = T_base_header * pose_of(stamped.pose)
+            result = self._ik.solve(T_base_tip, seed, q[self._indices], mode)
+        except BaxterError as cause:
+            say(str(cause))
+            return None
+        if result.is_valid:
+            return result
+        say(str(result.failure))
+        return None
+
+    def _tell(self, index: int, why: str) -> None:
+        self._say(f"{self._arm.side} IK, pose {index}: {why}")
+
+    def _seed(self, seed: Message, q: FloatArray, say: Callable[[str], None]) -> FloatArray | None:
+        """A seed as an array, shape (7,), rad, inside the limits; None when it is none."""
+        names, positions = list(seed.name), seed.position.tolist()
+        if not names and not positions:
+            return None
+        if len(names) != len(positions) or not all(map(math.isfinite, positions)):
+            say(
+                f"its seed is left out: {len(names)} names with {len(positions)} positions, or "
+                "not finite"
+            )
+            return None
+        given = dict(zip(names, positions, strict=True))
+        now = q[self._indices].tolist()
+        own = zip(self._arm.joint_names, now, strict=True)
+        limits = self._arm.limits
+        q_seed = np.array([given.get(name, at) for name, at in own])
+        return np.asarray(q_seed.clip(limits.q_min, limits.q_max))
+
+    def _joints(self, result: IKResult | None) -> dict[str, object]:
+        if result is None:
+            return {}
+        return {"name": list(result.joint_names), "position": result.q}
+
+    def _facts(self) -> tuple[str, ...]:
+        return (repr(self._ik),)
