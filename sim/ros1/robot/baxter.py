@@ -103,11 +103,16 @@ class SimulatedBaxter(OneLine):
     @property
     def is_tucked(self) -> bool:
         """Whether an arm is tucked."""
-        return any(self._is_tucked(side) for side in LIMBS)
+        return any(self.is_tucked_arm(side) for side in LIMBS)
 
-    def _is_tucked(self, side: str) -> bool:
+    def is_tucked_arm(self, side: str) -> bool:
+        """Whether that arm is tucked."""
         tucked = np.array([TUCKED_S0_RAD[LIMBS.index(side)], TUCKED_S1_RAD])
         return bool((np.abs(self.arms[side].q[:2] - tucked) <= TUCKED_WITHIN_RAD).all())
+
+    def is_stopped_by_contact(self, side: str) -> bool:
+        """Whether an arm's set-points lead into what does not give way."""
+        return self._stops[side].is_stopped
 
     def tick(self, ticks: int = 1) -> None:
         """Let time pass, at most `LONGEST_LEAP` ticks, and show the world once."""

@@ -28,6 +28,11 @@ class ContactStop:
         self._side, self._watch, self._telling = side, watch, telling
         self._stopped_by: tuple[str, str] | None = None
 
+    @property
+    def is_stopped(self) -> bool:
+        """Whether the arm was kept where it is when it was moved last."""
+        return self._stopped_by is not None
+
     def lets_pass(self, q: FloatArray, q_next: FloatArray) -> bool:
         """Whether an arm may go on; contacts are told when they begin.
 

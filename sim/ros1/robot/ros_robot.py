@@ -1,0 +1,186 @@
+"""The simulated Baxter on a ROS 1 network: one thread that ticks, publishes and obeys."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
+
+from baxter_kin.errors import expect
+from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import FloatArray
+from baxter_kin.value_objects import NotCopied, OneLine
+from sim.errors import SimulationError
+from sim.events import Observer
+from sim.ros1.definitions import message_type
+from sim.ros1.node import Node
+from sim.ros1.robot.baxter import TICK_S, SimulatedBaxter
+from sim.ros1.robot.complaints import Complaints
+from sim.ros1.robot.parts.arm_motion import Following
+from sim.ros1.robot.services import models, position_ik
+from sim.ros1.robot.topics.inlet import Inlets
+from sim.ros1.robot.topics.joint_topics import JointTopics
+from sim.ros1.robot.topics.outlet import Outlets
+from sim.ros1.robot.topics.state_topics import StateTopics
+from sim.world.world import World
+
+NAME = "/baxter_simulated"
+
+SOFTWARE_VERSION = "1.2.0"
+"""The last that Rethink published; clients of the RSDK 1.2 refuse others."""
+
+CLOSING_S = 5.0
+"""How long the last tick may take."""
+
+_LOG = logging.getLogger(__name__)
+
+
+class RosRobot(NotCopied, OneLine):
+    """A simulated Baxter, from its registration until it is closed. A context manager.
+
+    It ticks every `TICK_S` by the monotonic clock. A tick that comes late does what the missed ones
+    would have done, and publishes once.
+
+    Attributes:
+        baxter: the robot without its wire; only the thread that ticks may change it.
+        node: its node.
+        complaints: what was wrong with messages.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        *,
+        observers: Iterable[Observer] = (),
+        following: Following | None = None,
+        q_start: Mapping[str, FloatArray] | None = None,
+        is_calibrated: bool = True,
+        has_side_effects: bool = True,
+        master_uri: str | None = None,
+        host: str | None = None,
+        name: str = NAME,
+    ) -> None:
+        """Register everything and begin to tick.
+
+        Args:
+            world: what it moves in; from now on nobody else may change it.
+            observers: who is told what happens, in the thread that ticks.
+            following: how the arms follow their set-points.
+            q_start: where arms stand, by side, as for `SimulatedBaxter`.
+            is_calibrated: whether the grippers are.
+            has_side_effects: whether it has Gazebo's services, and says that it has started.
+            master_uri: instead of ROS_MASTER_URI.
+            host: this computer's name or address, instead of ROS_HOSTNAME and ROS_IP.
+            name: of the node.
+
+        Raises:
+            RosConnectionError: when the master cannot be reached, or it cannot listen there.
+            RosError: when the package `rosbags` is missing.
+            SimulationError: when an argument is of another class.
+        """
+        expect(world, World, "world", SimulationError)
+        self.baxter = SimulatedBaxter(
+            world, observers, following=following, q_start=q_start, is_calibrated=is_calibrated
+        )
+        self._closing = threading.Event()
+        self._failure: BaseException | None = None
+        with ExitStack() as undo:
+            self.node = undo.enter_context(Node(name, master_uri=master_uri, host=host))
+            self.complaints = Complaints(self._warn)
+            self._inlets = Inlets(self.baxter, self.node, self.complaints)
+            self._outlets = Outlets(self.node)
+            JointTopics(self.baxter, self._outlets)
+            StateTopics(self.baxter, self._outlets)
+            self._serve(has_side_effects)
+            self._set_parameters(undo)
+            self._thread = threading.Thread(target=self._run, name="ticks of Baxter", daemon=True)
+            self._thread.start()
+            undo.callback(self._end_ticks)
+            self._undo = undo.pop_all()
+
+    def __enter__(self) -> RosRobot:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop ticking and unregister everything; twice is no trouble."""
+        self._undo.close()
+
+    @property
+    def failure(self) -> BaseException | None:
+        """What ended the ticks against everybody's will; None while nothing did."""
+        return self._failure
+
+    def wait_ended(self, timeout_s: float) -> str | None:
+        """Wait for the end: why others ended it, or None when nobody has."""
+        if self.node.wait_closed(0.0 if self._closing.wait(0.0) else timeout_s):
+            return self.node.reason_for_end or "its node is closed"
+        return None if self._failure is None else f"it broke: {self._failure!r}"
+
+    def _serve(self, has_side_effects: bool) -> None:
+        world = self.baxter.world
+        for side in LIMBS:
+            service = f"/ExternalTools/{side}/PositionKinematicsNode/IKService"
+            ik = position_ik.PositionIK(world.robot, side, lambda: world.q, self._warn)
+            self.node.serve(service, position_ik.TYPE, ik.answer)
+        if has_side_effects:
+            gazebo = models.Models(self.baxter, self._inlets.between_ticks, self._tell)
+            for kind in ("sdf", "urdf"):
+                self.node.serve(f"/gazebo/spawn_{kind}_model", models.SPAWN, gazebo.spawn)
+            self.node.serve("/gazebo/delete_model", models.DELETE, gazebo.delete)
+            started = self.node.advertise("/robot/sim/started", "std_msgs/Empty", latch=True)
+            started.publish(message_type("std_msgs/Empty").make())
+
+    def _set_parameters(self, undo: ExitStack) -> None:
+        parameters = {
+            "/rethink/software_version": SOFTWARE_VERSION,
+            "/robot_description": self.baxter.world.robot.description.text,
+            "/baxter_kin/simulated": True,
+        }
+        for name, value in parameters.items():
+            self.node.set_parameter(name, value)
+            undo.callback(self._forget, name)
+
+    def _forget(self, name: str) -> None:
+        """Delete a parameter, unless the master has forgotten it, or is gone."""
+        try:
+            self.node.delete_parameter(name)
+        except SimulationError as cause:
+            _LOG.debug("%s is not deleted: %s", name, cause)
+
+    def _run(self) -> None:
+        try:
+            self._tick_until_closed()
+        except BaseException as cause:
+            self._failure = cause
+            _LOG.exception("the simulated Baxter broke")
+
+    def _tick_until_closed(self) -> None:
+        begin_s, done = time.monotonic(), 0
+        while not self._closing.wait(max(0.0, begin_s + (done + 1) * TICK_S - time.monotonic())):
+            passed = max(1, int((time.monotonic() - begin_s) / TICK_S) - done)
+            done += passed
+            self._inlets.work_off()
+            self.baxter.tick(passed)
+            self._outlets.tell()
+
+    def _end_ticks(self) -> None:
+        self._closing.set()
+        self._thread.join(CLOSING_S)
+
+    def _tell(self, text: str) -> None:
+        self._say(text, logging.INFO)
+
+    def _warn(self, text: str) -> None:
+        self._say(text, logging.WARNING)
+
+    def _say(self, text: str, level: int) -> None:
+        _LOG.log(level, "%s", text)
+        self.node.log(text, level)
+
+    def _facts(self) -> tuple[str, ...]:
+        return repr(self.node), repr(self.baxter)
