@@ -7,12 +7,14 @@ import threading
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
+from ipaddress import ip_address
 
 from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import NotCopied, OneLine
-from sim.errors import SimulationError
+from planner import Body
+from sim.errors import RosError, SimulationError
 from sim.events import Observer
 from sim.ros1.definitions import message_type
 from sim.ros1.node import Node
@@ -24,6 +26,7 @@ from sim.ros1.robot.topics.inlet import Inlets
 from sim.ros1.robot.topics.joint_topics import JointTopics
 from sim.ros1.robot.topics.outlet import Outlets
 from sim.ros1.robot.topics.state_topics import StateTopics
+from sim.ros1.transport.network import addresses
 from sim.world.world import World
 
 NAME = "/baxter_simulated"
@@ -72,12 +75,14 @@ class RosRobot(NotCopied, OneLine):
             is_calibrated: whether the grippers are.
             has_side_effects: whether it has Gazebo's services, and says that it has started.
             master_uri: instead of ROS_MASTER_URI.
-            host: this computer's name or address, instead of ROS_HOSTNAME and ROS_IP.
+            host: this computer's name or address, instead of ROS_HOSTNAME and ROS_IP. When it is
+                not given, only loopback will do: whoever reaches a robot may move it.
             name: of the node.
 
         Raises:
             RosConnectionError: when the master cannot be reached, or it cannot listen there.
-            RosError: when the package `rosbags` is missing.
+            RosError: when others than this computer would reach it and no host is given, or the
+                package `rosbags` is missing.
             SimulationError: when an argument is of another class.
         """
         expect(world, World, "world", SimulationError)
@@ -87,7 +92,8 @@ class RosRobot(NotCopied, OneLine):
         self._closing = threading.Event()
         self._failure: BaseException | None = None
         with ExitStack() as undo:
-            self.node = undo.enter_context(Node(name, master_uri=master_uri, host=host))
+            home = _loopback(master_uri) if host is None else host
+            self.node = undo.enter_context(Node(name, master_uri=master_uri, host=home))
             self.complaints = Complaints(self._warn)
             self._inlets = Inlets(self.baxter, self.node, self.complaints)
             self._outlets = Outlets(self.node)
@@ -109,6 +115,14 @@ class RosRobot(NotCopied, OneLine):
     def close(self) -> None:
         """Stop ticking and unregister everything; twice is no trouble."""
         self._undo.close()
+
+    def spawn(self, body: Body) -> None:
+        """Add a body; a movable one falls on what is below it.
+
+        Raises:
+            SceneError: when the name is taken.
+        """
+        self._inlets.between_ticks(lambda: self.baxter.spawn(body)).result(CLOSING_S)
 
     @property
     def failure(self) -> BaseException | None:
@@ -184,3 +198,19 @@ class RosRobot(NotCopied, OneLine):
 
     def _facts(self) -> tuple[str, ...]:
         return repr(self.node), repr(self.baxter)
+
+
+def _loopback(given_uri: str | None) -> str:
+    """The name by which only this computer reaches it.
+
+    Raises:
+        RosError: when the surroundings say another one.
+    """
+    home = addresses.find_home(addresses.master_uri(given_uri))
+    if not ip_address(home.address).is_loopback:
+        raise RosError(
+            f"the simulated Baxter would listen on {home.address}, where others reach it; allow "
+            f"that with --host {home.name} (in Python host={home.name!r}), or set "
+            "ROS_IP=127.0.0.1 to keep it to this computer"
+        )
+    return home.name

@@ -28,13 +28,19 @@ drift; one that is later comes after a pause too."""
 class LiveView(Observer):
     """Shows snapshots when their time has come: a simulation that it observes runs in real time."""
 
-    def __init__(self, viewer: Viewer) -> None:
+    def __init__(self, viewer: Viewer, *, keeps_time: bool = True) -> None:
         """Show in a view, which stays open when the simulation ends.
 
         Args:
             viewer: where.
+            keeps_time: whether to wait for each snapshot's time; what runs in real time by itself
+                is shown as it comes.
+
+        Raises:
+            ViewerError: when `keeps_time` is no bool.
         """
         self._viewer = viewer
+        self._keeps_time = expect(keeps_time, bool, "keeps_time", ViewerError)
         self._story = GripperStatus()
         self._seed, self._seed_until_s = "", 0.0
         self._zero_s: float | None = None
@@ -66,7 +72,8 @@ class LiveView(Observer):
         """
         expect(snapshot, Snapshot, "snapshot", ViewerError)
         self._story.see({side: state.percent for side, state in snapshot.grippers.items()})
-        time.sleep(self._until(snapshot.time_s))
+        if self._keeps_time:
+            time.sleep(self._until(snapshot.time_s))
         if snapshot.time_s >= self._next_frame_s:
             self._viewer.show(
                 snapshot.q,

@@ -1,0 +1,81 @@
+"""Presses a button of the simulated Baxter: `python -m sim.ros1.press left ok`.
+
+It publishes once on `/robot/sim/press`, our own topic, which a real Baxter does not have. `ok` and
+`show` of the navigators and the `cuff` are pressed for half a second, the emergency stop `estop`
+until `release`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Sequence
+from typing import NoReturn
+
+from baxter_kin.command_line import OneSentenceParser
+from baxter_kin.command_line import run_process as run
+from baxter_kin.kinematics.arm import LIMBS
+from sim.errors import RosError
+from sim.ros1.node import Node
+from sim.ros1.robot.parts.panel import PRESSABLE
+from sim.ros1.robot.topics.inlet import PRESS_TOPIC
+
+FAILED = 1
+CONNECTED_S = 2.0
+"""How long the robot may take to connect."""
+
+SENT_S = 0.2
+"""How long a message may take to be read before the node is gone."""
+
+POLL_S = 0.01
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Press it; returns the exit status."""
+    options = _parser().parse_args(argv)
+    try:
+        with Node(f"/press_{os.getpid()}") as node:
+            is_heard = _press(node, f"{options.side} {options.button}")
+    except RosError as error:
+        print(f"baxter-press: {error}", file=sys.stderr)
+        return FAILED
+    if not is_heard:
+        print(
+            f"baxter-press: nobody listens to {PRESS_TOPIC}; start python -m sim.ros1.robot there",
+            file=sys.stderr,
+        )
+    return 0 if is_heard else FAILED
+
+
+def _press(node: Node, text: str) -> bool:
+    """Whether a simulated Baxter was told."""
+    publisher = node.advertise(PRESS_TOPIC, "std_msgs/String")
+    end_s = time.monotonic() + CONNECTED_S
+    while not publisher.readers:
+        if time.monotonic() > end_s:
+            return False
+        time.sleep(POLL_S)
+    publisher.publish(publisher.type.make(data=text))
+    time.sleep(SENT_S)
+    return True
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = OneSentenceParser(
+        prog="baxter-press",
+        description="Presses a button of the simulated Baxter on the master of ROS_MASTER_URI.",
+    )
+    parser.add_argument("side", choices=LIMBS, help="of which arm; the emergency stop has no side")
+    parser.add_argument("button", choices=(*PRESSABLE, "estop", "release"), help="which button")
+    return parser
+
+
+def run_process() -> NoReturn:
+    """Press as a program of its own."""
+    run(main, "baxter-press", failed=FAILED)
+
+
+if __name__ == "__main__":
+    run_process()

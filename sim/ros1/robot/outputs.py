@@ -1,0 +1,56 @@
+"""Where a simulated Baxter is shown and written to, as its options say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+from baxter_kin import Baxter
+from sim import LogRecorder, McapRecorder, Observer, Recorder, World
+from sim.recording.npz_file import save_recording
+from sim.ros1.robot.arguments import RobotOptions
+
+
+def outputs(
+    options: RobotOptions, world: World, say: Callable[[str], object], cleanup: ExitStack
+) -> Iterator[Observer]:
+    """Who writes what happens, and the live view.
+
+    Args:
+        options: what the user asked for.
+        world: what is shown.
+        say: told where to look.
+        cleanup: finishes files and closes the view.
+
+    Raises:
+        RecordingError: when a file cannot be written.
+        ViewerError: when the live view cannot be served.
+    """
+    if options.record is not None:
+        yield _recorder(options.record, world.robot, cleanup)
+    if options.is_shown:
+        from sim.view.live.live_view import LiveView  # noqa: PLC0415 - only when asked for
+        from sim.view.live.viewer import Viewer  # noqa: PLC0415 - without it, no web server
+
+        viewer = cleanup.enter_context(Viewer(world.robot))
+        viewer.show(world.q, {}, "ready")
+        say(f"open {viewer.url} in a browser to watch")
+        yield LiveView(viewer, keeps_time=False)
+
+
+def _recorder(path: Path, robot: Baxter, cleanup: ExitStack) -> Observer:
+    """What writes everything that happens, in the format that the suffix says."""
+    if path.suffix == ".npz":
+        recorder = Recorder(robot)
+        cleanup.callback(_save, recorder, path)
+        return recorder
+    make = LogRecorder if path.suffix == ".jsonl" else McapRecorder
+    stream = make(path, robot)
+    cleanup.callback(stream.close)
+    return stream
+
+
+def _save(recorder: Recorder, path: Path) -> None:
+    if recorder.has_snapshots:
+        save_recording(recorder.recording(), path)
