@@ -1,8 +1,9 @@
 """Presses a button of the simulated Baxter: `python -m sim.ros1.press left ok`.
 
-It publishes once on `/robot/sim/press`, our own topic, which a real Baxter does not have. `ok` and
-`show` of the navigators and the `cuff` are pressed for half a second, the emergency stop `estop`
-until `release`.
+It publishes once on `/robot/sim/press`, our own topic, which a real Baxter does not have. `ok`,
+`cancel` and `show` of the navigator, and `cuff`, `circle` and `dash` of the cuff are pressed for
+half a second, the emergency stop `estop` until `release`. `wheel` turns that of the navigator by
+one notch.
 """
 
 from __future__ import annotations

@@ -103,10 +103,9 @@ class SimulatedBaxter(OneLine):
     @property
     def is_tucked(self) -> bool:
         """Whether an arm is tucked."""
-        return any(self.is_tucked_arm(side) for side in LIMBS)
+        return any(self._is_tucked(side) for side in LIMBS)
 
-    def is_tucked_arm(self, side: str) -> bool:
-        """Whether that arm is tucked."""
+    def _is_tucked(self, side: str) -> bool:
         tucked = np.array([TUCKED_S0_RAD[LIMBS.index(side)], TUCKED_S1_RAD])
         return bool((np.abs(self.arms[side].q[:2] - tucked) <= TUCKED_WITHIN_RAD).all())
 

@@ -14,9 +14,10 @@ from enum import IntEnum
 
 from baxter_kin.value_objects import OneLine
 
-SUPPRESSION_LASTS_S = 0.25
+SUPPRESSION_LASTS_S = 0.5
 """How long one message that suppresses collision avoidance counts. They are to come at 5 Hz or
-more, says the documentation of the RSDK; the original sends 20 a second."""
+more, says the documentation of the RSDK; the original sends 20 a second, on another connection
+than what enables."""
 
 
 class EStopButton(IntEnum):

@@ -26,8 +26,15 @@ INPUTS = tuple(
     for button in ("lower_cuff", "lower_button", "upper_button", "shoulder_button")
     for side in LIMBS
 )
-PRESSABLE = ("ok", "show", "cuff")
-"""What can be pressed on each side, beside the emergency stop."""
+CUFF = {"cuff": "lower_cuff", "circle": "lower_button", "dash": "upper_button"}
+"""What can be pressed on a cuff, and what the digital input of it is called; the circle opens the
+gripper in the original clients, the dash closes it."""
+
+PRESSABLE = (*BUTTONS, *CUFF, "wheel")
+"""What can be pressed on each side, beside the emergency stop; the wheel turns by one notch."""
+
+NOTCHES = 256
+"""The wheel's counter is a byte."""
 
 ANALOG_OUTPUTS = ("torso_fan",)
 FAR_M = 65.535
@@ -43,6 +50,7 @@ class Panel(OneLine):
         """All dark, nothing pressed."""
         self._lit = dict.fromkeys(OUTPUTS, False)
         self._pressed_until_s: dict[str, float] = {}
+        self._wheel = dict.fromkeys(NAVIGATORS, 0)
         self._analog = dict.fromkeys(ANALOG_OUTPUTS, 0.0)
         self._time_s = 0.0
 
@@ -99,11 +107,18 @@ class Panel(OneLine):
                 f"no button {side!r} {button!r}; {' or '.join(LIMBS)}, then one of "
                 f"{', '.join(PRESSABLE)}, estop, release"
             )
-        self._pressed_until_s[_name(side, button)] = self._time_s + PRESS_S
+        if button == "wheel":
+            self._wheel[side] = (self._wheel[side] + 1) % NOTCHES
+        else:
+            self._pressed_until_s[_name(side, button)] = self._time_s + PRESS_S
 
     def release(self) -> None:
         """Let go of all buttons."""
         self._pressed_until_s.clear()
+
+    def wheel(self, navigator: str) -> int:
+        """Where the wheel of a navigator is, 0 .. 255."""
+        return self._wheel[navigator]
 
     def buttons(self, navigator: str) -> list[bool]:
         """Which of `BUTTONS` of a navigator are pressed."""
@@ -121,5 +136,5 @@ class Panel(OneLine):
 
 
 def _name(place: str, button: str) -> str:
-    """What a button is called: that of the cuff is a digital input, the others a navigator's."""
-    return f"{place}_lower_cuff" if button == "cuff" else f"{place}_navigator_{button}"
+    """What a button is called: those of the cuff are digital inputs, the others a navigator's."""
+    return f"{place}_{CUFF.get(button, f'navigator_{button}')}"

@@ -51,9 +51,8 @@ class JointTopics:
             limb, core = f"/robot/limb/{side}", "baxter_core_msgs"
             fill = partial(self._fill_endpoint, side)
             outlets.add(f"{limb}/endpoint_state", f"{core}/EndpointState", fill, header=base)
-            fill = partial(self._fill_avoidance, side)
-            avoidance = f"{core}/CollisionAvoidanceState"
-            outlets.add(f"{limb}/collision_avoidance_state", avoidance, fill)
+            avoidance = f"{core}/CollisionAvoidanceState"  # nothing here pushes arms away
+            outlets.add(f"{limb}/collision_avoidance_state", avoidance, lambda _: None)
             fill = partial(self._fill_detection, side)
             detection = f"{core}/CollisionDetectionState"
             outlets.add(f"{limb}/collision_detection_state", detection, fill)
@@ -88,9 +87,6 @@ class JointTopics:
         moved = (arm.jacobian(motion.q) @ motion.v).tolist()
         linear, angular = message.twist.linear, message.twist.angular
         linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = moved
-
-    def _fill_avoidance(self, side: str, message: Message) -> None:
-        message.collision_object = ["torso"] if self._baxter.is_tucked_arm(side) else []
 
     def _fill_detection(self, side: str, message: Message) -> None:
         message.collision_state = self._baxter.is_stopped_by_contact(side)

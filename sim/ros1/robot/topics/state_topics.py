@@ -150,3 +150,4 @@ def _fill_analog(panel: Panel, name: str, message: Message) -> None:
 
 def _fill_navigator(panel: Panel, name: str, message: Message) -> None:
     message.buttons, message.lights = panel.buttons(name), panel.lights(name)
+    message.wheel = panel.wheel(name)

@@ -41,9 +41,9 @@ def test_tucked_arms_are_enabled_only_while_collision_avoidance_is_suppressed() 
     robot = Assembly()
     assert "suppress_collision_avoidance" in str(robot.enable(10.0, is_tucked=True))
     robot.suppress_collision_avoidance(10.0)
-    assert robot.enable(10.2, is_tucked=True) is None
+    assert robot.enable(10.4, is_tucked=True) is None
     robot.disable()
-    assert robot.enable(10.3, is_tucked=True) is not None
+    assert robot.enable(10.6, is_tucked=True) is not None
 
 
 @given(st.booleans())

@@ -31,13 +31,16 @@ def test_a_navigator_shows_its_own_lights() -> None:
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("button", PRESSABLE)
+@pytest.mark.parametrize("button", [name for name in PRESSABLE if name != "wheel"])
 def test_a_button_is_pressed_for_a_moment(side: str, button: str) -> None:
     panel = Panel()
     panel.press(side, button)
     pressed = [panel.buttons(side).index(True)] if any(panel.buttons(side)) else []
-    assert pressed == {"ok": [0], "show": [2], "cuff": []}[button]
-    assert panel.is_on(f"{side}_lower_cuff") == (button == "cuff")
+    assert pressed == {"ok": [0], "cancel": [1], "show": [2]}.get(button, [])
+    cuffs = {"cuff": "lower_cuff", "circle": "lower_button", "dash": "upper_button"}
+    assert [name for name in INPUTS if panel.is_on(name)] == [
+        f"{side}_{name}" for which, name in cuffs.items() if which == button
+    ]
     assert not any(panel.buttons("right" if side == "left" else "left"))
     for _ in range(round(PRESS_S / 0.01) + 1):
         panel.step(0.01)
@@ -63,3 +66,10 @@ def test_analog_signals() -> None:
     panel = Panel()
     panel.set_analog("torso_fan", 30)
     assert (panel.analog("torso_fan"), panel.analog("left_hand_range")) == (30.0, 65.535)
+
+
+def test_the_wheel_turns_by_notches_and_begins_anew_after_a_byte() -> None:
+    panel = Panel()
+    for _ in range(258):
+        panel.press("left", "wheel")
+    assert (panel.wheel("left"), panel.wheel("right")) == (2, 0)
