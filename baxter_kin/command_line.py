@@ -174,22 +174,29 @@ def file_to_write(text: str) -> Path:
 
 
 @contextmanager
-def log_told(say: Callable[[str], None], complain: Callable[[str], None]) -> Iterator[None]:
-    """What `baxter_kin` logs in the meantime reaches the user, as when it compiles for seconds.
+def log_told(
+    say: Callable[[str], None],
+    complain: Callable[[str], None],
+    packages: tuple[str, ...] = ("baxter_kin",),
+) -> Iterator[None]:
+    """What packages log in the meantime reaches the user, as when one compiles for seconds.
 
     Args:
         say: told what is of interest.
         complain: told warnings, and what is worse.
+        packages: names of the packages, none inside of another.
     """
-    logger = logging.getLogger("baxter_kin")
-    handler, level = _Teller(say, complain), logger.level
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
+    loggers = [logging.getLogger(name) for name in packages]
+    handler, levels = _Teller(say, complain), [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
     try:
         yield
     finally:
-        logger.setLevel(level)
-        logger.removeHandler(handler)
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+            logger.removeHandler(handler)
 
 
 class _Teller(logging.Handler):

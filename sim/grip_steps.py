@@ -10,7 +10,8 @@ from sim import event_text
 from sim.grip_telling import GripTelling
 from sim.outcome import Dwell
 from sim.timeline import Timeline
-from sim.world.contacts import ContactWatch, falls_as_planned
+from sim.world.as_planned import falls_as_planned
+from sim.world.contacts import ContactWatch
 from sim.world.finger_closing import Closing
 from sim.world.gripper import Gripper
 from sim.world.world import World

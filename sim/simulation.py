@@ -30,7 +30,8 @@ from sim.events import EventKind, Observer
 from sim.grip_steps import GripSteps
 from sim.outcome import Dwell, Outcome
 from sim.timeline import Timeline
-from sim.world.contacts import ContactWatch, is_as_planned
+from sim.world.as_planned import is_as_planned
+from sim.world.contacts import ContactWatch
 from sim.world.gripper import Gripper
 from sim.world.world import World
 

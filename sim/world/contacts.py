@@ -20,22 +20,18 @@ from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import Checked, FloatArray
 from baxter_kin.value_objects import OneLine, millimetres, phrase, seconds
-from planner import Body, Part, Plan, Scene, Trajectory
+from planner import Body, Part, Scene, Trajectory
 from planner.collision import ClearanceChecker
 from planner.collision.context import Touches
-from planner.pick_place.phases import LONGEST_DROP_M
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
-from planner.scene.held import Held
 from sim.errors import SimulationError
-from sim.world.falling import Rest
 from sim.world.world import World
 
 CHECK_S = 0.01
 """Time between two looks at a move."""
 
-AS_PLANNED = 1e-6
-"""How far joints (rad, m) and bodies (m, and of rotation matrices) may be from where a plan has
-them for its proofs to count; they keep far more distance than that."""
+NEAR_M = 1e-3
+"""Shapes that touch are nearer than this."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -96,14 +92,23 @@ class ContactWatch:
         """The contacts of an arm that goes to a configuration nearby, shape (7,), rad, likewise.
 
         It is looked at there alone, so a way is to be asked for in steps of `CHECK_S`. What the arm
-        ran into at the last step, and still does, is not told again, unless it stops the arm.
+        touched at the last step, and still does, is not told again, unless it stops the arm.
         """
         if self.is_trusted or not self._looks:
             return []
-        here = np.zeros(1)
-        return self._found(
-            side, self._configurations(side, q[None]), here, self._surroundings(side)
-        )
+        around = self._surroundings(side)
+        for name in self._lasting[side]:
+            around = around.less(name)
+        return self._found(side, self._configurations(side, q[None]), np.zeros(1), around)
+
+    def is_blocked(self, side: str, q: FloatArray) -> bool:
+        """Whether an arm would be in what does not give way at a configuration, shape (7,), rad."""
+        if self.is_trusted or not self._looks:
+            return False
+        around = self._surroundings(side)
+        for name in around.movable:
+            around = around.less(name)
+        return around.is_touched(self._configurations(side, q[None])[0])
 
     def of_fingers(self, side: str, finger_m: float, speed_m_s: float) -> list[Contact]:
         """The contacts of fingers that go from where they are to a position, likewise.
@@ -185,6 +190,11 @@ class _Surroundings:
         """Whether anything is run into at a full configuration."""
         return self._touches(q)
 
+    @property
+    def movable(self) -> list[str]:
+        """The bodies that give way."""
+        return [body.name for body in self._scene if self._gives_way(body.name)]
+
     def less(self, name: str) -> _Surroundings:
         """The same without one more body."""
         if name not in self._fewer:
@@ -215,7 +225,8 @@ class _Surroundings:
 
     def deepest(self, q: FloatArray, time_s: float, free_s: float) -> Contact:
         """The worst contact at a full configuration."""
-        distances = self._checker.distances_m(q, range(len(self._checker.may_touch)))
+        pairs = range(len(self._checker.may_touch))
+        distances = self._checker.distances_m(q, pairs, NEAR_M)  # the others are not measured
         pair = int(np.argmin(distances))
         near = self._checker.checked.between(pair, distances[pair])
         mover, other = near.first, near.second
@@ -240,51 +251,6 @@ class _Surroundings:
         holdings = map(self._world.holding, self._world.hands)
         is_held = any(holding is not None and holding.body == name for holding in holdings)
         return name in self._scene.bodies and self._scene[name].is_movable and not is_held
-
-
-def is_as_planned(world: World, plan: Plan) -> bool:
-    """Whether a world is as a plan has it before its first step, so that its proofs count."""
-    situation = plan.situation
-    if situation is None or not _is_held_alike(world.held, situation.held):
-        return False
-    own = world.robot.arm(plan.limb).joint_names
-    joints = dict(zip(world.robot.joint_names, world.q.tolist(), strict=True))
-    planned = situation.joints
-    return (
-        joints.keys() == planned.keys()
-        and all(name in own or abs(joints[name] - planned[name]) <= AS_PLANNED for name in joints)
-        and situation.scene.bodies.keys() == world.scene.bodies.keys()
-        and all(_is_same(world.body(body.name), body) for body in situation.scene)
-    )
-
-
-def falls_as_planned(world: World, name: str, rest: Rest) -> bool:
-    """Whether a body that is let go rests as a plan expects: level, on what is just below it."""
-    stands = len(rest.legs) == 1 and rest.beside_m == 0.0
-    return stands and rest.fall_m <= LONGEST_DROP_M and not world.riders(name)
-
-
-def _is_held_alike(held: tuple[Held, ...], planned: tuple[Held, ...]) -> bool:
-    """Whether the hands hold the same bodies in the same places."""
-    expected = {holding.side: holding for holding in planned}
-    return len(held) == len(planned) and all(
-        holding.side in expected
-        and holding.body == expected[holding.side].body
-        and holding.T_tip_body.isApprox(expected[holding.side].T_tip_body, AS_PLANNED)
-        for holding in held
-    )
-
-
-def _is_same(body: Body, planned: Body) -> bool:
-    """Whether two bodies have equal parts and the same place; a mesh equals only itself."""
-    return (
-        len(body.parts) == len(planned.parts)
-        and bool(body.T_base_body.isApprox(planned.T_base_body, AS_PLANNED))
-        and all(
-            one.shape == two.shape and one.T_body_part.isApprox(two.T_body_part, AS_PLANNED)
-            for one, two in zip(body.parts, planned.parts, strict=True)
-        )
-    )
 
 
 def _laden(world: World, name: str) -> Body:

@@ -94,6 +94,7 @@ class SimulatedBaxter(OneLine):
             self._put(side, starts[side])
         self.assembly, self.head, self.panel = Assembly(), Head(), Panel()
         self._ticks = 0
+        self._look_again()
 
     @property
     def time_s(self) -> float:
@@ -129,13 +130,12 @@ class SimulatedBaxter(OneLine):
     def _step_arm(self, side: str) -> None:
         arm = self.arms[side]
         q = arm.proposal(TICK_S, self.time_s)
-        if (q == arm.q).all():
-            arm.move(q, TICK_S)
-        elif self._stops[side].lets_pass(self._inside(side, arm.q), self._inside(side, q)):
-            arm.move(q, TICK_S)
+        if not (q == arm.q).all():
+            here, there = self._inside(side, arm.q), self._inside(side, q)
+            allowed = self._stops[side].allowed(here, there)
+            q = np.where(allowed == there, q, arm.q)
             self._put(side, q)
-        else:
-            arm.move(arm.q, TICK_S)
+        arm.move(q, TICK_S)
 
     def _put(self, side: str, q: FloatArray) -> None:
         self.world.move_arm(side, self._inside(side, q))
@@ -267,8 +267,11 @@ class SimulatedBaxter(OneLine):
         self._look_again()
 
     def _look_again(self) -> None:
+        """Bodies have come or gone."""
         for gripper in self.grippers.values():
             gripper.look_again()
+        for side, stop in self._stops.items():
+            stop.look_ahead(self.world.arm_q(side))
 
     def _facts(self) -> tuple[str, ...]:
         return seconds(self.time_s), repr(self.assembly.state), repr(self.world)

@@ -27,6 +27,9 @@ SIGNALLED = 128
 LOOK_S = 0.1
 """How often it is seen whether it is to end."""
 
+TOLD = ("baxter_kin", "sim.ros1")
+"""Whose log is shown."""
+
 LOOPBACK = "127.0.0.1"
 
 
@@ -66,7 +69,7 @@ def ended_by_signals() -> Iterator[Ending]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run it with those arguments, or the command line's; returns the exit status."""
     options = parse_options(argv)
-    with ended_by_signals() as ending, log_told(_say, _complain):
+    with ended_by_signals() as ending, log_told(_say, _complain, TOLD):
         try:
             reason = _run(options, ending)
         except BaxterError as error:

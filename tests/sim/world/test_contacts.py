@@ -33,7 +33,8 @@ from planner.collision import ClearanceChecker
 from planner.scene.contact import PRESSING_TOLERANCE_M
 from sim import Event, EventKind, Observer, Outcome, Simulation, SimulationError, World
 from sim.world import Contact
-from sim.world.contacts import CHECK_S, ContactWatch, falls_as_planned, is_as_planned
+from sim.world.as_planned import falls_as_planned, is_as_planned
+from sim.world.contacts import CHECK_S, ContactWatch
 from tests.conftest import at, overhead
 
 PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.72, -0.15, -0.129)

@@ -1,21 +1,31 @@
 """Contact stop: an arm that follows set-points goes no farther into what does not give way.
 
-It stays at the last place without contact for as long as its set-points lead on into it, and goes
-on when they lead elsewhere. An arm that is inside of something already, as when a table is put
-where it stands, may go anywhere. What gives way is told of and left where it is.
+Joints that would lead into it stay, the others go on, as joints do that are each driven by
+themselves; so an arm slides along an edge, or stands still where every joint leads into it. An arm
+that is inside of something already, as when a table is put where it stands, may go anywhere. What
+gives way is told of and left where it is.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from baxter_kin.validation import FloatArray
 from sim.grip_telling import GripTelling
-from sim.world.contacts import Contact, ContactWatch
+from sim.world.contacts import ContactWatch
+
+SAME_STOP_STEPS = 100
+"""An arm that was free for fewer steps is stopped by the same thing still, as one that slides."""
 
 
 class ContactStop:
-    """Where one arm may go."""
+    """Where one arm may go.
+
+    Attributes:
+        is_stopped: whether joints were kept where they are when the arm was moved last.
+    """
 
     def __init__(self, side: str, watch: ContactWatch, telling: GripTelling) -> None:
         """Watch an arm.
@@ -26,35 +36,39 @@ class ContactStop:
             telling: told of them.
         """
         self._side, self._watch, self._telling = side, watch, telling
-        self._stopped_by: tuple[str, str] | None = None
+        self.is_stopped = self._is_inside = False
+        self._steps_near = 0  # that are left until a stop is told again
 
-    @property
-    def is_stopped(self) -> bool:
-        """Whether the arm was kept where it is when it was moved last."""
-        return self._stopped_by is not None
-
-    def lets_pass(self, q: FloatArray, q_next: FloatArray) -> bool:
-        """Whether an arm may go on; contacts are told when they begin.
+    def allowed(self, q: FloatArray, q_next: FloatArray) -> FloatArray:
+        """Where an arm goes in one step, shape (7,), rad; contacts are told when they begin.
 
         Args:
             q: where it stands, shape (7,), rad, inside the limits.
-            q_next: where it would go in one step, likewise.
+            q_next: where its joints would go, likewise.
         """
+        if (self._is_inside or self._steps_near > 0) and self._watch.is_blocked(self._side, q_next):
+            return q_next if self._is_inside else self._slid(q, q_next)
         contacts = self._watch.at(self._side, q_next)
-        stop = contacts[-1] if contacts and contacts[-1].stops else None
+        would_stop = any(contact.stops for contact in contacts)
+        self._is_inside = would_stop and self._watch.is_blocked(self._side, q)
         for contact in contacts:
-            if not contact.stops:
-                self._telling.hit(self._side, contact)
-        if stop is None:
-            self._stopped_by = None
-            return True
-        is_inside = any(contact.stops for contact in self._watch.at(self._side, q))
-        if (stop.mover, stop.other) != self._stopped_by:
-            self._stopped_by = stop.mover, stop.other
-            self._telling.hit(self._side, _passed(stop) if is_inside else stop)
-        return is_inside
+            stops = contact.stops and not self._is_inside
+            self._telling.hit(self._side, replace(contact, stops=stops))
+        if would_stop and not self._is_inside:
+            return self._slid(q, q_next)
+        self.is_stopped, self._steps_near = False, max(self._steps_near - 1, 0)
+        return q_next
 
+    def look_ahead(self, q: FloatArray) -> None:
+        """Take the time now that the first look at changed surroundings takes."""
+        self._watch.is_blocked(self._side, q)
 
-def _passed(contact: Contact) -> Contact:
-    """A contact that does not stop the arm."""
-    return replace(contact, stops=False)
+    def _slid(self, q: FloatArray, q_next: FloatArray) -> FloatArray:
+        """As far as the joints get one after the other."""
+        self.is_stopped, self._steps_near = True, SAME_STOP_STEPS
+        reached = q.copy()
+        for joint in np.flatnonzero(q_next != q):
+            before, reached[joint] = reached[joint], q_next[joint]
+            if self._watch.is_blocked(self._side, reached):
+                reached[joint] = before
+        return reached

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from functools import partial
 
+import numpy as np
+
 from baxter_kin.kinematics.arm import LIMBS
 from sim.ros1.robot.baxter import SimulatedBaxter
 from sim.ros1.robot.parts.electric_gripper import ElectricGripper
@@ -149,5 +151,6 @@ def _fill_analog(panel: Panel, name: str, message: Message) -> None:
 
 
 def _fill_navigator(panel: Panel, name: str, message: Message) -> None:
-    message.buttons, message.lights = panel.buttons(name), panel.lights(name)
+    message.buttons = np.array(panel.buttons(name))
+    message.lights = np.array(panel.lights(name))
     message.wheel = panel.wheel(name)
