@@ -31,3 +31,11 @@ def test_the_logger_is_left_as_it_was() -> None:
     with log_told(print, print):
         pass
     assert (logger.level, logger.handlers) == before
+
+
+def test_several_packages_are_told_where_that_is_asked_for() -> None:
+    said: list[str] = []
+    with log_told(said.append, said.append, ("baxter_kin", "sim.ros1")):
+        log.info("one")
+        logging.getLogger("sim.ros1.robot").info("two")
+    assert said == ["one", "two"]

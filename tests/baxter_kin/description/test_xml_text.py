@@ -26,6 +26,11 @@ def test_elements_and_attributes_come_in_order() -> None:
     assert root.first("d") is None
 
 
+def test_text_is_kept_up_to_the_first_child() -> None:
+    root = read_xml("<a> one\ntwo &amp; three<b>four</b>five</a>")
+    assert (root.text, root.children[0].text) == (" one\ntwo & three", "four")
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "latin-1"])
 def test_bytes_are_read_as_their_first_line_says(encoding: str) -> None:
     text = f"<?xml version='1.0' encoding='{encoding}'?><a x='\xe9'/>"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from sim.ros1.robot.baxter import LONGEST_LEAP, SimulatedBaxter
 from sim.ros1.robot.beginning import GAZEBO_START_RAD, furniture, start_rad
 from sim.ros1.robot.parts.electric_gripper import GripperOrder
 from sim.ros1.robot.parts.joint_order import BadOrderError
+from sim.world import contacts
 from tests.conftest import at, overhead
 from tests.sim.runs import Witness
 
@@ -185,6 +187,36 @@ class TestContacts:
         bench.move(goal := solved(ik, ABOVE))
         assert bench.baxter.arms["left"].q == pytest.approx(goal, abs=1e-9)
         assert sum("left where it is" in text for text in bench.stops) == 1
+
+    @pytest.mark.parametrize("is_inside", [False, True])
+    def test_how_deep_a_contact_is_is_measured_once_however_long_it_lasts(
+        self,
+        robot: Baxter,
+        table: Body,
+        ik: IKService,
+        monkeypatch: pytest.MonkeyPatch,
+        is_inside: bool,
+    ) -> None:
+        """Measuring takes longer than a tick."""
+        bench = Bench(robot, table)
+        bench.move(solved(ik, PICK))
+        if is_inside:
+            bench.baxter.delete("table")
+            bench.move(solved(ik, BELOW))
+            bench.baxter.spawn(table)
+        measured: list[object] = []
+        deepest = contacts._Surroundings.deepest
+
+        def counted(around: contacts._Surroundings, *place: Any) -> contacts.Contact:
+            measured.append(place)
+            return deepest(around, *place)
+
+        monkeypatch.setattr(contacts._Surroundings, "deepest", counted)
+        for tick in range(200):
+            goal = solved(ik, BELOW) + 1e-4 * tick
+            bench.move(goal, ticks=1)
+        assert len(measured) == 1
+        assert len(bench.stops) == 1
 
     def test_a_block_in_the_way_is_told_of_once_and_left(
         self, robot: Baxter, table: Body, ik: IKService

@@ -9,6 +9,7 @@ import pytest
 from baxter_kin import Baxter, IKService
 from planner import Body, Move, plan_joint_move
 from sim import Event, EventKind, Snapshot
+from sim.errors import ViewerError
 from sim.view.live import live_view
 from sim.view.live.live_view import FRAME_S, LATEST_S, PAUSE_S, LiveView
 from sim.world import GripperState
@@ -80,6 +81,19 @@ def test_a_second_takes_a_second(view: LiveView, clock: Clock, robot: Baxter) ->
     for tick in range(101):
         view.on_snapshot(snapshot(robot, tick))
     assert clock.now_s - begin == pytest.approx(1.0)
+
+
+def test_what_runs_in_real_time_by_itself_is_not_waited_for(
+    screen: Screen, clock: Clock, robot: Baxter
+) -> None:
+    viewer: Any = screen
+    view, begin = LiveView(viewer, keeps_time=False), clock.now_s
+    for tick in range(101):
+        view.on_snapshot(snapshot(robot, tick))
+    assert clock.now_s == begin
+    assert len(screen.shown) > 1
+    with pytest.raises(ViewerError, match="keeps_time"):
+        LiveView(viewer, keeps_time=1)  # type: ignore[arg-type]
 
 
 def test_what_is_late_is_caught_up_with(view: LiveView, clock: Clock, robot: Baxter) -> None:
