@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 import threading
@@ -91,6 +92,8 @@ def _run(options: RobotOptions, ending: Ending) -> str | None:
         robot = cleanup.enter_context(_robot(options, uri, cleanup))
         for body in furniture(has_table=options.has_table, has_block=options.has_block):
             robot.spawn(body)
+        gc.collect()
+        gc.freeze()  # what was loaded stays, and need not be looked through every few seconds
         _say(_status(options, robot))
         while not ending.is_asked:
             reason = robot.wait_ended(LOOK_S)
