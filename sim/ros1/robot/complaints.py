@@ -11,6 +11,9 @@ from baxter_kin.value_objects import OneLine, count
 SELDOM_S = 1.0
 """The same complaint is not said again before so long."""
 
+MOST_KNOWN = 1000
+"""Topics and senders that are remembered; senders may be called as they please."""
+
 
 class Complaints(OneLine):
     """What was wrong so far.
@@ -44,6 +47,9 @@ class Complaints(OneLine):
         if time_s - self._said_s.get(key, -math.inf) < SELDOM_S:
             self._unsaid[key] += 1
             return
+        if len(self._said_s) >= MOST_KNOWN:
+            self._said_s.clear()
+            self._unsaid.clear()
         self._said_s[key] = time_s
         more = self._unsaid.pop(key, 0)
         since = f" ({more} more since the last time)" if more else ""

@@ -39,10 +39,7 @@ def T_base_frame(robot: Baxter, q: FloatArray, name: str) -> pin.SE3:
         raise PoseError(f"no frame {quoted(name)} in the robot's tree; give the pose in 'base'")
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, q)
-    frame = robot.model.getFrameId(found)
-    base = robot.model.getFrameId(BASE)
-    T_root_base = pin.SE3(pin.updateFramePlacement(robot.model, data, base))
-    return T_root_base.actInv(pin.updateFramePlacement(robot.model, data, frame))
+    return pin.SE3(pin.updateFramePlacement(robot.model, data, robot.model.getFrameId(found)))
 
 
 def pose_of(message: Message) -> pin.SE3:

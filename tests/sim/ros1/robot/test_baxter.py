@@ -62,6 +62,19 @@ def solved(ik: IKService, pose: object) -> np.ndarray:
     return np.array(result.q)
 
 
+def counted_measurements(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """What grows whenever it is measured how deep a contact is."""
+    measured: list[object] = []
+    deepest = contacts._Surroundings.deepest
+
+    def counted(around: contacts._Surroundings, *place: Any) -> contacts.Contact:
+        measured.append(place)
+        return deepest(around, *place)
+
+    monkeypatch.setattr(contacts._Surroundings, "deepest", counted)
+    return measured
+
+
 @pytest.fixture
 def bench(robot: Baxter, table: Body, block: Body) -> Bench:
     return Bench(robot, table, block)
@@ -204,14 +217,7 @@ class TestContacts:
             bench.baxter.delete("table")
             bench.move(solved(ik, BELOW))
             bench.baxter.spawn(table)
-        measured: list[object] = []
-        deepest = contacts._Surroundings.deepest
-
-        def counted(around: contacts._Surroundings, *place: Any) -> contacts.Contact:
-            measured.append(place)
-            return deepest(around, *place)
-
-        monkeypatch.setattr(contacts._Surroundings, "deepest", counted)
+        measured = counted_measurements(monkeypatch)
         for tick in range(200):
             goal = solved(ik, BELOW) + 1e-4 * tick
             bench.move(goal, ticks=1)
@@ -219,15 +225,17 @@ class TestContacts:
         assert len(bench.stops) == 1
 
     def test_a_block_in_the_way_is_told_of_once_and_left(
-        self, robot: Baxter, table: Body, ik: IKService
+        self, robot: Baxter, table: Body, ik: IKService, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         bench = Bench(robot, table)
         bench.move(solved(ik, ABOVE))
         block = next(iter(furniture(has_table=False, has_block=True)))
         bench.baxter.spawn(block.at(at(0.675, 0.16, -0.155)))
         before = bench.baxter.world.body("block").T_base_body
+        measured = counted_measurements(monkeypatch)
         bench.move(goal := solved(ik, PICK))
         assert bench.baxter.arms["left"].q == pytest.approx(goal, abs=1e-9)
+        assert len(measured) == 1
         assert [text for text in bench.stops if "hit block" in text] == bench.stops
         assert len(bench.stops) == 1
         assert bench.baxter.world.body("block").T_base_body == before

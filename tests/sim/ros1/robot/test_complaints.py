@@ -7,7 +7,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.ros1.robot.complaints import Complaints
+from sim.ros1.robot.complaints import MOST_KNOWN, Complaints
 
 TIMES = st.lists(st.floats(0.0, 100.0), min_size=1).map(sorted)
 
@@ -37,3 +37,11 @@ def test_other_senders_are_said_at_once_and_what_was_not_said_is_told() -> None:
         "/topic from /b: bad",
         "/topic from /a: bad (2 more since the last time)",
     ]
+
+
+def test_any_number_of_senders_takes_no_more_memory() -> None:
+    complaints = Complaints(lambda _: None)
+    for number in range(3 * MOST_KNOWN):
+        complaints.about("/topic", f"/sender_{number}", "bad", 0.0)
+    assert len(complaints._said_s) <= MOST_KNOWN
+    assert complaints.counts.total() == 3 * MOST_KNOWN
