@@ -28,6 +28,9 @@ PARAMETERS: Mapping[str, float] = FrozenMapping(
 
 OPEN, CLOSED = 100.0, 0.0
 
+ABOVE_MOVING = 1.0
+"""By how much a grasp's force is above that of moving at least, per cent."""
+
 
 @dataclass(frozen=True, slots=True)
 class GripperOrder:
@@ -96,8 +99,12 @@ class ElectricGripper(OneLine):
 
     @property
     def force(self) -> float:
-        """How hard it presses, per cent; what it was configured to, as nothing here is elastic."""
-        return self.parameters["holding_force"] if self.is_gripping else 0.0
+        """How hard it presses, per cent, by what is configured, as nothing here is elastic.
+
+        A grasp is known by a force above that of moving, and clients wait for one.
+        """
+        holding, moving = self.parameters["holding_force"], self.parameters["moving_force"]
+        return max(holding, min(moving + ABOVE_MOVING, 100.0)) if self.is_gripping else 0.0
 
     def order(self, order: GripperOrder, *, is_enabled: bool) -> None:
         """Take a command.

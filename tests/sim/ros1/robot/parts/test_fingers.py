@@ -326,9 +326,14 @@ class TestCommands:
         empty.run(STROKE_S)
         assert empty.gripper.percent == pytest.approx(50.0, abs=100 * TICK_S / STROKE_S)
 
-    def test_the_force_is_that_of_holding_while_it_holds(self, bench: Bench) -> None:
+    @pytest.mark.parametrize(
+        ("holding", "moving", "force"), [(55.0, 40.0, 55.0), (30.0, 40.0, 41.0)]
+    )
+    def test_the_force_of_a_grasp_is_that_of_holding_but_above_that_of_moving(
+        self, bench: Bench, holding: float, moving: float, force: float
+    ) -> None:
         assert bench.gripper.force == 0.0
-        bench.send("configure", holding_force=55.0)
+        bench.send("configure", holding_force=holding, moving_force=moving)
         bench.send("go", position=0.0)
         bench.run(0.5)
-        assert bench.gripper.force == 55.0
+        assert bench.gripper.force == force
