@@ -7,6 +7,7 @@ quaternion of zeros, as the original demo sends it, is no rotation.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent import futures
 from concurrent.futures import Future
 
 import pinocchio as pin
@@ -76,12 +77,14 @@ class Models(OneLine):
 
     def _done(self, kind: str, done: str, what: str, act: Callable[[], None]) -> Message:
         response = service_type(kind).response
+        doing = self._between(act)
         try:
-            self._between(act).result(ANSWER_S)
+            doing.result(ANSWER_S)
         except BaxterError as cause:
             self._say(f"{what}: {cause}")
             return response.make(success=False, status_message=f"{what}: {cause}")
-        except TimeoutError:
+        except futures.TimeoutError:
+            doing.cancel()
             text = f"{what}: the robot is shutting down"
             return response.make(success=False, status_message=text)
         return response.make(success=True, status_message=done)

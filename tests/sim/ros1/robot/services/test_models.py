@@ -129,3 +129,21 @@ def test_a_turned_model_is_turned(shop: Shop) -> None:
     shop.spawn("t", TABLE_SDF, orientation={"z": half, "w": half})
     x, y, _ = shop.baxter.world.body("t").T_base_body.rotation[:, 0]
     assert (x, y) == pytest.approx((0.0, 1.0))
+
+
+def test_a_world_that_ticks_no_more_is_told_and_changed_no_more(
+    robot: Baxter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waiting: list[Future[None]] = []
+
+    def never(_: Callable[[], None]) -> Future[None]:
+        waiting.append(Future())
+        return waiting[-1]
+
+    monkeypatch.setattr("sim.ros1.robot.services.models.ANSWER_S", 0.01)
+    shop = Shop(robot)
+    shop.models = Models(shop.baxter, never, shop.said.append)
+    response = shop.spawn("t", TABLE_SDF)
+    assert not response.success
+    assert "shutting down" in response.status_message
+    assert waiting[0].cancelled()
