@@ -25,7 +25,7 @@ PROG = "baxter-robot"
 DEFAULT_LAG_S = 0.4
 LEAST_LAG_S, MOST_LAG_S = 0.001, 10.0
 DEFAULT_PORT, LAST_PORT = 11311, 65535
-RECORD_SUFFIXES = (".jsonl", ".mcap", ".npz")
+RECORD_SUFFIXES = (".jsonl", ".mcap", ".bag", ".npz")
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ def _parser() -> argparse.ArgumentParser:
         type=_record_target,
         metavar="FILE",
         help="write all that happens: .jsonl (a log, complete even when killed), .mcap (for "
-        "Foxglove) or .npz (at the end)",
+        "Foxglove), .bag (for ROS 1) or .npz (at the end)",
     )
     return parser
 

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
 from baxter_kin import Baxter
-from sim import LogRecorder, McapRecorder, Observer, Recorder, World
+from baxter_kin.value_objects import FrozenMapping
+from sim import BagRecorder, LogRecorder, McapRecorder, Observer, Recorder, World
 from sim.recording.npz_file import save_recording
 from sim.ros1.robot.arguments import RobotOptions
+
+STREAMS: Mapping[str, type[LogRecorder | McapRecorder | BagRecorder]] = FrozenMapping(
+    {".jsonl": LogRecorder, ".mcap": McapRecorder, ".bag": BagRecorder}
+)
+"""What writes while things happen, by the suffix of its file."""
 
 
 def outputs(
@@ -45,8 +51,7 @@ def _recorder(path: Path, robot: Baxter, cleanup: ExitStack) -> Observer:
         recorder = Recorder(robot)
         cleanup.callback(_save, recorder, path)
         return recorder
-    make = LogRecorder if path.suffix == ".jsonl" else McapRecorder
-    stream = make(path, robot)
+    stream = STREAMS[path.suffix](path, robot)
     cleanup.callback(stream.close)
     return stream
 

@@ -8,13 +8,15 @@ import selectors
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from sim import read_log
+from baxter_kin import Baxter
+from sim import read_log, read_recording
 from sim.ros1 import press
 from sim.ros1.master import Master
 from sim.ros1.node import Node
@@ -138,6 +140,16 @@ def test_its_options_are_seen_on_the_network_and_in_the_record(tmp_path: Path) -
         "block spawned, at rest on cafe_table",
     ]
     assert len(recording.times_s) > 10
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".bag", ".npz"])
+def test_it_is_recorded_in_every_format(tmp_path: Path, suffix: str, robot: Baxter) -> None:
+    file = tmp_path / f"all{suffix}"
+    with started("--own-master", "--port", "0", "--record", str(file)) as begun:
+        time.sleep(0.3)  # some ticks
+        assert begun.end(signal.SIGINT) == 130
+    recording = read_recording(file, robot).recording
+    assert len(recording.times_s) > 5
 
 
 def test_buttons_are_pressed_by_a_command_of_its_own(
