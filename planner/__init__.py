@@ -12,6 +12,7 @@ from planner.grasping.tool import tool_of
 from planner.manipulator import Manipulator
 from planner.motion.free_move import plan_free_move
 from planner.motion.joint_move import plan_joint_move
+from planner.motion.response import Response
 from planner.motion.straight_line import LineTolerance, StraightLine
 from planner.motion.straight_move import plan_straight_move
 from planner.pick_place.candidates import transfer_bound_s
@@ -46,6 +47,7 @@ __all__ = [
     "Plan",
     "PlanFailure",
     "PlannerError",
+    "Response",
     "RobotBody",
     "RobotShapes",
     "Scene",

@@ -8,6 +8,7 @@ BaxterError
     ├── MotionError         states that no motion under the limits joins (also ValueError)
     │   ├── StraightMoveError   a line that the arm cannot follow to its end
     │   └── FreeMoveError       an end that collides, or no way around what is between
+    ├── ResponseError       a response that no arm has, or data that tell none (also ValueError)
     ├── TaskError           a pick or place that contradicts itself      (also ValueError)
     ├── PlanFileError       a plan that cannot be saved, or a bad file   (also ValueError)
     └── BodyFileError       the robot's body: data missing or of another version (also ValueError)
@@ -53,6 +54,10 @@ class StraightMoveError(MotionError):
 
 class FreeMoveError(MotionError):
     """An end that collides, or no way around what is between them; one sentence says which."""
+
+
+class ResponseError(PlannerError, ValueError):
+    """A response to set-points that no arm has, or measurements that tell none."""
 
 
 class TaskError(PlannerError, ValueError):

@@ -110,6 +110,7 @@ def everything(
         "page": sim.Replay(recorder.recording(), robot),
         "tasks": (TASK, sim.Transfer("block", FAR, FAR), planner.verification.Tolerances()),
         "moves": moves(arm),
+        "response": planner.Response((0.35, 0.45), 0.001, 0.3),
         "looks": looks(simulation, manipulator),
         "fingers": fingers(manipulator.hand, simulation.world.body("block")),
         "notes": sim.recording.NotedRecording(recorder.recording(), ("a line is cut off",)),

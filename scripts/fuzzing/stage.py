@@ -280,6 +280,10 @@ class _Lasting:
         return p.StraightLine(self.SE3, goal)
 
     @cached_property
+    def Response(self) -> p.Response:
+        return p.Response((0.35, 0.45), 0.001, 0.3)
+
+    @cached_property
     def LineTolerance(self) -> p.LineTolerance:
         return p.LineTolerance()
 
