@@ -18,6 +18,8 @@ from planner.motion.straight_move import plan_straight_move
 from planner.pick_place.candidates import transfer_bound_s
 from planner.pick_place.planning import plan_pick_and_place, plan_retract, plan_start_move
 from planner.pick_place.task import PickAndPlace
+from planner.pick_place.tracking.proof import prove_tracking
+from planner.pick_place.tracking.result import TrackingProof
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure
 from planner.plan_file import load_plan, save_plan
 from planner.scene.bodies import Body, Box, Cylinder, Part, Scene, Sphere
@@ -55,6 +57,7 @@ __all__ = [
     "Sphere",
     "StraightLine",
     "StraightMoveError",
+    "TrackingProof",
     "Trajectory",
     "load_object",
     "load_plan",
@@ -67,6 +70,7 @@ __all__ = [
     "plan_start_move",
     "plan_straight_move",
     "prove_clear",
+    "prove_tracking",
     "save_plan",
     "tool_of",
     "transfer_bound_s",

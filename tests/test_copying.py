@@ -110,7 +110,10 @@ def everything(
         "page": sim.Replay(recorder.recording(), robot),
         "tasks": (TASK, sim.Transfer("block", FAR, FAR), planner.verification.Tolerances()),
         "moves": moves(arm),
-        "response": planner.Response((0.35, 0.45), 0.001, 0.3),
+        "response": (tracked := planner.Response((0.35, 0.45), 0.001, 0.3)),
+        "tracking": planner.prove_tracking(
+            plan, tracked, manipulator=manipulator, seek_speed=False
+        ),
         "looks": looks(simulation, manipulator),
         "fingers": fingers(manipulator.hand, simulation.world.body("block")),
         "notes": sim.recording.NotedRecording(recorder.recording(), ("a line is cut off",)),

@@ -39,7 +39,7 @@ LONGEST_LAG_S, LONGEST_LEAD_S, LONGEST_LATE_S, LARGEST_ERROR_RAD = 5.0, 1.0, 1.0
 """Beyond these it is no response of an arm, but a number in another unit."""
 
 
-class SetPoint(NamedTuple):
+class Command(NamedTuple):
     """What is sent, each of shape (n,) or (m, n).
 
     Attributes:
@@ -112,7 +112,7 @@ class Response(Frozen, OneLine):
         """
         return replace(self, speed=speed)
 
-    def command(self, trajectory: Trajectory, t_s: ArrayLike) -> SetPoint:
+    def command(self, trajectory: Trajectory, t_s: ArrayLike) -> Command:
         """What is sent at a time, or at many, from the begin of a motion on.
 
         Args:
@@ -129,7 +129,7 @@ class Response(Frozen, OneLine):
         v = self.speed * state.v
         limits = trajectory.limits
         led = np.clip(state.q + self.lead_s * v, limits.q_min, limits.q_max)
-        return SetPoint(led if self.lead_s > 0.0 else state.q, v)
+        return Command(led if self.lead_s > 0.0 else state.q, v)
 
     def _facts(self) -> tuple[str, ...]:
         least, most = self.lag_s.min(), self.lag_s.max()

@@ -284,6 +284,10 @@ class _Lasting:
         return p.Response((0.35, 0.45), 0.001, 0.3)
 
     @cached_property
+    def TrackingProof(self) -> p.TrackingProof:
+        return p.TrackingProof(self.Response, (), 0.0, 0.04, 0.02, np.zeros(7), 0.3)
+
+    @cached_property
     def LineTolerance(self) -> p.LineTolerance:
         return p.LineTolerance()
 

@@ -46,7 +46,7 @@ class ArmShapeMotion:
         self._full, self._span = full, JointSpan(trajectory)
         self._motion_bounds = checker.motion_bounds
         self._covers, self._padding_m = checker.checked.covers, checker.checked.padding_m
-        self._moving, self._other = _outer_first(checker.pairs, self._motion_bounds.depth)
+        self._moving, self._other = outer_first(checker.pairs, self._motion_bounds.depth)
 
     def around(self, starts_s: FloatArray, ends_s: FloatArray) -> Around:
         """By lever arms and exact turns."""
@@ -68,7 +68,7 @@ class ArmShapeMotion:
         return Around(placed.shapes, gaps_m, motions_m)
 
 
-def _outer_first(pairs: Indices, depth: Indices) -> tuple[Indices, Indices]:
+def outer_first(pairs: Indices, depth: Indices) -> tuple[Indices, Indices]:
     """The shape of each pair that more joints of the arm move, and the other; shape (n,) both."""
     swap = depth[pairs[:, 0]] < depth[pairs[:, 1]]
     first, second = pairs.T

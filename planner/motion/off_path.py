@@ -1,0 +1,144 @@
+"""OffPath: how far a hand may be from where it passes on a planned path.
+
+A hand is off the path by d at most where there is one moment of the path at which every point of it
+is within d of where it is. Let the joints be anywhere in a box, c + x with |x_i| <= w_i. A point of
+the hand is then at p(c) + J(c) x, but for a remainder whose bound is that of
+`planner.collision.continuous.hull_gaps`: sum_i w_i r_i (w_i / 2 + sum_{j < i} w_j).
+
+Take two moments of the path around the nearest one, and the chord between both for each point. A
+fraction f in [0, 1] of the chord that is linear in x leaves a difference p(c) + J x - chord(f(x))
+that is linear in x, so its length is greatest at a corner of the box, of which there are 2^7; and
+it is linear in the point, so it is greatest at a corner of a box around the hand. The chord itself
+is off the path by what the path's own points, taken at the fraction of the tip's, are off it: as
+that fraction runs from 0 to 1 without a gap, each fraction belongs to a moment. Of several chords
+the one that says least counts. So what an arm lags behind along its path is no deviation from it.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from baxter_kin import Arm
+from baxter_kin.validation import FloatArray, Indices
+from planner.collision.continuous.joint_tube import JointTube
+from planner.trajectory import Trajectory
+
+SAMPLE_S = 2e-3
+"""Of plan time, between two samples of a path."""
+
+REACHES = (0, 5, 20, 60)
+"""How many samples a chord reaches to either side."""
+
+CELLS = 2
+"""Cells of a tube that are taken together."""
+
+LEAST_SQUARE = 1e-18
+"""Chords shorter than its root are points, m."""
+
+LONGEST_M = 2.0
+"""No point of a hand or of what it holds is farther from any axis of its arm."""
+
+CORNERS = np.array(list(product((-1.0, 1.0), repeat=7)))
+
+TIP = np.zeros((1, 3))
+
+
+class OffPath:
+    """Distances from the path of one motion."""
+
+    def __init__(self, arm: Arm, trajectory: Trajectory, points_tip: FloatArray = TIP) -> None:
+        """Sample the path.
+
+        Args:
+            arm: that moves.
+            trajectory: the motion.
+            points_tip: whose hull contains the hand, or what counts of it, seen from the tip, shape
+                (k, 3), m.
+        """
+        self._chain = arm.chain
+        at_zero = self._chain.poses(np.zeros((1, 7)))[0, -1]
+        self._T_wrist_tip = np.linalg.inv(at_zero) @ arm.T_base_tip(np.zeros(7)).homogeneous
+        self._points = np.concatenate([TIP, points_tip])  # the tip itself comes first
+        count = 1 + int(np.ceil(trajectory.duration / SAMPLE_S))
+        times = np.linspace(0.0, trajectory.duration, max(2, count))
+        state = trajectory.sample(times)
+        self._path = self._placed(self._chain.poses(state.q))  # samples, points, 3
+        turning = float(np.abs(state.v).max(axis=0).sum()) ** 2
+        pushed = float(np.abs(trajectory.a).max(axis=0).sum())
+        self._between_m = LONGEST_M * (pushed + turning) * float(times[1] - times[0]) ** 2 / 8
+
+    def over(self, tube: JointTube) -> FloatArray:
+        """Bounds in each `CELLS` cells of a tube, shape (ceil(cells / `CELLS`),), m."""
+        starts = range(0, tube.cells, CELLS)
+        boxes = [tube.hull(first, min(first + CELLS, tube.cells)) for first in starts]
+        lows, highs = (np.array(corners) for corners in zip(*boxes, strict=True))
+        return self.within(lows, highs)
+
+    def within(self, lows: FloatArray, highs: FloatArray) -> FloatArray:
+        """Bounds in boxes of joint angles, their corners of shape (m, 7), rad; shape (m,), m."""
+        middles, w = (lows + highs) / 2, (highs - lows) / 2
+        joints = self._chain.poses(middles)
+        axes = (joints[..., :3, :3] @ self._chain.axes[:, :, None])[..., 0]
+        points = self._placed(joints)
+        offsets = points[:, :, None] - joints[:, None, :, :3, 3]
+        slopes = np.cross(axes[:, None], offsets)  # boxes, points, joints, 3
+        levers = np.linalg.norm(slopes, axis=3).max(axis=1)
+        curved = (levers * w * (w / 2 + np.cumsum(w, axis=1) - w)).sum(axis=1)
+        slopes *= w[:, None, :, None]
+        tips = np.linalg.norm(points[:, None, 0] - self._path[:, 0], axis=2)
+        nearest = tips.argmin(axis=1)
+        found = [self._off_chord(nearest, reach, points, slopes) for reach in REACHES]
+        off_m: FloatArray = np.min(found, axis=0) + curved + self._between_m
+        return off_m
+
+    def _placed(self, joints: FloatArray) -> FloatArray:
+        """The points where the joints are, shape (m, 7, 4, 4): (m, k + 1, 3)."""
+        T = joints[:, -1] @ self._T_wrist_tip
+        placed: FloatArray = self._points @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
+        return placed
+
+    def _off_chord(
+        self, nearest: Indices, reach: int, points: FloatArray, slopes: FloatArray
+    ) -> FloatArray:
+        """Bounds to first order by one chord in each box, shape (m,).
+
+        Args:
+            nearest: numbers of the nearest samples, shape (m,).
+            reach: of the chord around them.
+            points: in the middle, shape (m, k + 1, 3).
+            slopes: of them to the sides of the box, shape (m, k + 1, 7, 3).
+        """
+        ends = np.maximum(nearest - reach, 0), np.minimum(nearest + reach, len(self._path) - 1)
+        begin, way = self._path[ends[0]], self._path[ends[1]] - self._path[ends[0]]
+        along = way[:, 0] / np.maximum((way[:, 0] ** 2).sum(axis=1), LEAST_SQUARE)[:, None]
+        fraction = np.einsum("mx,mx->m", points[:, 0] - begin[:, 0], along)
+        rises = np.einsum("mjx,mx->mj", slopes[:, 0], along)
+        middle, room = np.clip(fraction, 0.0, 1.0), np.abs(rises).sum(axis=1)
+        free = np.minimum(middle, 1.0 - middle)
+        share = np.minimum(1.0, free / np.maximum(room, LEAST_SQUARE))
+        off = points - begin - middle[:, None, None] * way
+        turned = slopes - (share[:, None] * rises)[:, None, :, None] * way[:, :, None]
+        sides = turned.swapaxes(1, 2).reshape(len(points), 7, -1)
+        at_corners = (CORNERS @ sides).reshape(len(points), len(CORNERS), -1, 3) + off[:, None]
+        farthest: FloatArray = np.sqrt((at_corners**2).sum(axis=3).max(axis=(1, 2)))
+        return farthest + self._bent(nearest, reach, begin, way, along)
+
+    def _bent(
+        self,
+        nearest: Indices,
+        reach: int,
+        begin: FloatArray,
+        way: FloatArray,
+        along: FloatArray,
+    ) -> FloatArray:
+        """How far the path is off its chords, shape (m,)."""
+        if reach == 0:
+            return np.zeros(len(nearest))
+        numbers = nearest[:, None] + np.arange(-reach, reach + 1)
+        path = self._path[np.clip(numbers, 0, len(self._path) - 1)] - begin[:, None]
+        fractions = np.einsum("mrx,mx->mr", path[:, :, 0], along)
+        beside = path - fractions[:, :, None, None] * way[:, None]
+        bent: FloatArray = np.sqrt((beside**2).sum(axis=3).max(axis=(1, 2)))
+        return bent

@@ -1,0 +1,234 @@
+"""The tube: between which bounds an arm of a stated response is at any time of a motion.
+
+**Theorem.** Let a joint obey T(t) y' = w(t) - y, where T is any measurable function of time with
+values in [T_min, T_max], and w(t), the set-point in force, is one that was due at some time of the
+last W: w(t) = u(r) for some r in [t - W, t]. Let U(t) be the greatest u(r) of these, and let h obey
+
+    h' = (U - h) / T_min  where U > h,        h' = (U - h) / T_max  where U <= h.
+
+If y(0) <= h(0), then y(t) <= h(t) ever after; likewise from below, with the least u(r).
+
+*Proof.* As w <= U, y' = (w - y) / T <= (U - y) / T <= g(U, y), the greater of both quotients, which
+is what h' is of h. It falls with y. Were y(t) > h(t) at some t, let t0 be the last time before at
+which y = h; then (y - h)' <= g(U, y) - g(U, h) <= 0 from t0 to t, so y - h does not rise from zero
+there: a contradiction. (Comparison of differential inequalities, Walter, "Differential and Integral
+Inequalities", 1970; for T_min = 0 take the limit: h jumps up to U.) Both bounds are reached, by
+the T and w that choose the greater quotient: for independent joints nothing smaller would do.
+
+**As it is computed.** Time is cut into cells of `CELL_S` of plan time. In each, U is a constant
+that is no less: the greatest set-point at the ends of all cells that the window touches, plus what
+u can rise above them in between, which is an eighth of its greatest second derivative times the
+cell squared. Towards a constant, h moves as an exponential and never reaches it, so
+
+    h(t + dt) = U + (h(t) - U) exp(-dt / T),    T = T_min or T_max by the sign of U - h(t),
+
+exactly, and h is monotone in the cell: its hull is that of its ends. `ROUNDING_RAD` is added.
+
+**The stream.** Set-points come at 100 Hz and are held: one tick of age. What is later, by jitter or
+because plan time stood still, is `Response.late_s`. A delay that all joints have in common, of a
+network, shifts all of it in time and changes nothing, as nothing but the arm moves meanwhile.
+
+**A stream that halts.** Let plan time pass at any rate from zero to that of the speed. By plan time
+the joint obeys the same equation with T times that rate, which is in [0, T_max]. So the tube of
+T_min = 0 holds for every slower and every halting stream, however often and long; that of T_min > 0
+only for what `late_s` covers.
+
+**Rests.** Where a motion ends, its last set-point stands, and every bound goes on towards it. The
+next motion begins when all joints have been measured within `SETTLED_RAD` of it: at the earliest at
+the first instant s0 at which the tube allows that, and later than that the joints are nearer still.
+What may be then is cut by the time since s0 into `STARTS` boxes, so that joints that lag together
+are not taken for joints at their worst each; the next motion has a tube from each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baxter_kin.validation import FloatArray
+from planner.collision.continuous.joint_tube import JointTube
+from planner.motion.response import Response
+from planner.trajectory import Trajectory
+
+CELL_S = 1e-3
+"""Of plan time; a tube is wider by what the set-point moves in it."""
+
+ROUNDING_RAD = 1e-7
+"""Jumps at knots are up to 1e-8 rad, and the errors of all cells together are below 1e-10."""
+
+SETTLED_RAD = 0.0087
+"""The executor goes on when all joints are measured within this: half a degree, as the original."""
+
+STARTS, START_SHARE = 6, 0.25
+"""Into how many boxes the begin of a motion is cut, and how long each is, in greatest lags."""
+
+JointRange: TypeAlias = tuple[FloatArray, FloatArray]
+"""Lowest and highest positions, each of shape (7,), rad."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SettlingTube:
+    """The tube of a motion, and of the rest at its end for ever after.
+
+    Attributes:
+        tube: of y; the joints are off it by the settled error at most. Its last cell stands for all
+            times after.
+        settled_s: from when on all joints are measured as settled, at the earliest and at the
+            latest.
+        starts: boxes that hold y, together, whenever the next motion may begin.
+        rates: greatest speed of each joint, shape (7,), rad/s; infinite where a joint may catch up
+            at once.
+    """
+
+    tube: JointTube
+    settled_s: tuple[float, float]
+    starts: tuple[JointRange, ...]
+    rates: FloatArray
+
+
+def tracking_tube(trajectory: Trajectory, response: Response, start: JointRange) -> SettlingTube:
+    """Where the joints of an arm may be while it is sent a motion that ends at rest.
+
+    Args:
+        trajectory: as planned.
+        response: of the arm, and how it is sent.
+        start: between which y is at the begin.
+    """
+    cell_s = CELL_S / response.speed
+    highest_sent, lowest_sent = _sent(trajectory, response, cell_s)
+    lag_s = response.lag_s
+    high = _followed(start[1], highest_sent, lag_s, cell_s)
+    low = -_followed(-start[0], -lowest_sent, lag_s, cell_s)
+    rest = _Rest(low[-1], high[-1], trajectory.q_goal, response)
+    after_s: FloatArray = cell_s * np.arange(1.0, rest.cells(cell_s) + 1)
+    low_rest, high_rest = rest.at(after_s)
+    ends = np.minimum(low_rest[-1:], rest.goal), np.maximum(high_rest[-1:], rest.goal)
+    tube = JointTube(
+        cell_s * np.arange(float(len(low) + len(after_s) + 1)),
+        np.concatenate([low, low_rest, ends[0]]) - ROUNDING_RAD,
+        np.concatenate([high, high_rest, ends[1]]) + ROUNDING_RAD,
+    )
+    since_s = cell_s * (len(low) - 1)
+    first_s, last_s = rest.settled_s
+    rates = _rates(low, high, (lowest_sent, highest_sent), response, cell_s)
+    return SettlingTube(tube, (since_s + first_s, since_s + last_s), tuple(rest.starts()), rates)
+
+
+def _sent(
+    trajectory: Trajectory, response: Response, cell_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Greatest and least set-points that may be in force in each cell, shape (m, 7) both.
+
+    Until only the last one may be.
+    """
+    motion_s = trajectory.duration / response.speed
+    cells = int(np.ceil((motion_s + response.window_s) / cell_s)) + 1
+    window = int(np.ceil(response.window_s / cell_s))
+    at_ends = response.command(trajectory, cell_s * np.arange(cells + 1)).q
+    before = np.repeat(at_ends[:1], window, axis=0)
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.concatenate([before, at_ends]), window + 2, axis=0
+    )
+    speed, between = response.speed, np.abs(trajectory.a).max(axis=0) * response.speed**2
+    if trajectory.j.size:
+        between = between + response.lead_s * speed**3 * np.abs(trajectory.j).max(axis=0)
+    rise = between * cell_s**2 / 8.0
+    return windows.max(axis=-1) + rise, windows.min(axis=-1) - rise
+
+
+def _followed(start: FloatArray, sent: FloatArray, lag_s: FloatArray, cell_s: float) -> FloatArray:
+    """The upper bound at the ends of all cells, shape (m + 1, 7).
+
+    Args:
+        start: at the first one, shape (7,).
+        sent: upper bounds on set-points in each cell, shape (m, 7).
+        lag_s: least and greatest, shape (7, 2).
+        cell_s: how long a cell is.
+    """
+    rising, falling = _left_over(cell_s, lag_s[:, 0]), _left_over(cell_s, lag_s[:, 1])
+    bounds = np.empty((len(sent) + 1, sent.shape[1]))
+    bounds[0] = bound = np.array(start)
+    for number, aim in enumerate(sent):
+        off = bound - aim
+        bound = aim + off * np.where(off < 0.0, rising, falling)
+        bounds[number + 1] = bound
+    return bounds
+
+
+def _rates(
+    low: FloatArray, high: FloatArray, sent: JointRange, response: Response, cell_s: float
+) -> FloatArray:
+    """Greatest |w - y| / T; of a joint without lag, that of the set-points."""
+    ahead = (sent[1] - np.minimum(low[:-1], low[1:])).max(axis=0)
+    behind = (np.maximum(high[:-1], high[1:]) - sent[0]).max(axis=0)
+    least, most = response.lag_s.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        following = np.maximum(ahead, behind) / least
+    sending = np.abs(np.diff(sent[0], axis=0)).max(axis=0) / cell_s
+    rates: FloatArray = np.where(most > 0.0, following, sending)
+    return rates
+
+
+def _left_over(time_s: float | FloatArray, lag_s: FloatArray) -> FloatArray:
+    """What is left of a distance after a time, as a share; nothing without lag."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.exp(-np.divide(time_s, lag_s))
+    return np.where((lag_s > 0.0) | (np.asarray(time_s) <= 0.0), np.nan_to_num(share, nan=1.0), 0.0)
+
+
+class _Rest:
+    """The bounds from when on only the last set-point is in force.
+
+    Attributes:
+        goal: that set-point.
+    """
+
+    def __init__(self, low: FloatArray, high: FloatArray, goal: FloatArray, of: Response) -> None:
+        self.goal = goal
+        self._low, self._high, self._lag_s = low - goal, high - goal, of.lag_s
+        self._tolerance = SETTLED_RAD + of.settled_error_rad
+
+    def at(self, after_s: FloatArray) -> JointRange:
+        """The bounds at times since then, shape (k,): two of shape (k, 7)."""
+        low, high = self._off(after_s[:, None])
+        return self.goal + low, self.goal + high
+
+    @property
+    def settled_s(self) -> tuple[float, float]:
+        """When all joints are measured as settled, at the earliest and at the latest."""
+        nearest = np.maximum(np.maximum(self._low, -self._high), 0.0)
+        farthest = np.maximum(self._high, -self._low)
+        return self._until(nearest, self._lag_s[:, 0]), self._until(farthest, self._lag_s[:, 1])
+
+    def cells(self, cell_s: float) -> int:
+        """How many cells it takes until all are settled, and another greatest lag."""
+        return int(np.ceil((self.settled_s[1] + float(self._lag_s.max())) / cell_s)) + 1
+
+    def starts(self) -> Iterator[JointRange]:
+        """Boxes that hold what may be when all joints are measured as settled."""
+        first_s, part_s = self.settled_s[0], START_SHARE * float(self._lag_s.max())
+        for number in range(STARTS):
+            lows, highs = self._off(first_s + part_s * np.array([[number], [number + 1]]))
+            low, high = lows.min(axis=0), highs.max(axis=0)
+            if number == STARTS - 1:  # and for ever after
+                low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
+            low, high = np.maximum(low, -self._tolerance), np.minimum(high, self._tolerance)
+            if (low <= high).all():
+                yield self.goal + low, self.goal + high
+
+    def _off(self, after_s: FloatArray) -> JointRange:
+        """The bounds less the goal, at times of shape (k, 1)."""
+        least, most = (_left_over(after_s, lag_s) for lag_s in self._lag_s.T)
+        low = self._low * np.where(self._low > 0.0, least, most)
+        high = self._high * np.where(self._high < 0.0, least, most)
+        return low, high
+
+    def _until(self, off: FloatArray, lag_s: FloatArray) -> float:
+        """When all of these distances have become less than what counts as settled."""
+        is_off: NDArray[np.bool_] = off > self._tolerance
+        ratio = np.where(is_off, off / self._tolerance, 1.0)
+        return float((lag_s * np.log(ratio)).max())

@@ -1,0 +1,181 @@
+"""Tracking proof: every path that the joints of a real arm may take along a plan is clear.
+
+An arm that follows its set-points late does not pass the path that a plan was proven on: at full
+speed a Baxter cuts the corners between lines by centimetres. Given bounds on how it follows
+(`planner.motion.response.Response`), its joints are in a tube at every time
+(`planner.motion.tracking_tube`, where the theorem is), and wherever they are in it, together or
+each at its worst, all pairs of shapes are apart (`planner.collision.continuous.tube_proof`). Of
+each move it is stated by how much, in the situation of that move.
+
+What the move may touch on purpose cannot be proven to be apart from an arm that is off its path:
+the fingers pass a block at some 2.5 mm. As long as these are not proven to be apart, the hand is
+within a stated allowance of its path (`planner.motion.off_path`), and in the whole of such a move
+within `most_off_m`, or the plan is refused. Whether the fingers then still hold what they should is
+not proven; the tip's distance from its goal when they close is stated.
+
+Assumed, and not covered: joints that follow otherwise than to first order with an error, as they do
+at the robot's own cap of speed (`rate_rad_s`), where they are pushed or held, or while it avoids
+collisions by itself; a stream that halts for longer than `late_s` in all since the arm last rested,
+unless the least lag is zero; bodies elsewhere than the plan's situation has them, what the hand
+holds otherwise; and the travel of fingers, as the plan's own proofs have the arm at its goal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from baxter_kin import Baxter
+from baxter_kin.errors import expect
+from baxter_kin.validation import finite_scalar
+from planner.clearance import checked_margin_m
+from planner.errors import ResponseError, TaskError
+from planner.manipulator import Manipulator
+from planner.motion.response import Response
+from planner.motion.tracking_tube import JointRange
+from planner.pick_place.tracking.result import TrackingProof
+from planner.pick_place.tracking.runs import RunFound, TrackingDemands, runs_of
+from planner.pick_place.tracking.situations import contexts_of
+from planner.plan import Plan
+
+MOST_OFF_M = 0.04
+"""How far a hand may be off its path where it may touch something, unless said otherwise."""
+
+START_RAD = 0.02
+"""How far measured joints may be from a plan's start: what the executor lets pass."""
+
+SPEED_STEP = 0.01
+"""Between speeds that are tried."""
+
+
+def prove_tracking(
+    plan: Plan,
+    response: Response,
+    *,
+    margin_m: float = 0.0,
+    most_off_m: float = MOST_OFF_M,
+    start_rad: float = START_RAD,
+    manipulator: Manipulator | None = None,
+    seek_speed: bool = True,
+) -> TrackingProof:
+    """Whether a plan stays clear on an arm that follows its set-points so.
+
+    Args:
+        plan: as planned, with its situation.
+        response: bounds on how the arm follows, and how set-points are sent.
+        margin_m: distance that every pair shall keep wherever the joints may be, contacts on
+            purpose left out; not negative.
+        most_off_m: how far the hand may be off its path in moves in which it may touch something on
+            purpose.
+        start_rad: how far each joint is measured from the plan's start at most.
+        manipulator: the arm that it is for; that of the stock robot when not given.
+        seek_speed: whether to search for a speed that passes where this one does not, which takes
+            some seconds.
+
+    Returns:
+        What is proven of each move; where that is not enough, why, and the speed that would do.
+
+    Raises:
+        TaskError: when an argument is of another class, the plan is for another robot, does not say
+            its situation, or its grips contradict that.
+        ResponseError: when the response is of another class, or a number is out of range.
+        MotionError: when the margin is not a number, or negative.
+        TrajectoryError: when the last move before fingers act does not end at rest.
+    """
+    expect(plan, Plan, "plan", TaskError)
+    expect(response, Response, "response", ResponseError)
+    asked = TrackingDemands(
+        checked_margin_m(margin_m),
+        _amount(most_off_m, "most_off_m"),
+        _amount(start_rad, "start_rad"),
+    )
+    if plan.failure is not None:
+        reason = f"the plan itself is not valid: {plan.failure}"
+        return TrackingProof(response, (), *asked, np.zeros(7), None, reason)
+    return PlanTracking(plan, manipulator, asked).proof(response, seek_speed=seek_speed)
+
+
+class PlanTracking:
+    """A valid plan, and what can be found of it for any response."""
+
+    def __init__(self, plan: Plan, manipulator: Manipulator | None, asked: TrackingDemands) -> None:
+        """Find the situations of its moves.
+
+        Raises:
+            TaskError: when the plan is for another robot, or does not fit its situation.
+        """
+        arm = _stock(plan.limb) if manipulator is None else manipulator
+        expect(arm, Manipulator, "manipulator", TaskError)
+        _check_robot(plan, arm)
+        self._q_start, self._asked = plan.q_start, asked
+        self._runs = tuple(runs_of(plan.moves, contexts_of(plan, arm)))
+
+    def proof(self, response: Response, *, seek_speed: bool = True) -> TrackingProof:
+        """What is proven of every move, and the greatest speed that would pass."""
+        runs = list(self._found(response))
+        moves = [move for run in runs for move in run.moves]
+        rates = np.max([np.zeros(7), *(run.rates for run in runs)], axis=0)
+        failure = next((move.failure for move in moves if move.failure is not None), None)
+        speed: float | None = response.speed
+        if failure is not None:
+            speed = self.greatest_speed(response) if seek_speed else None
+            failure += _advice(response, speed) if seek_speed else ""
+        return TrackingProof(response, tuple(moves), *self._asked, rates, speed, failure)
+
+    def greatest_speed(self, response: Response) -> float | None:
+        """The greatest speed below that of a response which is proven; None where none was found.
+
+        By bisection over whole hundredths, as if what passes at one speed passed at every lower
+        one. That is not proven, so a greater one may pass that was not tried; what is told did.
+        """
+        passes, fails = 0, int(np.ceil(response.speed / SPEED_STEP - 1e-9))
+        while fails - passes > 1:
+            middle = (passes + fails) // 2
+            if self._passes(response.at_speed(middle * SPEED_STEP)):
+                passes = middle
+            else:
+                fails = middle
+        return round(passes * SPEED_STEP, 2) if passes else None
+
+    def _passes(self, response: Response) -> bool:
+        runs = self._found(response, stops=True)
+        return not any(move.failure for run in runs for move in run.moves)
+
+    def _found(self, response: Response, *, stops: bool = False) -> Iterator[RunFound]:
+        """Run after run; no more than the first that fails, if asked for."""
+        start_rad = self._asked.start_rad
+        starts: tuple[JointRange, ...] = ((self._q_start - start_rad, self._q_start + start_rad),)
+        for run in self._runs:
+            found = run.found(response, starts, self._asked, stops=stops)
+            yield found
+            if stops and any(move.failure for move in found.moves):
+                return
+            starts = found.starts
+
+
+def _advice(response: Response, speed: float | None) -> str:
+    if speed is None:
+        return f"; no speed from {SPEED_STEP:g} on was found that would do"
+    return f"; at speed {speed:.2f} instead of {response.speed:.2f} it is proven"
+
+
+def _stock(limb: str) -> Manipulator:
+    return Manipulator.of(Baxter.load(), limb)
+
+
+def _check_robot(plan: Plan, manipulator: Manipulator) -> None:
+    if manipulator.arm.side != plan.limb:
+        raise TaskError(f"the plan is for the {plan.limb} arm, the manipulator is the other one")
+    difference = "" if plan.robot is None else manipulator.identity.difference(plan.robot)
+    if difference:
+        raise TaskError(
+            f"the plan is for another robot: {difference}; give the manipulator that it is for"
+        )
+
+
+def _amount(given: object, name: str) -> float:
+    value = finite_scalar(given, name, ResponseError)
+    if value < 0.0:
+        raise ResponseError(f"{name} must not be negative, got {value:g}")
+    return value

@@ -1,0 +1,231 @@
+"""Runs: moves of a plan without a rest in between, tracked by an arm of a stated response."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from baxter_kin.validation import FloatArray, Indices
+from planner.collision.context import CollisionContext
+from planner.collision.continuous.box_bounds import BoxBounds
+from planner.collision.continuous.joint_tube import JointTube
+from planner.collision.continuous.motion import outer_first
+from planner.collision.continuous.tube_contacts import unproven_cells
+from planner.collision.continuous.tube_proof import TubeClearance, prove_tube
+from planner.motion.off_path import CELLS, OffPath
+from planner.motion.response import Response
+from planner.motion.tracking_tube import JointRange, SettlingTube, tracking_tube
+from planner.pick_place.tracking.result import MoveTracking
+from planner.plan import Move
+from planner.trajectory import Trajectory, joined
+
+REST_RAD_S = 1e-6
+"""A move that ends slower than this ends at rest."""
+
+
+class TrackingDemands(NamedTuple):
+    """What a plan shall keep.
+
+    Attributes:
+        margin_m: of all pairs but contacts on purpose.
+        most_off_m: of the hand from its path in moves with such.
+        start_rad: how far measured joints are from the plan's start at most.
+    """
+
+    margin_m: float
+    most_off_m: float
+    start_rad: float
+
+
+class RunFound(NamedTuple):
+    """What is known of a run.
+
+    Attributes:
+        moves: what is proven of each.
+        starts: boxes that hold y, together, whenever the next run may begin.
+        rates: greatest speed of each joint, shape (7,), rad/s.
+    """
+
+    moves: tuple[MoveTracking, ...]
+    starts: tuple[JointRange, ...]
+    rates: FloatArray
+
+
+def runs_of(moves: Sequence[Move], contexts: Sequence[CollisionContext]) -> Iterator[TrackedRun]:
+    """Moves of a plan in order, with the situation of each, cut where the arm rests."""
+    pending: list[tuple[Move, CollisionContext]] = []
+    for each in zip(moves, contexts, strict=True):
+        pending.append(each)
+        if float(np.abs(each[0].trajectory.v[-1]).max()) < REST_RAD_S:
+            yield TrackedRun(pending)
+            pending = []
+    if pending:
+        yield TrackedRun(pending)
+
+
+class TrackedRun:
+    """One run, and what can be found of it beforehand."""
+
+    def __init__(self, moves: Sequence[tuple[Move, CollisionContext]]) -> None:
+        self._trajectory = joined(move.trajectory for move, _ in moves)
+        ends = np.cumsum([move.trajectory.duration for move, _ in moves])
+        self._cuts = [0.0, *ends[:-1].tolist(), np.inf]
+        arm, trajectory = moves[0][1].checker.arm, self._trajectory
+        self._tip = OffPath(arm, trajectory)
+        self._goal = OffPath(arm, Trajectory.stay(trajectory.q_goal, trajectory.limits))
+        self._moves = [_TrackedMove(move, context, trajectory) for move, context in moves]
+
+    def found(
+        self,
+        response: Response,
+        starts: Sequence[JointRange],
+        asked: TrackingDemands,
+        *,
+        stops: bool = False,
+    ) -> RunFound:
+        """What is proven of it when it begins in one of some boxes.
+
+        Args:
+            response: of the arm.
+            starts: the boxes.
+            asked: what shall be kept.
+            stops: whether a move that fails ends it.
+        """
+        whole = tracking_tube(self._trajectory, response, _around(starts))
+        several = [tracking_tube(self._trajectory, response, start) for start in starts]
+        found: list[MoveTracking] = []
+        for number, move in enumerate(self._moves):
+            is_first, is_last = number == 0, number == len(self._moves) - 1
+            span = [cut / response.speed for cut in self._cuts[number : number + 2]]
+            tubes = [
+                each.tube.widened(response.settled_error_rad).between(*span)
+                for each in (several if is_first else [whole])
+            ]
+            settled_m = self._settled_m(whole, response) if is_last else None
+            tip_m = max(float(self._tip.over(tube).max()) for tube in tubes)
+            off_rad = max(self._deviation_rad(tube, response.speed) for tube in tubes)
+            known = off_rad, tip_m, settled_m
+            around = whole.tube.widened(response.settled_error_rad).between(*span)
+            found.append(move.found(around, tubes, asked, known))
+            if stops and found[-1].failure is not None:
+                break
+        return RunFound(tuple(found), whole.starts, whole.rates)
+
+    def _settled_m(self, tube: SettlingTube, response: Response) -> float:
+        """How far the tip may be from its goal when all joints are measured as settled."""
+        low, high = (np.array(corners) for corners in zip(*tube.starts, strict=True))
+        error = response.settled_error_rad
+        return float(self._goal.within(low - error, high + error).max())
+
+    def _deviation_rad(self, tube: JointTube, speed: float) -> float:
+        """How far any joint may be from where the plan has it then."""
+        q = self._trajectory.sample(speed * tube.times_s).q
+        step = float(np.abs(np.diff(q, axis=0)).max())
+        return float(np.maximum(tube.highest - q, q - tube.lowest).max()) + step
+
+
+class _TrackedMove:
+    """One move of a run, and what can be found of it beforehand."""
+
+    def __init__(self, move: Move, context: CollisionContext, trajectory: Trajectory) -> None:
+        """For a move, its situation, and the motion of the whole run."""
+        checker = context.checker
+        self._label, self._bounds = move.label, BoxBounds(checker, context.q_others)
+        self._free = np.flatnonzero(~checker.may_touch)
+        self._touched = np.flatnonzero(checker.may_touch)
+        self._hand: OffPath | None = None
+        if len(self._touched):
+            points = _corners_at_tip(context, self._touched)
+            self._hand = OffPath(checker.arm, trajectory, points)
+
+    def found(
+        self,
+        around: JointTube,
+        tubes: Sequence[JointTube],
+        asked: TrackingDemands,
+        known: tuple[float, float, float | None],
+    ) -> MoveTracking:
+        """What is proven of it.
+
+        Args:
+            around: the tube around all others.
+            tubes: that hold together where the joints may be.
+            asked: what shall be kept.
+            known: how far joints and tip may be off, and the tip at rest.
+        """
+        proofs = [
+            prove_tube(self._bounds, tube, pairs=self._free, margin_m=asked.margin_m)
+            for tube in tubes
+        ]
+        worst = min(proofs, key=lambda proof: proof.proven_m)
+        off_rad, tip_m, settled_m = known
+        allowance_m = hand_m = 0.0
+        if self._hand is not None:
+            cells = unproven_cells(self._bounds, around, self._touched)
+            is_open = np.logical_or.reduceat(cells, np.arange(0, len(cells), CELLS))
+            each = [_padded(self._hand.over(tube), len(is_open)) for tube in tubes]
+            off_m = np.max(each, axis=0)
+            allowance_m, hand_m = float(off_m[is_open].max(initial=0.0)), float(off_m.max())
+        nearest = worst.nearest if worst.nearest.first else None
+        failure = _unclear(self._label, worst) or _astray(self._label, hand_m, asked.most_off_m)
+        found = self._label, worst.proven_m, nearest, off_rad, tip_m, allowance_m, settled_m
+        return MoveTracking(*found, failure)
+
+
+def _around(starts: Sequence[JointRange]) -> JointRange:
+    """The box around some."""
+    low, high = (np.array(corners) for corners in zip(*starts, strict=True))
+    return low.min(axis=0), high.max(axis=0)
+
+
+def _corners_at_tip(context: CollisionContext, pairs: Indices) -> FloatArray:
+    """Corners of a box around what moves of some pairs, seen from the tip, shape (8, 3), m."""
+    checker = context.checker
+    bounds, covers, arm = checker.motion_bounds, checker.checked.covers, checker.arm
+    shapes = np.unique(outer_first(checker.pairs[pairs], bounds.depth)[0])
+    poses = bounds.place(context.q_others, arm.neutral[None]).shapes[0, shapes]
+    at_tip = np.linalg.inv(arm.T_base_tip(arm.neutral).homogeneous) @ poses
+    boxes = np.stack([covers.lowest[shapes], covers.highest[shapes]], axis=1)
+    corners = np.array([_corners(*box) for box in boxes])
+    placed = corners @ at_tip[:, :3, :3].swapaxes(1, 2) + at_tip[:, None, :3, 3]
+    points = placed.reshape(-1, 3)
+    return _corners(points.min(axis=0), points.max(axis=0))
+
+
+def _corners(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Of a box, shape (8, 3)."""
+    return np.array(list(product(*zip(low, high, strict=True))))
+
+
+def _padded(values: FloatArray, length: int) -> FloatArray:
+    """As many, the last one again where there are fewer."""
+    some: FloatArray = values[np.minimum(np.arange(length), len(values) - 1)]
+    return some
+
+
+def _unclear(label: str, proof: TubeClearance) -> str | None:
+    """Why a tube is not clear; None where it is."""
+    if proof.is_clear:
+        return None
+    near = proof.nearest
+    if near.distance_m <= proof.margin_m:
+        text = near.told("may be", "may touch")
+        asked = f"; {1e3 * proof.margin_m:.1f} mm are asked for" if proof.margin_m else ""
+        return f"{label}: {text} {near.time_s or 0.0:.2f} s after it last rested{asked}"
+    return (
+        f"{label}: {near.first} may be {1e3 * near.distance_m:.1f} mm from {near.second}, and more "
+        f"than {1e3 * proof.margin_m:.1f} mm are not proven after {proof.boxes} boxes"
+    )
+
+
+def _astray(label: str, hand_m: float, most_m: float) -> str | None:
+    """Why a hand that may touch something is too far off its path; None where it is not."""
+    if hand_m <= most_m:
+        return None
+    return (
+        f"{label}: the hand may be {1e3 * hand_m:.1f} mm off its path, where it touches something "
+        f"on purpose; at most {1e3 * most_m:.1f} mm are allowed"
+    )

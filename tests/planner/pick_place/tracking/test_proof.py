@@ -1,0 +1,244 @@
+"""The tracking proof: what it refuses, and simulated arms that never come nearer than proven."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Baxter
+from baxter_kin.validation import FloatArray
+from planner import (
+    Body,
+    Manipulator,
+    Part,
+    Plan,
+    PlanFailure,
+    Response,
+    Sphere,
+    TrackingProof,
+    prove_tracking,
+)
+from planner.errors import ResponseError, TaskError
+from planner.motion.tracking_tube import SETTLED_RAD
+from planner.pick_place.tracking.proof import START_RAD
+from planner.pick_place.tracking.runs import REST_RAD_S
+from planner.pick_place.tracking.situations import contexts_of
+from planner.trajectory import Trajectory, joined
+
+SLOW = Response((0.35, 0.45), 0.001, 0.3)
+FULL = Response((0.35, 0.45), 0.001, 1.0)
+
+STEP_S = 5e-3
+LOOK_STEPS = 12
+BLOCK_BELOW_M = 0.02
+"""Inside the block that hangs from the tip."""
+
+HELD_M = 0.004
+"""How far a tip is off its path at speed 0.1 by the age of a set-point and the cells of a tube."""
+
+ACCURACY_M = 2e-5
+"""Of coal's distances, twice."""
+
+
+@pytest.fixture(scope="module")
+def slow(tracked_plan: Plan, manipulator: Manipulator) -> TrackingProof:
+    return prove_tracking(tracked_plan, SLOW, manipulator=manipulator)
+
+
+@pytest.fixture(scope="module")
+def full(tracked_plan: Plan, manipulator: Manipulator) -> TrackingProof:
+    return prove_tracking(tracked_plan, FULL, manipulator=manipulator)
+
+
+def runs(plan: Plan) -> Iterator[tuple[list[int], Trajectory]]:
+    """Numbers of the moves between rests, and their motion."""
+    pending: list[int] = []
+    for number, move in enumerate(plan.moves):
+        pending.append(number)
+        if np.abs(move.trajectory.v[-1]).max() < REST_RAD_S:
+            yield pending, joined(plan.moves[k].trajectory for k in pending)
+            pending = []
+
+
+def followed(
+    plan: Plan, response: Response, rng: np.random.Generator
+) -> Iterator[tuple[int, FloatArray]]:
+    """Where one arm goes: number of the move, and joints; it waits where the executor waits."""
+    y = plan.q_start + rng.uniform(-START_RAD, START_RAD, 7)
+    lag_s = rng.uniform(*response.lag_s.T) if rng.random() < 0.5 else None
+    error = response.settled_error_rad
+    for numbers, motion in runs(plan):
+        ends = np.cumsum([plan.moves[k].trajectory.duration for k in numbers]) / response.speed
+        time_s, aim = 0.0, motion.q_start
+        while time_s < ends[-1] + response.window_s or np.abs(y - aim).max() > SETTLED_RAD:
+            if rng.random() < 0.5:  # the set-point in force is some ticks old
+                due_s = max(time_s - rng.uniform(0.0, response.window_s), 0.0)
+                aim = response.command(motion, due_s).q
+            now = rng.uniform(*response.lag_s.T) if lag_s is None else lag_s
+            y = aim + (y - aim) * np.exp(-STEP_S / now)
+            time_s += STEP_S
+            number = numbers[min(int(np.searchsorted(ends, time_s)), len(numbers) - 1)]
+            yield number, y + rng.uniform(-error, error)
+
+
+def test_a_lag_of_0_4_s_passes_at_speed_0_3(slow: TrackingProof, tracked_plan: Plan) -> None:
+    assert slow.is_valid
+    assert slow.failure is None
+    assert slow.greatest_speed == SLOW.speed
+    assert [move.label for move in slow.moves] == [move.label for move in tracked_plan.moves]
+    assert all(move.clearance_m > 0.01 for move in slow.moves)
+
+
+def test_it_is_refused_at_full_speed_with_the_speed_that_would_do(
+    full: TrackingProof, tracked_plan: Plan, manipulator: Manipulator
+) -> None:
+    assert not full.is_valid
+    speed = full.greatest_speed
+    assert speed is not None
+    assert 0.3 <= speed < 1.0
+    assert str(full.failure).endswith(f"; at speed {speed:.2f} instead of 1.00 it is proven")
+    assert prove_tracking(tracked_plan, FULL.at_speed(speed), manipulator=manipulator).is_valid
+
+
+def test_what_would_be_hit_is_named(tracked_plan: Plan, manipulator: Manipulator) -> None:
+    """A lead of 0.4 s turns uncertain lags into centimetres: the table is found within reach."""
+    led = replace(FULL, lead_s=0.4)
+    found = prove_tracking(tracked_plan, led, manipulator=manipulator, seek_speed=False)
+    failures = [move.failure for move in found.moves if move.failure]
+    assert any("l_gripper_r_finger_tip may be" in failure for failure in failures)
+    assert any("inside" in failure for failure in failures)
+    assert found.greatest_speed is None
+
+
+def test_simulated_arms_never_come_nearer_than_proven(
+    slow: TrackingProof, tracked_plan: Plan, manipulator: Manipulator, robot: Baxter
+) -> None:
+    """Placed by Pinocchio, distances by coal; the tip within what is stated of it."""
+    rng = np.random.default_rng(0)
+    contexts = contexts_of(tracked_plan, manipulator)
+    tips = [_tips(joined([move.trajectory]), manipulator) for move in tracked_plan.moves]
+    for _ in range(6):
+        least = dict.fromkeys(range(len(contexts)), np.inf)
+        for step, (number, q) in enumerate(followed(tracked_plan, SLOW, rng)):
+            if step % LOOK_STEPS:
+                continue
+            checker = contexts[number].checker
+            full_q = contexts[number].q_others
+            full_q[list(robot.indices(checker.arm.joint_names))] = q
+            pairs = np.flatnonzero(~checker.may_touch).tolist()
+            least[number] = min(least[number], *checker.distances_m(full_q, pairs, 0.1))
+            tip = checker.arm.T_base_tip(q).translation
+            way = np.concatenate(tips[max(number - 1, 0) : number + 1])
+            off_m = float(np.linalg.norm(way - tip, axis=1).min())
+            assert off_m <= slow.moves[number].tip_m + 1e-3
+        for number, move in enumerate(slow.moves):
+            assert least[number] >= move.clearance_m - ACCURACY_M, move.label
+
+
+def _tips(motion: Trajectory, manipulator: Manipulator) -> FloatArray:
+    qs = motion.sample(np.linspace(0.0, motion.duration, 300)).q
+    return np.array([manipulator.arm.T_base_tip(q).translation for q in qs])
+
+
+def test_the_least_distance_found_is_one_of_the_arm(slow: TrackingProof) -> None:
+    for move in slow.moves:
+        assert move.nearest is not None
+        assert move.clearance_m <= move.nearest.distance_m <= 3.0 * move.clearance_m
+
+
+def test_contacts_on_purpose_are_left_out_with_an_allowance(slow: TrackingProof) -> None:
+    allowed = {move.label for move in slow.moves if move.allowance_m > 0.0}
+    assert allowed == {"pick: descend", "pick: retract", "place: descend", "place: retract"}
+    assert all(move.allowance_m <= slow.most_off_m for move in slow.moves)
+
+
+def test_a_smaller_allowance_is_refused(tracked_plan: Plan, manipulator: Manipulator) -> None:
+    found = prove_tracking(tracked_plan, SLOW, most_off_m=0.01, manipulator=manipulator)
+    assert "at most 10.0 mm are allowed" in str(found.failure)
+    assert found.greatest_speed is not None
+    assert found.greatest_speed < SLOW.speed
+
+
+def test_a_margin_is_kept_or_refused(
+    slow: TrackingProof, tracked_plan: Plan, manipulator: Manipulator
+) -> None:
+    least_m = min(move.nearest.distance_m for move in slow.moves if move.nearest)
+    kept = prove_tracking(tracked_plan, SLOW, margin_m=0.01, manipulator=manipulator)
+    assert kept.is_valid
+    assert kept.clearance_m > 0.01
+    asked = prove_tracking(
+        tracked_plan, SLOW, margin_m=least_m + 0.001, manipulator=manipulator, seek_speed=False
+    )
+    assert "asked for" in str(asked.failure)
+
+
+def test_without_lag_and_error_the_plan_itself_is_proven(
+    tracked_plan: Plan, manipulator: Manipulator
+) -> None:
+    exact = Response((0.0, 0.0), speed=0.1, late_s=0.0)
+    found = prove_tracking(tracked_plan, exact, start_rad=0.0, manipulator=manipulator)
+    assert found.is_valid
+    for move, planned in zip(found.moves, tracked_plan.moves, strict=True):
+        assert move.tip_m < HELD_M
+        assert planned.proof is not None
+        assert move.clearance_m <= planned.proof.nearest.distance_m
+        assert move.clearance_m >= 0.6 * planned.proof.proven_m
+
+
+def test_a_thing_that_only_a_lagging_arm_hits_is_found(
+    tracked_plan: Plan, manipulator: Manipulator
+) -> None:
+    """The attempt at a counter-example: a small ball where an arm cuts a corner of the plan."""
+    lag = Response((0.399, 0.401), speed=1.0, late_s=0.0)
+    carried = [k for k, move in enumerate(tracked_plan.moves) if move.label == "place: approach"]
+    path = _tips(tracked_plan.moves[carried[0]].trajectory, manipulator)
+    arm, rng = manipulator.arm, np.random.default_rng(1)
+    way = np.array(
+        [arm.T_base_tip(q).translation for k, q in followed(tracked_plan, lag, rng) if k in carried]
+    )
+    off = np.linalg.norm(way[:, None] - path, axis=2).min(axis=1)
+    ball = Body(
+        "ball",
+        (Part(Sphere(0.002), pin.SE3.Identity()),),
+        pin.SE3(np.eye(3), way[off.argmax()] - np.array([0.0, 0.0, BLOCK_BELOW_M])),
+    )
+    assert tracked_plan.situation is not None
+    scene = tracked_plan.situation.scene.with_body(ball)
+    plan = replace(tracked_plan, situation=replace(tracked_plan.situation, scene=scene))
+    contexts = contexts_of(plan, manipulator)
+    for move, context in zip(plan.moves, contexts, strict=True):
+        assert context.prove(move.trajectory).is_clear, move.label
+    exact = Response((0.0, 0.0), 0.0, 0.3, late_s=0.0)
+    assert prove_tracking(plan, exact, start_rad=0.0, manipulator=manipulator).is_valid
+    found = prove_tracking(plan, lag, start_rad=0.0, manipulator=manipulator, seek_speed=False)
+    assert any("inside ball" in str(move.failure) for move in found.moves)
+
+
+def test_an_invalid_plan_is_not_proven(tracked_plan: Plan, manipulator: Manipulator) -> None:
+    failed = replace(tracked_plan, failure=PlanFailure("place: open", "no way"))
+    found = prove_tracking(failed, SLOW, manipulator=manipulator)
+    assert not found.is_valid
+    assert "no way" in str(found.failure)
+
+
+def test_refuses_what_does_not_fit(tracked_plan: Plan, robot: Baxter) -> None:
+    with pytest.raises(TaskError, match="left arm"):
+        prove_tracking(tracked_plan, SLOW, manipulator=Manipulator.of(robot, "right"))
+    with pytest.raises(ResponseError, match="Response"):
+        prove_tracking(tracked_plan, 0.4)  # type: ignore[arg-type]
+    with pytest.raises(ResponseError, match="start_rad"):
+        prove_tracking(tracked_plan, SLOW, start_rad=-1.0)
+
+
+def test_is_told_in_lines(slow: TrackingProof, full: TrackingProof) -> None:
+    lines = str(slow).splitlines()
+    assert lines[0] == "every path that the joints may take is clear"
+    assert lines[1].startswith("  pick: approach: ")
+    assert "mm where it touches on purpose" in lines[2]
+    assert str(full).splitlines()[0] == full.failure
+    assert repr(slow).startswith("TrackingProof(6 moves, valid, ")
+    assert repr(slow.moves[1]).startswith("MoveTracking(pick: descend, ")
