@@ -13,6 +13,7 @@ from planner.manipulator import Manipulator
 from planner.motion.free_move import plan_free_move
 from planner.motion.joint_move import plan_joint_move
 from planner.motion.response import Response
+from planner.motion.response_fit import fit_response
 from planner.motion.straight_line import LineTolerance, StraightLine
 from planner.motion.straight_move import plan_straight_move
 from planner.pick_place.candidates import transfer_bound_s
@@ -59,6 +60,7 @@ __all__ = [
     "StraightMoveError",
     "TrackingProof",
     "Trajectory",
+    "fit_response",
     "load_object",
     "load_plan",
     "make_block",

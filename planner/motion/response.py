@@ -139,6 +139,13 @@ class Response(Frozen, OneLine):
         return lag, error, f"speed {self.speed:.3g}", lead, f"{1e3 * self.late_s:.3g} ms late"
 
 
+def left_over(time_s: float | FloatArray, lag_s: FloatArray) -> FloatArray:
+    """What is left of a distance after a time, as a share; nothing without lag."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.exp(-np.divide(time_s, lag_s))
+    return np.where((lag_s > 0.0) | (np.asarray(time_s) <= 0.0), np.nan_to_num(share, nan=1.0), 0.0)
+
+
 def _lags(given: ArrayLike) -> FloatArray:
     lags = float_array(given, "lag_s", ResponseError)
     if lags.shape == (2,):

@@ -51,7 +51,7 @@ from numpy.typing import NDArray
 
 from baxter_kin.validation import FloatArray
 from planner.collision.continuous.joint_tube import JointTube
-from planner.motion.response import Response
+from planner.motion.response import Response, left_over
 from planner.trajectory import Trajectory
 
 CELL_S = 1e-3
@@ -149,7 +149,7 @@ def _followed(start: FloatArray, sent: FloatArray, lag_s: FloatArray, cell_s: fl
         lag_s: least and greatest, shape (7, 2).
         cell_s: how long a cell is.
     """
-    rising, falling = _left_over(cell_s, lag_s[:, 0]), _left_over(cell_s, lag_s[:, 1])
+    rising, falling = left_over(cell_s, lag_s[:, 0]), left_over(cell_s, lag_s[:, 1])
     bounds = np.empty((len(sent) + 1, sent.shape[1]))
     bounds[0] = bound = np.array(start)
     for number, aim in enumerate(sent):
@@ -171,13 +171,6 @@ def _rates(
     sending = np.abs(np.diff(sent[0], axis=0)).max(axis=0) / cell_s
     rates: FloatArray = np.where(most > 0.0, following, sending)
     return rates
-
-
-def _left_over(time_s: float | FloatArray, lag_s: FloatArray) -> FloatArray:
-    """What is left of a distance after a time, as a share; nothing without lag."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.exp(-np.divide(time_s, lag_s))
-    return np.where((lag_s > 0.0) | (np.asarray(time_s) <= 0.0), np.nan_to_num(share, nan=1.0), 0.0)
 
 
 class _Rest:
@@ -222,7 +215,7 @@ class _Rest:
 
     def _off(self, after_s: FloatArray) -> JointRange:
         """The bounds less the goal, at times of shape (k, 1)."""
-        least, most = (_left_over(after_s, lag_s) for lag_s in self._lag_s.T)
+        least, most = (left_over(after_s, lag_s) for lag_s in self._lag_s.T)
         low = self._low * np.where(self._low > 0.0, least, most)
         high = self._high * np.where(self._high < 0.0, least, most)
         return low, high

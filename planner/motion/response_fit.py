@@ -1,0 +1,226 @@
+"""fit_response: what an arm's measured motion says of how it follows its set-points.
+
+Of each joint one lag T and one offset b are sought for which the answer y of T y' = u - y to the
+commands, each held until the next, is nearest to what was measured, less b, in the least squares:
+T on a grid, then by golden section. With one number no joint is described all the time. So the
+interval of the lag is
+
+- T, and what the noise makes uncertain of it: `SIGMAS` standard deviations of a least-squares
+  estimate (Seber and Wild, "Nonlinear Regression", 1989, ch. 2), where y changes with T by about
+  minus its speed;
+- the lags that fit best in pieces of `PIECE_S` of the motion, taken by themselves, where the joint
+  moves enough to tell.
+
+The settled error is what then remains: how far, at most, measurements are outside the tube of that
+interval (`planner.motion.tracking_tube`, for the commands as they were recorded), and `RESERVE`
+times that. So the response that is given describes the data that it came from; how well it
+describes other motions, faster ones or with a load, is for other data to say.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from baxter_kin.validation import FloatArray, finite_array, float_array
+from planner.errors import ResponseError
+from planner.motion.response import (
+    JOINTS,
+    LARGEST_ERROR_RAD,
+    LONGEST_LAG_S,
+    Response,
+    left_over,
+)
+
+LEAST_SAMPLES, LONGEST_GAP_S = 50, 0.1
+"""Of a recording: set-points come at 100 Hz; longer gaps leave open what was sent."""
+
+LEAST_TRAVEL_RAD = 0.02
+"""Joints that were commanded to go less far say nothing of their lag."""
+
+LEAST_SPEED = 0.05
+"""Joints, and pieces of their motion, that are slower on average do not either, rad/s."""
+
+GRID_S = np.concatenate([[0.0], np.geomspace(2e-3, LONGEST_LAG_S, 80)])
+
+SLOWEST = 0.99
+"""A lag nearer to the longest than this was not found but cut off."""
+
+REFINEMENTS = 40
+"""Golden sections: an interval of the grid is cut to 1e-8 of it."""
+
+SIGMAS, PIECE_S, RESERVE = 3.0, 1.0, 1.25
+
+_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+
+
+def fit_response(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) -> Response:
+    """Bounds on how an arm follows, from a recording of what it was sent and what it did.
+
+    Args:
+        t: times, shape (k,), s, increasing.
+        q_commanded: set-points as they were sent, in force from each time to the next, shape
+            (k, 7), rad; what they led by belongs to them.
+        q_measured: positions measured at these times, shape (k, 7), rad.
+
+    Returns:
+        A response at speed 1 without lead, whose tube holds what was measured.
+
+    Raises:
+        ResponseError: when arrays do not fit, a number is not finite, times do not increase or
+            leave gaps, or a joint did not move enough, or not as one that follows; says which.
+    """
+    data = _checked(t, q_commanded, q_measured)
+    lag_s = _lags(data)
+    low, high = _intervals(data, lag_s)
+    errors = RESERVE * _outside(data, low, high, _offsets(data, lag_s))
+    if float(errors.max()) > LARGEST_ERROR_RAD:
+        joint = int(errors.argmax())
+        raise ResponseError(
+            f"joint {joint} is measured {errors[joint]:.3g} rad from any lag's answer to its "
+            f"commands; up to {LARGEST_ERROR_RAD:g} rad can be stated: was it pushed, or are these "
+            "columns of other joints?"
+        )
+    return Response(np.column_stack([low, high]), errors)
+
+
+class _Data(NamedTuple):
+    """A recording: times (k,), commands and measurements (k, 7)."""
+
+    t: FloatArray
+    u: FloatArray
+    q: FloatArray
+
+
+def _checked(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) -> _Data:
+    times = float_array(t, "t", ResponseError)
+    times = finite_array(times, (times.size,), "t", ResponseError)
+    u = finite_array(q_commanded, (times.size, JOINTS), "q_commanded", ResponseError)
+    q = finite_array(q_measured, (times.size, JOINTS), "q_measured", ResponseError)
+    _check_times(times)
+    for what, values in (("commanded", u), ("measured", q)):
+        travel = np.ptp(values, axis=0)
+        if float(travel.min()) < LEAST_TRAVEL_RAD:
+            raise ResponseError(
+                f"joint {int(travel.argmin())} was {what} over {travel.min():.3g} rad only; every "
+                f"joint must go {LEAST_TRAVEL_RAD:g} rad to tell its lag"
+            )
+    return _Data(times, u, q)
+
+
+def _check_times(times: FloatArray) -> None:
+    if len(times) < LEAST_SAMPLES:
+        raise ResponseError(f"{len(times)} samples tell no response; give {LEAST_SAMPLES} or more")
+    gaps = np.diff(times)
+    if not (gaps > 0.0).all():
+        at = int(gaps.argmin())
+        raise ResponseError(
+            f"times must increase, but {times[at]:g} s comes before {times[at + 1]:g} s"
+        )
+    if float(gaps.max()) > LONGEST_GAP_S:
+        at = int(gaps.argmax())
+        raise ResponseError(
+            f"nothing is recorded for {gaps[at]:.3g} s after {times[at]:g} s; samples may be "
+            f"{LONGEST_GAP_S:g} s apart"
+        )
+
+
+def _answers(data: _Data, lags_s: FloatArray, start: FloatArray) -> FloatArray:
+    """Answers to the commands with lags of shape (..., 7), from a start: shape (k, ..., 7)."""
+    found = np.empty((len(data.t), *lags_s.shape))
+    found[0] = y = np.broadcast_to(start, lags_s.shape)
+    for number, step_s in enumerate(np.diff(data.t).tolist()):
+        y = data.u[number] + (y - data.u[number]) * left_over(step_s, lags_s)
+        found[number + 1] = y
+    return found
+
+
+def _misfit(data: _Data, lags_s: FloatArray) -> FloatArray:
+    """Sum of squares of each lag with its best offset, shape as theirs."""
+    off = data.q.reshape(len(data.t), *(1,) * (lags_s.ndim - 1), JOINTS)
+    off = off - _answers(data, lags_s, data.q[0])
+    squares: FloatArray = ((off - off.mean(axis=0)) ** 2).sum(axis=0)
+    return squares
+
+
+def _best(data: _Data) -> FloatArray:
+    """The lag of each joint that fits best, shape (7,), s; the longest where none does."""
+    grid = np.repeat(GRID_S[:, None], JOINTS, axis=1)
+    best = _misfit(data, grid).argmin(axis=0)
+    low, high = GRID_S[np.maximum(best - 1, 0)], GRID_S[np.minimum(best + 1, len(GRID_S) - 1)]
+    for _ in range(REFINEMENTS):
+        inner = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+        first, second = _misfit(data, np.array(inner))
+        is_first = first < second
+        low, high = np.where(is_first, low, inner[0]), np.where(is_first, inner[1], high)
+    middle = (low + high) / 2
+    none, some = _misfit(data, np.array([np.zeros(JOINTS), middle]))
+    lags_s: FloatArray = np.where(none <= some, 0.0, middle)
+    return lags_s
+
+
+def _lags(data: _Data) -> FloatArray:
+    """The best lag of each joint, shape (7,), s.
+
+    Raises:
+        ResponseError: when a joint does not follow.
+    """
+    lag_s = _best(data)
+    if float(lag_s.max()) > SLOWEST * LONGEST_LAG_S:
+        raise ResponseError(
+            f"joint {int(lag_s.argmax())} does not follow its commands within {LONGEST_LAG_S:g} s; "
+            "was the arm enabled, and are these columns of the same joints?"
+        )
+    return lag_s
+
+
+def _offsets(data: _Data, lag_s: FloatArray) -> FloatArray:
+    """Measured less answered, on average, shape (7,)."""
+    offsets: FloatArray = (data.q - _answers(data, lag_s, data.q[0])).mean(axis=0)
+    return offsets
+
+
+def _intervals(data: _Data, lag_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least and greatest lag of each joint, shape (7,) both, s."""
+    answers = _answers(data, lag_s, data.q[0])
+    speeds = np.gradient(answers, data.t, axis=0)
+    usual = np.sqrt((speeds**2).mean(axis=0))
+    if float(usual.min()) < LEAST_SPEED:
+        raise ResponseError(
+            f"joint {int(usual.argmin())} went at {usual.min():.3g} rad/s on average, which does "
+            f"not tell its lag; every joint must go at {LEAST_SPEED:g} rad/s"
+        )
+    off = data.q - answers
+    spread = SIGMAS * off.std(axis=0) / (usual * np.sqrt(len(data.t)))
+    pieces = _pieces(data._replace(q=data.q - off.mean(axis=0)), lag_s, speeds)
+    low, high = np.minimum(lag_s - spread, pieces.min(axis=0)), lag_s + spread
+    return np.maximum(low, 0.0), np.minimum(np.maximum(high, pieces.max(axis=0)), LONGEST_LAG_S)
+
+
+def _pieces(data: _Data, lag_s: FloatArray, speeds: FloatArray) -> FloatArray:
+    """The lags that fit best in each piece, shape (pieces, 7), s; those of the whole otherwise."""
+    count = max(1, int((data.t[-1] - data.t[0]) / PIECE_S))
+    ends = np.linspace(0, len(data.t), count + 1).astype(np.intp)
+    found = []
+    for first, last in pairwise(ends.tolist()):
+        piece = _Data(*(values[first:last] for values in data))
+        tells = np.sqrt((speeds[first:last] ** 2).mean(axis=0)) >= LEAST_SPEED
+        found.append(np.where(tells, _best(piece), lag_s))
+    return np.array(found)
+
+
+def _outside(data: _Data, low_s: FloatArray, high_s: FloatArray, offsets: FloatArray) -> FloatArray:
+    """How far measurements are outside the tube of an interval of lags, at most, shape (7,)."""
+    high = low = data.q[0] - offsets
+    farthest = np.abs(offsets)
+    for number, step_s in enumerate(np.diff(data.t).tolist()):
+        least, most = left_over(step_s, low_s), left_over(step_s, high_s)
+        aim = data.u[number]
+        high = aim + (high - aim) * np.where(high < aim, least, most)
+        low = aim + (low - aim) * np.where(low > aim, least, most)
+        measured = data.q[number + 1]
+        farthest = np.maximum(farthest, np.maximum(measured - high, low - measured))
+    return farthest
