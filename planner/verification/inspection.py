@@ -15,13 +15,14 @@ Shared with the planner are
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from functools import cache
 
 from baxter_kin import JointLimits
 from baxter_kin.description import RobotDescription
 from baxter_kin.errors import expect, expect_all, quoted, shortened
 from planner.errors import TaskError
+from planner.motion.response import Response
 from planner.plan import Plan
 from planner.plan_file import check_size
 from planner.situation import Situation
@@ -41,6 +42,7 @@ from planner.verification.motion.motion_checks import motion_checks
 from planner.verification.motion.tip_checks import tip_checks
 from planner.verification.story import Story
 from planner.verification.tolerances import Tolerances
+from planner.verification.tracking.tracking_checks import Follower, tracked, tracking_checks
 from planner.verification.urdf_robot import UrdfRobot
 
 
@@ -52,6 +54,7 @@ def verify(
     tolerances: Tolerances | None = None,
     description: RobotDescription | None = None,
     limits: JointLimits | None = None,
+    response: Response | None = None,
 ) -> Certificate:
     """Check everything about a plan, independently of what planned it.
 
@@ -65,6 +68,8 @@ def verify(
             when not given.
         limits: what the arm may do; when not given, the URDF's positions and velocities and the
             toolkit's stated acceleration and jerk (`baxter_kin.limits`).
+        response: how a real arm follows its set-points, for checks of wherever its joints may be
+            then.
 
     Returns:
         Every check with its worst value, its bound and where that was found.
@@ -96,7 +101,9 @@ def verify(
             )
     allowed = Tolerances.of(plan) if tolerances is None else tolerances
     expect(allowed, Tolerances, "tolerances", TaskError)
-    return _Inspection(plan, known, files, allowed, limits).certificate(labels)
+    if response is not None:
+        expect(response, Response, "response", TaskError)
+    return _Inspection(plan, known, files, allowed, limits).certificate(labels, response)
 
 
 def _check_robot(plan: Plan, description: RobotDescription) -> None:
@@ -132,7 +139,7 @@ class _Inspection:
         self._fingers = Fingers(self._robot, self._body.solids)
         self._story = Story(plan, situation, self._robot, self._fingers)
 
-    def certificate(self, straight: Collection[str]) -> Certificate:
+    def certificate(self, straight: Collection[str], response: Response | None) -> Certificate:
         plan, robot, allowed = self._plan, self._robot, self._allowed
         stretches = Stretches(
             robot, self._body.solids, self._standing, self._story.elsewhere, straight
@@ -148,6 +155,7 @@ class _Inspection:
             *finger_checks(self._story, self._fingers, allowed),
             *clearance_checks(found, rest, allowed),
             *proof_checks(step for stage in found for step in stage.steps),
+            *(() if response is None else self._tracking(response, stretches)),
         )
         return Certificate(
             plan.limb,
@@ -159,6 +167,11 @@ class _Inspection:
             geometry=self._body.source,
             subject=Subject(plan, self._situation, allowed == Tolerances.of(plan)),
         )
+
+    def _tracking(self, response: Response, stretches: Stretches) -> Iterator[Check]:
+        follower = Follower(self._robot, self._standing, stretches, response)
+        found = list(tracked(self._story.stages, follower, self._allowed))
+        return tracking_checks(found, self._allowed)
 
     def _completeness(self) -> Check:
         failure = self._plan.failure

@@ -1,0 +1,166 @@
+"""The tube of an arm's response, by a line that nothing can cross.
+
+Of a joint with T y' = w - y, where T is within [T_min, T_max] and w at most U, the greatest slope
+that y can have at a height Y is
+
+    s(Y) = (U - Y) / T_min  where U > Y,    (U - Y) / T_max  where not,
+
+which falls with Y. A line that begins no lower than y and rises by no less than s at each of its
+own heights is not crossed: where it would be met from below, y would have to be steeper than s.
+In a step of length g, with U the greatest set-point of that time, such a line rises
+
+    by (U - Y) / T_min  from a height Y below U, where it starts steepest, though never above U,
+    by (U - Y) / (T_max + g)  from a height above it, as s is no more than that where it ends.
+
+The planner's tube has exponentials in place of the line. Set-points are taken at the ends of steps,
+and what they may rise above these in between is their greatest speed times half a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from baxter_kin.validation import FloatArray
+from planner.motion.response import Response
+from planner.plan import Move
+from planner.verification.motion.cubics import Cubics
+
+STEP_S = 5e-4
+"""Of plan time."""
+
+STATE_RAD = 1e-6
+"""What jumps at knots, up to 1e-8 rad, and rounding may add."""
+
+MOST_REST = 50
+"""An arm has settled after so many greatest lags, whatever it did before."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResponseTube:
+    """Bounds on the joints of an arm during moves without a rest in between, and a rest after them.
+
+    Attributes:
+        low: at the ends of steps, settled error included, shape (k + 1, 7), rad.
+        high: likewise.
+        step_s: the length of a step.
+        ends_s: when each move ends.
+        settled: number of the first end at which all joints may be measured as settled.
+        goal: where they go, shape (7,), rad.
+    """
+
+    low: FloatArray
+    high: FloatArray
+    step_s: float
+    ends_s: tuple[float, ...]
+    settled: int
+    goal: FloatArray
+
+    def hull(self, first: int, last: int) -> tuple[FloatArray, FloatArray]:
+        """All that is possible from the end of one step to that of another, by their numbers."""
+        some = slice(first, last + 1)
+        return self.low[some].min(axis=0), self.high[some].max(axis=0)
+
+    def steps_of(self, move: int) -> tuple[int, int]:
+        """Numbers of the first and the last end of a move; of the last one, with the rest."""
+        begin_s = self.ends_s[move - 1] if move else 0.0
+        first, last = int(begin_s / self.step_s), len(self.low) - 1
+        if move < len(self.ends_s) - 1:
+            last = min(last, int(np.ceil(self.ends_s[move] / self.step_s)))
+        return first, max(last, first + 1)
+
+    def next_start(self, settled_rad: float, error: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Between which the joints are, without error, when the next moves begin."""
+        most = settled_rad + error
+        low = np.minimum(self.low[self.settled] + error, self.goal)
+        high = np.maximum(self.high[self.settled] - error, self.goal)
+        return np.maximum(low, self.goal - most), np.minimum(high, self.goal + most)
+
+
+def response_tube(
+    moves: Sequence[Move],
+    response: Response,
+    start: tuple[FloatArray, FloatArray],
+    settled_rad: float,
+) -> ResponseTube:
+    """The tube of moves of which only the last ends at rest.
+
+    Args:
+        moves: in order.
+        response: how the arm follows, and how set-points are sent.
+        start: between which the joints are at first, without error; shape (7,) both, rad.
+        settled_rad: within which of the last set-point joints are measured as settled.
+    """
+    step_s = STEP_S / response.speed
+    lowest, highest, ends_s = _sent(moves, response, step_s)
+    goal = np.array(moves[-1].trajectory.q[-1])
+    error = response.settled_error_rad
+    high, low = [start[1]], [-start[0]]
+    moving, most = len(highest), settled_rad + error
+    for number in range(moving + int(MOST_REST * response.lag_s.max() / step_s) + 1):
+        is_resting = number >= moving
+        high.append(_line(high[-1], goal if is_resting else highest[number], response, step_s))
+        low.append(_line(low[-1], -goal if is_resting else -lowest[number], response, step_s))
+        if is_resting and max((high[-1] - goal - most).max(), (low[-1] + goal - most).max()) <= 0.0:
+            break
+    upper, lower = np.array(high) + STATE_RAD, -np.array(low) - STATE_RAD
+    beyond = np.maximum(lower - goal, goal - upper) - most
+    is_possible = beyond.max(axis=1) <= 0.0
+    upper[-1], lower[-1] = np.maximum(upper[-1], goal), np.minimum(lower[-1], goal)
+    settled = moving + int(is_possible[moving:].argmax())
+    return ResponseTube(lower - error, upper + error, step_s, ends_s, settled, goal)
+
+
+def _line(height: FloatArray, aim: FloatArray, response: Response, step_s: float) -> FloatArray:
+    """The height of the line after a step, shape (7,)."""
+    least, most = response.lag_s.T
+    below = np.maximum(aim - height, 0.0)
+    share = step_s / np.maximum(least, step_s)  # no line rises above what it aims at
+    rise = below * share
+    fall = np.maximum(height - aim, 0.0) * step_s / (most + step_s)
+    after: FloatArray = height + rise - fall
+    return after
+
+
+def _sent(
+    moves: Sequence[Move], response: Response, step_s: float
+) -> tuple[FloatArray, FloatArray, tuple[float, ...]]:
+    """Least and greatest set-points that may be in force in each step; when each move ends."""
+    cubics = [Cubics(move.trajectory) for move in moves]
+    ends_s = np.cumsum([each.duration_s for each in cubics]) / response.speed
+    steps = int(np.ceil((ends_s[-1] + response.window_s) / step_s)) + 1
+    times_s = step_s * np.arange(-int(np.ceil(response.window_s / step_s)), steps + 1)
+    sent = _set_points(moves, cubics, response, np.clip(times_s, 0.0, ends_s[-1]))
+    states = [each.critical_states() for each in cubics]
+    fastest = np.max([np.abs(state.v).max(axis=0) for state in states], axis=0)
+    pushed = np.max([np.abs(state.a).max(axis=0) for state in states], axis=0)
+    between = response.speed * (fastest + response.lead_s * response.speed * pushed) * step_s / 2
+    window = len(times_s) - steps
+    views = np.lib.stride_tricks.sliding_window_view(sent, window + 1, axis=0)
+    found = views.min(axis=-1) - between, views.max(axis=-1) + between
+    return *found, tuple(ends_s.tolist())
+
+
+def _set_points(
+    moves: Sequence[Move], cubics: Sequence[Cubics], response: Response, times_s: FloatArray
+) -> FloatArray:
+    """What is due at some times, shape (k, 7)."""
+    ends = np.cumsum([each.duration_s for each in cubics])
+    at = np.minimum(response.speed * times_s, ends[-1])
+    number = np.minimum(np.searchsorted(ends, at, side="left"), len(cubics) - 1)
+    sent = np.empty((len(at), len(response.lag_s)))
+    for k, (move, each) in enumerate(zip(moves, cubics, strict=True)):
+        here = number == k
+        since = np.clip(at[here] - (ends[k] - each.duration_s), 0.0, each.duration_s)
+        if not len(each.jerks):
+            sent[here] = each.knots[0][0]
+            continue
+        last = len(each.jerks) - 1
+        segments = np.clip(np.searchsorted(each.knots_s, since, side="right") - 1, 0, last)
+        q, v, _ = each.after(segments, (since - each.knots_s[segments])[:, None])
+        led = q + response.lead_s * response.speed * v
+        limits = move.trajectory.limits
+        sent[here] = np.clip(led, limits.q_min, limits.q_max) if response.lead_s else q
+    return sent
