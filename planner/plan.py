@@ -27,6 +27,7 @@ from baxter_kin.value_objects import (
 )
 from planner.clearance import Clearance, ContinuousContact, ContinuousProof, least
 from planner.errors import TaskError
+from planner.motion.response import Response
 from planner.motion.straight_line import LineTolerance
 from planner.pick_place.summary import CollisionSummary
 from planner.situation import Situation
@@ -177,6 +178,8 @@ class Plan(Frozen, OneLine):
         situation: the world it was made for; None when the maker did not say.
         robot: which robot it was made for, likewise.
         line_tolerance: how far the tip may be off the lines of its straight moves.
+        response: of the arm that it was proven to be clear on, and how it is to be sent to it; None
+            for an arm that follows exactly.
 
     Raises:
         UnknownNameError: when there is no such limb.
@@ -192,6 +195,7 @@ class Plan(Frozen, OneLine):
     situation: Situation | None = None
     robot: RobotIdentity | None = None
     line_tolerance: LineTolerance = field(default_factory=LineTolerance)
+    response: Response | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.limb, str) or self.limb not in LIMBS:
@@ -241,7 +245,8 @@ class Plan(Frozen, OneLine):
         if self.failure is not None:
             return *size, f"invalid: {sentence(self.failure)}"
         proven_m = self.proven_clearance_m
-        return *size, "valid", "" if proven_m is None else clear(proven_m)
+        sent = "" if self.response is None else f"sent at speed {self.response.speed:g}"
+        return *size, "valid", "" if proven_m is None else clear(proven_m), sent
 
     def _check_steps(self) -> None:
         q = self.q_start

@@ -7,8 +7,9 @@ The file is JSON, UTF-8, of four entries:
 - `sha256`: the SHA-256 of the file's own bytes, with 64 zeros in place of these 64 digits,
 - `plan`: the `Plan`, by the rules of `baxter_kin.json_data`: `limb`, `q_start`, `steps` (each a
   `Move` with its trajectory's knots and limits, its tip pose and IK result, or a `Grip`),
-  `failure`, `situation` (the scene and all other joints) and `robot` (which one the plan is for).
-  SI units, radians, poses seen from base.
+  `failure`, `situation` (the scene and all other joints), `robot` (which one the plan is for) and
+  `response` (how that arm follows, and how the plan is sent to it, where it was made for such an
+  arm). SI units, radians, poses seen from base.
 
 Reading makes nothing but these values and runs nothing. A file that was truncated or edited is
 refused, as are foreign versions, files that are no plan, files of more than `LARGEST_FILE_BYTES`

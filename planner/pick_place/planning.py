@@ -24,13 +24,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect
-from planner.errors import TaskError
+from planner.errors import ResponseError, TaskError
 from planner.manipulator import Manipulator
+from planner.motion.response import Response
 from planner.motion.straight_line import STRICT, LineTolerance
 from planner.pick_place.cycle_search import CycleSearch
 from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder
 from planner.pick_place.request import PlanRequest
 from planner.pick_place.task import PickAndPlace, checked_height_m
+from planner.pick_place.tracking.proof import planned_for
 from planner.plan import Plan
 from planner.scene.bodies import Scene
 from planner.scene.held import Held
@@ -45,6 +47,7 @@ def plan_pick_and_place(
     margin_m: float = 0.0,
     held: Sequence[Held] = (),
     line_tolerance: LineTolerance = STRICT,
+    response: Response | None = None,
 ) -> Plan:
     """Every step from `q_start` until the arm has retracted from the placed body.
 
@@ -59,9 +62,14 @@ def plan_pick_and_place(
         held: what the other hand holds, as `World.held` says.
         line_tolerance: how far the tip may be off its straight lines, for which `verify` judges the
             plan by it: 0.1 mm and 0.02 deg when not given.
+        response: how a real arm follows its set-points. The plan is then made as for any other, and
+            is to be sent at the greatest speed up to the response's at which every path that the
+            joints may take is proven to keep the margin (`prove_tracking`): `Plan.response` says
+            it. All of it is sent at one speed.
 
     Returns:
-        A plan; when a step has no solution, an invalid one that says which and why.
+        A plan; when a step has no solution, an invalid one that says which and why; so as well when
+        no speed is found at which it is clear on an arm of that response.
 
     Raises:
         SceneError: when the body is not in the scene.
@@ -69,12 +77,18 @@ def plan_pick_and_place(
         ConfigurationError: when `q_start` is malformed or outside the limits.
         MotionError: when the margin is not a number, or negative, or `line_tolerance` is not a
             `LineTolerance`.
+        ResponseError: when the response is of another class.
     """
     expect(task, PickAndPlace, "task", TaskError)
+    if response is not None:
+        expect(response, Response, "response", ResponseError)
     request = PlanRequest(manipulator, scene, q_start, margin_m, held, line_tolerance)
     if not scene[task.body].is_movable:
         raise TaskError(f"{task.body!r} is not movable, so it cannot be picked")
-    return CycleSearch(request, task).shortest()
+    plan = CycleSearch(request, task).shortest()
+    if response is None:
+        return plan
+    return planned_for(plan, response, manipulator, margin_m=request.margin_m)
 
 
 def plan_start_move(

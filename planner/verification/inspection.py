@@ -69,7 +69,7 @@ def verify(
         limits: what the arm may do; when not given, the URDF's positions and velocities and the
             toolkit's stated acceleration and jerk (`baxter_kin.limits`).
         response: how a real arm follows its set-points, for checks of wherever its joints may be
-            then.
+            then; the plan's own when not given, and no such checks where it has none.
 
     Returns:
         Every check with its worst value, its bound and where that was found.
@@ -101,9 +101,10 @@ def verify(
             )
     allowed = Tolerances.of(plan) if tolerances is None else tolerances
     expect(allowed, Tolerances, "tolerances", TaskError)
-    if response is not None:
-        expect(response, Response, "response", TaskError)
-    return _Inspection(plan, known, files, allowed, limits).certificate(labels, response)
+    follows = plan.response if response is None else response
+    if follows is not None:
+        expect(follows, Response, "response", TaskError)
+    return _Inspection(plan, known, files, allowed, limits).certificate(labels, follows)
 
 
 def _check_robot(plan: Plan, description: RobotDescription) -> None:

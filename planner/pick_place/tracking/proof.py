@@ -23,6 +23,7 @@ holds otherwise; and the travel of fingers, as the plan's own proofs have the ar
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,7 +38,7 @@ from planner.motion.tracking_tube import JointRange
 from planner.pick_place.tracking.result import TrackingProof
 from planner.pick_place.tracking.runs import RunFound, TrackingDemands, runs_of
 from planner.pick_place.tracking.situations import contexts_of
-from planner.plan import Plan
+from planner.plan import Plan, PlanFailure
 
 MOST_OFF_M = 0.04
 """How far a hand may be off its path where it may touch something, unless said otherwise."""
@@ -94,6 +95,33 @@ def prove_tracking(
         reason = f"the plan itself is not valid: {plan.failure}"
         return TrackingProof(response, (), *asked, np.zeros(7), None, reason)
     return PlanTracking(plan, manipulator, asked).proof(response, seek_speed=seek_speed)
+
+
+def planned_for(
+    plan: Plan, response: Response, manipulator: Manipulator, *, margin_m: float = 0.0
+) -> Plan:
+    """A plan as it is to be sent to an arm of some response, so that it stays clear.
+
+    Args:
+        plan: as planned for an arm that follows exactly.
+        response: of the arm; its speed is the greatest that is asked for.
+        manipulator: the arm that the plan is for.
+        margin_m: that every pair shall keep.
+
+    Returns:
+        The plan with the response at the speed that is proven; an invalid plan as it is; and where
+        no speed is found, an invalid one that says why.
+    """
+    if plan.failure is not None:
+        return plan
+    asked = TrackingDemands(margin_m, MOST_OFF_M, START_RAD)
+    tracking = PlanTracking(plan, manipulator, asked)
+    proof = tracking.proof(response)
+    if proof.greatest_speed is not None:
+        return replace(plan, response=response.at_speed(proof.greatest_speed))
+    failed = next(move for move in proof.moves if move.failure is not None)
+    reason = str(proof.failure).removeprefix(f"{failed.label}: ")
+    return replace(plan, failure=PlanFailure(failed.label, reason))
 
 
 class PlanTracking:

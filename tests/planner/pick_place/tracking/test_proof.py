@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -15,19 +16,26 @@ from planner import (
     Body,
     Manipulator,
     Part,
+    PickAndPlace,
     Plan,
     PlanFailure,
     Response,
+    Scene,
     Sphere,
     TrackingProof,
+    load_plan,
+    plan_pick_and_place,
     prove_tracking,
+    save_plan,
+    verify,
 )
 from planner.errors import ResponseError, TaskError
 from planner.motion.tracking_tube import SETTLED_RAD
-from planner.pick_place.tracking.proof import START_RAD
+from planner.pick_place.tracking.proof import START_RAD, planned_for
 from planner.pick_place.tracking.runs import REST_RAD_S
 from planner.pick_place.tracking.situations import contexts_of
 from planner.trajectory import Trajectory, joined
+from tests.conftest import overhead
 
 SLOW = Response((0.35, 0.45), 0.001, 0.3)
 FULL = Response((0.35, 0.45), 0.001, 1.0)
@@ -242,3 +250,39 @@ def test_is_told_in_lines(slow: TrackingProof, full: TrackingProof) -> None:
     assert str(full).splitlines()[0] == full.failure
     assert repr(slow).startswith("TrackingProof(6 moves, valid, ")
     assert repr(slow.moves[1]).startswith("MoveTracking(pick: descend, ")
+
+
+def test_a_plan_for_a_response_says_the_speed_at_which_it_is_proven(
+    manipulator: Manipulator, scene: Scene, tracked_plan: Plan, tmp_path: Path
+) -> None:
+    """It is sent as fast as that allows, and judged by it; a file keeps it."""
+    task = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
+    plan = plan_pick_and_place(task, manipulator, scene, manipulator.arm.start, response=FULL)
+    assert plan.failure is None
+    assert plan.response is not None
+    assert 0.3 <= plan.response.speed < 1.0
+    assert plan.response.lag_s.tolist() == FULL.lag_s.tolist()
+    assert [move.label for move in plan.moves] == [move.label for move in tracked_plan.moves]
+    assert f"sent at speed {plan.response.speed:g}" in repr(plan)
+    certificate = verify(plan)
+    assert certificate.is_valid
+    assert certificate["tracking: clearance"].value > 0.0
+    save_plan(plan, tmp_path / "plan.json")
+    again = load_plan(tmp_path / "plan.json").response
+    assert again is not None
+    assert again.speed == plan.response.speed
+    assert again.lag_s.tolist() == plan.response.lag_s.tolist()
+    assert again.settled_error_rad.tolist() == plan.response.settled_error_rad.tolist()
+
+
+def test_a_response_that_no_speed_suits_makes_no_plan(
+    manipulator: Manipulator, tracked_plan: Plan
+) -> None:
+    """An arm that may be 0.1 rad off in every joint wherever it goes."""
+    loose = Response((0.0, 0.1), 0.1)
+    plan = planned_for(tracked_plan, loose, manipulator)
+    assert plan.failure is not None
+    assert plan.failure.stage in {move.label for move in tracked_plan.moves}
+    assert "no speed from 0.01 on was found that would do" in plan.failure.reason
+    assert plan.response is None
+    assert planned_for(plan, loose, manipulator) is plan

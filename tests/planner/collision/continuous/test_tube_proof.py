@@ -1,0 +1,167 @@
+"""What is proven of tubes, against arms that are placed in them."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from baxter_kin.validation import FloatArray, Indices
+from planner import Body, Box, Manipulator, Part, Scene
+from planner.collision.context import CollisionContext
+from planner.collision.continuous.box_bounds import BoxBounds
+from planner.collision.continuous.joint_tube import JointTube
+from planner.collision.continuous.tube_contacts import unproven_cells
+from planner.collision.continuous.tube_proof import prove_tube
+from tests.conftest import at, overhead
+
+PLACES = 300
+ACCURACY_M = 2e-5
+
+
+@pytest.fixture(scope="module")
+def context(manipulator: Manipulator, table: Body) -> CollisionContext:
+    return manipulator.context(Scene.of([table]))
+
+
+def free(context: CollisionContext) -> Indices:
+    return np.flatnonzero(~context.checker.may_touch)
+
+
+def swinging(manipulator: Manipulator, widths: FloatArray | float) -> JointTube:
+    """From the demo's start to the side, 1 s, so wide at every time."""
+    times, q = np.linspace(0.0, 1.0, 101), manipulator.arm.start
+    way = np.array([0.5, 0.1, -0.2, 0.1, 0.0, 0.1, 0.4])
+    middle = q + times[:, None] * way
+    return JointTube(times, middle - np.asarray(widths) / 2, middle + np.asarray(widths) / 2)
+
+
+@pytest.mark.parametrize("wide_rad", [0.0, 0.02, 0.08, 0.2])
+def test_no_arm_in_the_tube_is_nearer_than_proven(
+    context: CollisionContext, manipulator: Manipulator, wide_rad: float
+) -> None:
+    rng, checker = np.random.default_rng(6), context.checker
+    tube = swinging(manipulator, wide_rad * np.array([1.0, 0.5, 1.0, 0.7, 0.3, 1.0, 1.0]))
+    proof = prove_tube(BoxBounds(checker, context.q_others), tube, pairs=free(context))
+    assert proof.is_clear
+    full, least = context.q_others, np.inf
+    for _ in range(PLACES):
+        cell = int(rng.integers(0, tube.cells))
+        low, high = tube.hull(cell, cell + 1)
+        share = np.where(rng.random(7) < 0.6, rng.integers(0, 2, 7), rng.random(7))
+        full[checker.motion_bounds.q_index] = low + share * (high - low)
+        least = min(least, *checker.distances_m(full, free(context).tolist(), least))
+    assert least >= proof.proven_m - ACCURACY_M
+    assert proof.proven_m <= proof.nearest.distance_m
+    assert proof.proven_m >= 0.5 * proof.nearest.distance_m
+
+
+def test_the_nearest_is_where_the_arm_may_be(
+    context: CollisionContext, manipulator: Manipulator
+) -> None:
+    tube = swinging(manipulator, 0.1)
+    proof = prove_tube(BoxBounds(context.checker, context.q_others), tube, pairs=free(context))
+    rng, least = np.random.default_rng(8), np.inf
+    instant = int(np.abs(tube.times_s - (proof.nearest.time_s or 0.0)).argmin())
+    full = context.q_others
+    for _ in range(PLACES):
+        corner = rng.integers(0, 2, 7)
+        q = np.where(corner, tube.lowest[instant], tube.highest[instant])
+        full[context.checker.motion_bounds.q_index] = q
+        least = min(least, *context.checker.distances_m(full, free(context).tolist(), least))
+    assert least <= proof.nearest.distance_m + 0.02
+
+
+def wall(manipulator: Manipulator, gap_m: float) -> Body:
+    """Under the hand, so far below where it starts."""
+    tip = manipulator.arm.T_base_tip(manipulator.arm.start).translation
+    size = (0.4, 0.4, 0.02)
+    centre = at(float(tip[0]), float(tip[1]), float(tip[2]) - 0.01 - gap_m)
+    return Body("wall", (Part(Box(size), at(0.0, 0.0, 0.0)),), centre)
+
+
+def test_what_only_the_edge_of_a_tube_hits_is_found(manipulator: Manipulator) -> None:
+    """The path itself passes at 2 cm or more; lifted shoulders bring the hand down on the wall."""
+    context = manipulator.context(Scene.of([wall(manipulator, 0.04)]))
+    bounds, pairs = BoxBounds(context.checker, context.q_others), free(context)
+    narrow = prove_tube(bounds, swinging(manipulator, 0.001), pairs=pairs)
+    assert narrow.is_clear
+    wide = prove_tube(bounds, swinging(manipulator, 0.2), pairs=pairs)
+    assert not wide.is_clear
+    assert wide.nearest.distance_m <= 0.0
+    assert "wall" in {wide.nearest.first, wide.nearest.second}
+
+
+@pytest.mark.parametrize("gap_m", [0.03, 0.04, 0.06])
+def test_what_passes_narrowly_is_split_and_holds(manipulator: Manipulator, gap_m: float) -> None:
+    context = manipulator.context(Scene.of([wall(manipulator, gap_m)]))
+    checker, tube = context.checker, swinging(manipulator, 0.03)
+    bounds = BoxBounds(checker, context.q_others)
+    proof = prove_tube(bounds, tube, pairs=free(context), margin_m=1e-3)
+    assert proof.boxes > 8
+    rng, full, least = np.random.default_rng(3), context.q_others, np.inf
+    for cell in range(tube.cells):
+        low, high = tube.hull(cell, cell + 1)
+        for corner in rng.integers(0, 2, (12, 7)):
+            full[checker.motion_bounds.q_index] = np.where(corner, low, high)
+            least = min(least, *checker.distances_m(full, free(context).tolist(), least))
+    assert proof.proven_m - ACCURACY_M <= least
+    assert proof.nearest.distance_m <= least + 0.01
+
+
+@pytest.mark.parametrize("gap_m", [0.06, 0.08])
+def test_a_wide_instant_is_split_across_joints(manipulator: Manipulator, gap_m: float) -> None:
+    """An arm that stands anywhere in a box over a wall."""
+    context = manipulator.context(Scene.of([wall(manipulator, gap_m)]))
+    checker, q = context.checker, manipulator.arm.start
+    w = np.array([0.05, 0.04, 0.05, 0.04, 0.06, 0.05, 0.1])
+    tube = JointTube(np.array([0.0, 1.0]), np.array([q - w] * 2), np.array([q + w] * 2))
+    bounds = BoxBounds(checker, context.q_others)
+    coarse = prove_tube(bounds, tube, pairs=free(context), most_boxes=1)
+    least = _least_at_corners(context, q, w)
+    fine = prove_tube(bounds, tube, pairs=free(context), margin_m=0.9 * least)
+    assert fine.boxes > 20
+    assert coarse.proven_m < fine.proven_m <= least + ACCURACY_M
+    assert fine.proven_m >= 0.8 * least
+
+
+def _least_at_corners(context: CollisionContext, q: FloatArray, w: FloatArray) -> float:
+    full, least = context.q_others, np.inf
+    for corner in product((-1.0, 1.0), repeat=7):
+        full[context.checker.motion_bounds.q_index] = q + w * corner
+        least = min(least, *context.checker.distances_m(full, free(context).tolist(), least))
+    return float(least)
+
+
+def test_what_cannot_be_told_in_time_is_given_up(manipulator: Manipulator) -> None:
+    context = manipulator.context(Scene.of([wall(manipulator, 0.04)]))
+    bounds = BoxBounds(context.checker, context.q_others)
+    tube = swinging(manipulator, 0.08)
+    given_up = prove_tube(bounds, tube, pairs=free(context), margin_m=0.012, most_boxes=9)
+    assert given_up.boxes < 100
+    assert not given_up.is_clear
+
+
+def test_contacts_are_open_only_where_they_may_happen(
+    manipulator: Manipulator, scene: Scene
+) -> None:
+    """The hand sinks onto the block: open near it, proven before."""
+    context = manipulator.context(scene, touchable="block")
+    times, q = np.linspace(0.0, 1.0, 101), manipulator.arm.start
+    block = scene["block"].centre_base
+    goal = manipulator.ik.solve(overhead(*block.tolist()), current=q).q
+    middle = q + times[:, None] * (goal - q)
+    tube = JointTube(times, middle - 0.005, middle + 0.005)
+    touching = np.flatnonzero(context.checker.may_touch)
+    cells = unproven_cells(BoxBounds(context.checker, context.q_others), tube, touching)
+    assert cells.shape == (tube.cells,)
+    assert cells[-1]
+    assert not cells[:40].any()
+    assert not unproven_cells(
+        BoxBounds(context.checker, context.q_others), tube, np.zeros(0, dtype=np.intp)
+    ).any()
+    full = context.q_others
+    for cell in np.flatnonzero(~cells).tolist()[::5]:
+        full[context.checker.motion_bounds.q_index] = tube.highest[cell]
+        assert min(context.checker.distances_m(full, touching.tolist(), 0.05)) > 0.0
