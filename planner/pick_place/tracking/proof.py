@@ -17,7 +17,9 @@ Assumed, and not covered: joints that follow otherwise than to first order with 
 at the robot's own cap of speed (`rate_rad_s`), where they are pushed or held, or while it avoids
 collisions by itself; a stream that halts for longer than `late_s` in all since the arm last rested,
 unless the least lag is zero; bodies elsewhere than the plan's situation has them, what the hand
-holds otherwise; and the travel of fingers, as the plan's own proofs have the arm at its goal.
+holds otherwise; links two joints apart, which are known never to meet within the joint limits, that
+the start and the error may leave by themselves; and the travel of fingers, as the plan's own proofs
+have the arm at its goal.
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ from planner.manipulator import Manipulator
 from planner.motion.response import Response
 from planner.motion.tracking_tube import JointRange
 from planner.pick_place.tracking.result import TrackingProof
-from planner.pick_place.tracking.runs import RunFound, TrackingDemands, runs_of
+from planner.pick_place.tracking.runs import RunFound, TrackingDemands, check_rests, runs_of
 from planner.pick_place.tracking.situations import contexts_of
 from planner.plan import Plan, PlanFailure
 
@@ -82,7 +84,7 @@ def prove_tracking(
             its situation, or its grips contradict that.
         ResponseError: when the response is of another class, or a number is out of range.
         MotionError: when the margin is not a number, or negative.
-        TrajectoryError: when the last move before fingers act does not end at rest.
+        TrajectoryError: when a move does not end at rest where fingers act, or at the end.
     """
     expect(plan, Plan, "plan", TaskError)
     expect(response, Response, "response", ResponseError)
@@ -132,11 +134,13 @@ class PlanTracking:
 
         Raises:
             TaskError: when the plan is for another robot, or does not fit its situation.
+            TrajectoryError: when a move does not end at rest where fingers act, or at the end.
         """
         arm = _stock(plan.limb) if manipulator is None else manipulator
         expect(arm, Manipulator, "manipulator", TaskError)
         _check_robot(plan, arm)
         self._q_start, self._asked = plan.q_start, asked
+        check_rests(plan.steps)
         self._runs = tuple(runs_of(plan.moves, contexts_of(plan, arm)))
 
     def proof(self, response: Response, *, seek_speed: bool = True) -> TrackingProof:

@@ -15,11 +15,12 @@ from planner.collision.continuous.joint_tube import JointTube
 from planner.collision.continuous.motion import outer_first
 from planner.collision.continuous.tube_contacts import unproven_cells
 from planner.collision.continuous.tube_proof import TubeClearance, prove_tube
+from planner.errors import TrajectoryError
 from planner.motion.off_path import CELLS, OffPath
 from planner.motion.response import Response
 from planner.motion.tracking_tube import JointRange, SettlingTube, tracking_tube
 from planner.pick_place.tracking.result import MoveTracking
-from planner.plan import Move
+from planner.plan import Move, Step
 from planner.trajectory import Trajectory, joined
 
 REST_RAD_S = 1e-6
@@ -54,12 +55,31 @@ class RunFound(NamedTuple):
     rates: FloatArray
 
 
+def check_rests(steps: Sequence[Step]) -> None:
+    """Refuse moves that do not rest where fingers act, or at the end of all.
+
+    Raises:
+        TrajectoryError: then; says which.
+    """
+    for step, after in zip(steps, (*steps[1:], None), strict=True):
+        if isinstance(step, Move) and not isinstance(after, Move) and not _rests(step):
+            speed = float(np.abs(step.trajectory.v[-1]).max())
+            raise TrajectoryError(
+                f"{step.label} ends at {speed:.3g} rad/s where the arm must rest: nothing is known "
+                "of where it goes then"
+            )
+
+
+def _rests(move: Move) -> bool:
+    return float(np.abs(move.trajectory.v[-1]).max()) < REST_RAD_S
+
+
 def runs_of(moves: Sequence[Move], contexts: Sequence[CollisionContext]) -> Iterator[TrackedRun]:
     """Moves of a plan in order, with the situation of each, cut where the arm rests."""
     pending: list[tuple[Move, CollisionContext]] = []
     for each in zip(moves, contexts, strict=True):
         pending.append(each)
-        if float(np.abs(each[0].trajectory.v[-1]).max()) < REST_RAD_S:
+        if _rests(each[0]):
             yield TrackedRun(pending)
             pending = []
     if pending:

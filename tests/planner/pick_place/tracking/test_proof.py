@@ -29,7 +29,7 @@ from planner import (
     save_plan,
     verify,
 )
-from planner.errors import ResponseError, TaskError
+from planner.errors import ResponseError, TaskError, TrajectoryError
 from planner.motion.tracking_tube import SETTLED_RAD
 from planner.pick_place.tracking.proof import START_RAD, planned_for
 from planner.pick_place.tracking.runs import REST_RAD_S
@@ -231,6 +231,14 @@ def test_an_invalid_plan_is_not_proven(tracked_plan: Plan, manipulator: Manipula
     found = prove_tracking(failed, SLOW, manipulator=manipulator)
     assert not found.is_valid
     assert "no way" in str(found.failure)
+
+
+def test_a_plan_that_does_not_rest_where_fingers_act_is_refused(
+    tracked_plan: Plan, manipulator: Manipulator
+) -> None:
+    cut = replace(tracked_plan, steps=tracked_plan.steps[:2])
+    with pytest.raises(TrajectoryError, match=r"pick: approach ends at 0\.5"):
+        prove_tracking(cut, SLOW, manipulator=manipulator)
 
 
 def test_refuses_what_does_not_fit(tracked_plan: Plan, robot: Baxter) -> None:
