@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from typing import Protocol
 
 from baxter_kin.errors import expect_all
 from baxter_kin.kinematics.arm import LIMBS
@@ -10,8 +11,16 @@ from planner import Body, Move
 from sim.clock import Clock
 from sim.errors import SimulationError
 from sim.events import Detail, Event, EventKind, Observer, Snapshot
-from sim.world.gripper import NO_GRIPPER, Gripper
+from sim.world.gripper import NO_GRIPPER, GripperState
 from sim.world.world import World
+
+
+class ReportsState(Protocol):
+    """What is shown of a gripper, simulated or real."""
+
+    @property
+    def state(self) -> GripperState:
+        """What it reports now."""
 
 
 class Timeline(Clock):
@@ -24,7 +33,7 @@ class Timeline(Clock):
     def __init__(
         self,
         world: World,
-        grippers: Mapping[str, Gripper],
+        grippers: Mapping[str, ReportsState],
         observers: Iterable[Observer],
         tick_s: float,
     ) -> None:

@@ -12,6 +12,8 @@ Every line but the first has one entry that says what it is:
 - `{"snapshot": {...}}`: `time_s`, `q` and `gripper_percent`; `caption` where it changed; `poses`,
   x, y, z and quaternion x, y, z, w by name, of the bodies whose pose changed, null of one that is
   gone,
+- `{"sample": {...}}`: what was sent to a robot and measured at a tick, as
+  `sim.ros1.execution.samples.Sample`; it is no part of the recording,
 - last `{"end": n}`: the number of snapshots; missing when the run was cut short.
 
 SI units, radians, poses seen from base; the rules of `baxter_kin.json_data`, so every number reads
@@ -37,12 +39,16 @@ from sim.recording.recorder import StoredEvent, pose_row
 
 FORMAT = "baxter-kin log"
 VERSION = 2
-READABLE = (1, 2)
-"""In the first one events named no side, and moves not what inverse kinematics answered."""
+VERSION_WITH_SAMPLES = 3
+READABLE = (1, 2, 3)
+"""In the first one events named no side, and moves not what inverse kinematics answered; only the
+third has samples."""
 
 
 class LogRecorder(NotCopied, Observer):
     """Writes the log while the simulation runs. Its memory does not grow."""
+
+    _version = VERSION
 
     def __init__(self, path: PathLike, robot: Baxter, *, scene: Scene | None = None) -> None:
         """Open the file.
@@ -63,7 +69,11 @@ class LogRecorder(NotCopied, Observer):
         self._count = 0
         self._is_open = True
         self._file = LineFile(path)
-        head: dict[str, Json] = {"format": FORMAT, "version": VERSION, "joint_names": list(names)}
+        head: dict[str, Json] = {
+            "format": FORMAT,
+            "version": self._version,
+            "joint_names": list(names),
+        }
         self._write({**head, "robot": robot_data})
         for body in bodies:
             self._write_part("body", body, Body)

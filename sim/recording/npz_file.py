@@ -8,7 +8,8 @@ said otherwise:
 - `document`: JSON as bytes of UTF-8 (uint8): `format` "baxter-kin recording"; `version` 4, or an
   earlier one; `joint_names`, `bodies` with their shapes, `tracks`, `captions`, `events`, `moves`
   with their exact trajectories, `robot`, which one it was, where that is known, and `limbs`, the
-  arms that were recorded.
+  arms that were recorded,
+- and arrays whose names begin with `ADDED`, which are no part of the recording.
 
 Kept is everything but the moves that events carry; a loaded event has the body of its name, as it
 is in `bodies`. Reading makes nothing but these values: no pickle is read, and a file that was
@@ -28,7 +29,7 @@ from tokenize import TokenError
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import expect, shown_path
@@ -50,6 +51,9 @@ READABLE = (1, 2, 3, 4)
 """In the first one events named no side, and moves not what inverse kinematics answered; the first
 two had an entry `sha256`, the SHA-256 of the others, which is not read any more. Before the fourth
 all recordings had both arms."""
+
+ADDED = "added_"
+"""What the names of further arrays begin with: what an execution on a robot has sent, say."""
 
 LARGEST_FILE_BYTES = 4 * 2**30
 """Unpacked; an hour at 100 Hz takes 0.1 GB."""
@@ -74,8 +78,15 @@ class _Document:
     limbs: tuple[str, ...] = LIMBS
 
 
-def save_recording(recording: Recording, path: PathLike) -> None:
+def save_recording(
+    recording: Recording, path: PathLike, *, added: Mapping[str, ArrayLike] | None = None
+) -> None:
     """Write a recording to a file, which is replaced when it exists.
+
+    Args:
+        recording: what to write.
+        path: the file, by convention ending in ".npz".
+        added: further arrays by name, for `numpy.load`; `load_recording` passes over them.
 
     Raises:
         RecordingError: when it is of another class, holds something that has no place in the file,
@@ -84,7 +95,8 @@ def save_recording(recording: Recording, path: PathLike) -> None:
     expect(recording, Recording, "recording", RecordingError)
     file = checked_path(path)
     document, content = np.frombuffer(_document(recording).encode(), np.uint8), io.BytesIO()
-    arrays: dict[str, Any] = {**_arrays(recording), "document": document}
+    further = {f"{ADDED}{name}": array for name, array in (added or {}).items()}
+    arrays: dict[str, Any] = {**_arrays(recording), "document": document, **further}
     np.savez_compressed(content, **arrays)
     replace_file(file, content.getvalue())
 
@@ -195,7 +207,8 @@ _DAMAGE = (
 
 
 def _check_entries(archive: zipfile.ZipFile) -> None:
-    entries = {entry.filename for entry in archive.infolist()} - {"sha256.npy"}
+    names = {entry.filename for entry in archive.infolist()} - {"sha256.npy"}
+    entries = {name for name in names if not name.startswith(ADDED)}
     wanted = {f"{name}.npy" for name in _KINDS}
     if entries != wanted:
         raise RecordingError(

@@ -57,6 +57,8 @@ class _LogReader:
             raise RecordingError(f"has the entry {shown(kind)}; known are {', '.join(_KINDS)}")
         if self.stated is not None:
             raise RecordingError("comes after the end")
+        if kind == SAMPLE:
+            return
         value = from_json(data, _KINDS[kind], kind, RecordingError)
         if isinstance(value, _Snapshot):
             self._add(value)
@@ -86,11 +88,15 @@ class _LogReader:
         rows.append(Row(shot.time_s, shot.q, shot.gripper_percent, self._poses, caption))
 
 
+SAMPLE = "sample"
+"""What was sent to a robot and measured; snapshots have all of it that a recording has."""
+
 _KINDS: Mapping[str, Any] = {
     "body": Body,
     "event": StoredEvent,
     "move": RecordedMove,
     "snapshot": _Snapshot,
+    SAMPLE: dict,
     "end": int,
 }
 

@@ -17,6 +17,7 @@ from sim.recording.playback import retell
 from sim.recording.recording import Recording
 from sim.recording.ros1_files.messages import message_type, nanoseconds
 from sim.recording.ros1_files.topics import TOPICS, MessageFile
+from sim.ros1_messages import MessageType
 
 if TYPE_CHECKING:  # an extra
     from rosbags.interfaces import Connection
@@ -44,13 +45,14 @@ class BagFile(MessageFile):
             self._forgotten = 0
             self._writer.chunk_threshold = CHUNK_BYTES
             self._writer.open()
-            self._connections = {topic: self._connection(topic) for topic in TOPICS}
+            self._connections: dict[str, Connection] = {}
+            for topic, type_name in TOPICS.items():
+                self._open(topic, message_type(type_name))
             stream.flush()
 
-    def _connection(self, topic: str) -> Connection:
-        kind = message_type(TOPICS[topic])
+    def _open(self, topic: str, kind: MessageType) -> None:
         library_name = kind.name.replace("/", "/msg/")
-        return self._writer.add_connection(
+        self._connections[topic] = self._writer.add_connection(
             topic, library_name, msgdef=kind.definition, md5sum=kind.md5, callerid=CALLER
         )
 

@@ -17,6 +17,7 @@ from sim.recording.playback import retell
 from sim.recording.recording import Recording
 from sim.recording.ros1_files.messages import message_type, nanoseconds
 from sim.recording.ros1_files.topics import TOPICS, MessageFile
+from sim.ros1_messages import MessageType
 
 if TYPE_CHECKING:  # an extra
     from mcap.writer import Writer
@@ -40,12 +41,13 @@ class McapFile(MessageFile):
         with self._output.writing() as stream:
             self._writer = make_writer(stream, chunk_size=CHUNK_BYTES)
             self._writer.start(profile="ros1")
-            self._channels = {topic: self._channel(topic) for topic in TOPICS}
+            self._channels: dict[str, int] = {}
+            for topic, type_name in TOPICS.items():
+                self._open(topic, message_type(type_name))
 
-    def _channel(self, topic: str) -> int:
-        kind = message_type(TOPICS[topic])
+    def _open(self, topic: str, kind: MessageType) -> None:
         schema = self._writer.register_schema(kind.name, "ros1msg", kind.definition.encode())
-        return self._writer.register_channel(topic, "ros1", schema)
+        self._channels[topic] = self._writer.register_channel(topic, "ros1", schema)
 
     def _write(self, topic: str, time_ns: int, data: bytes) -> None:
         with self._output.writing() as stream:

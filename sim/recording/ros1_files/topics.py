@@ -37,6 +37,7 @@ from sim.recording.ros1_files.messages import (
     text,
     transforms,
 )
+from sim.ros1_messages import MessageType
 
 STATES, POSES, EVENTS = "/joint_states", "/tf", "/events"
 
@@ -57,6 +58,7 @@ class MessageFile(NotCopied, Observer):
         self._names = joint_names
         self._velocities = _Velocities(joint_names)
         self._number = 0
+        self._others: set[str] = set()
         self._output = Output(path)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
@@ -100,6 +102,23 @@ class MessageFile(NotCopied, Observer):
             with self._output.writing():
                 self._finish()
             self._output.close()
+
+    def write_message(self, topic: str, kind: MessageType, time_s: float, data: bytes) -> None:
+        """Write a message of any other topic, as of what was sent to a robot.
+
+        Raises:
+            RecordingError: when the time has no stamp, or the file cannot be written; it is closed
+                then.
+        """
+        if topic not in self._others:
+            with self._output.writing():
+                self._open(topic, kind)
+            self._others.add(topic)
+        self._write(topic, nanoseconds(time_s), data)
+
+    @abstractmethod
+    def _open(self, topic: str, kind: MessageType) -> None:
+        """Say what type the messages of a topic are of."""
 
     @abstractmethod
     def _write(self, topic: str, time_ns: int, data: bytes) -> None:
