@@ -1,0 +1,1 @@
+"""What a Baxter reports to its clients, and what they send it."""

@@ -1,0 +1,123 @@
+"""A network in memory, with the interface of `sim.ros1.node.Node`, for tests without sockets."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Heard:
+    message: Any
+    sender: str
+    topic: str
+    time_s: float
+
+
+class Bus:
+    """Topics and parameters of a network."""
+
+    def __init__(self) -> None:
+        self.parameters: dict[str, Any] = {}
+        self.publishers: dict[str, list[BusPublisher]] = defaultdict(list)
+        self.subscribers: dict[str, list[BusSubscriber]] = defaultdict(list)
+        self.lock = threading.RLock()
+
+    def registered(self, name: str) -> list[str]:
+        """The topics that a node has advertised or subscribed to."""
+        ends: list[Any] = [*self.publishers.values(), *self.subscribers.values()]
+        return [end.topic for each in ends for end in each if end.node.name == name]
+
+
+class BusNode:
+    """A node of it."""
+
+    def __init__(self, name: str, bus: Bus) -> None:
+        self.name, self.bus = name, bus
+        self.reason_for_end: str | None = None
+        self._ends: list[BusPublisher | BusSubscriber] = []
+
+    def __enter__(self) -> BusNode:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        for end in list(self._ends):
+            end.close()
+
+    def advertise(self, topic: str, _: str, latch: bool = False, **__: int) -> BusPublisher:
+        publisher = BusPublisher(self, topic, latch)
+        self._add(publisher, self.bus.publishers)
+        return publisher
+
+    def subscribe(self, topic: str, _: str, hear: Callable[[Any], None]) -> BusSubscriber:
+        end = BusSubscriber(self, topic, hear)
+        self._add(end, self.bus.subscribers)
+        for publisher in list(self.bus.publishers[topic]):
+            if publisher.latched is not None:
+                end.deliver(publisher.latched, publisher.node.name)
+        return end
+
+    def _add(self, end: Any, ends: dict[str, list[Any]]) -> None:
+        with self.bus.lock:
+            ends[end.topic].append(end)
+            end.among = ends[end.topic]
+        self._ends.append(end)
+
+    def parameter(self, name: str, default: Any = None) -> Any:
+        return self.bus.parameters.get(name, default)
+
+    def set_parameter(self, name: str, value: Any) -> None:
+        self.bus.parameters[name] = value
+
+    def publishers_of(self, topic: str) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(end.node.name for end in self.bus.publishers[topic]))
+
+    def subscribers_of(self, topic: str) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(end.node.name for end in self.bus.subscribers[topic]))
+
+
+class BusPublisher:
+    def __init__(self, node: BusNode, topic: str, latch: bool) -> None:
+        self.node, self.topic, self._latch = node, topic, latch
+        self.latched: Any = None
+        self.among: list[BusPublisher] = []
+
+    @property
+    def readers(self) -> tuple[str, ...]:
+        return self.node.subscribers_of(self.topic)
+
+    def publish(self, message: Any) -> None:
+        if self._latch:
+            self.latched = message
+        for end in list(self.node.bus.subscribers[self.topic]):
+            end.deliver(message, self.node.name)
+
+    def close(self) -> None:
+        with self.node.bus.lock:
+            if self in self.among:
+                self.among.remove(self)
+
+
+class BusSubscriber:
+    def __init__(self, node: BusNode, topic: str, hear: Callable[[Any], None]) -> None:
+        self.node, self.topic, self._hear = node, topic, hear
+        self.among: list[BusSubscriber] = []
+
+    @property
+    def writers(self) -> tuple[str, ...]:
+        return self.node.publishers_of(self.topic)
+
+    def deliver(self, message: Any, sender: str) -> None:
+        self._hear(Heard(message, sender, self.topic, time.monotonic()))
+
+    def close(self) -> None:
+        with self.node.bus.lock:
+            if self in self.among:
+                self.among.remove(self)

@@ -1,0 +1,209 @@
+"""A small Baxter written from the description of its interface alone, which misbehaves on demand.
+
+It shares nothing with the simulated Baxter of `sim.ros1.robot`: the executor's other side in tests.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from sim.ros1.definitions import message_type
+
+NAMES = tuple(
+    f"{side}_{j}" for side in ("left", "right") for j in ["s0", "s1", "e0", "e1", "w0", "w1", "w2"]
+)
+CAPS = dict.fromkeys(["s0", "s1", "e0", "e1"], 2.0) | dict.fromkeys(["w0", "w1", "w2"], 4.0)
+TICK_S = 0.01
+FINGER_PERCENT_S = 200.0
+
+
+@dataclass
+class Faults:
+    """What goes wrong, from the moment it is set.
+
+    Attributes:
+        silent_joints: no joint states come any more.
+        stuck: the arm does not follow.
+        push: joint -> rad that are added each second, whatever is commanded.
+        block_percent: where closing fingers meet something; None for nothing between them.
+        deaf_gripper: commands to the gripper are ignored.
+    """
+
+    silent_joints: bool = False
+    stuck: bool = False
+    push: dict[str, float] = field(default_factory=dict)
+    block_percent: float | None = 89.0
+    deaf_gripper: bool = False
+
+
+class FakeRobot:
+    """Both arms of a Baxter, a gripper on the left one.
+
+    Attributes:
+        q: where the joints are, by name, rad.
+        commands: (time of arrival, set-point by name) of all that came.
+        ratios: the speed ratios that came.
+        told_s: when a state was first published that says what `tell` was told.
+        every: joint states come at every such tick.
+        gripper_fields: what the gripper says beside its position.
+        sag: joint -> by how much it is measured below its set-point.
+    """
+
+    def __init__(
+        self, node: Any, q: Mapping[str, float], *, lag_s: float = 0.0, urdf: str = ""
+    ) -> None:
+        self.node, self.q, self.lag_s = node, dict.fromkeys(NAMES, 0.0) | dict(q), lag_s
+        self.goal = dict(self.q)
+        self.v = dict.fromkeys(NAMES, 0.0)
+        self.faults = Faults()
+        self.state: dict[str, Any] = {"ready": True, "enabled": False}
+        self.percent, self.finger_goal, self.gripping, self.moving = 100.0, 100.0, False, False
+        self.echo: tuple[str, int] = ("", 0)
+        self.commands: list[tuple[float, dict[str, float]]] = []
+        self.gripper_commands: list[Any] = []
+        self.ratios: list[float] = []
+        self.enables = 0
+        self.told_s = math.inf
+        self.sag: dict[str, float] = {}
+        self.every, self._ticks = 1, 0
+        self.gripper_fields: dict[str, Any] = {"id": 131073, "calibrated": 1, "ready": 1}
+        node.set_parameter("/rethink/software_version", "1.2.0")
+        node.set_parameter("/robot_description", urdf)
+        self._ends = self._advertised()
+        self._listen()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> FakeRobot:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self.node.close()
+
+    def tell(self, **state: Any) -> None:
+        """Publish a state at once, with some fields changed."""
+        self.state |= state
+        self.told_s = time.monotonic()
+        self._say("/robot/state", **self.state)
+
+    def _advertised(self) -> dict[str, tuple[Any, Any]]:
+        topics = {
+            "/robot/joint_states": "sensor_msgs/JointState",
+            "/robot/state": "baxter_core_msgs/AssemblyState",
+            "/robot/end_effector/left_gripper/state": "baxter_core_msgs/EndEffectorState",
+            "/robot/end_effector/left_gripper/properties": "baxter_core_msgs/EndEffectorProperties",
+        }
+        return {
+            topic: (self.node.advertise(topic, kind), message_type(kind))
+            for topic, kind in topics.items()
+        }
+
+    def _listen(self) -> None:
+        for side in ("left", "right"):
+            limb = f"/robot/limb/{side}"
+            self.node.subscribe(
+                f"{limb}/joint_command", "baxter_core_msgs/JointCommand", self._hear_command
+            )
+            self.node.subscribe(
+                f"{limb}/set_speed_ratio",
+                "std_msgs/Float64",
+                lambda heard: self.ratios.append(heard.message.data),
+            )
+        self.node.subscribe("/robot/set_super_enable", "std_msgs/Bool", self._hear_enable)
+        self.node.subscribe(
+            "/robot/end_effector/left_gripper/command",
+            "baxter_core_msgs/EndEffectorCommand",
+            self._hear_gripper,
+        )
+
+    def _hear_enable(self, heard: Any) -> None:
+        self.enables += 1
+        if not self.state.get("stopped"):
+            self.state["enabled"] = bool(heard.message.data)
+
+    def _hear_command(self, heard: Any) -> None:
+        asked = dict(zip(heard.message.names, map(float, heard.message.command), strict=True))
+        self.commands.append((time.monotonic(), asked))
+        if self.state["enabled"]:
+            self.goal |= asked
+
+    def _hear_gripper(self, heard: Any) -> None:
+        told = heard.message
+        self.gripper_commands.append(told)
+        if not self.faults.deaf_gripper:
+            self.echo = (told.sender, told.sequence)
+            self.finger_goal, self.moving = json.loads(told.args)["position"], True
+            self.gripping = False
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._stop.is_set():
+            self._move_arms()
+            self._move_fingers()
+            self._publish()
+            due = max(due + TICK_S, time.monotonic())
+            time.sleep(max(0.0, due - time.monotonic()))
+
+    def _move_arms(self) -> None:
+        ratio = self.ratios[-1] if self.ratios else 0.3
+        for name in NAMES:
+            before = self.q[name]
+            step = self.goal[name] - before
+            if self.lag_s:
+                step *= 1.0 - math.exp(-TICK_S / self.lag_s)
+            most = CAPS[name.split("_")[1]] * ratio * TICK_S
+            step = 0.0 if self.faults.stuck else max(-most, min(most, step))
+            self.q[name] = before + step + TICK_S * self.faults.push.get(name, 0.0)
+            self.v[name] = (self.q[name] - before) / TICK_S
+
+    def _move_fingers(self) -> None:
+        if not self.moving:
+            return
+        step = FINGER_PERCENT_S * TICK_S
+        goal, block = self.finger_goal, self.faults.block_percent
+        if block is not None and goal < block <= self.percent:
+            goal = block
+        off = goal - self.percent
+        self.percent += max(-step, min(step, off))
+        if self.percent == goal:
+            self.moving, self.gripping = False, goal == block and goal != self.finger_goal
+
+    def _publish(self) -> None:
+        self._ticks += 1
+        if not self.faults.silent_joints and self._ticks % self.every == 0:
+            names = list(NAMES)
+            self._say(
+                "/robot/joint_states",
+                name=names,
+                position=[self.q[name] - self.sag.get(name, 0.0) for name in names],
+                velocity=[self.v[name] for name in names],
+                effort=[0.0] * len(names),
+            )
+        self._say("/robot/state", **self.state)
+        hand = "/robot/end_effector/left_gripper"
+        self._say(
+            f"{hand}/state",
+            **self.gripper_fields,
+            moving=int(self.moving),
+            gripping=int(self.gripping),
+            position=self.percent,
+            command_sender=self.echo[0],
+            command_sequence=self.echo[1],
+        )
+        self._say(f"{hand}/properties", ui_type=2)
+
+    def _say(self, topic: str, **values: Any) -> None:
+        publisher, kind = self._ends[topic]
+        publisher.publish(kind.make(**values))

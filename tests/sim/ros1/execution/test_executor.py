@@ -1,0 +1,361 @@
+"""RosExecutor: plans carried out, and every cause that ends one early, once."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from baxter_kin import Baxter
+from planner import Plan, PlanFailure
+from sim import EventKind, Observer, Recorder, Snapshot
+from sim.errors import RecordingError, SimulationError
+from sim.outcome import Dwell
+from sim.ros1.definitions import message_type
+from sim.ros1.execution.execution import MeasuredOutcome
+from sim.ros1.execution.ready_plan import ExecutionOptions, ReadyPlan
+from sim.ros1.execution.samples import Sample, SampleObserver
+from sim.ros1.execution.stops import StopCause
+from sim.ros1.execution.stream.set_points import Pace
+from tests.sim.ros1.execution.bus import BusNode
+from tests.sim.ros1.execution.conftest import FAST, Network
+from tests.sim.runs import Witness
+
+COMMAND = "/robot/limb/left/joint_command"
+IN_FLIGHT = 2
+"""Set-points that may be on their way when the robot says that it has stopped; more are not sent in
+the 30 ms that are allowed."""
+
+
+class Samples(SampleObserver):
+    def __init__(self) -> None:
+        self.samples: list[Sample] = []
+
+    def on_sample(self, sample: Sample) -> None:
+        self.samples.append(sample)
+
+
+def first_moves(ready: ReadyPlan, count: int) -> ReadyPlan:
+    """Only the first stages, to be quick."""
+    return replace(ready, stages=ready.stages[:count])
+
+
+def test_the_plan_is_carried_out_and_told_as_a_simulation_tells_it(
+    network: Network, ready: ReadyPlan, robot: Baxter
+) -> None:
+    recorder, samples, witness = Recorder(robot), Samples(), Witness()
+    outcome = network.executor(recorder, samples, witness).execute(ready, "cycle 1, ")
+    assert outcome.is_success, outcome.failure
+    assert outcome.stop is None
+    kinds = [kind for kind in witness.kinds if kind is not EventKind.SPAWNED]
+    grip = [EventKind.MOVE_STARTED] * 2
+    assert kinds == [
+        *(EventKind.ENABLED, EventKind.OPENED, *grip, EventKind.GRASPED, *grip),
+        *(EventKind.MOVE_STARTED, EventKind.RELEASED, EventKind.SETTLED, EventKind.MOVE_STARTED),
+    ]
+    recording = recorder.recording()
+    assert recording.moves[0].label == "cycle 1, pick: approach"
+    left = robot.indices(robot.arm("left").joint_names)
+    goal = ready.plan.moves[-1].trajectory.q_goal
+    assert np.abs(recording.q[-1][list(left)] - goal).max() < 0.0087
+    assert np.abs(samples.samples[-1].q_sent - goal).max() == 0.0
+    block = recording.body_poses["block"][-1]
+    assert block[:3] == pytest.approx([0.7226, -0.025, -0.155], abs=0.003)
+
+
+def test_the_gripper_is_told_to_close_fully_and_the_ratio_is_put_back(
+    network: Network, ready: ReadyPlan
+) -> None:
+    outcome = network.executor().execute(ready)
+    assert outcome.is_success
+    asked = [command.args for command in network.robot.gripper_commands]
+    assert asked == ['{"position": 100.0}', '{"position": 0.0}', '{"position": 100.0}']
+    sequences = [command.sequence for command in network.robot.gripper_commands]
+    assert sequences == [1, 2, 3]
+    assert network.robot.ratios == [ready.ratio, 0.3]
+    assert set(network.bus.registered("/baxter_kin")) == listened(network)
+
+
+def listened(network: Network) -> set[str]:
+    """What the link alone has registered."""
+    own = set(network.bus.registered("/baxter_kin"))
+    return {topic for topic in own if network.node.publishers_of(topic) != ("/baxter_kin",)} | {
+        topic for topic in own if "set_speed_ratio" in topic or topic == COMMAND
+    }
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """Something that goes wrong while the arm moves.
+
+    Attributes:
+        cause: what it ends as.
+        make: does it.
+        options: with which the plan is carried out.
+    """
+
+    cause: StopCause
+    make: Callable[[Network], object]
+    options: ExecutionOptions = FAST
+
+
+def other_node(topic: str, kind: str) -> Callable[[Network], object]:
+    def make(network: Network) -> None:
+        publisher = BusNode("/stranger", network.bus).advertise(topic, kind)
+        if kind == "sensor_msgs/JointState":
+            told = message_type(kind).make(name=["left_s0"], position=[0.0])
+            publisher.publish(told)
+
+    return make
+
+
+def lose_robot(network: Network) -> None:
+    """As when its process is killed."""
+    network.bus.publishers["/robot/state"].clear()
+
+
+def set_fault(**faults: object) -> Callable[[Network], None]:
+    def make(network: Network) -> None:
+        for name, value in faults.items():
+            setattr(network.robot.faults, name, value)
+
+    return make
+
+
+def end_node(network: Network) -> None:
+    network.node.reason_for_end = "another node has taken the name /baxter_kin"
+
+
+def move_other_arm(network: Network) -> None:
+    network.robot.goal["right_w0"] += 0.5
+
+
+SLOW = ExecutionOptions(Pace(0.1), Dwell(0.0, 0.0))
+TROUBLES = [
+    Trouble(StopCause.JOINT_OFF, set_fault(stuck=True)),
+    Trouble(StopCause.OFF_PATH, set_fault(stuck=True), SLOW),
+    Trouble(StopCause.OTHER_ARM_MOVED, move_other_arm),
+    Trouble(StopCause.DISABLED, lambda network: network.robot.tell(enabled=False)),
+    Trouble(StopCause.STOPPED, lambda network: network.robot.tell(stopped=True, estop_button=1)),
+    Trouble(StopCause.ROBOT_ERROR, lambda network: network.robot.tell(error=True)),
+    Trouble(StopCause.STALE_JOINTS, set_fault(silent_joints=True), SLOW),
+    Trouble(StopCause.OTHER_COMMANDER, other_node(COMMAND, "baxter_core_msgs/JointCommand")),
+    Trouble(StopCause.OTHER_STATE, other_node("/robot/state", "baxter_core_msgs/AssemblyState")),
+    Trouble(StopCause.OTHER_STATE, other_node("/robot/joint_states", "sensor_msgs/JointState")),
+    Trouble(StopCause.CONNECTION_LOST, lose_robot),
+    Trouble(StopCause.NODE_ENDED, end_node),
+    Trouble(StopCause.TIME_OUT, lambda _: None, replace(FAST, timeout_s=1.0)),
+]
+
+
+def troubled(
+    network: Network, ready: ReadyPlan, trouble: Trouble, *observers: Observer
+) -> MeasuredOutcome:
+    """Carry the plan out; the trouble begins while the arm is on its first move."""
+    done = threading.Event()
+
+    def wait_and_make() -> None:
+        start = ready.plan.q_start
+        names = [f"left_{j}" for j in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")]
+        while not done.wait(0.005):
+            q = np.array([network.robot.q[name] for name in names])
+            if np.abs(q - start).max() > 0.1:
+                trouble.make(network)
+                return
+
+    thread = threading.Thread(target=wait_and_make)
+    thread.start()
+    try:
+        return network.executor(*observers, options=trouble.options).execute(ready)
+    finally:
+        done.set()
+        thread.join()
+
+
+@pytest.mark.parametrize("trouble", TROUBLES, ids=lambda each: each.cause.name)
+def test_every_trouble_ends_it_under_its_name(
+    network: Network, ready: ReadyPlan, trouble: Trouble
+) -> None:
+    outcome = troubled(network, ready, trouble)
+    assert outcome.stop is not None
+    assert outcome.stop.cause is trouble.cause, outcome.failure
+    assert outcome.failure == str(outcome.stop)
+    assert outcome.failure.startswith("pick: ")
+    assert not outcome.is_success
+    own = network.bus.registered("/baxter_kin")
+    assert not [t for t in own if "/baxter_kin" in network.node.publishers_of(t)]
+
+
+@pytest.mark.parametrize("state", [{"enabled": False}, {"stopped": True}, {"error": True}])
+def test_nothing_is_sent_after_the_robot_has_stopped(
+    network: Network, ready: ReadyPlan, state: dict[str, bool]
+) -> None:
+    trouble = Trouble(StopCause.STOPPED, lambda network: network.robot.tell(**state))
+    troubled(network, ready, trouble)
+    after = [time_s for time_s, _ in network.robot.commands if time_s > network.robot.told_s]
+    assert len(after) <= IN_FLIGHT
+
+
+@pytest.mark.parametrize("cause", [StopCause.SIGINT, StopCause.SIGTERM])
+def test_an_arm_that_is_told_to_stop_holds_where_it_is(
+    network: Network, ready: ReadyPlan, cause: StopCause
+) -> None:
+    executor, at = network.executor(), list[tuple[float, dict[str, float]]]()
+
+    def stop_soon() -> None:
+        while not network.robot.commands or len(network.robot.commands) < 60:
+            time.sleep(0.005)
+        executor.stop(cause)
+        at.append((time.monotonic(), dict(network.robot.q)))
+
+    thread = threading.Thread(target=stop_soon)
+    thread.start()
+    outcome = executor.execute(ready)
+    thread.join()
+    assert outcome.stop is not None
+    assert outcome.stop.cause is cause
+    stopped_s, q = at[0]
+    after = [asked for time_s, asked in network.robot.commands if time_s > stopped_s + 0.03]
+    assert 40 <= len(after) <= 105  # a second of them, then silence
+    assert all(asked == after[0] for asked in after)
+    assert max(abs(after[0][name] - q[name]) for name in after[0]) < 0.05
+    count = len(network.robot.commands)
+    time.sleep(0.2)
+    assert len(network.robot.commands) == count
+
+
+def test_a_gripper_that_closes_on_nothing_has_missed(network: Network, ready: ReadyPlan) -> None:
+    network.robot.faults.block_percent = None
+    witness = Witness()
+    outcome = network.executor(witness).execute(ready)
+    assert outcome.stop is not None
+    assert outcome.stop.cause is StopCause.GRIPPER_MISSED
+    assert outcome.failure == (
+        "pick: close: missed: the fingers of the left hand stopped at 0 % and hold nothing"
+    )
+    assert EventKind.MISSED in witness.kinds
+    assert EventKind.GRASPED not in witness.kinds
+
+
+def test_a_gripper_that_does_nothing_is_not_waited_for_for_ever(
+    network: Network, ready: ReadyPlan
+) -> None:
+    network.robot.faults.deaf_gripper = True
+    network.robot.percent = 50.0
+    outcome = network.executor().execute(ready)
+    assert outcome.stop is not None
+    assert outcome.stop.cause is StopCause.GRIPPER_SILENT
+    assert "50 %" in str(outcome.failure)
+
+
+def test_an_arm_that_does_not_come_to_rest_is_named(
+    network: Network, ready: ReadyPlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Gravity, say: always a degree below where it should be."""
+    monkeypatch.setattr("sim.ros1.execution.stream.arm_stream.SETTLE_TIMEOUT_S", 0.5)
+    network.robot.sag = {"left_s1": 0.012}
+    outcome = network.executor().execute(ready)
+    assert outcome.stop is not None
+    assert outcome.stop.cause is StopCause.NOT_SETTLED
+    assert outcome.stop.subject == "left_s1"
+
+
+def test_an_arm_that_is_pushed_from_where_it_stands_is_stopped(
+    network: Network, ready: ReadyPlan
+) -> None:
+    """While its fingers open."""
+    options = ExecutionOptions(Pace(0.6), Dwell(1.0, 1.0))
+
+    def push() -> None:
+        while not network.robot.gripper_commands or len(network.robot.gripper_commands) < 2:
+            time.sleep(0.01)
+        time.sleep(0.2)
+        network.robot.faults.stuck = True
+        network.robot.faults.push["left_w2"] = 0.2
+
+    thread = threading.Thread(target=push)
+    thread.start()
+    outcome = network.executor(options=options).execute(ready)
+    thread.join()
+    assert outcome.stop is not None
+    assert outcome.stop.cause is StopCause.RUNNING_AWAY
+    assert outcome.stop.subject == "left_w2"
+
+
+def test_an_observer_that_fails_ends_the_motion_and_is_heard(
+    network: Network, ready: ReadyPlan
+) -> None:
+    class Full(Observer):
+        def on_snapshot(self, snapshot: Snapshot) -> None:
+            if snapshot.time_s > 0.3:
+                raise RecordingError("no space left on the disk")
+
+    with pytest.raises(RecordingError, match="no space left"):
+        network.executor(Full()).execute(ready)
+    assert len(network.robot.commands) < 200  # the plan takes 300 set-points
+
+
+def test_an_observer_that_is_slow_delays_no_set_point(network: Network, ready: ReadyPlan) -> None:
+    class Slow(Observer):
+        def on_snapshot(self, snapshot: Snapshot) -> None:  # noqa: ARG002
+            time.sleep(0.02)
+
+    outcome = network.executor(Slow()).execute(first_moves(ready, 2))
+    assert outcome.is_success
+    assert outcome.lateness_s[0] < 0.005
+
+
+def test_set_points_do_not_jump_when_the_machine_is_busy(
+    network: Network, ready: ReadyPlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A pause of 130 ms in the middle of a move."""
+    paused = []
+    channel = "sim.ros1.execution.link.channel.ArmChannel.send"
+    send = __import__("sim.ros1.execution.link.channel", fromlist=["ArmChannel"]).ArmChannel.send
+
+    def sleepy(self: object, q: object) -> None:
+        send(self, q)
+        paused.append(q)
+        if len(paused) == 100:
+            time.sleep(0.13)
+
+    monkeypatch.setattr(channel, sleepy)
+    outcome = network.executor().execute(first_moves(ready, 2))
+    assert outcome.is_success, outcome.failure
+    assert outcome.lateness_s[2] > 0.1
+    steps = np.abs(np.diff(np.array(paused), axis=0)).max(axis=0)
+    assert (steps <= 2.05 * 0.01 * ready.peaks + 1e-9).all()
+
+
+def test_a_robot_that_cannot_be_enabled_is_told_of_and_nothing_moves(
+    network: Network, ready: ReadyPlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sim.ros1.execution.executor.ENABLE_S", 0.3)
+    network.robot.state["stopped"] = True
+    with pytest.raises(SimulationError, match="not enabled"):
+        network.executor().execute(ready)
+    assert network.robot.commands == []
+    assert network.robot.enables >= 3
+
+
+def test_an_arm_that_was_moved_since_it_was_looked_at_is_not_driven(
+    network: Network, ready: ReadyPlan
+) -> None:
+    network.robot.q["left_s1"] += 0.1
+    network.robot.goal["left_s1"] += 0.1
+    time.sleep(0.1)
+    with pytest.raises(SimulationError, match=r"stands 0\.100 rad from where it stood"):
+        network.executor().execute(ready)
+    assert network.robot.commands == []
+    assert network.robot.enables == 0
+
+
+def test_an_invalid_plan_is_refused(network: Network, demo_plan: Plan) -> None:
+    broken = replace(demo_plan, failure=PlanFailure("pick: approach", "no solution"))
+    with pytest.raises(SimulationError, match="cannot be executed: pick: approach: no solution"):
+        network.executor().execute(broken)
+    assert network.robot.commands == []

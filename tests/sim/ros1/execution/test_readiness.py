@@ -1,0 +1,124 @@
+"""Readiness: a plan is judged as the robot stands, and nothing is sent where it does not fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baxter_kin import Baxter, ElectricGripper
+from planner import Plan, verify
+from sim.ros1.execution import readiness
+from sim.ros1.execution.ready_plan import ExecutionOptions, NotReadyError, Readiness
+from sim.ros1.execution.stream.set_points import Pace
+from tests.sim.ros1.execution.conftest import FAST, Network
+
+
+@pytest.fixture(autouse=True)
+def _certified_once(monkeypatch: pytest.MonkeyPatch, demo_plan: Plan) -> None:
+    """A certificate takes seconds; these tests are of other conditions, but for one."""
+    known = verify(demo_plan)
+    monkeypatch.setattr(readiness, "verify", lambda *_, **__: known)
+
+
+def looked(network: Network, plan: Plan, options: ExecutionOptions = FAST) -> Readiness:
+    return network.executor(options=options).prepare(plan)
+
+
+def move_robot(network: Network, **off: float) -> None:
+    for name, value in off.items():
+        network.robot.q[name] += value
+        network.robot.goal[name] += value
+    network.link.wait_until(
+        lambda: all(
+            abs(network.link.joints.positions().get(name, 9.0) - network.robot.q[name]) < 1e-9
+            for name in off
+        ),
+        1.0,
+    )
+
+
+def told(found: Readiness, name: str) -> str:
+    return next(finding.text for finding in found.findings if finding.name == name)
+
+
+def test_an_arm_at_the_start_begins_there(network: Network, demo_plan: Plan) -> None:
+    move_robot(network, left_w2=0.015)
+    found = looked(network, demo_plan)
+    assert found.ready is not None
+    assert found.ready.plan.steps == demo_plan.steps
+    assert "0.0150 rad" in told(found, "start")
+
+
+def test_an_arm_elsewhere_goes_to_the_start_first_by_a_proven_move(
+    network: Network, demo_plan: Plan
+) -> None:
+    move_robot(network, left_w2=0.3, left_s1=-0.2)
+    found = looked(network, demo_plan)
+    assert found.ready is not None
+    first, *rest = found.ready.plan.steps
+    assert first.label == "move to start"
+    assert tuple(rest) == demo_plan.steps
+    move = found.ready.plan.moves[0]
+    assert move.proof is not None
+    assert np.abs(move.trajectory.q_goal - demo_plan.q_start).max() < 1e-9
+    assert "0.300 rad away; a move to it takes" in told(found, "start")
+
+
+@pytest.mark.parametrize(("beyond", "text"), [(0.034, "untuck it"), (0.3, "no real arm does")])
+def test_an_arm_outside_its_limits_is_named_and_refused(
+    network: Network, demo_plan: Plan, robot: Baxter, beyond: float, text: str
+) -> None:
+    lowest = float(robot.arm("left").limits.q_min[1])
+    move_robot(network, left_s1=lowest - beyond - network.robot.q["left_s1"])
+    found = looked(network, demo_plan)
+    assert found.ready is None
+    assert f"left_s1 stands {beyond:.3f} rad outside its limits" in told(found, "start")
+    assert text in told(found, "start")
+
+
+def test_the_other_arm_counts_where_it_is_measured(network: Network, demo_plan: Plan) -> None:
+    move_robot(network, right_s0=0.2)
+    found = looked(network, demo_plan)
+    assert found.ready is not None
+    assert found.ready.situation.joints["right_s0"] == pytest.approx(network.robot.q["right_s0"])
+
+
+def test_a_robot_of_other_hands_is_refused(network: Network, demo_plan: Plan) -> None:
+    other = Baxter.load(hands={"left": ElectricGripper("wide")})
+    network.node.set_parameter("/robot_description", other.description.text)
+    found = looked(network, demo_plan)
+    assert found.ready is None
+    assert "for another robot" in told(found, "plan")
+
+
+@pytest.mark.parametrize("text", [None, "<robot name='toaster'/>"])
+def test_a_robot_that_does_not_describe_itself_is_refused(
+    network: Network, demo_plan: Plan, text: str | None
+) -> None:
+    network.bus.parameters["/robot_description"] = text
+    found = looked(network, demo_plan)
+    assert found.ready is None
+    assert "/robot_description" in told(found, "URDF")
+
+
+def test_what_no_baxter_can_follow_is_refused(network: Network, demo_plan: Plan) -> None:
+    found = looked(network, demo_plan, replace(FAST, pace=Pace(1.0, 1.0)))
+    assert found.ready is None
+    assert "rad/s" in told(found, "speed")
+
+
+def test_a_plan_that_fails_its_certificate_is_refused_and_nothing_is_sent(
+    network: Network, demo_plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(readiness, "verify", verify)
+    known = demo_plan.situation
+    assert known is not None
+    without = replace(demo_plan, situation=replace(known, scene=known.scene.without("table")))
+    executor = network.executor()
+    with pytest.raises(NotReadyError, match="not valid") as refusal:
+        executor.execute(without)
+    assert [finding.name for finding in refusal.value.readiness.failures] == ["plan"]
+    assert network.robot.commands == []
+    assert network.robot.enables == 0

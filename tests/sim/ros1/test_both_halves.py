@@ -1,0 +1,161 @@
+"""Both halves together, through our own master: the executor drives the simulated Baxter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from baxter_kin import Baxter
+from planner import Plan, Response
+from sim import Event, EventKind, Simulation, World
+from sim.outcome import Dwell
+from sim.ros1.execution.executor import RosExecutor
+from sim.ros1.execution.link.baxter_link import BaxterLink
+from sim.ros1.execution.ready_plan import ExecutionOptions, NotReadyError
+from sim.ros1.execution.stops import StopCause
+from sim.ros1.execution.stream.set_points import Pace
+from sim.ros1.node import Node
+from sim.ros1.robot.parts.arm_motion import Follow, Following
+from sim.ros1.robot.ros_robot import RosRobot
+from sim.world.contacts import Contact
+from tests.sim.ros1.execution.conftest import demo_plan, patient  # noqa: F401 - fixtures
+from tests.sim.runs import Witness
+
+SAME_PLACE_M = 1e-3
+LAG = Following(Follow.LAG, 0.4)
+KNOWN_LAG = Response((0.35, 0.45), 0.001)
+
+
+@dataclass
+class Halves:
+    """A simulated Baxter, and a link to it.
+
+    Attributes:
+        world: the robot's own.
+        witness: of what happens there.
+    """
+
+    world: World
+    witness: Witness
+    link: BaxterLink
+    master_uri: str
+
+
+@contextmanager
+def halves(
+    robot: Baxter, plan: Plan, master_uri: str, following: Following | None = None
+) -> Iterator[Halves]:
+    world, witness = World(robot), Witness()
+    assert plan.situation is not None
+    for body in plan.situation.scene:
+        world.spawn(body)
+    start = {"left": plan.q_start, "right": robot.arm("right").neutral}
+    with (
+        RosRobot(
+            world, observers=[witness], following=following, q_start=start, master_uri=master_uri
+        ),
+        Node("/baxter_kin", master_uri=master_uri, host="127.0.0.1") as node,
+        BaxterLink(node) as link,
+    ):
+        yield Halves(world, witness, link, master_uri)
+
+
+def is_meant(event: Event) -> bool:
+    """Whether a contact is one of those that a plan comes nearest to on purpose."""
+    contact = event.detail
+    assert isinstance(contact, Contact)
+    is_held = contact.is_held and (contact.mover, contact.other) == ("block", "table")
+    is_hand = contact.other == "block" and "gripper" in contact.mover
+    return (is_held or is_hand) and contact.depth_m < 1.5e-3
+
+
+def options(
+    speed: float, response: Response | None = None, *, despite_lag: bool = False
+) -> ExecutionOptions:
+    pace = Pace(speed)
+    return ExecutionOptions(pace, Dwell(0.2, 0.2), response=response, despite_lag=despite_lag)
+
+
+@pytest.fixture(scope="module")
+def block_m(robot: Baxter, demo_plan: Plan) -> np.ndarray:  # noqa: F811
+    """Where `Simulation.execute` puts the block."""
+    world = World(robot)
+    simulation = Simulation(world)
+    assert demo_plan.situation is not None
+    for body in demo_plan.situation.scene:
+        simulation.spawn(body)
+    world.move_arm("left", demo_plan.q_start)
+    assert simulation.execute(demo_plan).is_success
+    return np.array(world.body("block").T_base_body.translation)
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0])
+def test_the_block_ends_where_the_simulation_puts_it(
+    robot: Baxter,
+    demo_plan: Plan,  # noqa: F811
+    block_m: np.ndarray,
+    own_master: str,
+    speed: float,
+) -> None:
+    with halves(robot, demo_plan, own_master) as both:
+        outcome = RosExecutor(both.link, options=options(speed)).execute(demo_plan)
+        assert outcome.is_success, outcome.failure
+        moved = both.world.body("block").T_base_body.translation - block_m
+    assert np.abs(moved).max() < SAME_PLACE_M
+    assert EventKind.HIT not in both.witness.kinds
+
+
+def test_a_real_lag_at_the_usual_speed_troubles_nobody(
+    robot: Baxter,
+    demo_plan: Plan,  # noqa: F811
+    own_master: str,
+) -> None:
+    with halves(robot, demo_plan, own_master, LAG) as both:
+        outcome = RosExecutor(both.link, options=options(0.3, KNOWN_LAG)).execute(demo_plan)
+    assert outcome.is_success, outcome.failure
+    assert 0.05 < outcome.joint_deviation_rad < 0.2
+    assert all(is_meant(event) for event in both.witness.events if event.kind is EventKind.HIT)
+
+
+def test_a_lag_that_is_known_is_refused_where_it_leads_too_far(
+    robot: Baxter,
+    demo_plan: Plan,  # noqa: F811
+    own_master: str,
+) -> None:
+    with halves(robot, demo_plan, own_master, LAG) as both:
+        executor = RosExecutor(both.link, options=options(1.0, KNOWN_LAG))
+        with pytest.raises(
+            NotReadyError, match=r"tracking: .*at speed 0\.\d+ instead of 1\.00 it is proven"
+        ):
+            executor.execute(demo_plan)
+        assert both.link.joints.positions()["left_s0"] == pytest.approx(demo_plan.q_start[0])
+    assert EventKind.MOVE_STARTED not in both.witness.kinds
+
+
+def test_the_guard_stops_what_goes_on_despite_its_lag_before_anything_is_hit(
+    robot: Baxter,
+    demo_plan: Plan,  # noqa: F811
+    own_master: str,
+) -> None:
+    with halves(robot, demo_plan, own_master, LAG) as both:
+        how = options(1.0, KNOWN_LAG, despite_lag=True)
+        outcome = RosExecutor(both.link, options=how).execute(demo_plan)
+    assert outcome.stop is not None
+    assert outcome.stop.cause in (StopCause.OFF_PATH, StopCause.JOINT_OFF)
+    assert EventKind.HIT not in both.witness.kinds
+
+
+def test_a_lead_that_fits_the_lag_keeps_the_arm_on_its_path(
+    robot: Baxter,
+    demo_plan: Plan,  # noqa: F811
+    own_master: str,
+) -> None:
+    how = ExecutionOptions(Pace(0.8, 0.4), Dwell(0.2, 0.2))
+    with halves(robot, demo_plan, own_master, LAG) as both:
+        outcome = RosExecutor(both.link, options=how).execute(demo_plan)
+    assert outcome.is_success, outcome.failure
+    assert outcome.joint_deviation_rad < 0.05
