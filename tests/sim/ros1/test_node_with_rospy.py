@@ -244,6 +244,24 @@ def test_debians_master_that_is_restarted_learns_of_us_again(
         again.kill()
 
 
+def test_a_node_of_rospy_that_ends_is_forgotten(
+    master_uri: str, make_node: MakeNode, make_peer: MakePeer
+) -> None:
+    node = make_node("/ours", master_uri)
+    subscriber = node.subscribe("/ends/topic", TEXT.name, lambda _: None)
+    peer = make_peer("ends", master_uri)
+    peer.ask("advertise", "/ends/topic", TEXT.name)
+    peer.ask("subscribe", "/ends/read", TEXT.name)
+    peer.ask("serve", "/ends/service", DELETE.name, "")
+    until(lambda: subscriber.writers == ("/ends",))
+    assert peer.process.stdin is not None
+    peer.process.stdin.close()  # no more orders: it ends by itself, and unregisters in one call
+    assert peer.process.wait(20.0) == 0
+    until(lambda: "/ends" not in node.nodes())
+    assert node.publishers_of("/ends/topic") == ()
+    assert node.subscribers_of("/ends/read") == ()
+
+
 def test_a_node_of_rospy_takes_our_name(
     master_uri: str, make_node: MakeNode, make_peer: MakePeer
 ) -> None:

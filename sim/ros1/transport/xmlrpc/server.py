@@ -31,6 +31,9 @@ END_OF_HEAD = b"\r\n\r\n"
 FAILURE = -1
 """The code of an answer to a call that was wrong, in ROS' XML-RPC."""
 
+MULTICALL = "system.multicall"
+"""Several calls that come as one; nodes of rospy unregister like that when they end."""
+
 Method: TypeAlias = Callable[..., tuple[int, str, Any]]
 """Gives code, text and value; a `RosError` it raises becomes an answer with that text."""
 
@@ -146,22 +149,40 @@ class XmlRpcServer(NotCopied, OneLine):
             raise ProtocolError(f"no XML-RPC: {quoted(str(cause))}") from cause
         if name is None:
             raise ProtocolError("an answer of XML-RPC instead of a call")
-        answer: object
+        return _written(self._results(args) if name == MULTICALL else self._result(name, args))
+
+    def _results(self, args: tuple[Any, ...]) -> tuple[list[Any]] | xmlrpc.client.Fault:
+        """What several calls give: a list of one value each, or what was wrong."""
+        try:
+            (calls,) = args
+            named = [(str(call["methodName"]), tuple(call["params"])) for call in calls]
+        except (KeyError, TypeError, ValueError):
+            text = f"{MULTICALL} takes one list of calls, each with methodName and params"
+            return xmlrpc.client.Fault(FAILURE, text)
+        return ([_member(self._result(name, params)) for name, params in named],)
+
+    def _result(self, name: str, args: tuple[Any, ...]) -> tuple[Any] | xmlrpc.client.Fault:
+        """What one call gives: a value, or what was wrong."""
         try:
             method = self._methods[name]
         except KeyError:
-            answer = xmlrpc.client.Fault(FAILURE, f"there is no method {quoted(name)}")
-            return _written(answer)
+            return xmlrpc.client.Fault(FAILURE, f"there is no method {quoted(name)}")
         try:
-            answer = (method(*args),)
+            return (method(*args),)
         except RosError as error:
-            answer = ((FAILURE, str(error), 0),)
+            return ((FAILURE, str(error), 0),)
         except TypeError as error:  # the number of arguments, or their kinds
-            answer = ((FAILURE, f"{name}: {error}", 0),)
-        return _written(answer)
+            return ((FAILURE, f"{name}: {error}", 0),)
 
     def _facts(self) -> tuple[str, ...]:
         return (self.uri,)
+
+
+def _member(result: tuple[Any] | xmlrpc.client.Fault) -> list[Any] | dict[str, Any]:
+    """One of several results, as they are written."""
+    if isinstance(result, xmlrpc.client.Fault):
+        return {"faultCode": result.faultCode, "faultString": result.faultString}
+    return list(result)
 
 
 def _written(answer: Any) -> bytes:

@@ -75,6 +75,36 @@ def test_refusals_and_wrong_arguments_are_answers(served: Served) -> None:
     assert served.tally.counts.faults == 0
 
 
+def test_several_calls_come_as_one(served: Served) -> None:
+    with xmlrpc.client.ServerProxy(served.server.uri) as proxy:
+        calls = xmlrpc.client.MultiCall(proxy)
+        calls.echo(7)
+        calls.refuse()
+        calls.echo()
+        calls.nothing()
+        calls.echo("after all")
+        results = calls()
+        assert results[0] == [1, "", 7]
+        assert results[1] == [-1, "because", 0]
+        assert "missing 1 required" in str(results[2])
+        with pytest.raises(xmlrpc.client.Fault, match="there is no method 'nothing'"):
+            results[3]
+        assert results[4] == [1, "", "after all"]
+        none: Any = proxy.system.multicall([])
+        assert none == []
+
+
+@pytest.mark.parametrize("wrong", [(), ([], []), (7,), ([7],), ([{"methodName": "echo"}],)])
+def test_several_calls_that_are_none_are_refused(served: Served, wrong: tuple[Any, ...]) -> None:
+    with xmlrpc.client.ServerProxy(served.server.uri) as proxy:
+        with pytest.raises(xmlrpc.client.Fault, match="takes one list of calls"):
+            proxy.system.multicall(*wrong)
+        inner = [{"methodName": "system.multicall", "params": [[]]}]
+        answer: Any = proxy.system.multicall(inner)
+        assert "there is no method" in answer[0]["faultString"]
+        assert proxy.echo(7) == [1, "", 7]
+
+
 @pytest.mark.parametrize(
     ("version", "extra", "stays"),
     [
