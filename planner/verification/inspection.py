@@ -3,8 +3,8 @@
 Every check goes another way than planning did: the whole robot from its URDF instead of the reduced
 arm, Rethink's meshes instead of the body made to contain them, extrema by bisection instead of a
 formula, dense samples of the way, its own list of pairs, its own story of what is held when and
-what may touch what, closing fingers by its own steps; and for an arm that follows late a tube of its
-own, and distances in it by Taylor's theorem.
+what may touch what, closing fingers by its own steps; and for an arm that follows late a tube of
+its own, and distances in it by Taylor's theorem.
 
 Shared with the planner are
 - Pinocchio's kinematics, which a test compares with frames multiplied by hand,

@@ -16,8 +16,9 @@ import threading
 from types import FrameType
 from typing import Any, TypeAlias
 
+from baxter_kin.errors import expect
 from baxter_kin.value_objects import NotCopied, OneLine
-from sim.errors import RosError
+from sim.errors import RosError, RosMessageError
 from sim.ros1.mastering.directory import Change, Directory
 from sim.ros1.mastering.notifier import Notifier
 from sim.ros1.mastering.parameters import Parameters
@@ -28,6 +29,8 @@ from sim.ros1.transport.xmlrpc.server import Method, XmlRpcServer
 
 OK = 1
 DEFAULT_PORT = 11311
+
+LAST_PORT = 65_535
 
 NAME = "/master"
 
@@ -50,8 +53,11 @@ class Master(NotCopied, OneLine):
             port: 0 takes a free one.
 
         Raises:
+            RosMessageError: when the port is not a whole number from 0 to 65535.
             RosConnectionError: when it cannot listen there.
         """
+        if not 0 <= expect(port, int, "port", RosMessageError) <= LAST_PORT:
+            raise RosMessageError(f"port must be 0 to {LAST_PORT}, 0 for a free one, got {port}")
         self._directory = Directory()
         self._parameters = Parameters()
         self._watchers: dict[str, dict[str, str]] = {}

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from baxter_kin.errors import quoted
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.value_objects import NotCopied, OneLine
+from sim.errors import SimulationError
 from sim.ros1.execution.link.joint_table import JointTable
 from sim.world.gripper import GripperState
 
@@ -110,9 +112,15 @@ class BaxterLink(NotCopied, OneLine):
     def __init__(self, node: Node) -> None:
         """Subscribe to what every Baxter publishes.
 
+        Args:
+            node: a `Node`, or what subscribes and asks as it does.
+
         Raises:
             RosError: when the master cannot be reached.
+            SimulationError: when it is no node.
         """
+        if not callable(getattr(node, "subscribe", None)):
+            raise SimulationError(f"node must be a sim.ros1.Node, got {quoted(node)}")
         self.node, self.joints = node, JointTable()
         self._lock = threading.Lock()
         self._robot: RobotReport | None = None

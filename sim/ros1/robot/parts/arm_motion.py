@@ -19,6 +19,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike
 
+from baxter_kin.errors import expect
 from baxter_kin.limits import JointLimits
 from baxter_kin.validation import FloatArray, finite_array, positive_scalar
 from baxter_kin.value_objects import OneLine, numbers
@@ -54,13 +55,14 @@ class Following(OneLine):
         lag_s: time constant of `Follow.LAG`, above zero.
 
     Raises:
-        SimulationError: when the lag is not above zero.
+        SimulationError: when the kind is no `Follow`, or the lag is not above zero.
     """
 
     kind: Follow = Follow.EXACT
     lag_s: float = DEFAULT_LAG_S
 
     def __post_init__(self) -> None:
+        expect(self.kind, Follow, "kind", SimulationError)
         positive_scalar(self.lag_s, "lag_s", SimulationError)
 
     def travel(self, error: FloatArray, speed: FloatArray, dt_s: float) -> FloatArray:
