@@ -26,6 +26,7 @@ NAMES = (
     "3_time_optimal_motion",
     "4_pick_and_place",
     "5_your_own_task",
+    "6_a_baxter_on_the_network",
 )
 LONGEST_CELL_S = 300
 
