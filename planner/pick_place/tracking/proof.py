@@ -176,8 +176,8 @@ class PlanTracking:
 
     def _found(self, response: Response, *, stops: bool = False) -> Iterator[RunFound]:
         """Run after run; no more than the first that fails, if asked for."""
-        start_rad = self._asked.start_rad
-        starts: tuple[JointRange, ...] = ((self._q_start - start_rad, self._q_start + start_rad),)
+        off_rad = self._asked.start_rad + response.settled_error_rad  # what is measured has errors
+        starts: tuple[JointRange, ...] = ((self._q_start - off_rad, self._q_start + off_rad),)
         for run in self._runs:
             found = run.found(response, starts, self._asked, stops=stops)
             yield found

@@ -108,7 +108,8 @@ def tracked(
         if not isinstance(stage, Run) or not stage.moves:
             continue
         if start is None:
-            start = stage.q_start - allowed.start_rad, stage.q_start + allowed.start_rad
+            off_rad = allowed.start_rad + error  # what is measured has errors
+            start = stage.q_start - off_rad, stage.q_start + off_rad
         survey = _TrackedRun(stage, follower, allowed)
         for moves in _between_rests(stage.moves):
             tube = response_tube(moves, response, start, allowed.settled_rad)

@@ -294,3 +294,14 @@ def test_a_response_that_no_speed_suits_makes_no_plan(
     assert "no speed from 0.01 on was found that would do" in plan.failure.reason
     assert plan.response is None
     assert planned_for(plan, loose, manipulator) is plan
+
+
+def test_errors_of_what_is_measured_at_the_start_count(
+    tracked_plan: Plan, manipulator: Manipulator
+) -> None:
+    """Measured 0.02 rad off with an error one way, and a moment later with one the other way."""
+    wait = Trajectory.stay(tracked_plan.q_start, tracked_plan.moves[0].trajectory.limits)
+    plan = replace(tracked_plan, steps=(replace(tracked_plan.moves[0], trajectory=wait, ik=None),))
+    erring = Response((0.35, 0.45), 0.03)
+    found = prove_tracking(plan, erring, manipulator=manipulator, seek_speed=False)
+    assert found.moves[0].deviation_rad >= START_RAD + 2 * 0.03
