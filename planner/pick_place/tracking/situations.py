@@ -56,8 +56,9 @@ class _Hand:
 
     def contexts(self) -> Iterator[CollisionContext]:
         """The situation of each move."""
-        following = (*self._plan.steps[1:], None)
-        for step, after in zip(self._plan.steps, following, strict=True):
+        steps = self._plan.steps
+        for number, step in enumerate(steps):
+            after = steps[number + 1] if number + 1 < len(steps) else None
             if isinstance(step, Grip):
                 self._act(step)
             else:

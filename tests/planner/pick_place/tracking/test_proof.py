@@ -305,3 +305,11 @@ def test_errors_of_what_is_measured_at_the_start_count(
     erring = Response((0.35, 0.45), 0.03)
     found = prove_tracking(plan, erring, manipulator=manipulator, seek_speed=False)
     assert found.moves[0].deviation_rad >= START_RAD + 2 * 0.03
+
+
+def test_a_plan_without_steps_has_nothing_to_prove(
+    tracked_plan: Plan, manipulator: Manipulator
+) -> None:
+    found = prove_tracking(replace(tracked_plan, steps=()), SLOW, manipulator=manipulator)
+    assert found.is_valid
+    assert found.moves == ()
