@@ -167,7 +167,8 @@ def _rates(
     behind = (np.maximum(high[:-1], high[1:]) - sent[0]).max(axis=0)
     least, most = response.lag_s.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        following = np.maximum(ahead, behind) / least
+        apart = np.maximum(ahead, behind)
+        following = np.where(apart > 0.0, apart / least, 0.0)
     sending = np.abs(np.diff(sent[0], axis=0)).max(axis=0) / cell_s
     rates: FloatArray = np.where(most > 0.0, following, sending)
     return rates

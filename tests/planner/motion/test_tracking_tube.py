@@ -343,3 +343,9 @@ def test_a_motion_of_no_duration_rests(left: Arm) -> None:
     assert (low <= left.neutral).all()
     assert (left.neutral <= high).all()
     assert float((high - low).max()) <= 2.0 * SETTLED_RAD
+
+
+def test_a_joint_that_rests_has_no_rate_even_if_it_may_follow_at_once(left: Arm) -> None:
+    rest = Trajectory.stay(left.start, left.limits)
+    rates = tracking_tube(rest, Response((0.0, 0.4)), (left.start, left.start)).rates
+    np.testing.assert_array_equal(rates, np.zeros(7))
