@@ -19,6 +19,7 @@ from baxter_kin.value_objects import clear, seconds
 from planner import Grip, Manipulator, Plan, TrackingProof, plan_start_move, prove_tracking, verify
 from planner.situation import Situation
 from sim.errors import SimulationError
+from sim.ros1.execution.guard.path_guard import KEPT_M
 from sim.ros1.execution.guard.stages import MOST_OFF_RAD, GripStage, MoveStage, Room, stages_of
 from sim.ros1.execution.link.baxter_link import BaxterLink
 from sim.ros1.execution.preflight import Finding, look_at_robot
@@ -110,6 +111,7 @@ class _Look:
             stages = stages_of(plan, manipulator, situation)
         except BaxterError as cause:
             raise _RefusedError("clearance", f"not clear as the robot stands: {cause}") from cause
+        _check_rooms(stages)
         motions = self._motions(stages)
         peaks = np.max([motion.peak_speeds() for motion in motions], axis=0, initial=0.0)
         peaks = np.broadcast_to(peaks, (7,)).copy()
@@ -253,6 +255,20 @@ class _Look:
             )
         self._found("tracking", f"carried out despite this: {text}")
         return None
+
+
+def _check_rooms(stages: tuple[MoveStage | GripStage, ...]) -> None:
+    """That every move leaves the guard some room: else it would stop the arm at once."""
+    for stage in stages:
+        for room in stage.rooms if isinstance(stage, MoveStage) else ():
+            if min(room.clear_m) <= KEPT_M:
+                nearest = f" ({room.nearest.text})" if room.nearest is not None else ""
+                raise _RefusedError(
+                    "clearance",
+                    f"{room.label}: {clear(min(room.clear_m))}{nearest}, and more than "
+                    f"{1e3 * KEPT_M:g} mm are needed; if the arm stands so near, move it away by "
+                    "hand, else plan with a greater margin",
+                )
 
 
 def _as_tracked(

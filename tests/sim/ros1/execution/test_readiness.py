@@ -10,6 +10,7 @@ import pytest
 from baxter_kin import Baxter, ElectricGripper
 from planner import Plan, verify
 from sim.ros1.execution import readiness
+from sim.ros1.execution.guard.stages import MoveStage
 from sim.ros1.execution.ready_plan import ExecutionOptions, NotReadyError, Readiness
 from sim.ros1.execution.stream.set_points import Pace
 from tests.sim.ros1.execution.conftest import FAST, Network
@@ -122,3 +123,16 @@ def test_a_plan_that_fails_its_certificate_is_refused_and_nothing_is_sent(
     assert [finding.name for finding in refusal.value.readiness.failures] == ["plan"]
     assert network.robot.commands == []
     assert network.robot.enables == 0
+
+
+def test_a_move_without_room_for_the_guard_is_refused(
+    network: Network, demo_plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ready = looked(network, demo_plan).ready
+    assert ready is not None
+    first = next(stage for stage in ready.stages if isinstance(stage, MoveStage)).rooms[0]
+    monkeypatch.setattr(readiness, "KEPT_M", min(first.clear_m) + 1e-3)
+    found = looked(network, demo_plan)
+    assert found.ready is None
+    assert told(found, "clearance").startswith(f"{first.label}: ")
+    assert "move it away by hand" in told(found, "clearance")
