@@ -95,10 +95,13 @@ def _run(options: RobotOptions, ending: Ending) -> str | None:
         gc.collect()
         gc.freeze()  # what was loaded stays, and need not be looked through every few seconds
         _say(_status(options, robot))
-        while not ending.is_asked:
-            reason = robot.wait_ended(LOOK_S)
-            if reason is not None:
-                return reason
+        try:
+            while not ending.is_asked:
+                reason = robot.wait_ended(LOOK_S)
+                if reason is not None:
+                    return reason
+        finally:
+            gc.unfreeze()  # else nanobind reports at exit all that was never collected
     return None
 
 
