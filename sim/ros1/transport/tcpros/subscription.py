@@ -31,6 +31,9 @@ MOST_PUBLISHERS = 100
 RETRY_S = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 """How long to wait before the next attempt to reach a publisher; the last goes for all further."""
 
+GONE_AFTER = 3
+"""Further attempts, 1.9 s in all, before one that was connected counts as gone for good."""
+
 _LOG = logging.getLogger(__name__)
 
 
@@ -173,8 +176,14 @@ class Subscription(NotCopied, OneLine):
         link.attempts += 1
         if link.attempts == 1:
             link.name = self._name_of(link.uri) or link.name
-        patience = len(RETRY_S) if isinstance(error, RosUnreachableError) else 0
-        if link.attempts == patience + 2:  # not at once: now it is known who it is
+        is_gone = isinstance(error, RosUnreachableError)
+        patience = (GONE_AFTER if link.was_connected else len(RETRY_S)) if is_gone else 0
+        if link.attempts != patience + 2:  # not at once: now it is known who it is
+            return
+        if is_gone and link.was_connected:
+            text = "%s: %s is gone without having unregistered, as if killed; it is waited for"
+            _LOG.warning(text, self.topic, link.name)
+        else:
             _LOG.warning("%s: %s", self.topic, error)
 
     def _shake_hands(self, link: _Link) -> tuple[socket.socket, Answer]:
