@@ -57,7 +57,7 @@ def _looked(options: argparse.Namespace, signals: Signals) -> int:
     from sim.ros1.node import Node  # noqa: PLC0415
 
     limbs = ("left", "right") if options.limb == "both" else (options.limb,)
-    with Node("/baxter_check") as node, BaxterLink(node) as link:
+    with Node("/baxter_check", takes_over=False) as node, BaxterLink(node) as link:
         findings = look_at_robot(link, limbs, grips=limbs)
         for finding in findings:
             _say(f"{'ok  ' if finding.is_ok else 'FAIL'} {finding}")

@@ -38,7 +38,11 @@ LONGEST_LAG_S = 5.0
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Carry out the plan that the arguments name; returns the exit status."""
-    options = _parser().parse_args(argv)
+    parser = _parser()
+    options = parser.parse_args(argv)
+    if options.lag_s is not None and options.lag_s[0] > options.lag_s[1]:
+        least, most = options.lag_s
+        parser.error(f"argument --lag-s: MIN is above MAX, {least:g} s above {most:g} s; swap them")
     from sim.ros1.execution.signals import handled  # noqa: PLC0415 - loads every library
 
     try:
@@ -77,7 +81,7 @@ def _connected(options: argparse.Namespace, plan: Plan, signals: Signals) -> int
 
     how = _options(options, plan)
     with ExitStack() as stack, log_told(_say, _warn):
-        node = stack.enter_context(Node("/baxter_kin"))
+        node = stack.enter_context(Node("/baxter_kin", takes_over=False))
         link = stack.enter_context(BaxterLink(node))
         readiness = RosExecutor(link, options=how).prepare(plan)
         for finding in readiness.findings:

@@ -53,26 +53,36 @@ class Node(Questions, NotCopied, OneLine):
     """
 
     def __init__(
-        self, name: str, *, master_uri: str | None = None, host: str | None = None
+        self,
+        name: str,
+        *,
+        master_uri: str | None = None,
+        host: str | None = None,
+        takes_over: bool = True,
     ) -> None:
-        """Register a node; one of the same name is shut down by the master.
+        """Register a node.
 
         Args:
             name: such as "/baxter_kin".
             master_uri: instead of ROS_MASTER_URI.
             host: this computer's name or address, instead of ROS_HOSTNAME and ROS_IP. The node
                 listens on that address only.
+            takes_over: whether a living node of the same name is shut down by the master, as ROS
+                has it; else this one is refused.
 
         Raises:
             RosMessageError: when a name or an address is none.
             RosConnectionError: when the master cannot be reached, or it cannot listen there.
-            RosError: when the package `rosbags` is missing.
+            RosError: when the package `rosbags` is missing, or the name is another living node's
+                and it is not taken over.
         """
         self.name = node_name(name)
         message_type("std_msgs/Empty")  # says what is missing
         self._ended = threading.Event()
         self._reason: str | None = None
-        self._presence = Presence(self.name, master_uri, host, self._shut_down)
+        self._presence = Presence(
+            self.name, master_uri, host, self._shut_down, takes_over=takes_over
+        )
         self._master = self._presence.master
         self.uri = self._presence.uri
         self.master_uri = self._master.uri

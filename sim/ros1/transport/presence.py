@@ -7,17 +7,22 @@ from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 
 from baxter_kin.value_objects import NotCopied, OneLine
-from sim.ros1.transport.network.addresses import find_home, master_uri
+from sim.errors import RosError
+from sim.ros1.transport.network.addresses import find_home, master_uri, place_of
 from sim.ros1.transport.network.counts import Tally
 from sim.ros1.transport.network.loop import Loop
 from sim.ros1.transport.registry import Registry
 from sim.ros1.transport.slave import Slave
 from sim.ros1.transport.tcpros.board import Board
+from sim.ros1.transport.xmlrpc.client import ask
 from sim.ros1.transport.xmlrpc.master_client import MasterClient
 from sim.ros1.transport.xmlrpc.server import XmlRpcServer
 
 CLOSING_S = 2.0
 """How long closing waits for the loop to send everybody away."""
+
+ALIVE_S = 1.0
+"""A node of our name that lives answers within that."""
 
 
 class Presence(NotCopied, OneLine):
@@ -34,7 +39,13 @@ class Presence(NotCopied, OneLine):
     """
 
     def __init__(
-        self, name: str, given_uri: str | None, host: str | None, shut_down: Callable[[str], None]
+        self,
+        name: str,
+        given_uri: str | None,
+        host: str | None,
+        shut_down: Callable[[str], None],
+        *,
+        takes_over: bool = True,
     ) -> None:
         """Listen, and see that the master answers; nothing is registered yet.
 
@@ -43,8 +54,10 @@ class Presence(NotCopied, OneLine):
             given_uri: the master's, instead of ROS_MASTER_URI.
             host: this computer's name or address, instead of ROS_IP and ROS_HOSTNAME.
             shut_down: called with a reason when the node is to end.
+            takes_over: whether a living node of that name is ended by the master, as ROS has it.
 
         Raises:
+            RosError: when there is a living one and it is not taken over.
             RosConnectionError: when the master cannot be reached, or it cannot listen there.
         """
         self.name = name
@@ -71,6 +84,8 @@ class Presence(NotCopied, OneLine):
             )
             opened.callback(self.registry.close)
             self.master.call("getPid")  # says what is wrong while nothing is registered
+            if not takes_over:
+                self._refuse_a_living_one()
             self.registry.start()
             self._opened = opened.pop_all()
         self._closing = threading.Lock()
@@ -79,6 +94,18 @@ class Presence(NotCopied, OneLine):
         """Unregister everything, send everybody away, end the thread; twice is no trouble."""
         with self._closing:
             self._opened.close()
+
+    def _refuse_a_living_one(self) -> None:
+        """One that was killed stays registered, but does not answer: that one is taken over."""
+        try:
+            uri = self.master.node_uri(self.name)
+            process = ask(uri, "getPid", self.name, node=self.name, timeout_s=ALIVE_S)
+        except RosError:
+            return
+        raise RosError(
+            f"{self.name} runs already, as process {process} at {place_of(uri)}; end it first, or "
+            "wait until it has ended"
+        )
 
     def _connect(self, topic: str, uris: Iterable[str]) -> None:
         found = tuple(uris)

@@ -127,6 +127,7 @@ def test_a_master_that_is_not_there_is_one_sentence(tmp_path: Path, plan_file: P
         ["sim.ros1.execute", __file__],
         ["sim.ros1.execute", "plan.json", "--speed", "2"],
         ["sim.ros1.execute", "plan.json", "--record", "a.txt"],
+        ["sim.ros1.execute", "plan.json", "--lag-s", "0.5", "0.3"],
         ["sim.ros1.check", "--output", "a.json"],
     ],
 )
@@ -196,8 +197,25 @@ def test_an_execution_that_is_killed_is_told_of_by_the_robot_and_kept(
 ) -> None:
     robot, command, _ = moving
     command.process.kill()
-    robot.says("/baxter_kin", SAID_S)
+    robot.says("/baxter_kin is gone without having unregistered", SAID_S)
     assert '"sample"' in (tmp_path / "kept.jsonl").read_text()
+
+
+def test_a_second_execution_is_refused_and_the_first_goes_on(
+    moving: tuple[Command, Command, str], plan_file: Path, tmp_path: Path
+) -> None:
+    _, first, uri = moving
+    second = Command(tmp_path / "second.log", "sim.ros1.execute", str(plan_file), uri=uri)
+    assert second.status() == 1, second.said
+    assert f"/baxter_kin runs already, as process {first.process.pid}" in second.said
+    assert first.process.poll() is None, first.said
+
+
+def test_the_robot_ends_without_noise(robot_process: tuple[Command, str]) -> None:
+    robot, _ = robot_process
+    robot.process.send_signal(signal.SIGTERM)
+    assert robot.status() == 143
+    assert robot.said.splitlines()[-1] == "stopped; everything is unregistered"
 
 
 def test_the_mirror_records_what_it_sees(
