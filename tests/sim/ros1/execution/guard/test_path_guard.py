@@ -66,7 +66,8 @@ def test_it_stops_an_arm_before_it_touches_and_says_where(stage: MoveStage) -> N
         if alarm is not None:
             assert alarm.cause is StopCause.OFF_PATH
             assert alarm.subject == "pick: approach"
-            assert alarm.value > alarm.bound > 0.01
+            assert alarm.value > alarm.bound
+            assert alarm.bound == pytest.approx(stage.rooms[0].clear_m[0] - 0.003)
             return
         assert distance_m(stage, moved) > 0.0
     pytest.fail("it let the arm pass into the table")
