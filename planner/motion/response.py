@@ -35,6 +35,9 @@ TICK_S = 0.01
 LATE_S = 0.02
 """How late the stream may be unless said otherwise: what the executor lets pass."""
 
+REST_PLAN_S = 0.01
+"""In plan time: more than the cells by which tubes count a motion as longer than it is."""
+
 LONGEST_LAG_S, LONGEST_LEAD_S, LONGEST_LATE_S, LARGEST_ERROR_RAD = 5.0, 1.0, 1.0, 0.2
 """Beyond these it is no response of an arm, but a number in another unit."""
 
@@ -103,6 +106,14 @@ class Response(Frozen, OneLine):
     def window_s(self) -> float:
         """How old the set-point in force may be: a tick, and what the stream is late."""
         return TICK_S + self.late_s
+
+    @property
+    def rest_s(self) -> float:
+        """How long the last set-point stands at least before the next motion may begin, s.
+
+        It is in force for good then; tubes of what begins later are from there on.
+        """
+        return self.window_s + REST_PLAN_S / self.speed
 
     def at_speed(self, speed: float) -> Response:
         """The same arm, sent the same plan at another speed.

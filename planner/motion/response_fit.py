@@ -2,12 +2,14 @@
 
 Of each joint one lag T and one offset b are sought for which the answer y of T y' = u - y to the
 commands, each held until the next, is nearest to what was measured, less b, in the least squares:
-T on a grid, then by golden section. With one number no joint is described all the time. So the
-interval of the lag is
+T on a grid, then by golden section. As the answer begins where it is measured, less b, an offset
+shows as b (1 - exp(-t / T)). A joint that goes at one speed only is late by just such a course: it
+is refused, as its lag cannot be told from an offset. With one number no joint is described all the
+time. So the interval of the lag is
 
 - T, and what the noise makes uncertain of it: `SIGMAS` standard deviations of a least-squares
   estimate (Seber and Wild, "Nonlinear Regression", 1989, ch. 2), where y changes with T by about
-  minus its speed;
+  minus its speed, of which what an offset explains as well does not count;
 - the lags that fit best in pieces of `PIECE_S` of the motion, taken by themselves, where the joint
   moves enough to tell.
 
@@ -35,14 +37,17 @@ from planner.motion.response import (
     left_over,
 )
 
-LEAST_SAMPLES, LONGEST_GAP_S = 50, 0.1
-"""Of a recording: set-points come at 100 Hz; longer gaps leave open what was sent."""
+LEAST_SAMPLES, LONGEST_GAP_S = 50, 0.25
+"""Of a recording: set-points come at 100 Hz; longer gaps leave open what was sent and done."""
 
 LEAST_TRAVEL_RAD = 0.02
 """Joints that were commanded to go less far say nothing of their lag."""
 
 LEAST_SPEED = 0.05
 """Joints, and pieces of their motion, that are slower on average do not either, rad/s."""
+
+LEAST_SHARE = 0.3
+"""Nor do joints of whose speed an offset explains all but less than this share."""
 
 GRID_S = np.concatenate([[0.0], np.geomspace(2e-3, LONGEST_LAG_S, 80)])
 
@@ -138,26 +143,39 @@ def _answers(data: _Data, lags_s: FloatArray, start: FloatArray) -> FloatArray:
     return found
 
 
-def _misfit(data: _Data, lags_s: FloatArray) -> FloatArray:
-    """Sum of squares of each lag with its best offset, shape as theirs."""
-    off = data.q.reshape(len(data.t), *(1,) * (lags_s.ndim - 1), JOINTS)
-    off = off - _answers(data, lags_s, data.q[0])
-    squares: FloatArray = ((off - off.mean(axis=0)) ** 2).sum(axis=0)
+def _off(data: _Data, lags_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Measured less answered, and how an offset of 1 shows there, shape (k, ..., 7) both."""
+    since_s = (data.t - data.t[0]).reshape(-1, *(1,) * lags_s.ndim)
+    measured = data.q.reshape(len(data.t), *(1,) * (lags_s.ndim - 1), JOINTS)
+    return measured - _answers(data, lags_s, data.q[0]), 1.0 - left_over(since_s, lags_s)
+
+
+def _misfit(data: _Data, lags_s: FloatArray, *, has_offset: bool) -> FloatArray:
+    """Sum of squares of each lag with its best offset, or with none, shape as theirs."""
+    off, course = _off(data, lags_s)
+    if has_offset:
+        off = off - course * _best_offset(off, course)
+    squares: FloatArray = (off**2).sum(axis=0)
     return squares
 
 
-def _best(data: _Data) -> FloatArray:
+def _best_offset(off: FloatArray, course: FloatArray) -> FloatArray:
+    best: FloatArray = (off * course).sum(axis=0) / (course**2).sum(axis=0)
+    return best
+
+
+def _best(data: _Data, *, has_offset: bool) -> FloatArray:
     """The lag of each joint that fits best, shape (7,), s; the longest where none does."""
     grid = np.repeat(GRID_S[:, None], JOINTS, axis=1)
-    best = _misfit(data, grid).argmin(axis=0)
+    best = _misfit(data, grid, has_offset=has_offset).argmin(axis=0)
     low, high = GRID_S[np.maximum(best - 1, 0)], GRID_S[np.minimum(best + 1, len(GRID_S) - 1)]
     for _ in range(REFINEMENTS):
         inner = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-        first, second = _misfit(data, np.array(inner))
+        first, second = _misfit(data, np.array(inner), has_offset=has_offset)
         is_first = first < second
         low, high = np.where(is_first, low, inner[0]), np.where(is_first, inner[1], high)
     middle = (low + high) / 2
-    none, some = _misfit(data, np.array([np.zeros(JOINTS), middle]))
+    none, some = _misfit(data, np.array([np.zeros(JOINTS), middle]), has_offset=has_offset)
     lags_s: FloatArray = np.where(none <= some, 0.0, middle)
     return lags_s
 
@@ -168,7 +186,7 @@ def _lags(data: _Data) -> FloatArray:
     Raises:
         ResponseError: when a joint does not follow.
     """
-    lag_s = _best(data)
+    lag_s = _best(data, has_offset=True)
     if float(lag_s.max()) > SLOWEST * LONGEST_LAG_S:
         raise ResponseError(
             f"joint {int(lag_s.argmax())} does not follow its commands within {LONGEST_LAG_S:g} s; "
@@ -178,9 +196,8 @@ def _lags(data: _Data) -> FloatArray:
 
 
 def _offsets(data: _Data, lag_s: FloatArray) -> FloatArray:
-    """Measured less answered, on average, shape (7,)."""
-    offsets: FloatArray = (data.q - _answers(data, lag_s, data.q[0])).mean(axis=0)
-    return offsets
+    """How far joints are measured off where their lag has them, always, shape (7,), rad."""
+    return _best_offset(*_off(data, lag_s))
 
 
 def _intervals(data: _Data, lag_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -193,9 +210,18 @@ def _intervals(data: _Data, lag_s: FloatArray) -> tuple[FloatArray, FloatArray]:
             f"joint {int(usual.argmin())} went at {usual.min():.3g} rad/s on average, which does "
             f"not tell its lag; every joint must go at {LEAST_SPEED:g} rad/s"
         )
-    off = data.q - answers
-    spread = SIGMAS * off.std(axis=0) / (usual * np.sqrt(len(data.t)))
-    pieces = _pieces(data._replace(q=data.q - off.mean(axis=0)), lag_s, speeds)
+    off, course = _off(data, lag_s)
+    offsets = _best_offset(off, course)
+    telling = speeds - course * _best_offset(speeds, course)
+    share = np.sqrt((telling**2).mean(axis=0)) / usual
+    if float(share.min()) < LEAST_SHARE:
+        raise ResponseError(
+            f"joint {int(share.argmin())} went at one speed nearly all the time, so its lag cannot "
+            "be told from an offset; let it go there and back"
+        )
+    noise = (off - course * offsets).std(axis=0)
+    spread = SIGMAS * noise / (share * usual * np.sqrt(len(data.t)))
+    pieces = _pieces(data._replace(q=data.q - offsets), lag_s, speeds)
     low, high = np.minimum(lag_s - spread, pieces.min(axis=0)), lag_s + spread
     return np.maximum(low, 0.0), np.minimum(np.maximum(high, pieces.max(axis=0)), LONGEST_LAG_S)
 
@@ -208,7 +234,7 @@ def _pieces(data: _Data, lag_s: FloatArray, speeds: FloatArray) -> FloatArray:
     for first, last in pairwise(ends.tolist()):
         piece = _Data(*(values[first:last] for values in data))
         tells = np.sqrt((speeds[first:last] ** 2).mean(axis=0)) >= LEAST_SPEED
-        found.append(np.where(tells, _best(piece), lag_s))
+        found.append(np.where(tells, _best(piece, has_offset=False), lag_s))
     return np.array(found)
 
 

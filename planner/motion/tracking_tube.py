@@ -34,8 +34,9 @@ T_min = 0 holds for every slower and every halting stream, however often and lon
 only for what `late_s` covers.
 
 **Rests.** Where a motion ends, its last set-point stands, and every bound goes on towards it. The
-next motion begins when all joints have been measured within `SETTLED_RAD` of it: at the earliest at
-the first instant s0 at which the tube allows that, and later than that the joints are nearer still.
+next motion begins when all joints have been measured within `SETTLED_RAD` of it, and that set-point
+has stood for `Response.rest_s`, so that no older one is in force: at the earliest at the first
+instant s0 from then on at which the tube allows that; later than that the joints are nearer still.
 What may be then is cut by the time since s0 into `STARTS` boxes, so that joints that lag together
 are not taken for joints at their worst each; the next motion has a tube from each of them.
 """

@@ -113,7 +113,8 @@ class Subject(Checked, error=TaskError):
     Attributes:
         plan: the plan that was checked.
         situation: the world that it was checked in.
-        is_standard: whether it was checked with the toolkit's tolerances.
+        is_standard: whether it was checked with the toolkit's tolerances, and a plan that states a
+            response with that one.
     """
 
     plan: Plan
@@ -164,7 +165,8 @@ class Certificate(Checked, OneLine, error=TaskError):
 
         The plan must be the same object; a copy, or one read from a file again, is another one.
         Of the world, all bodies, joints and what the hands hold must be the same to the last bit,
-        but not the joints of the arm that moves. With tolerances of somebody's own it is of none.
+        but not the joints of the arm that moves. With tolerances of somebody's own, or with
+        another response than the plan states, it is of none.
 
         Args:
             plan: what is about to be executed.

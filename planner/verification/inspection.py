@@ -167,7 +167,11 @@ class _Inspection:
             steps=len(plan.steps),
             limits=described(self._judge),
             geometry=self._body.source,
-            subject=Subject(plan, self._situation, allowed == Tolerances.of(plan)),
+            subject=Subject(
+                plan,
+                self._situation,
+                allowed == Tolerances.of(plan) and plan.response in (None, response),
+            ),
         )
 
     def _tracking(self, response: Response, stretches: Stretches) -> Iterator[Check]:

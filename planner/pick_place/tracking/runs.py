@@ -61,7 +61,8 @@ def check_rests(steps: Sequence[Step]) -> None:
     Raises:
         TrajectoryError: then; says which.
     """
-    for step, after in zip(steps, (*steps[1:], None), strict=True):
+    for number, step in enumerate(steps):
+        after = steps[number + 1] if number + 1 < len(steps) else None
         if isinstance(step, Move) and not isinstance(after, Move) and not _rests(step):
             speed = float(np.abs(step.trajectory.v[-1]).max())
             raise TrajectoryError(

@@ -125,3 +125,21 @@ def test_refuses_an_arm_that_does_not_follow(move: Trajectory) -> None:
     t, u, q = recorded(move, TRUE_S)
     with pytest.raises(ResponseError, match="joint"):
         fit_response(t, u, -3.0 * q)
+
+
+def test_refuses_a_motion_at_one_speed_which_an_offset_explains_as_well() -> None:
+    t = np.arange(0.0, 4.0, STEP_S)
+    u = np.repeat(0.1 * t[:, None], 7, axis=1)
+    y, q = np.zeros(7), []
+    for target in u:
+        q.append(y + 0.01)
+        y = target + (y - target) * np.exp(-STEP_S / 0.3)
+    with pytest.raises(ResponseError, match="cannot be told from an offset"):
+        fit_response(t, u, np.array(q))
+
+
+def test_tells_a_lag_from_an_offset_where_an_arm_goes_there_and_back(move: Trajectory) -> None:
+    t, u, q = recorded(move, TRUE_S, noise_rad=0.0)
+    plain, shifted = (fit_response(t, u, q + offset) for offset in (0.0, 0.02))
+    assert np.allclose(plain.lag_s, shifted.lag_s, atol=1e-4)
+    assert np.allclose(plain.lag_s.mean(axis=1), TRUE_S, atol=2e-3)

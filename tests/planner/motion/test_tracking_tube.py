@@ -308,8 +308,8 @@ def test_whoever_is_settled_is_in_a_box_of_the_next_start(
     y = simulated(
         move, response, rng.uniform(*start, (8, 7)), plan_s, lags(rng, response, 8, steps)
     )
-    sent_all = move.duration / response.speed + response.window_s
-    resting = y[:, int(np.ceil(sent_all / STEP_S)) + 1 :]
+    begins = move.duration / response.speed + response.rest_s
+    resting = y[:, int(np.ceil(begins / STEP_S)) :]
     is_settled = np.abs(resting - move.q_goal).max(axis=2) <= SETTLED_RAD
     assert is_settled[:, -1].all()
     for positions in resting[is_settled]:

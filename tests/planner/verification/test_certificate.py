@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 
 from baxter_kin.errors import UnknownNameError
-from planner import Certificate, Plan, Scene, Situation
+from planner import Certificate, Plan, Response, Scene, Situation, verify
 from planner.verification import Check
 from planner.verification.certificate import Relation, Worst, greatest, least
 from tests.conftest import at
@@ -43,6 +43,15 @@ def test_a_certificate_is_that_of_the_plan_and_world_it_was_made_of(
     assert not cube_certificate.is_of(cube_plan, moved)
     turned = replace(again, joints={**again.joints, "head_pan": 1e-12})
     assert not cube_certificate.is_of(cube_plan, turned)
+
+
+def test_a_certificate_for_another_arm_than_the_plan_is_sent_to_is_of_no_plan(
+    cube_plan: Plan,
+) -> None:
+    stated = replace(cube_plan, response=Response((0.38, 0.42), 0.001, 0.3))
+    assert verify(stated).is_of(stated)
+    assert not verify(stated, response=Response((0.0, 0.0), late_s=0.0)).is_of(stated)
+    assert verify(cube_plan, response=stated.response).is_of(cube_plan)
 
 
 def test_a_certificate_that_somebody_wrote_is_of_no_plan(cube_plan: Plan) -> None:
