@@ -106,7 +106,7 @@ def _moved(
     executor.enable(ready.plan.limb)
     _say(ready.summary)
     if not options.yes and not _is_confirmed():
-        return _complain("not confirmed; nothing was moved")
+        return _complain("not confirmed; nothing was moved, and the robot stays enabled")
     with signals.stopping(executor.stop):
         outcome = executor.execute(ready)
     return _ended(outcome, signals)
@@ -129,7 +129,8 @@ def _ended(outcome: MeasuredOutcome, signals: Signals) -> int:
     if outcome.failure is None:
         _say("done")
         return 0
-    _complain(outcome.failure)
+    holds = outcome.stop is not None and outcome.stop.cause.holds
+    _complain(outcome.failure + ("; the arm holds where it is" if holds else ""))
     return EXIT_INTERRUPTED if signals.came is StopCause.SIGINT else EXIT_FAILED
 
 
@@ -199,7 +200,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Carry out a saved plan on the Baxter of ROS_MASTER_URI. Nothing is sent "
         "before all conditions hold; tested against Debian's ROS 1 and the original clients, never "
         "on hardware.",
-        epilog="Exit status: 0 done, 1 not, 2 wrong usage or no plan, 130 Ctrl-C.",
+        epilog="Exit status: 0 done, 1 not (SIGTERM too), 2 wrong usage or no plan, 130 Ctrl-C.",
         allow_abbrev=False,
     )
     parser.add_argument("plan", metavar="PLAN", help="a plan that save_plan or the demo saved")

@@ -98,7 +98,12 @@ class Execution:
         if not self._link.wait_until(lambda: bool(self._channel.readers), CONNECT_S):
             raise SimulationError("the robot does not connect to the set-points; is it reachable?")
         self._stream = ArmStream(
-            self._link, self._channel, self.watch, self._arm.joint_names, self._seen
+            self._link,
+            self._channel,
+            self.watch,
+            self._arm.joint_names,
+            self._seen,
+            rest_s=self._options.rest_s,
         )
         if self._options.timeout_s is not None:
             self._stream.limit(self._options.timeout_s)

@@ -57,9 +57,13 @@ class Identification(SampleObserver):
         self._plan = self._planned(reading.q)
         self._samples: list[Sample] = []
         self._executor = RosExecutor(link, [self], options=ExecutionOptions(PACE))
+        moves = [move.trajectory for move in self._plan.moves]
+        fastest = max(float(np.abs(each.v).max()) for each in moves)
         self.warning = (
-            f"each joint of the {limb} arm will move by {STEP_RAD:g} rad and back; nobody knows "
-            "what stands around the robot: keep the space around the arm free"
+            f"each joint of the {limb} arm will move by {STEP_RAD:g} rad and back, one after the "
+            f"other, at up to {fastest:.1f} rad/s, {len(moves)} moves of "
+            f"{max(each.duration for each in moves):.1f} s at most; nobody knows what stands "
+            "around the robot: keep the space around the arm free, and a hand on the emergency stop"
         )
 
     def on_sample(self, sample: Sample) -> None:

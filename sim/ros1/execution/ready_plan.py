@@ -57,6 +57,11 @@ class ExecutionOptions(OneLine):
             return None
         return replace(self.response, speed=self.pace.speed, lead_s=self.pace.lead_s)
 
+    @property
+    def rest_s(self) -> float:
+        """How long the last set-point of a motion stands at least, as the tracking proof counts."""
+        return (self.sent_response or Response((0.0, 0.0), speed=self.pace.speed)).rest_s
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ReadyPlan(OneLine):
@@ -103,7 +108,7 @@ class ReadyPlan(OneLine):
         return (self.summary,)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True, repr=False)
 class Readiness(OneLine):
     """What was found before anything is sent.
 

@@ -13,6 +13,7 @@ from baxter_kin import Baxter
 from planner import Plan, Response
 from sim import Event, EventKind, Simulation, World
 from sim.outcome import Dwell
+from sim.ros1.execution import preflight
 from sim.ros1.execution.executor import RosExecutor
 from sim.ros1.execution.link.baxter_link import BaxterLink
 from sim.ros1.execution.ready_plan import ExecutionOptions, NotReadyError
@@ -28,6 +29,12 @@ from tests.sim.runs import Witness
 SAME_PLACE_M = 1e-3
 LAG = Following(Follow.LAG, 0.4)
 KNOWN_LAG = Response((0.35, 0.45), 0.001)
+
+
+@pytest.fixture(autouse=True)
+def patient_with_rates(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both halves share a process, and that a busy computer."""
+    monkeypatch.setattr(preflight, "LEAST_RATE_HZ", 20.0)
 
 
 @dataclass

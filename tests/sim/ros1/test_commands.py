@@ -156,7 +156,9 @@ def test_without_a_yes_it_does_not_move(
     _, uri = robot_process
     run = Command(tmp_path / "log", "sim.ros1.execute", str(plan_file), uri=uri)
     assert run.status() == 1
-    assert run.said.splitlines()[-1].endswith("not confirmed; nothing was moved")
+    assert run.said.splitlines()[-1].endswith(
+        "not confirmed; nothing was moved, and the robot stays enabled"
+    )
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,8 @@ class ArmStream:
         watch: Watch,
         names: tuple[str, ...],
         tell: Callable[[Sample], None],
+        *,
+        rest_s: float = 0.0,
     ) -> None:
         """Send nothing yet.
 
@@ -59,9 +61,10 @@ class ArmStream:
             watch: why to stop.
             names: of the joints.
             tell: gets every tick; must be quick.
+            rest_s: how long the last set-point of a motion stands at least.
         """
         self._link, self._channel, self._watch, self._names = link, channel, watch, names
-        self._tell = tell
+        self._tell, self._rest_s = tell, rest_s
         self._begin_s = time.monotonic()
         self._schedule = Schedule(self._begin_s)
         self._guard: PathGuard | None = None
@@ -113,7 +116,7 @@ class ArmStream:
                 settle_by_s = min(settle_by_s, now_s + SETTLE_TIMEOUT_S)
                 reading = self._reading()
                 goal = motion.trajectory.q_goal
-                if _is_settled(reading, goal, settle_by_s - SETTLE_TIMEOUT_S):
+                if _is_settled(reading, goal, settle_by_s - SETTLE_TIMEOUT_S + self._rest_s):
                     return None
                 if now_s > settle_by_s:
                     return self._told(_unsettled(reading, goal, self._names))

@@ -72,7 +72,7 @@ def test_the_gripper_is_told_to_close_fully_and_the_ratio_is_put_back(
     network: Network, ready: ReadyPlan
 ) -> None:
     outcome = network.executor().execute(ready)
-    assert outcome.is_success
+    assert outcome.is_success, outcome.failure
     asked = [command.args for command in network.robot.gripper_commands]
     assert asked == ['{"position": 100.0}', '{"position": 0.0}', '{"position": 100.0}']
     sequences = [command.sequence for command in network.robot.gripper_commands]
@@ -258,6 +258,19 @@ def test_a_gripper_that_does_nothing_is_not_waited_for_for_ever(
     assert "50 %" in str(outcome.failure)
 
 
+def test_the_last_set_point_stands_as_long_as_the_tracking_proof_counts_on(
+    network: Network, ready: ReadyPlan
+) -> None:
+    """This arm follows at once, so nothing else makes it wait."""
+    samples = Samples()
+    outcome = network.executor(samples).execute(first_moves(ready, 2))
+    assert outcome.is_success, outcome.failure
+    goal = samples.samples[-1].q_sent
+    standing = [each.time_s for each in samples.samples if (each.q_sent == goal).all()]
+    assert standing[-1] - standing[0] >= FAST.rest_s
+    assert FAST.rest_s > 0.01 + 0.02
+
+
 def test_an_arm_that_does_not_come_to_rest_is_named(
     network: Network, ready: ReadyPlan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -311,7 +324,7 @@ def test_an_observer_that_is_slow_delays_no_set_point(network: Network, ready: R
             time.sleep(0.02)
 
     outcome = network.executor(Slow()).execute(first_moves(ready, 2))
-    assert outcome.is_success
+    assert outcome.is_success, outcome.failure
     assert outcome.lateness_s[0] < 0.005
 
 
@@ -340,7 +353,7 @@ def test_set_points_do_not_jump_when_the_machine_is_busy(
 def test_a_robot_that_cannot_be_enabled_is_told_of_and_nothing_moves(
     network: Network, ready: ReadyPlan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sim.ros1.execution.executor.ENABLE_S", 0.3)
+    monkeypatch.setattr("sim.ros1.execution.executor.ENABLE_S", 1.0)
     network.robot.state["stopped"] = True
     with pytest.raises(SimulationError, match="not enabled"):
         network.executor().execute(ready)
