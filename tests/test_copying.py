@@ -44,6 +44,8 @@ from planner import (
 )
 from sim import CsvRecorder, LogRecorder, McapRecorder, Recorder, Simulation, World
 from sim.perception import LoggedPoses
+from sim.ros1.execution.preflight import Finding
+from sim.ros1.execution.ready_plan import Readiness
 from sim.view.live.viewer import Viewer
 from tests.conftest import at, overhead
 from tests.front_doors import FRONT_DOORS
@@ -67,6 +69,7 @@ TAKEN: dict[str, tuple[Any, ...]] = {
     "FileError": ("read", "a.json", "it is empty"),
     "StraightMoveError": (0.5, "the arm ends"),
     "StageError": ("pick: approach", "it is too far"),
+    "NotReadyError": (Readiness((Finding("state", False, "it is stopped"),), None),),
 }
 """What makes errors that take more than a sentence."""
 

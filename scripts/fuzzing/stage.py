@@ -40,6 +40,8 @@ from baxter_kin.description import RobotDescription
 from baxter_kin.ik.task import Task
 from planner.verification import Relation
 from sim.recording.playback import retell
+from sim.ros1.definitions import message_type
+from sim.ros1_messages import MessageType
 
 TABLE_Z_M = -0.155
 
@@ -286,6 +288,10 @@ class _Lasting:
     @cached_property
     def TrackingProof(self) -> p.TrackingProof:
         return p.TrackingProof(self.Response, (), 0.0, 0.04, 0.02, np.zeros(7), 0.3)
+
+    @cached_property
+    def MessageType(self) -> MessageType:
+        return message_type("std_msgs/String")
 
     @cached_property
     def LineTolerance(self) -> p.LineTolerance:

@@ -171,6 +171,7 @@ BY_ANNOTATION: tuple[tuple[str, Make], ...] = (
     (r"\bbool\b", _constant(False)),
     (r"\bint\b", _constant(1)),
     (r"\bfloat\b", _constant(0.1)),
+    (r"^bytes$", _constant(b"\0\0\0\0")),
     (r"\bstr\b", _constant("a text")),
     (r"\bMapping\b", lambda _: {}),
     (r"\bFloatArray\b|\bArrayLike\b", _seven),

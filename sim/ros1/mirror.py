@@ -7,6 +7,7 @@ stopped by Ctrl-C.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -68,7 +69,9 @@ def _mirrored(options: argparse.Namespace) -> int:
     from sim.ros1.node import Node  # noqa: PLC0415
 
     with ExitStack() as stack:
-        link = stack.enter_context(BaxterLink(stack.enter_context(Node("/baxter_mirror"))))
+        link = stack.enter_context(
+            BaxterLink(stack.enter_context(Node(f"/baxter_mirror_{os.getpid()}")))
+        )
         if not link.wait_until(lambda: bool(link.joints.positions()), FIRST_S):
             raise RosError(f"nothing came on {JOINT_STATES} within {FIRST_S:g} s; is it running?")
         robot = _robot(options, link)

@@ -2,8 +2,9 @@
 
 It publishes once on `/robot/sim/press`, our own topic, which a real Baxter does not have. `ok`,
 `cancel` and `show` of the navigator, and `cuff`, `circle` and `dash` of the cuff are pressed for
-half a second, the emergency stop `estop` until `release`. `wheel` turns that of the navigator by
-one notch.
+half a second, the emergency stop `estop` until `release`; the robot stays stopped until `reset`,
+which is no button but what `enable_robot.py -r` of the RSDK does. `wheel` turns that of the
+navigator by one notch.
 """
 
 from __future__ import annotations
@@ -69,7 +70,9 @@ def _parser() -> argparse.ArgumentParser:
         description="Presses a button of the simulated Baxter on the master of ROS_MASTER_URI.",
     )
     parser.add_argument("side", choices=LIMBS, help="of which arm; the emergency stop has no side")
-    parser.add_argument("button", choices=(*PRESSABLE, "estop", "release"), help="which button")
+    parser.add_argument(
+        "button", choices=(*PRESSABLE, "estop", "release", "reset"), help="which button"
+    )
     return parser
 
 

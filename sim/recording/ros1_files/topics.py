@@ -107,9 +107,12 @@ class MessageFile(NotCopied, Observer):
         """Write a message of any other topic, as of what was sent to a robot.
 
         Raises:
-            RecordingError: when the time has no stamp, or the file cannot be written; it is closed
-                then.
+            RecordingError: when the time has no stamp, an argument is of another class, or the file
+                cannot be written; it is closed then.
         """
+        expect(topic, str, "topic", RecordingError)
+        expect(kind, MessageType, "kind", RecordingError)
+        expect(data, bytes, "data", RecordingError)
         if topic not in self._others:
             with self._output.writing():
                 self._open(topic, kind)

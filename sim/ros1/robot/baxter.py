@@ -227,10 +227,10 @@ class SimulatedBaxter(OneLine):
         self._hold()
 
     def press(self, side: str, button: str) -> None:
-        """Press a button, or release all.
+        """Press a button, release all, or reset the robot as `enable_robot.py -r` does.
 
         Raises:
-            BadOrderError: when there is no such button.
+            BadOrderError: when there is no such button, or a reset is refused.
         """
         if button == "estop":
             self.assembly.press()
@@ -238,6 +238,8 @@ class SimulatedBaxter(OneLine):
         elif button == "release":
             self.assembly.release()
             self.panel.release()
+        elif button == "reset":
+            self.reset()
         else:
             self.panel.press(side, button)
 

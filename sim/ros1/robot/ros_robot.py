@@ -93,7 +93,9 @@ class RosRobot(NotCopied, OneLine):
         self._failure: BaseException | None = None
         with ExitStack() as undo:
             home = _loopback(master_uri) if host is None else host
-            self.node = undo.enter_context(Node(name, master_uri=master_uri, host=home))
+            self.node = undo.enter_context(
+                Node(name, master_uri=master_uri, host=home, takes_over=False)
+            )
             self.complaints = Complaints(self._warn)
             self._inlets = Inlets(self.baxter, self.node, self.complaints)
             self._outlets = Outlets(self.node)

@@ -105,7 +105,7 @@ class Panel(OneLine):
         if side not in LIMBS or button not in PRESSABLE:
             raise BadOrderError(
                 f"no button {side!r} {button!r}; {' or '.join(LIMBS)}, then one of "
-                f"{', '.join(PRESSABLE)}, estop, release"
+                f"{', '.join(PRESSABLE)}, estop, release, reset"
             )
         if button == "wheel":
             self._wheel[side] = (self._wheel[side] + 1) % NOTCHES

@@ -139,6 +139,15 @@ class TestEnabling:
         reset = client.until(*topic, lambda m: not m.stopped)
         assert (reset.estop_button, reset.estop_source) == (0, 0)
 
+    def test_it_is_reset_on_our_own_topic_as_well(self, client: Client) -> None:
+        topic = "/robot/state", f"{CORE}/AssemblyState"
+        client.enable()
+        for button, at_end in (("estop", 1), ("release", 3), ("reset", 0)):
+            client.say("/robot/sim/press", "std_msgs/String", data=f"left {button}")
+            while client.until(*topic, bool).estop_button != at_end:
+                pass
+        assert not client.state.stopped
+
     def test_tucked_arms_need_suppression(self, robot: Baxter, own_master: str) -> None:
         tucked = start_rad(is_tucked=True)
         with (
