@@ -10,26 +10,19 @@ from collections.abc import Callable
 
 from baxter_kin.errors import expect
 from baxter_kin.value_objects import NotCopied, OneLine
-from sim.errors import RosConnectionError, RosError, RosMessageError
+from sim.errors import RosError, RosMessageError
 from sim.ros1.definitions import message_type, service_type
 from sim.ros1.offers import Publisher, Service, Subscriber
 from sim.ros1.questions import Questions
+from sim.ros1.service_calls import ServiceCalls
 from sim.ros1.transport.names import full_name, node_name
-from sim.ros1.transport.network.addresses import Place, place_of
 from sim.ros1.transport.network.counts import Counts
 from sim.ros1.transport.presence import Presence
 from sim.ros1.transport.registry import Entry, Role
 from sim.ros1.transport.tcpros.publication import Publication
-from sim.ros1.transport.tcpros.service_client import call_service, probe_service
 from sim.ros1.transport.tcpros.service_server import ServiceServer
 from sim.ros1.transport.tcpros.subscription import Callback, Subscription
 from sim.ros1_fields import Message
-
-CALL_S = 5.0
-"""How long a service may take to answer, unless said otherwise."""
-
-POLL_S = 0.05
-"""How often a service that is waited for is looked for."""
 
 LOG_TOPIC = "/rosout"
 LOG_QUEUE = 100
@@ -39,7 +32,7 @@ LEVELS = dict(zip(_PYTHONS, (1, 2, 4, 8, 16), strict=True))
 """What Python's levels are in rosgraph_msgs/Log."""
 
 
-class Node(Questions, NotCopied, OneLine):
+class Node(Questions, ServiceCalls, NotCopied, OneLine):
     """A node, from its registration at the master until it is closed. A context manager.
 
     Names are global, as "/robot/state", relative to /, or private, as "~rate". Types are those of
@@ -213,37 +206,6 @@ class Node(Questions, NotCopied, OneLine):
         entry = Entry(Role.SERVICE, name)
         return Service(server, self._register(entry, forget, server.close))
 
-    def call(
-        self, service: str, type_name: str, request: Message, *, timeout_s: float = CALL_S
-    ) -> Message:
-        """The response of a service of any node.
-
-        Args:
-            service: its name.
-            type_name: such as "gazebo_msgs/SpawnModel".
-            request: made by the type's request.
-            timeout_s: how long the service may take.
-
-        Raises:
-            RosConnectionError: when it does not exist, cannot be reached, or is silent.
-            ServiceRefused: when it answers with an error.
-            RosMessageError: when the request or its response does not fit the type.
-        """
-        name = full_name(service, self.name)
-        kind = service_type(type_name)
-        content = kind.request.serialise(request)
-        place = self._find_service(name)
-        return call_service(place, name, kind, content, node=self.name, timeout_s=timeout_s)
-
-    def wait_for_service(self, service: str, timeout_s: float) -> bool:
-        """Wait until a service can be reached; False when the time is over."""
-        name = full_name(service, self.name)
-        end = time.monotonic() + timeout_s
-        while not self._is_served(name, max(POLL_S, end - time.monotonic())):
-            if time.monotonic() + POLL_S > end or self._ended.wait(POLL_S):
-                return False
-        return True
-
     def log(self, text: str, level: int = logging.INFO) -> None:
         """Say something on /rosout.
 
@@ -258,25 +220,6 @@ class Node(Questions, NotCopied, OneLine):
             raise RosMessageError(f"not a level of the package logging: {level!r}")
         header = {"stamp": time.time()}
         self._log.send(header=header, level=LEVELS[level], name=self.name, msg=text)
-
-    def _is_served(self, name: str, timeout_s: float) -> bool:
-        try:
-            probe_service(self._find_service(name), name, node=self.name, timeout_s=timeout_s)
-        except RosConnectionError:
-            return False
-        return True
-
-    def _find_service(self, name: str) -> Place:
-        if self._presence.loop.is_here:
-            raise RosError("a callback cannot wait for a service: call it in another thread")
-        try:
-            return place_of(self._master.service_uri(name))
-        except RosConnectionError:
-            raise
-        except RosError as cause:
-            raise RosConnectionError(
-                f"nobody offers the service {name}", node=name, remedy="see that its node runs"
-            ) from cause
 
     def _register(
         self, entry: Entry, forget: Callable[[], None], leave: Callable[[], None]

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from sim.errors import RosConnectionError, RosError, RosMessageError, ServiceRefused
+from sim.errors import RosConnectionError, RosError, RosMessageError
 from sim.ros1.definitions import message_type, service_type
 from sim.ros1.master import Master
 from sim.ros1.node import Node
@@ -366,55 +366,6 @@ def test_private_names_are_below_the_node(node: Node) -> None:
     node.set_parameter("~rate", 3)
     assert node.parameter("/ours/rate") == 3
     assert node.parameter_names() == ("/ours/rate",)
-
-
-def test_services_answer_refuse_and_fail_with_words(node: Node) -> None:
-    def handle(request: Message) -> Message:
-        if request.model_name == "refuse":
-            raise ServiceRefused("not this one")
-        if request.model_name == "fail":
-            raise ZeroDivisionError("by accident")
-        return DELETE.response.make(success=True)
-
-    node.serve("/s", DELETE.name, handle)
-    assert node.call("/s", DELETE.name, DELETE.request.make()).success
-    with pytest.raises(ServiceRefused, match="service /s answered: not this one"):
-        node.call("/s", DELETE.name, DELETE.request.make(model_name="refuse"))
-    with pytest.raises(ServiceRefused, match="ZeroDivisionError: by accident"):
-        node.call("/s", DELETE.name, DELETE.request.make(model_name="fail"))
-    assert node.counts.faults == 1
-
-
-def test_a_service_that_is_slow_or_missing_is_told(node: Node) -> None:
-    done = threading.Event()
-
-    def handle(_: Message) -> Message:
-        done.wait(20.0)
-        return DELETE.response.make()
-
-    node.serve("/s", DELETE.name, handle)
-    with pytest.raises(RosConnectionError, match=r"service /s at .*: no answer in 0.1 s"):
-        node.call("/s", DELETE.name, DELETE.request.make(), timeout_s=0.1)
-    done.set()
-    with pytest.raises(RosConnectionError, match="nobody offers the service /none"):
-        node.call("/none", DELETE.name, DELETE.request.make())
-    assert not node.wait_for_service("/none", 0.1)
-    with pytest.raises(RosConnectionError, match=r"/s at .* refused: /s has the type"):
-        node.call(
-            "/s", "gazebo_msgs/SpawnModel", service_type("gazebo_msgs/SpawnModel").request.make()
-        )
-
-
-def test_a_callback_cannot_wait_for_a_service(
-    own_master: str, node: Node, make_node: MakeNode, caplog: pytest.LogCaptureFixture
-) -> None:
-    node.serve("/s", DELETE.name, lambda _: DELETE.response.make())
-    reader = make_node("/reader", own_master)
-    reader.subscribe(
-        "/t", TEXT.name, lambda _: reader.call("/s", DELETE.name, DELETE.request.make())
-    )
-    node.advertise("/t", TEXT.name, latch=True).send(data="x")
-    until(lambda: "a callback cannot wait for a service" in caplog.text)
 
 
 def test_malformed_requests_are_answered_with_an_error(node: Node) -> None:
