@@ -17,11 +17,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' generator of classes
 
-from ros1_figures import executor, transport
+from ros1_figures import baxter, executor, transport
 from ros1_figures.figure import Figure
 
 PARTS: dict[str, Callable[[float], Iterator[Figure]]] = {
     "transport": transport.figures,
+    "baxter": baxter.figures,
     "executor": executor.figures,
 }
 """What is measured, by name; each is given for how long."""

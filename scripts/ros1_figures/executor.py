@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import re
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -20,6 +18,7 @@ import numpy as np
 from baxter_kin import Baxter
 from planner import Manipulator, PickAndPlace, Plan, plan_pick_and_place
 from ros1_figures.figure import Figure
+from ros1_figures.robot_process import robot_process
 from sim import Simulation, World, read_log
 from sim.demo.scene import BLOCK, demo_bodies, overhead
 from sim.outcome import Dwell
@@ -33,11 +32,9 @@ from sim.ros1.node import Node
 
 RUNS = 20
 STOPS = 10
-START_S = 30.0
 LAG_S = 0.4
 SAME_PLACE_MM = 1.0
 PAUSE_S = 0.13
-URI = re.compile(r"ROS_MASTER_URI=(http://\S+)")
 
 
 def figures(duration_s: float) -> Iterator[Figure]:
@@ -76,7 +73,7 @@ class _Stage:
     ) -> tuple[MeasuredOutcome, float]:
         """One execution; what came of it, and how far off the block is then, mm."""
         log = folder / "robot.jsonl"
-        with _baxter("--record", str(log), *robot_options) as uri, _linked(uri) as link:
+        with robot_process("--record", str(log), *robot_options) as (uri, _), _linked(uri) as link:
             _bring_to_start(self.plan, link)
             executor = RosExecutor(link, options=ExecutionOptions(pace, Dwell(0.5, 0.5)))
             ready = executor.prepare(self.plan).ready
@@ -92,27 +89,6 @@ class _Stage:
             time.sleep(0.3)
         block = read_log(log).recording.body_poses[BLOCK][-1]
         return outcome, 1e3 * float(np.abs(block[:3] - self.block_m).max())
-
-
-@contextmanager
-def _baxter(*options: str) -> Iterator[str]:
-    """A simulated Baxter with the demo's scene; where its master is."""
-    command = [sys.executable, "-m", "sim.ros1.robot", "--own-master", "--port", "0"]
-    process = subprocess.Popen(
-        [*command, "--table", "--block", *options],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
-    try:
-        assert process.stdout is not None
-        found = URI.search(process.stdout.readline())
-        if found is None:
-            raise SystemExit("the simulated Baxter did not start")
-        yield found[1]
-    finally:
-        process.terminate()
-        process.wait(START_S)
 
 
 @contextmanager
@@ -188,7 +164,7 @@ def _lagging(stage: _Stage) -> Iterator[Figure]:
 def _stopped(stage: _Stage, runs: int) -> Iterator[Figure]:
     delays_s = []
     for _ in range(runs):
-        with _baxter() as uri, _linked(uri) as link, ExitStack() as stack:
+        with robot_process() as (uri, _), _linked(uri) as link, ExitStack() as stack:
             delays_s.append(_stop_delay_s(stage, link, uri, stack))
     yield Figure(
         "stop message to last command",
