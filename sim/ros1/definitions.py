@@ -7,6 +7,7 @@ control_msgs of ROS Noetic.
 
 from __future__ import annotations
 
+from sim.recording.ros1_files.messages import GRIPPER_FIELDS, GRIPPER_STATE
 from sim.ros1_messages import MessageType, MessageTypes, ServiceType
 
 _STAMPED_GOAL = "std_msgs/Header header\nactionlib_msgs/GoalID goal_id\n"
@@ -102,31 +103,7 @@ bool controls_position
 bool senses_position
 string properties
 """,
-    "baxter_core_msgs/EndEffectorState": """
-uint8 STATE_FALSE=0
-uint8 STATE_TRUE=1
-uint8 STATE_UNKNOWN=2
-float32 POSITION_CLOSED=0.0
-float32 POSITION_OPEN=100.0
-float32 FORCE_MIN=0.0
-float32 FORCE_MAX=100.0
-time timestamp
-uint32 id
-uint8 enabled
-uint8 calibrated
-uint8 ready
-uint8 moving
-uint8 gripping
-uint8 missed
-uint8 error
-uint8 reverse
-float32 position
-float32 force
-string state
-string command
-string command_sender
-uint32 command_sequence
-""",
+    GRIPPER_STATE: GRIPPER_FIELDS,
     "baxter_core_msgs/EndpointState": """
 std_msgs/Header header
 geometry_msgs/Pose pose

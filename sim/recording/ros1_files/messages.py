@@ -20,7 +20,7 @@ TEXT = "std_msgs/String"
 
 GRIPPER_STATE = "baxter_core_msgs/EndEffectorState"
 
-_GRIPPER_FIELDS = """
+GRIPPER_FIELDS = """
 uint8 STATE_FALSE=0
 uint8 STATE_TRUE=1
 uint8 STATE_UNKNOWN=2
@@ -45,9 +45,9 @@ string command
 string command_sender
 uint32 command_sequence
 """
-"""As `sim.ros1.definitions` has it, which stands above recordings; real robots' bags have it."""
+"""Rethink's; the bags of real robots have it."""
 
-_TYPES = MessageTypes({GRIPPER_STATE: _GRIPPER_FIELDS})
+_TYPES = MessageTypes({GRIPPER_STATE: GRIPPER_FIELDS})
 
 
 def message_type(name: str) -> MessageType:

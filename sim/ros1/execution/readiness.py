@@ -17,6 +17,7 @@ from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import clear, seconds
 from planner import Grip, Manipulator, Plan, TrackingProof, plan_start_move, prove_tracking, verify
+from planner.pick_place.tracking.proof import START_RAD
 from planner.situation import Situation
 from sim.errors import SimulationError
 from sim.ros1.execution.guard.path_guard import KEPT_M
@@ -31,9 +32,6 @@ from sim.ros1.execution.stream.set_points import (
     speed_ratio_for,
     too_fast,
 )
-
-START_RAD = 0.02
-"""An arm that stands so near to the start of its plan begins there."""
 
 OUTSIDE_RAD = 0.1
 """So far outside the joint limits real arms stand, as tucked ones; farther, something is wrong."""

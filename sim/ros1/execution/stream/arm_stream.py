@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from baxter_kin.validation import FloatArray
+from planner.motion.tracking_tube import SETTLED_RAD
 from sim.ros1.execution.guard.path_guard import PathGuard
 from sim.ros1.execution.guard.stages import Room
 from sim.ros1.execution.guard.watch import Watch
@@ -25,7 +26,7 @@ from sim.ros1.execution.stops import Stop, StopCause
 from sim.ros1.execution.stream.set_points import SentMotion, SetPoint
 from sim.ros1.execution.stream.ticks import PlanTime, Schedule
 
-SETTLED_RAD, SETTLED_RAD_S = 0.0087, 0.02
+SETTLED_RAD_S = 0.02
 """An arm has arrived when no joint is farther off, half a degree as in the original, or faster."""
 
 SETTLE_TIMEOUT_S = 8.0

@@ -19,16 +19,11 @@ from baxter_kin.errors import expect_all
 from baxter_kin.validation import FloatArray, finite_scalar, positive_scalar
 from baxter_kin.value_objects import OneLine
 from planner import Move, Trajectory
+from planner.motion.response import LONGEST_LEAD_S
 from planner.trajectory import joined
 from sim.errors import SimulationError
 
-TICK_S = 0.01
-"""Between two set-points: 100 Hz, at which the original clients command."""
-
 DEFAULT_SPEED = 0.3
-
-LONGEST_LEAD_S = 1.0
-"""A real Baxter lags by 0.4 s."""
 
 FASTEST_RAD_S: tuple[float, ...] = (2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0)
 """How fast a Baxter lets its joints s0 .. w2 turn in position mode, at speed ratio 1."""

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 from baxter_kin.validation import positive_scalar
+from planner.motion.response import TICK_S
 from sim.errors import SimulationError
-from sim.ros1.execution.stream.set_points import TICK_S
 
 LATEST_S = 0.02
 """A tick later than this lets plan time stand still."""

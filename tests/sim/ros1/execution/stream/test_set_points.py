@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm
 from planner import Move, Plan, plan_joint_move
+from planner.motion.response import TICK_S
 from sim.errors import SimulationError
 from sim.ros1.execution.stream.set_points import (
     FASTEST_RAD_S,
-    TICK_S,
     Pace,
     SentMotion,
     motions_of,
