@@ -7,13 +7,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 
-.PHONY: demo notebooks test check clean
+.PHONY: demo notebooks docs test check clean
 
 demo: $(VENV)/.demo
 	$(BIN)/python -m baxter_kin.demo $(ARGS)
 
 notebooks: $(VENV)/.notebooks
 	$(BIN)/python -m jupyterlab --notebook-dir notebooks $(ARGS)
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -n -W --keep-going -b html docs build/docs $(ARGS)
+	$(BIN)/python scripts/check_site.py build/docs
 
 test: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto $(ARGS)
@@ -25,10 +29,11 @@ check: $(VENV)/.check
 	$(BIN)/mypy
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info
+	rm -rf $(VENV) build dist *.egg-info docs/notebooks docs/stories docs/sg_execution_times.rst
 
-SET_UP := $(addprefix $(VENV)/.,demo notebooks check test)
+SET_UP := $(addprefix $(VENV)/.,demo notebooks docs check test)
 
-$(SET_UP): $(VENV)/.%: pyproject.toml scripts/set_up.py
+$(SET_UP): $(VENV)/.%: pyproject.toml scripts/set_up.py $(wildcard scripts/setting_up/*.py)
+	@$(PYTHON) -c "import sys; sys.version_info < (3, 7) and sys.exit('set-up: Python %d.%d is too old; baxter-kin needs 3.10 or later; call: make PYTHON=python3.12' % sys.version_info[:2])"
 	@$(PYTHON) scripts/set_up.py $* --venv $(VENV)
 	@touch $@ $(VENV)/.demo

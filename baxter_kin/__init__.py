@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from baxter_kin.limits import JointLimits
     from baxter_kin.model import Baxter
 
+    __version__: str
+
 __all__ = [
     "Arm",
     "Baxter",
@@ -51,4 +53,12 @@ _MODULES = (
 )
 """In the order of loading: what is missing is said before it is needed."""
 
-__getattr__ = loader(__name__, [f"{__name__}.{module}" for module in _MODULES])
+_load = loader(__name__, [f"{__name__}.{module}" for module in _MODULES])
+
+
+def __getattr__(name: str) -> object:
+    if name == "__version__":
+        from baxter_kin.distribution.version import version  # noqa: PLC0415 - looks it up
+
+        return version()
+    return _load(name)

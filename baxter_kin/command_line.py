@@ -9,12 +9,14 @@ import argparse
 import logging
 import math
 import os
+import shutil
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 from baxter_kin.errors import ConfigurationError, DescriptionError, FileError, millimetres_hint
 from baxter_kin.files import Destination
@@ -22,12 +24,23 @@ from baxter_kin.files import Destination
 if TYPE_CHECKING:
     from baxter_kin.description import HandMount
 
+Options: TypeAlias = argparse._ActionsContainer
+"""A parser, or a group of options of one."""
+
 LONGEST_SHOWN = 200
 """How much of a file's name a message repeats."""
 
-
 EXIT_INTERRUPTED = 130
 """Status of what Ctrl-C has stopped, as shells have it."""
+
+EXIT_TERMINATED = 143
+"""The same of SIGTERM."""
+
+NEAR, NEAR_CHOICE = 0.7, 0.6
+"""How alike names are that may have been meant, by difflib: of options, and of choices."""
+
+WIDEST = 100
+"""Columns of a help text, however wide the terminal is."""
 
 
 def run_process(main: Callable[[], int], name: str, failed: int) -> NoReturn:
@@ -48,7 +61,7 @@ def run_process(main: Callable[[], int], name: str, failed: int) -> NoReturn:
             print(f"{name}: cannot write: {cause.strerror}", file=sys.stderr)
         status = failed
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the work is done; leave in peace
-    if status == EXIT_INTERRUPTED:
+    if status in (EXIT_INTERRUPTED, EXIT_TERMINATED):
         # CPython remembers a KeyboardInterrupt inside exec(), which every dataclass uses, and would
         # end by the signal instead of with the status, although it was handled.
         os._exit(status)
@@ -56,14 +69,82 @@ def run_process(main: Callable[[], int], name: str, failed: int) -> NoReturn:
 
 
 class OneSentenceParser(argparse.ArgumentParser):
-    """Says what is wrong in one sentence, and exits with status 2."""
+    """Says what is wrong in one sentence, and exits with status 2; has `--version`.
+
+    An option that does not exist is answered with those whose names are near.
+    """
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**{"formatter_class": _HelpFormatter, **settings})
+        self.add_argument("--version", action=_Version)
+
+    def parse_known_args(self, *given: Any, **named: Any) -> tuple[Any, list[str]]:
+        """As argparse has it, but what is not known ends here."""
+        texts = sys.argv[1:] if not given or given[0] is None else given[0]
+        for text in texts:
+            if not text.startswith("--") and f"-{text}" in self._option_string_actions:
+                self.error(f"{text} has one dash; write -{text}")
+        options, unknown = super().parse_known_args(*given, **named)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{self._near(unknown)}")
+        return options, unknown
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        try:
+            super()._check_value(action, value)
+        except argparse.ArgumentError as cause:
+            choices = [str(choice) for choice in action.choices or ()]
+            near = get_close_matches(str(value).lower(), choices, 1, NEAR_CHOICE)
+            cause.message += f"; did you mean {near[0]}?" if near else ""
+            raise
+
+    def _near(self, unknown: Sequence[str]) -> str:
+        """Which option may have been meant by each that does not exist."""
+        known = [name for name in self._option_string_actions if name.startswith("--")]
+        asked = [text.partition("=")[0] for text in unknown if text.startswith("--")]
+        near = [
+            match for each in asked for match in get_close_matches(each.lower(), known, 1, NEAR)
+        ]
+        return f"; did you mean {' and '.join(near)}?" if near else ""
 
     def error(self, message: str) -> NoReturn:
         """End here."""
         self.exit(2, f"{self.prog}: {message} (--help lists the options)\n")
 
 
-def add_urdf(parser: argparse.ArgumentParser) -> None:
+class _HelpFormatter(argparse.HelpFormatter):
+    """Keeps lines that are indented, as examples are, and wraps the others."""
+
+    def __init__(self, prog: str, **settings: Any) -> None:
+        columns = shutil.get_terminal_size().columns - 2
+        super().__init__(prog, **{"width": min(columns, WIDEST), **settings})
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        fill = super()._fill_text
+        lines = text.splitlines()
+        return "\n".join(s if s.startswith("  ") else fill(s, width, indent) for s in lines)
+
+
+def examples(*lines: str, end: str) -> str:
+    """The end of a help text: command lines that work as they stand, then a paragraph."""
+    return "\n".join(["examples:", *(f"  {line}" for line in lines), "", end])
+
+
+class _Version(argparse.Action):
+    """Prints the version, which is looked up only then."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str) -> None:
+        told = "print the version of baxter-kin and end"
+        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=told)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from baxter_kin.distribution.version import NAME, version  # noqa: PLC0415 - looks it up
+
+        print(NAME, version())
+        parser.exit()
+
+
+def add_urdf(parser: Options) -> None:
     """Add `--urdf`, the robot's own description."""
     parser.add_argument(
         "--urdf",
@@ -85,7 +166,7 @@ def urdf_file(text: str) -> Path:
     return path
 
 
-def add_hands(parser: argparse.ArgumentParser) -> None:
+def add_hands(parser: Options) -> None:
     """Add `--left-hand` and `--right-hand`, what is on the flanges; `hands_of` reads them."""
     for side in ("left", "right"):
         parser.add_argument(
@@ -119,7 +200,8 @@ def number(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+        hint = "; put a point in it, and spaces between numbers" if "," in text else ""
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number{hint}") from None
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
     return value
@@ -131,13 +213,22 @@ def number_within(least: float, most: float, unit: str) -> Callable[[str], float
     def checked(text: str) -> float:
         value = number(text)
         if not least <= value <= most:
-            hint = millimetres_hint(value) if unit == "m" else ""
-            raise argparse.ArgumentTypeError(
-                f"{text} is not from {least:g} to {most:g} {unit}{hint}"
-            )
+            allowed = f"from {least:g} to {most:g} {unit}".rstrip()
+            hint = _unit_hint(value, unit, least, most)
+            raise argparse.ArgumentTypeError(f"{text} is not {allowed}{hint}")
         return value
 
     return checked
+
+
+def _unit_hint(value: float, unit: str, least: float, most: float) -> str:
+    """What a refusal adds where a number makes sense in another unit."""
+    if unit == "m":
+        return millimetres_hint(value)
+    other, share = {"s": ("milliseconds", 1e-3), "": ("per cent", 1e-2)}.get(unit, ("", 0.0))
+    if not other or value < most or not least <= share * value <= most:
+        return ""
+    return f"; are these {other}? Give {share * value:g}{f' {unit}' if unit else ''} then"
 
 
 def whole_number(least: int) -> Callable[[str], int]:

@@ -10,7 +10,7 @@ BaxterError
 ├── RequestError              an IK request that contradicts itself        (also ValueError)
 ├── CopyError                 what cannot be pickled or copied              (also TypeError)
 ├── FileError                 a file that cannot be read, written or trusted
-└── MissingLibraryError       a library that the system lacks              (also ImportError)
+└── MissingLibraryError       a library of the system, or a package        (also ImportError)
 ```
 
 Malformed input raises one of these. "No solution" is a result with a reason, never an exception.
@@ -136,7 +136,7 @@ class CopyError(BaxterError, TypeError):
 
 
 class MissingLibraryError(BaxterError, ImportError):
-    """A library that a dependency leaves to the system, and that the system lacks."""
+    """A library that a dependency leaves to the system, or a package, is not there."""
 
 
 class QuaternionOrderWarning(UserWarning):

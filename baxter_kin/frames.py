@@ -46,6 +46,8 @@ UNIT_QUATERNION_TOLERANCE = 1e-4
 ROTATION_TOLERANCE = 1e-6
 """How far a rotation matrix may be from orthonormal, per element of `R^T R - I`."""
 
+_MADE_BY = "; pose_from_quaternion(position_m, quat_xyzw) makes a pose of such numbers"
+
 
 class Frame(str, Enum):
     """The frames in which a pose may be given."""
@@ -175,7 +177,13 @@ def checked_pose(pose: PoseLike) -> pin.SE3:
     if isinstance(pose, StampedPose):
         return pose.T_base_tip
     matrix = pose.homogeneous if isinstance(pose, pin.SE3) else pose
-    T = finite_array(matrix, (4, 4), "pose", PoseError)
+    try:
+        T = finite_array(matrix, (4, 4), "pose", PoseError)
+    except PoseError as cause:
+        shape = getattr(matrix, "shape", None)
+        if isinstance(matrix, (list, tuple)) and all(map(np.isscalar, matrix)):
+            shape = (len(matrix),)
+        raise PoseError(f"{cause}{_MADE_BY if shape in ((3,), (7,)) else ''}") from None
     _check_homogeneous(T)
     return pin.SE3(T[:3, :3], T[:3, 3])
 

@@ -198,12 +198,18 @@ def _tests_of(kind: Any) -> tuple[tuple[str, str, Test], ...]:
     return tuple(
         (field.name, _in_words(hints[field.name]), _test_of(hints[field.name]))
         for field in fields(kind)
-        if field.init and get_origin(hints[field.name]) is not np.ndarray
+        if field.init and _origin_of(hints[field.name]) is not np.ndarray
     )
 
 
+def _origin_of(hint: Any) -> Any:
+    """The class of an annotation with arguments; NumPy 2.5 has `NDArray` as an alias of its own."""
+    origin = get_origin(hint)
+    return np.ndarray if origin is NDArray else origin
+
+
 def _test_of(hint: Any) -> Test:
-    origin, given = get_origin(hint), get_args(hint)
+    origin, given = _origin_of(hint), get_args(hint)
     if origin in (Union, types.UnionType):
         return _any_of(tuple(_test_of(each) for each in given))
     if origin is tuple:
@@ -220,7 +226,7 @@ def _in_words(hint: Any) -> str:
     if get_origin(hint) in (Union, types.UnionType):
         return " or ".join(_in_words(each) for each in get_args(hint))
     inner = ", ".join("..." if each is ... else _in_words(each) for each in get_args(hint))
-    return f"{get_origin(hint).__name__}[{inner}]"
+    return f"{_origin_of(hint).__name__}[{inner}]"
 
 
 def _is_number(value: object) -> bool:

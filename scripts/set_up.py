@@ -1,8 +1,9 @@
-"""Set up what `make demo`, `make notebooks`, `make check` and `make test` need.
+"""Set up what `make demo`, `notebooks`, `docs`, `check` and `test` need.
 
-    python3 scripts/set_up.py demo|notebooks|check|test [--venv FOLDER] [--wheel FILE]
+    python3 scripts/set_up.py demo|notebooks|docs|check|test [--venv FOLDER] [--wheel FILE]
 
-Python, pip and this file are enough to begin with. Python packages go to a virtual environment.
+Python, pip and `scripts/` are enough to begin with. What machine this is comes first, since not
+every one has wheels of all that is needed. Python packages go to a virtual environment.
 What lies outside of it is looked for first; what is missing is brought by the distribution's
 package, when that needs no password, and every such command is printed before it runs. Where that
 cannot be done, this says what is done without it.
@@ -17,13 +18,22 @@ import shlex
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import NoReturn
 
-CHECKOUT = Path(__file__).resolve().parents[1]
-OLDEST_PYTHON = (3, 10)
+from setting_up.machine import Machine, obstacle, remarks
+from setting_up.progress import read_pip, watched
 
-EXTRAS = {"demo": "", "notebooks": "[notebook]", "check": "[dev]", "test": "[dev]"}
+CHECKOUT = Path(__file__).resolve().parents[1]
+
+EXTRAS = {
+    "demo": "",
+    "notebooks": "[notebook]",
+    "docs": "[docs]",
+    "check": "[dev]",
+    "test": "[dev]",
+}
 """What is installed along with the toolkit, by what it is set up for."""
 
 OPENMP = "libgomp.so.1"
@@ -38,6 +48,9 @@ ROS = (
     " ros-sensor-msgs ros-geometry-msgs ros-trajectory-msgs ros-actionlib-msgs"
 )
 """What of Debian's ROS 1 our node is tested against; nothing else needs it."""
+
+LAST_LINES = 20
+"""Of pip's output, shown where it fails without saying why."""
 
 WITHIN_S = 900.0
 """What one command may take; the longest one downloads a browser of 0.3 GB."""
@@ -56,12 +69,11 @@ def main() -> None:
     )
     parser.add_argument("--wheel", type=Path, help="what to install instead of this checkout")
     options = parser.parse_args()
-    if sys.version_info < OLDEST_PYTHON:
-        oldest = ".".join(map(str, OLDEST_PYTHON))
-        fail(f"baxter-kin needs Python {oldest} or later; call: make PYTHON=python3.X")
+    began_s = time.monotonic()
+    check_machine(Machine.this())
     bring_openmp()
     python = environment(options.venv.absolute())
-    say("installing baxter-kin and what it needs, which takes a minute or two the first time")
+    say("installing baxter-kin and what it needs: 0.3 GB, a minute or two the first time")
     if not install(python, options.wheel, EXTRAS[options.purpose]):
         fail("pip could not install it, for the reason above")
     if not has_library(OPENMP):
@@ -71,6 +83,17 @@ def main() -> None:
         bring_browser(python)
         bring_compiler(python, options.wheel)
         bring_ros(python)
+    took_s = time.monotonic() - began_s
+    say(f"done in {took_s:.0f} s; make {options.purpose} starts at once from now on")
+
+
+def check_machine(machine: Machine) -> None:
+    """Fail where wheels are missing, before pip would; say what is different here."""
+    reason = obstacle(machine)
+    if reason is not None:
+        fail(reason)
+    for remark in remarks(machine):
+        say(remark)
 
 
 def bring_openmp() -> None:
@@ -113,9 +136,13 @@ def environment(venv: Path) -> Path:
 
 def install(python: Path, wheel: Path | None, extra: str) -> bool:
     """Have pip install the toolkit with an extra; what pip complains about is shown."""
-    command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    command = [str(python), "-m", "pip", "install", "--disable-pip-version-check"]
     target = ["--editable", f"{CHECKOUT}{extra}"] if wheel is None else [f"{wheel}{extra}"]
-    return subprocess.run([*command, *target], check=False).returncode == 0
+    status, said = watched([*command, *target], "starting pip", CHECKOUT, read=read_pip)
+    if status != 0:
+        errors = [line for line in said if line.lstrip().lower().startswith("error")]
+        print("\n".join(errors or said[-LAST_LINES:]), file=sys.stderr)
+    return status == 0
 
 
 def lend_openmp(python: Path) -> None:
@@ -148,7 +175,7 @@ def bring_browser(python: Path) -> None:
         return
     command = str(python), "-m", "playwright", "install", "chromium"
     say(f"no Chromium on PATH or in Playwright's cache; running: {shlex.join(command)}")
-    if succeeds(*command) and succeeds(*search):
+    if brings(command, "downloading Chromium") and succeeds(*search):
         return
     say("that brought none")
     if not (install_of_distribution("chromium") and succeeds(*search)):
@@ -189,7 +216,9 @@ def install_of_distribution(*packages: str) -> bool:
     update = *quiet, "update"
     get = *quiet, "install", "--yes", "--no-install-recommends", *packages
     say(f"running: {shlex.join(update)} && {shlex.join(get)}")
-    is_installed = succeeds(*update) and succeeds(*get)
+    is_installed = brings(update, "asking for packages") and brings(
+        get, f"installing {packages[0]}{' and others' * (len(packages) > 1)}"
+    )
     if not is_installed:
         say("that failed")
     return is_installed
@@ -211,6 +240,14 @@ def succeeds(*command: str) -> bool:
     return True
 
 
+def brings(command: tuple[str, ...], doing: str) -> bool:
+    """Whether a command ends well that takes long; says meanwhile what it is at."""
+    try:
+        return watched(command, doing, CHECKOUT, within_s=WITHIN_S)[0] == 0
+    except OSError:
+        return False
+
+
 def say(text: str) -> None:
     """A line of progress."""
     print(f"set-up: {text}", flush=True)
@@ -222,4 +259,7 @@ def fail(reason: str) -> NoReturn:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except KeyboardInterrupt:
+        fail("stopped by Ctrl-C; the next make goes on")

@@ -5,7 +5,7 @@
 # commit at HEAD into it, and runs there, in namespaces of its own for mounts and processes:
 #   make demo ARGS=--headless
 #   make test
-# The first ends at its first failure; all is removed at the end.
+# and says how long each took. It ends at the first failure; all is removed at the end.
 #
 #   --user         run them as a user who may install nothing in the system
 #   --demo         the demo alone
@@ -43,10 +43,12 @@ main() {
   chroot "$root" chown -R "$user" /srv/baxter-kin
   for command in "${commands[@]}"; do
     echo "== make $command, as $user"
+    local began=$SECONDS
     case $command in
       demo) inside "$root" "$user" make demo ARGS=--headless ;;
       test) inside "$root" "$user" make test ARGS="$args" ;;
     esac
+    echo "== make $command took $((SECONDS - began)) s"
   done
 }
 

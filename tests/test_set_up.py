@@ -13,14 +13,15 @@ import pytest
 
 from tests.sim.ros1.debian import PACKAGES
 
-SCRIPT = Path(__file__).parents[1] / "scripts" / "set_up.py"
+SCRIPTS = Path(__file__).parents[1] / "scripts"
 APT_GET = "env DEBIAN_FRONTEND=noninteractive apt-get -qq"
 
 
 @pytest.fixture
-def script() -> Any:
+def script(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The script as a module."""
-    spec = importlib.util.spec_from_file_location("set_up", SCRIPT)
+    monkeypatch.syspath_prepend(SCRIPTS)
+    spec = importlib.util.spec_from_file_location("set_up", SCRIPTS / "set_up.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -204,9 +205,7 @@ def test_a_compiler_that_cannot_be_had_is_told(
 ) -> None:
     system.add("python", status=1)
     script.bring_compiler(system.programs / "python", Path("some.whl"))
-    assert system.called[1].endswith(
-        "pip install --quiet --disable-pip-version-check some.whl[compiler]"
-    )
+    assert system.called[1].endswith("pip install --disable-pip-version-check some.whl[compiler]")
     assert "the tests of machine code will be skipped" in capsys.readouterr().out
 
 
@@ -233,13 +232,29 @@ def test_ros_that_is_there_is_enough(script: Any, system: System) -> None:
     assert system.called == ["python -m tests.sim.ros1.debian"]
 
 
-def test_an_old_python_is_told_in_one_sentence(
-    script: Any, monkeypatch: pytest.MonkeyPatch
+def test_what_the_machine_lacks_is_told_before_anything_is_done(
+    script: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["set_up.py", "demo"])
-    monkeypatch.setattr(script, "OLDEST_PYTHON", (99, 0))
-    with pytest.raises(SystemExit, match=r"needs Python 99\.0 or later; call: make PYTHON="):
+    old = script.Machine.this()._replace(python=(3, 9))
+    monkeypatch.setattr(script.Machine, "this", lambda: old)
+    monkeypatch.setattr(sys, "argv", ["set_up.py", "demo", "--venv", str(tmp_path / "venv")])
+    with pytest.raises(SystemExit, match=r"^set-up: Python 3\.9 is too old; baxter-kin needs"):
         script.main()
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_pip_complains_about_is_shown(
+    script: Any, system: System, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pip = system.programs / "python"
+    pip.write_text("#!/bin/sh\necho Collecting pin\necho ERROR: no wheel >&2\nexit 1\n")
+    pip.chmod(0o755)
+    assert not script.install(pip, None, "")
+    assert capsys.readouterr().err == "ERROR: no wheel\n"
+
+
+def test_a_program_that_is_not_there_brings_nothing(script: Any) -> None:
+    assert not script.brings(("/no/such/program",), "doing nothing")
 
 
 def test_an_outer_pip_makes_up_for_a_python_without_ensurepip(

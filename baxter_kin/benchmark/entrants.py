@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.distribution.extras import run_to_install
 from baxter_kin.errors import BaxterError
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray
@@ -71,7 +72,7 @@ class Entrant:
         module: where it is set up, inside this package; it has a function `contestant(arm, ...)`.
         options: further arguments of that function.
         needs: modules that must be installed.
-        install: the command that installs them.
+        install: what to do about it: a command.
     """
 
     key: str
@@ -103,7 +104,7 @@ def _toolbox(key: str, tolerance: float) -> Entrant:
         "solvers.toolbox",
         {"tolerance": tolerance},
         needs=("roboticstoolbox",),
-        install="pip install roboticstoolbox-python",
+        install=run_to_install("roboticstoolbox-python"),
     )
 
 
@@ -113,7 +114,7 @@ def _trac_ik(key: str, epsilon: float) -> Entrant:
         "solvers.tracik",
         {"epsilon": epsilon},
         needs=("trac_ik",),
-        install="pip install pytracik",
+        install=run_to_install("pytracik"),
     )
 
 
@@ -132,9 +133,9 @@ PEERS = (
         "pink",
         "solvers.pink_loop",
         needs=("pink", "qpsolvers", "daqp"),
-        install="pip install pin-pink daqp",
+        install=run_to_install("pin-pink", "daqp"),
     ),
-    Entrant("kdl", "solvers.kdl", needs=("PyKDL",), install="apt install python3-pykdl"),
+    Entrant("kdl", "solvers.kdl", needs=("PyKDL",), install="run: apt-get install python3-pykdl"),
 )
 """Roboticstoolbox and TRAC-IK take part twice: with the tolerance they are usually measured with,
 and with one that implies the 1e-6 asked for here."""
@@ -147,7 +148,7 @@ def enter(entrant: Entrant, arm: Arm) -> Contestant | Absence:
     missing = entrant.missing()
     if missing:
         verb = "is" if len(missing) == 1 else "are"
-        reason = f"{', '.join(missing)} {verb} not installed; run: {entrant.install}"
+        reason = f"{', '.join(missing)} {verb} not installed; {entrant.install}"
         return Absence(entrant.key, reason)
     try:
         build = import_module(f"baxter_kin.benchmark.{entrant.module}").contestant

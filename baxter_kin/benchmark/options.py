@@ -10,7 +10,15 @@ from pathlib import Path
 
 from baxter_kin.benchmark.entrants import ENTRANTS
 from baxter_kin.benchmark.poses import Scenario
-from baxter_kin.command_line import OneSentenceParser, add_urdf, file_to_write, whole_number
+from baxter_kin.command_line import (
+    OneSentenceParser,
+    Options,
+    add_urdf,
+    examples,
+    file_to_write,
+    whole_number,
+)
+from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.kinematics.arm import LIMBS
 
 DEFAULT_COUNT = 1000
@@ -72,15 +80,20 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m baxter_kin.benchmark",
         description="Measures IK solvers on Baxter's arms: how often they find joint angles, and "
         "how fast. Every answer is verified by Pinocchio. Prints markdown.",
-        epilog="Exit status: 0 measured; 2 wrong usage; 130 stopped by Ctrl-C. Solvers that are "
-        "not installed are listed with the command that installs them.",
+        epilog=examples(
+            "python -m baxter_kin.benchmark",
+            "python -m baxter_kin.benchmark --limb both --scenario near at-limits --count 200",
+            "python -m baxter_kin.benchmark --solvers baxter-kin kdl --json ik.json --plot ik.png",
+            end="Exit status: 0 measured; 2 wrong usage; 130 stopped by Ctrl-C. Solvers that are "
+            "not installed are listed with the command that installs them.",
+        ),
     )
-    _add_what_to_measure(parser)
-    _add_outputs(parser)
+    _add_what_to_measure(parser.add_argument_group("what is measured"))
+    _add_outputs(parser.add_argument_group("output"))
     return parser
 
 
-def _add_what_to_measure(parser: argparse.ArgumentParser) -> None:
+def _add_what_to_measure(parser: Options) -> None:
     scenarios = [scenario.value for scenario in Scenario]
     solvers = [entrant.key for entrant in ENTRANTS]
     add_urdf(parser)
@@ -120,7 +133,7 @@ def _add_what_to_measure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--batch", action="store_true", help="measure solve_batch as well")
 
 
-def _add_outputs(parser: argparse.ArgumentParser) -> None:
+def _add_outputs(parser: Options) -> None:
     parser.add_argument("--json", type=file_to_write, metavar="FILE", help="write every number")
     parser.add_argument(
         "--plot",
@@ -133,7 +146,7 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
 
 def _check_plot(parser: argparse.ArgumentParser, path: Path) -> None:
     if importlib.util.find_spec("matplotlib") is None:
-        parser.error("--plot needs matplotlib; run: pip install matplotlib")
+        parser.error(f"--plot needs matplotlib; {run_to_install_extra('plot')}")
     from baxter_kin.benchmark.plot import supported_formats  # noqa: PLC0415 - loads matplotlib
 
     formats = supported_formats()

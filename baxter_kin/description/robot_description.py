@@ -22,6 +22,7 @@ from baxter_kin.description.mounting import drawn_like, mounted, with_known_mesh
 from baxter_kin.description.urdf import Urdf
 from baxter_kin.description.urdf_reading import read_urdf
 from baxter_kin.description.xml_text import LARGEST_TEXT_BYTES
+from baxter_kin.distribution.extras import run_to_install
 from baxter_kin.errors import DescriptionError, FileError, quoted, shown_path
 from baxter_kin.files import open_to_read
 
@@ -65,7 +66,7 @@ class StockFiles:
             files = distribution(_DISTRIBUTION).files or []
         except PackageNotFoundError:
             raise DescriptionError(
-                f"the package {_DISTRIBUTION} is not installed; run: pip install {_DISTRIBUTION}"
+                f"the package {_DISTRIBUTION} is not installed; {run_to_install(_DISTRIBUTION)}"
             ) from None
         urdf = next((file for file in files if file.as_posix().endswith(_URDF)), None)
         if urdf is None:

@@ -1,8 +1,26 @@
 from __future__ import annotations
 
 import logging
+import re
+import subprocess
+import sys
+from pathlib import Path
 
-from baxter_kin.command_line import log_told
+import pytest
+
+import baxter_kin
+from baxter_kin.command_line import OneSentenceParser, log_told
+
+SCRIPTS = re.findall(
+    r'^baxter-\w+ = "([\w.]+):\w+"$',
+    (Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"),
+    re.MULTILINE,
+)
+COMMANDS = {name.removesuffix(".__main__") for name in SCRIPTS} | {
+    "baxter_kin.benchmark",
+    "baxter_kin.demo",
+    "planner.verification",
+}
 
 log = logging.getLogger("baxter_kin.somewhere")
 
@@ -39,3 +57,20 @@ def test_several_packages_are_told_where_that_is_asked_for() -> None:
         log.info("one")
         logging.getLogger("sim.ros1.robot").info("two")
     assert said == ["one", "two"]
+
+
+@pytest.mark.parametrize("command", sorted(COMMANDS))
+def test_every_command_tells_its_version(command: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", command, "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"baxter-kin {baxter_kin.__version__}\n"
+
+
+def test_the_version_asks_for_nothing_else(capsys: pytest.CaptureFixture[str]) -> None:
+    parser = OneSentenceParser()
+    parser.add_argument("file")
+    with pytest.raises(SystemExit, match="0"):
+        parser.parse_args(["--version"])
+    assert capsys.readouterr().out == f"baxter-kin {baxter_kin.__version__}\n"
+    assert vars(parser.parse_args(["some"])) == {"file": "some"}

@@ -264,3 +264,16 @@ def test_many_matrices_are_judged_as_each_alone(seed: int, exponent: float) -> N
             pose_matrices([T])
     else:
         np.testing.assert_array_equal(pose_matrices([T])[0], expected)
+
+
+@pytest.mark.parametrize("numbers", [(0.7, 0.15, 0.0), [0.7, 0.15, 0.0, 0, 1, 0, 0], np.zeros(7)])
+def test_a_flat_pose_is_answered_with_what_makes_a_pose(numbers: Any) -> None:
+    with pytest.raises(PoseError, match=r"must have shape \(4, 4\); pose_from_quaternion\("):
+        checked_pose(numbers)
+
+
+@pytest.mark.parametrize("numbers", [np.eye(3), 1.0, np.array(1.0), [[1], [1, 2], 3], None, "base"])
+def test_what_is_no_flat_pose_gets_no_such_hint(numbers: Any) -> None:
+    with pytest.raises(PoseError) as refused:
+        checked_pose(numbers)
+    assert "pose_from_quaternion" not in str(refused.value)

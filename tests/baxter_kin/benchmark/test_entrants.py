@@ -23,7 +23,9 @@ from baxter_kin.benchmark.solvers import ours
 
 
 def test_absent_solver_says_how_to_install_it(left: Arm) -> None:
-    entrant = Entrant("ghost", "solvers.ghost", needs=("no_such_solver",), install="pip install it")
+    entrant = Entrant(
+        "ghost", "solvers.ghost", needs=("no_such_solver",), install="run: pip install it"
+    )
     absence = enter(entrant, left)
     assert absence == Absence("ghost", "no_such_solver is not installed; run: pip install it")
 

@@ -1,0 +1,1 @@
+"""What `scripts/set_up.py` is made of: Python's own library alone, from Python 3.7 on."""
