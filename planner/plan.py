@@ -75,7 +75,7 @@ class Move(Checked, OneLine, error=TaskError):
         """Which seed led to the answer, and how far the move ends from it."""
         if self.ik is None:
             return "(joint angles)"
-        moved = f", moved by {self.moved_rad:.2f} rad" if self.moved_rad > SHOWN_RAD else ""
+        moved = f", optimised by {self.moved_rad:.2f} rad" if self.moved_rad > SHOWN_RAD else ""
         return f"{self.ik.label}{moved}"
 
     def _facts(self) -> tuple[str, ...]:

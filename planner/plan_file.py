@@ -112,9 +112,10 @@ def check_size(plan: Plan, situation: Situation | None, error: type[PlannerError
 def _plan(content: bytes) -> Plan:
     document = from_text(content, PlanFileError)
     if not isinstance(document, dict):
-        raise PlanFileError(f"is no plan: it holds {shown(document)}")
+        raise PlanFileError(f"is not a saved plan, but {shown(document)}; save_plan writes one")
     if document.get("format") != FORMAT:
-        raise PlanFileError(f"is no plan: its format is {shown(document.get('format'))}")
+        stated = shown(document.get("format"))
+        raise PlanFileError(f"is not a saved plan: its format is {stated}; save_plan writes one")
     if document.get("version") != VERSION or type(document["version"]) is not int:
         raise PlanFileError(
             f"has version {shown(document.get('version'))}, but only {VERSION} is read here, which "

@@ -39,6 +39,9 @@ that is asked for then; and by how much more each time that it was there."""
 MOST_CONTACTS = 32
 """Triangles that are looked at to say how deep something is in a surface."""
 
+POINTS_SLACK_M = 1e-6
+"""How much farther than a distance that is known its points are sought."""
+
 INSIDE = 0.5
 """A closed surface winds about a point inside once, about one outside not at all."""
 
@@ -153,6 +156,32 @@ class Distances:
         """
         first, second = self._pairs[pair]
         return self._encloses(first, second) or self._encloses(second, first)
+
+    def points(self, pair: int, distance_m: float) -> FloatArray:
+        """The two points of a pair's shapes where they are nearest, in base, shape (2, 3), m.
+
+        Their distance is that of the pair, and the padding. Where the shapes are inside each other
+        it is twice a point where they touch, as far as that can be told.
+
+        Args:
+            pair: which one.
+            distance_m: as `measure` found it, without a bound.
+        """
+        first, second = self._pairs[pair]
+        if distance_m + self._padding_m[pair] <= 0.0:
+            return self._touching_point(first, second)
+        self._distance(first, second, distance_m + self._padding_m[pair] + POINTS_SLACK_M)
+        result = self._result
+        return np.array([result.getNearestPoint1(), result.getNearestPoint2()])
+
+    def _touching_point(self, first: int, second: int) -> FloatArray:
+        request, result = coal.CollisionRequest(), coal.CollisionResult()
+        request.enable_contact = True
+        shapes, poses = self._shapes, (self._pose(first), self._pose(second))
+        coal.collide(shapes[first], poses[0], shapes[second], poses[1], request, result)
+        if not result.isCollision():
+            return np.tile(self._poses[second][:3, 3], (2, 1))
+        return np.tile(result.getContact(0).pos, (2, 1))
 
     def _encloses(self, outer: int, inner: int) -> bool:
         enclosure = self._enclosures[outer]

@@ -180,7 +180,7 @@ def _overlap(spans: Sequence[tuple[float, float]], part: Part) -> Overlap:
 
 def misfit(kind: MissKind, name: str, width_m: float, gap_m: float) -> Miss:
     """Of what is too wide for the open hand, or too thin for the closed one."""
-    pads = "whose closed pads" if kind is MissKind.TOO_THIN else "whose pads"
+    pads = "whose closed finger pads" if kind is MissKind.TOO_THIN else "whose finger pads"
     text = (
         f"{name} measures {1e3 * width_m:.1f} mm across the hand, {pads} are {1e3 * gap_m:.1f} mm "
         "apart"
@@ -195,8 +195,8 @@ def beside(seen: Body) -> Miss:
     is_hinted = millimetres_hint(x, y, z) != ""
     hint = "; was its place given in millimetres? Lengths are in metres" if is_hinted else ""
     text = (
-        f"{seen.name} is {1e3 * across:.0f} mm beside the tip and {1e3 * z:.0f} mm ahead of it, "
-        f"not between the pads{hint}"
+        f"{seen.name} is {1e3 * across:.0f} mm to the side of the tip and {1e3 * abs(z):.0f} mm "
+        f"{'ahead of' if z >= 0.0 else 'behind'} it, not between the finger pads{hint}"
     )
     return Miss(MissKind.NOTHING, text, seen.name, across)
 
@@ -204,7 +204,7 @@ def beside(seen: Body) -> Miss:
 def slips(name: str, pad_m: float) -> Miss:
     """Of what has too little of a pad on it."""
     text = (
-        f"only {1e3 * pad_m:.1f} mm of a pad on {name}; less than {1e3 * LEAST_PAD_M:.1f} mm "
-        "slip off"
+        f"only {1e3 * pad_m:.1f} mm of a finger pad on {name}; less than "
+        f"{1e3 * LEAST_PAD_M:.1f} mm slip off"
     )
     return Miss(MissKind.EDGE, text, name, pad_m)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
-from baxter_kin.errors import expect
+from baxter_kin.errors import MissingLibraryError, expect
 from baxter_kin.validation import FloatArray, positive_scalar
 from planner.clearance import checked_margin_m
 from planner.collision.context import CollisionContext
@@ -82,7 +82,8 @@ def plan_free_move(
         margin_m: distance to keep while searching; near start and goal, what they leave.
 
     Raises:
-        FreeMoveError: when start or goal collides, or no way is found or proven.
+        FreeMoveError: when start or goal collides, no way is found or proven, or OMPL would have to
+            search for one and is missing.
         ConfigurationError: when start or goal has another shape, is not finite or outside the
             limits.
         MotionError: when `limits`, `context`, `is_clear`, `rng`, `timeout_s` or `margin_m` makes no
@@ -140,7 +141,12 @@ class _Search:
         found = self._led(obstacles, Sketch.of(self.straight, INTERVALS))
         refused, ways, closeness = 0, 0, 1.0
         while not self._is_enough(found) and ways < (ROUNDS if found is None else WAYS):
-            corners = self._corners(is_free, EDGE_STEP_RAD / closeness)
+            try:
+                corners = self._corners(is_free, EDGE_STEP_RAD / closeness)
+            except MissingLibraryError as cause:
+                if found is None:
+                    raise FreeMoveError(f"the straight line is blocked, and {cause}") from cause
+                break
             if corners is None:
                 break
             ways += 1

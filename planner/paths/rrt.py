@@ -9,24 +9,31 @@ RRT-Connect (Kuffner and LaValle 2000) grows a tree from each end until they mee
 - What it asks must answer with a `bool` and no other type of Python or NumPy.
 - It logs to stdout, and its random numbers start from one seed of the process, which it claims
   cannot be set twice. It can: what is created after that is drawn from the new seed.
+
+It is loaded by the first search, since not every Python that the rest runs with has it.
 """
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from ompl import base, geometric, util
 
 from baxter_kin import JointLimits
-from baxter_kin.errors import expect
+from baxter_kin.distribution.extras import run_to_install
+from baxter_kin.errors import MissingLibraryError, expect
 from baxter_kin.validation import FloatArray, positive_scalar
 from planner.collision.sampling import IsFree
 from planner.errors import MotionError
+
+if TYPE_CHECKING:
+    from ompl import base
 
 EDGE_STEP_RAD = 0.02
 """Distance in joint space between two collision checks of an edge, a sixth of OMPL's default; with
@@ -39,8 +46,11 @@ a shelf such edges are blocked."""
 FINEST_FRACTION, COARSEST_FRACTION = 1e-9, 0.01
 """Bounds of a step as a fraction of the extent: what OMPL can count, and what makes sense."""
 
-_OMPL = threading.RLock()
-"""One search at a time, because OMPL's seed and log level belong to the process."""
+NEWEST_PYTHON = (3, 13)
+"""The newest that OMPL has wheels for; those for macOS need version 15."""
+
+_ONE_AT_A_TIME = threading.RLock()
+"""Because OMPL's seed and log level belong to the process."""
 
 
 def search_corners(
@@ -71,20 +81,46 @@ def search_corners(
     Raises:
         ConfigurationError: when start or goal has another shape, is not finite or outside the
             limits.
+        MissingLibraryError: when OMPL cannot be loaded.
         MotionError: when another argument makes no sense, or the limits are too wide to search.
     """
     expect(limits, JointLimits, "limits", MotionError)
     ends = limits.check(q_start, "q_start"), limits.check(q_goal, "q_goal")
+    ompl = _load()
     deadline_s = time.monotonic() + positive_scalar(timeout_s, "timeout_s", MotionError)
     fraction = _fraction(limits, positive_scalar(step_rad, "step_rad", MotionError))
     seed = int(expect(rng, np.random.Generator, "rng", MotionError).integers(1, 2**31))
-    with _quiet_and_seeded(seed):
-        space = _space(limits, _until(deadline_s, is_free), fraction)
-        path = _solution(space, ends, deadline_s)
+    with _quiet_and_seeded(ompl, seed):
+        space = _space(ompl, limits, _until(deadline_s, is_free), fraction)
+        path = _solution(ompl, space, ends, deadline_s)
     if path is None:
         return None
     path[0], path[-1] = ends
     return path
+
+
+def _load() -> Any:
+    """The library.
+
+    Raises:
+        MissingLibraryError: when it cannot be loaded; says what to do.
+    """
+    try:
+        import ompl  # noqa: PLC0415 - only searches need it
+    except ImportError as cause:
+        raise MissingLibraryError(_what_to_do(cause)) from cause
+    return ompl
+
+
+def _what_to_do(cause: ImportError) -> str:
+    if cause.name != "ompl":
+        return f"ways around obstacles need OMPL, which cannot be loaded here: {cause}"
+    newest = ".".join(map(str, NEWEST_PYTHON))
+    if sys.version_info[:2] > NEWEST_PYTHON:
+        what = f"which has no wheel for this Python yet; use Python 3.10 to {newest}"
+    else:
+        what = f"which is not installed; {run_to_install('ompl')}"
+    return f"ways around obstacles need OMPL, {what}"
 
 
 def _fraction(limits: JointLimits, step_rad: float) -> float:
@@ -104,26 +140,28 @@ def _until(deadline_s: float, is_free: IsFree) -> IsFree:
 
 
 @contextmanager
-def _quiet_and_seeded(seed: int) -> Iterator[None]:
-    with _OMPL:
-        level = util.getLogLevel()
-        util.setLogLevel(util.LogLevel.LOG_NONE)
+def _quiet_and_seeded(ompl: Any, seed: int) -> Iterator[None]:
+    with _ONE_AT_A_TIME:
+        level = ompl.util.getLogLevel()
+        ompl.util.setLogLevel(ompl.util.LogLevel.LOG_NONE)
         try:
-            util.RNG.setSeed(seed)
+            ompl.util.RNG.setSeed(seed)
             yield
         finally:
-            util.setLogLevel(level)
+            ompl.util.setLogLevel(level)
 
 
-def _space(limits: JointLimits, is_free: IsFree, fraction: float) -> base.SpaceInformation:
+def _space(
+    ompl: Any, limits: JointLimits, is_free: IsFree, fraction: float
+) -> base.SpaceInformation:
     joints = len(limits.names)
-    bounds = base.RealVectorBounds(joints)
+    bounds = ompl.base.RealVectorBounds(joints)
     for i in range(joints):
         bounds.setLow(i, float(limits.q_min[i]))
         bounds.setHigh(i, float(limits.q_max[i]))
-    states = base.RealVectorStateSpace(joints)
+    states = ompl.base.RealVectorStateSpace(joints)
     states.setBounds(bounds)
-    space = base.SpaceInformation(states)
+    space = ompl.base.SpaceInformation(states)
     space.setStateValidityChecker(lambda state: is_free(_vector(state, joints)))
     space.setStateValidityCheckingResolution(fraction)
     space.setup()
@@ -131,17 +169,17 @@ def _space(limits: JointLimits, is_free: IsFree, fraction: float) -> base.SpaceI
 
 
 def _solution(
-    space: base.SpaceInformation, ends: tuple[FloatArray, FloatArray], deadline_s: float
+    ompl: Any, space: base.SpaceInformation, ends: tuple[FloatArray, FloatArray], deadline_s: float
 ) -> FloatArray | None:
     """The corners that RRT-Connect finds, shape (m, n), if they reach the goal."""
-    problem = base.ProblemDefinition(space)
+    problem = ompl.base.ProblemDefinition(space)
     states = [_state(space, q) for q in ends]
     problem.setStartAndGoalStates(*states)
-    search = geometric.RRTConnect(space)
+    search = ompl.geometric.RRTConnect(space)
     search.setRange(LONGEST_EDGE_RAD)
     search.setProblemDefinition(problem)
     search.setup()
-    search.solve(base.PlannerTerminationCondition(lambda: time.monotonic() >= deadline_s))
+    search.solve(ompl.base.PlannerTerminationCondition(lambda: time.monotonic() >= deadline_s))
     if not problem.hasExactSolution():
         return None
     return np.array([_vector(s, ends[0].size) for s in problem.getSolutionPath().getStates()])

@@ -240,7 +240,9 @@ class PhaseMaker:
             )
         elif way is not None:
             beside_mm = 1e3 * float(np.linalg.norm(way))
-            reason = f"{body.name} would tip: its centre is {beside_mm:.1f} mm beside {on}"
+            reason = (
+                f"{body.name} would tip: its centre is {beside_mm:.1f} mm beyond the edge of {on}"
+            )
         if reason is None:
             return landing, ()
         return landing, (PlanFailure("place: open", reason, is_certain=True),)

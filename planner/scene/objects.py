@@ -34,7 +34,7 @@ COLOURS: Mapping[str, tuple[float, float, float, float]] = FrozenMapping(
         "grey": GREY,
     }
 )
-"""Colours by name; red is that of the demo's block."""
+"""Colours by name."""
 
 
 def make_block(

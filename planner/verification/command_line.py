@@ -16,12 +16,16 @@ from baxter_kin.command_line import (
     EXIT_INTERRUPTED,
     OneSentenceParser,
     add_hands,
+    examples,
     hands_of,
+    number_within,
 )
 from baxter_kin.description import RobotDescription
 from baxter_kin.limits import PRESETS
+from planner.motion.response import Response
 from planner.plan import Plan
 from planner.plan_file import load_plan
+from planner.response_file import load_response
 from planner.verification.inspection import verify
 from planner.verification.motion.judged_limits import robot_limits
 from planner.verification.urdf_robot import UrdfRobot
@@ -47,17 +51,50 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = OneSentenceParser(
         prog=f"python -m {_NAME}",
         description="Check a saved plan with code that did not make it.",
-        epilog="Exit status: 0 valid, 1 not valid, 2 wrong usage or no plan, 130 Ctrl-C.",
+        epilog=examples(
+            "python -m planner.verification plan.json",
+            "python -m planner.verification plan.json --limits torque-control",
+            "python -m planner.verification plan.json --response left.json --speed 0.3",
+            "python -m planner.verification plan.json --json",
+            end="What each check says: docs/concepts/certificate.md. Exit status: 0 valid; 1 not "
+            "valid; 2 wrong usage, no plan or no response; 130 Ctrl-C.",
+        ),
         allow_abbrev=False,
     )
     parser.add_argument("file", metavar="FILE", help="a plan that save_plan wrote")
-    parser.add_argument(
+    _add_judging(parser)
+    robot = parser.add_argument_group("robot")
+    robot.add_argument(
         "--urdf", metavar="FILE", help="the robot's own description (default: the stock robot)"
     )
-    add_hands(parser)
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but what failed")
-    parser.add_argument("--json", action="store_true", help="the certificate as JSON")
-    parser.add_argument(
+    add_hands(robot)
+    output = parser.add_argument_group("output")
+    output.add_argument("-q", "--quiet", action="store_true", help="say nothing but what failed")
+    output.add_argument("--json", action="store_true", help="the certificate as JSON")
+    options = parser.parse_args(argv)
+    if options.limits is not None and (options.acceleration, options.jerk) != (None, None):
+        parser.error("--limits says acceleration and jerk; give it, or --acceleration and --jerk")
+    if options.speed is not None and options.response is None:
+        parser.error("--speed matters to an arm that lags; give --response FILE, too")
+    return options
+
+
+def _add_judging(parser: argparse.ArgumentParser) -> None:
+    """What the plan is held against."""
+    judging = parser.add_argument_group("what the plan is judged by")
+    judging.add_argument(
+        "--response",
+        metavar="FILE",
+        help="how the arm follows its set-points, as baxter-check --identify has measured it: "
+        "checks are added of wherever the joints may be then",
+    )
+    judging.add_argument(
+        "--speed",
+        type=number_within(0.01, 1.0, ""),
+        metavar="RATIO",
+        help="with --response: the speed at which the plan will be sent (default: 1)",
+    )
+    judging.add_argument(
         "--straight",
         metavar="LABEL",
         action="append",
@@ -66,21 +103,17 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
         "may be repeated",
     )
     for name, unit in (("acceleration", "rad/s^2"), ("jerk", "rad/s^3")):
-        parser.add_argument(
+        judging.add_argument(
             f"--{name}",
             metavar=name[0].upper(),
             type=float,
             help=f"greatest {name} of every joint to judge by, {unit}; the robot's when not given",
         )
-    parser.add_argument(
+    judging.add_argument(
         "--limits",
         choices=PRESETS,
         help="preset of acceleration and jerk to judge by (default: safe)",
     )
-    options = parser.parse_args(argv)
-    if options.limits is not None and (options.acceleration, options.jerk) != (None, None):
-        parser.error("--limits says acceleration and jerk; give it, or --acceleration and --jerk")
-    return options
 
 
 def _checked(options: argparse.Namespace) -> int:
@@ -91,17 +124,26 @@ def _checked(options: argparse.Namespace) -> int:
         straight=options.straight,
         description=robot,
         limits=_limits(plan, robot, options),
+        response=_response(plan, options),
     )
     if options.json:
         print(json.dumps(certificate.as_dict(), indent=1, allow_nan=False))
     elif not options.quiet:
         print(certificate.table())
+        print("what each check says: docs/concepts/certificate.md")
         print(certificate.basis)
         print("valid" if certificate.is_valid else "not valid")
     if certificate.is_valid:
         return EXIT_VALID
     print(f"{options.file}: {certificate.verdict}", file=sys.stderr)
     return EXIT_NOT_VALID
+
+
+def _response(plan: Plan, options: argparse.Namespace) -> Response | None:
+    if options.response is None:
+        return None
+    response = load_response(options.response, plan.limb)
+    return response if options.speed is None else response.at_speed(options.speed)
 
 
 def _limits(plan: Plan, robot: RobotDescription, options: argparse.Namespace) -> JointLimits | None:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from functools import cache
+from os import PathLike
 
 from baxter_kin import JointLimits
 from baxter_kin.description import RobotDescription
@@ -84,6 +85,8 @@ def verify(
     """
     files = _installed() if description is None else description
     expect(files, RobotDescription, "description", TaskError)
+    if isinstance(plan, (str, PathLike)):
+        raise TaskError(f"plan must be of class Plan, got {quoted(plan)}; load_plan reads a file")
     _check_robot(expect(plan, Plan, "plan", TaskError), files)
     known = plan.situation if situation is None else situation
     if known is None:

@@ -290,7 +290,7 @@ TRAJECTORY = ("plan", "steps", 1, "trajectory")
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (put("format", value="other"), "is no plan: its format is 'other'"),
+        (put("format", value="other"), "is not a saved plan: its format is 'other'"),
         (
             put("version", value=2),
             "has version 2, but only 3 is read here, which says for which robot",

@@ -8,7 +8,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter
@@ -101,6 +101,28 @@ def test_balls_are_as_far_apart_as_their_middles_less_both_radii_and_the_padding
     found = placed(measured(balls, [None, None], padding_m=padding_m), ORIGIN, at(*away))
     expected = np.linalg.norm(away) - radii.sum() - padding_m
     assert found.measure(0) == pytest.approx(expected, abs=GJK_M)
+
+
+@given(seeds)
+def test_the_nearest_points_of_balls_are_on_the_line_of_their_middles(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    radii, away = rng.uniform(0.02, 0.1, 2), rng.uniform(-0.3, 0.3, 3)
+    apart = float(np.linalg.norm(away))
+    assume(apart > radii.sum() + GJK_M)
+    balls = [coal.Sphere(radius) for radius in radii.tolist()]
+    found = placed(measured(balls, [None, None], padding_m=PADDING_M), ORIGIN, at(*away))
+    points = found.points(0, found.measure(0))
+    along = away / apart
+    wanted = [radii[0] * along, away - radii[1] * along]
+    assert points == pytest.approx(np.array(wanted), abs=GJK_M)
+
+
+def test_shapes_inside_each_other_touch_at_one_point() -> None:
+    balls = [coal.Sphere(0.05), coal.Sphere(0.05)]
+    found = placed(measured(balls, [None, None]), ORIGIN, at(0.06, 0.0, 0.0))
+    first, second = found.points(0, found.measure(0))
+    assert np.array_equal(first, second)
+    assert first == pytest.approx([0.03, 0.0, 0.0], abs=0.03)
 
 
 def cube_of_triangles(half_m: float) -> coal.CollisionGeometry:

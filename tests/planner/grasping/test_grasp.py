@@ -54,7 +54,7 @@ def test_too_little_of_a_pad_is_a_miss_with_its_number(hand: Hand, pad_m: float)
     assert isinstance(miss, Miss)
     assert miss.kind is MissKind.EDGE
     assert miss.amount_m == pytest.approx(pad_m, abs=ROUNDING_M)
-    assert f"only {1e3 * pad_m:.1f} mm of a pad on cube" in str(miss)
+    assert f"only {1e3 * pad_m:.1f} mm of a finger pad on cube" in str(miss)
 
 
 @given(st.floats(-0.03, 0.03), st.floats(-0.02, 0.01))
@@ -79,7 +79,7 @@ def test_a_small_body_wholly_between_the_pads_is_not_near_their_edge(hand: Hand)
     [
         (make_block("b", at(0, 0, -0.015), edge_m=0.06), MissKind.TOO_WIDE, "60.0 mm across"),
         (make_block("b", at(0, 0, -0.015), edge_m=0.01), MissKind.TOO_THIN, "10.0 mm across"),
-        (make_block("b", at(0.2, 0, 0.05), edge_m=0.04), MissKind.NOTHING, "200 mm beside"),
+        (make_block("b", at(0.2, 0, 0.05), edge_m=0.04), MissKind.NOTHING, "200 mm to the side"),
         (make_block("b", at(0, 0.012, -0.015)), MissKind.NOT_BETWEEN, "reaches into a finger"),
     ],
 )

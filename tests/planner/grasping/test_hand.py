@@ -363,7 +363,7 @@ def test_a_body_placed_in_millimetres_is_asked_about(hand: Hand) -> None:
     missed = hand.close_on(ORIGIN, thing(cube(0.04), x=700.0), hand.stroke_m)
     assert "was its place given in millimetres? Lengths are in metres" in str(missed)
     missed = hand.close_on(ORIGIN, thing(cube(0.04), x=0.7), hand.stroke_m)
-    assert str(missed).endswith("not between the pads")
+    assert str(missed).endswith("not between the finger pads")
 
 
 @pytest.mark.parametrize("side", ["middle", None, [], 3])

@@ -38,7 +38,7 @@ def test_a_block_beside_the_pads_is_not_grasped(
     plan = planned(TASK, manipulator, Scene.of([table, beside]))
     assert plan.failure is not None
     assert plan.failure.stage == "pick: close"
-    number = re.search(r"block is (\d+) mm beside the tip", plan.failure.reason)
+    number = re.search(r"block is (\d+) mm to the side of the tip", plan.failure.reason)
     assert number is not None
     across = 1e3 * np.hypot(dx - 0.0025, dy + 0.0015)
     assert float(number[1]) == pytest.approx(across, abs=1.0)  # the hand is tilted by 1 degree
@@ -77,7 +77,7 @@ def test_a_place_that_the_body_would_tip_off_is_refused_with_how_far(
     plan = planned(task, manipulator, scene)
     assert plan.failure is not None
     assert plan.failure.stage == "place: open"
-    assert "block would tip: its centre is 3.4 mm beside table" in plan.failure.reason
+    assert "block would tip: its centre is 3.4 mm beyond the edge of table" in plan.failure.reason
     assert plan.failure.is_certain
 
 

@@ -112,7 +112,7 @@ def test_every_waypoint_is_asked_of_the_service_and_its_answer_is_told(
         moved_rad = np.abs(move.trajectory.q_goal - asked.q).max()
         assert move.moved_rad == moved_rad
         label = asked.seed_type.label
-        told = f"{label}, moved by {moved_rad:.2f} rad" if moved_rad > 0.005 else label
+        told = f"{label}, optimised by {moved_rad:.2f} rad" if moved_rad > 0.005 else label
         assert move.seed_label == told
 
 

@@ -17,11 +17,15 @@ from planner import (
     Move,
     Plan,
     PlanFailure,
+    Response,
     Scene,
     Situation,
     plan_joint_move,
     save_plan,
+    verify,
 )
+from planner.errors import TaskError
+from planner.response_file import save_response
 from planner.verification import command_line
 from planner.verification.command_line import main
 
@@ -44,6 +48,11 @@ def good(plan: Plan, tmp_path: Path) -> str:
 def bad(plan: Plan, tmp_path: Path) -> str:
     save_plan(replace(plan, failure=PlanFailure("grasp", "too wide")), tmp_path / "bad.json")
     return str(tmp_path / "bad.json")
+
+
+def test_a_files_name_is_answered_with_what_reads_it(good: str) -> None:
+    with pytest.raises(TaskError, match="load_plan reads a file"):
+        verify(good)  # type: ignore[arg-type]
 
 
 def test_a_valid_plan_exits_with_0(good: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -115,6 +124,24 @@ def test_a_preset_of_limits_can_be_said(
     with pytest.raises(SystemExit):
         main([file, "--limits", "safe", "--jerk", "3"])
     assert "--limits says acceleration and jerk" in capsys.readouterr().err
+
+
+def test_an_arm_that_lags_can_be_said(
+    good: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = str(tmp_path / "left.json")
+    save_response(Response((0.1, 0.2)), "left", file)
+    assert main([good, "--json"]) == 0
+    without = json.loads(capsys.readouterr().out)["checks"]
+    for speed in ([], ["--speed", "0.3"]):
+        assert main([good, "--json", "--response", file, *speed]) == 0
+        assert len(json.loads(capsys.readouterr().out)["checks"]) > len(without)
+    save_response(Response((0.1, 0.2)), "right", file)
+    assert main([good, "--response", file]) == 2
+    assert f"{file} is of the right arm, not of the left one" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main([good, "--speed", "0.3"])
+    assert "give --response FILE, too" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("content", [b"", b"{}", b"\xff\xfe", b"[1, 2]"])

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 from scipy.spatial import ConvexHull, cKDTree
 
@@ -248,13 +249,12 @@ def deviates(corners: Corners, others: Corners, margin_m: float) -> Corners | No
             .reshape(len(corners), count * points.shape[1])
         )
         is_near = np.zeros(len(corners), dtype=bool)
-        for column in owners[ranked].T:
-            left = np.flatnonzero(~is_near)
-            if not len(left):
-                break
-            triangles = others[column[left]]
-            farthest = np.max([distance_m(corners[left, k], triangles) for k in range(3)], axis=0)
-            is_near[left] = farthest <= margin_m
+        candidates = owners[ranked]
+        for column, is_new in zip(candidates.T, first_in_row(candidates).T, strict=True):
+            left = np.flatnonzero(~is_near & is_new)
+            for k in range(3):
+                left = left[distance_m(corners[left, k], others[column[left]]) <= margin_m]
+            is_near[left] = True
         return corners[~is_near]
 
     for _ in range(MOST_HALVINGS):
@@ -266,6 +266,17 @@ def deviates(corners: Corners, others: Corners, margin_m: float) -> Corners | No
             return None
         corners = halved(corners)
     return corners
+
+
+def first_in_row(values: FloatArray) -> NDArray[np.bool_]:
+    """Where a value stands that stands nowhere before in its row."""
+    order = np.argsort(values, axis=1, kind="stable")
+    ordered = np.take_along_axis(values, order, axis=1)
+    is_first = np.ones(values.shape, dtype=bool)
+    is_first[:, 1:] = ordered[:, 1:] != ordered[:, :-1]
+    found = np.empty_like(is_first)
+    np.put_along_axis(found, order, is_first, axis=1)
+    return found
 
 
 def centres(corners: Corners) -> FloatArray:
@@ -289,7 +300,7 @@ def halved(corners: Corners) -> Corners:
 def distance_m(points: FloatArray, triangles: Corners) -> FloatArray:
     """Of points (n, 3) to a triangle each (n, 3, 3): to its plane if above it, else to an edge."""
     a, b, c = triangles.swapaxes(0, 1)
-    normal = np.cross(b - a, c - a)
+    normal = cross(b - a, c - a)
     to_edges = []
     is_above = np.ones(len(points), dtype=bool)
     for start, end in ((a, b), (b, c), (c, a)):
@@ -297,11 +308,17 @@ def distance_m(points: FloatArray, triangles: Corners) -> FloatArray:
         length = np.einsum("ij,ij->i", along, along)
         share = np.clip(np.einsum("ij,ij->i", away, along) / np.maximum(length, 1e-30), 0.0, 1.0)
         to_edges.append(np.linalg.norm(away - share[:, None] * along, axis=1))
-        is_above &= np.einsum("ij,ij->i", np.cross(along, away), normal) >= 0.0
+        is_above &= np.einsum("ij,ij->i", cross(along, away), normal) >= 0.0
     size = np.linalg.norm(normal, axis=1)
     is_above &= size > 1e-15
     height = np.abs(np.einsum("ij,ij->i", points - a, normal)) / np.maximum(size, 1e-30)
     return np.asarray(np.where(is_above, height, np.min(to_edges, axis=0)))
+
+
+def cross(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Products of rows, shape (n, 3), as `numpy.cross` makes them in twice the time."""
+    (a, b, c), (d, e, f) = u.T, v.T
+    return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=1)
 
 
 def divided(corners: Corners, longest_m: float) -> tuple[Corners, FloatArray]:
