@@ -17,13 +17,14 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
+from baxter_kin.command_line import OneSentenceParser
 from baxter_kin.files import replace_file
 from sim.demo import main as run_demo
 
 TARGET = Path(__file__).parents[1] / "docs" / "demo.webp"
-PAGE_PX = (800, 520)
-PIXEL_RATIO = 1.6
-WIDTH_PX = 640
+PAGE_PX = (1280, 800)
+PIXEL_RATIO = 1.25
+WIDTH_PX = 1000
 FRAMES_PER_S = 12.5
 QUALITY = 80
 LARGEST_BYTES = 3_000_000
@@ -33,16 +34,12 @@ FIRST_CYCLE_ENDS = """
 (recording.captions.find(([, text]) => text.startsWith("cycle 2")) || [replay.duration])[0]
 """
 
-COME_CLOSER = """
-replay.pause();
-viewer.camera.position.lerp(viewer.controls.target, 0.1);
-"""
-
 SHOW_MOMENT = """
 (time) => {
   replay.playing = true; // looks as while it plays, but does not run away
   replay.seek(time);
   replay.playing = false;
+  pointPanel(time, { isNow: true });
   viewer.render();
   return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
 }
@@ -51,6 +48,7 @@ SHOW_MOMENT = """
 
 def main() -> None:
     """Run the demo, photograph its replay, and save what is seen."""
+    OneSentenceParser(description=(__doc__ or "").split("\n", 1)[0]).parse_args()
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "replay.html"
         if run_demo(["--headless", "--quiet", "--html", str(page)]) != 0:
@@ -91,7 +89,7 @@ def _frames(page: Path) -> list[Image.Image]:
 def _photographed(tab: Page) -> Iterator[Image.Image]:
     """The page at every moment of the first cycle."""
     width, height = PAGE_PX
-    tab.evaluate(COME_CLOSER)
+    tab.evaluate("replay.pause()")
     for time_s in np.arange(0.0, tab.evaluate(FIRST_CYCLE_ENDS), 1 / FRAMES_PER_S):
         tab.evaluate(SHOW_MOMENT, float(time_s))
         shot = Image.open(io.BytesIO(tab.screenshot())).convert("RGB")

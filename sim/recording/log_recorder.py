@@ -30,7 +30,7 @@ from baxter_kin.json_data import to_json
 from baxter_kin.json_text import Json, as_text
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.value_objects import NotCopied
-from planner import Body, Scene
+from planner import Body, Scene, Situation
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot
 from sim.files import LineFile
@@ -56,7 +56,7 @@ class LogRecorder(NotCopied, Observer):
         Args:
             path: the file, by convention ending in ".jsonl"; an older one is replaced.
             robot: whose joints are recorded.
-            scene: bodies that are in the world before the simulation begins.
+            scene: bodies that snapshots will have and no simulation tells of.
 
         Raises:
             RecordingError: when the file cannot be written.
@@ -75,8 +75,16 @@ class LogRecorder(NotCopied, Observer):
             "joint_names": list(names),
         }
         self._write({**head, "robot": robot_data})
-        for body in bodies:
-            self._write_part("body", body, Body)
+        self._written: set[str] = set()
+        self._write_bodies(bodies)
+
+    def on_start(self, situation: Situation) -> None:
+        """Write the bodies that are there, unless they are written.
+
+        Raises:
+            RecordingError: when it is no situation, or the file cannot be written.
+        """
+        self._write_bodies(expect(situation, Situation, "situation", RecordingError).scene)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
         """Write it.
@@ -139,6 +147,12 @@ class LogRecorder(NotCopied, Observer):
 
     def _write(self, entries: dict[str, Json]) -> None:
         self._file.write(as_text(entries, RecordingError))
+
+    def _write_bodies(self, scene: Scene) -> None:
+        for body in scene:
+            if body.name not in self._written:
+                self._write_part("body", body, Body)
+                self._written.add(body.name)
 
     def _write_part(self, what: str, part: object, kind: type) -> None:
         self._write({what: to_json(part, kind, what, RecordingError)})

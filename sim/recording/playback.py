@@ -12,6 +12,7 @@ import pinocchio as pin
 from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
+from planner import Scene, Situation
 from sim.errors import RecordingError
 from sim.events import Event, EventKind, Observer, Snapshot
 from sim.recording.recording import Recording
@@ -23,8 +24,8 @@ def retell(recording: Recording, observer: Observer) -> None:
 
     Events come before the snapshot of the same time. A recording does not say whether a gripper was
     gripping or had missed, so these are told as false; its events say it. Of a move, label,
-    trajectory and what inverse kinematics answered are told; of bodies that were there from the
-    beginning, only their poses.
+    trajectory and what inverse kinematics answered are told. Nobody knows what hands held at its
+    beginning.
 
     Raises:
         RecordingError: when an argument is of another class.
@@ -34,6 +35,7 @@ def retell(recording: Recording, observer: Observer) -> None:
     events = deque(_with_moves(recording))
     captions = deque(recording.captions)
     caption = ""
+    observer.on_start(_situation(recording))
     for row, time_s in enumerate(recording.times_s.tolist()):
         while events and events[0].time_s <= time_s:
             observer.on_event(events.popleft())
@@ -42,6 +44,23 @@ def retell(recording: Recording, observer: Observer) -> None:
         observer.on_snapshot(_snapshot(recording, row, caption))
     for event in events:
         observer.on_event(event)
+
+
+def _situation(recording: Recording) -> Situation:
+    """What was there at the beginning and no event tells of."""
+    start_s = float(recording.times_s[0])
+    told = {
+        event.body.name
+        for event in recording.events
+        if event.body is not None and event.kind is EventKind.SPAWNED and event.time_s <= start_s
+    }
+    rows = {name: track[0] for name, track in recording.body_poses.items() if name not in told}
+    scene = Scene.of(
+        recording.bodies[name].at(_pose(row))
+        for name, row in rows.items()
+        if name in recording.bodies and np.isfinite(row).all()
+    )
+    return Situation(scene, dict(zip(recording.joint_names, recording.q[0].tolist(), strict=True)))
 
 
 def _with_moves(recording: Recording) -> Iterator[Event]:

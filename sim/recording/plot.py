@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter, JointLimits
+from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.errors import UnknownNameError, expect
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
@@ -151,7 +152,7 @@ def _new_figure(arms: int) -> Figure:
         from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
     except ImportError as cause:
         raise RecordingError(
-            "drawing needs the package matplotlib; run: pip install 'baxter-kin[plot]'"
+            f"drawing needs the package matplotlib; {run_to_install_extra('plot')}"
         ) from cause
     width, height = SIZE_INCH
     return Figure(figsize=(width, arms * height), layout="constrained", facecolor="white")

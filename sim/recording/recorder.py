@@ -23,7 +23,7 @@ from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, whole_scalar
 from baxter_kin.value_objects import count
-from planner import Body, Scene
+from planner import Body, Scene, Situation
 from sim.errors import RecordingError
 from sim.events import Event, EventKind, Observer, Snapshot
 from sim.recording.recorded_motion import RecordedMove, recorded_move
@@ -166,14 +166,23 @@ class Recorder(Observer):
         return bool(self._story.rows)
 
     def remember(self, scene: Scene) -> None:
-        """Note the shapes of bodies that were in the world before the simulation began.
+        """Note the shapes of bodies, which snapshots do not carry.
 
-        Those that it spawns are noted as they appear; snapshots carry only their poses.
+        A simulation tells of those that were in its world before it began and of those that it
+        spawns; this is for what is recorded without one.
 
         Raises:
             RecordingError: when it is no scene.
         """
         self._story.bodies.update(expect(scene, Scene, "scene", RecordingError).bodies)
+
+    def on_start(self, situation: Situation) -> None:
+        """Note the shapes of the bodies that are there.
+
+        Raises:
+            RecordingError: when it is no situation.
+        """
+        self.remember(expect(situation, Situation, "situation", RecordingError).scene)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
         """Keep it.

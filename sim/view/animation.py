@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from baxter_kin.validation import FloatArray
 from sim.recording.recording import Recording
+from sim.view.drawn_bodies import body_path
 from sim.view.meshcat_commands import Command, set_property, short_numbers
-from sim.view.scenegraph import RobotTree, body_path
+from sim.view.scenegraph import RobotTree
 
 JOINT_TOLERANCE = 2e-4
 """How far a replayed joint may be off, rad or m: 0.2 mm for each metre of arm."""
@@ -70,13 +71,19 @@ class Track:
         }
 
 
-def recorded_tracks(recording: Recording, tree: RobotTree) -> Iterator[Track]:
-    """Everything that moves, appears or disappears in a recording, from time zero."""
+def recorded_tracks(recording: Recording, tree: RobotTree, root: str = "") -> Iterator[Track]:
+    """Everything that moves, appears or disappears in a recording, from time zero.
+
+    Args:
+        recording: what happened.
+        tree: the robot.
+        root: the node below which the bodies are.
+    """
     times = recording.times_s - recording.times_s[0]
     for joint in range(len(tree.paths)):
         yield _joint_track(tree, joint, times, recording.q[:, joint])
     for name, poses in recording.body_poses.items():
-        yield from _body_tracks(body_path(name), times, poses)
+        yield from _body_tracks(body_path(name, root), times, poses)
 
 
 def animation_commands(tracks: Iterable[Track], duration_s: float) -> list[Command]:

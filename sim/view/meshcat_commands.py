@@ -86,6 +86,11 @@ def painted(*, gloss: float) -> Command:
     return white | {"vertexColors": True, "transparent": True}
 
 
+def translucent(rgb: Rgb, opacity: float) -> Command:
+    """A lit surface to see through, which hides nothing behind it."""
+    return material(rgb, opacity=opacity, gloss=0.0) | {"depthWrite": False}
+
+
 def glowing(rgb: Rgb) -> Command:
     """A surface of the same colour in light and shadow."""
     return {"type": "MeshBasicMaterial", "color": _hex(rgb), "side": _BOTH_SIDES}

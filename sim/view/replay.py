@@ -7,37 +7,30 @@ file with `write_replay`, or into a notebook with `Replay`.
 
 from __future__ import annotations
 
-import base64
 import html
 import math
-from collections.abc import Iterable, Iterator
 
 from baxter_kin import Baxter
 from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike, replace_file
 from baxter_kin.validation import positive_scalar
 from baxter_kin.value_objects import OneLine
-from planner.collision.robot.hand_body import fitted
+from planner import Plan
 from planner.collision.robot.robot_body import RobotBody
 from sim.errors import RecordingError
-from sim.events import EventKind
 from sim.files import explained
+from sim.recording.planned_recording import planned_recording
 from sim.recording.recording import Recording
-from sim.view.animation import animation_commands, recorded_tracks
 from sim.view.appearance import Appearance
-from sim.view.gripper_status import GripperPhase, gripper_timelines
-from sim.view.meshcat_commands import Command, packed
-from sim.view.scenegraph import RobotTree, body_commands, line_command, stage_commands
-from sim.view.tip_path import AHEAD_RGB, PATH_RADIUS_M, PathPiece, line_rgb, recorded_paths
+from sim.view.replay_content import check_replayed, encoded_content
 from sim.view.webpage import inside_script, page, viewer_bundle
+
+__all__ = ["Replay", "encoded_content", "replay_html", "write_replay"]
 
 TITLE = "Baxter: pick and place"
 
 FRAME_HEIGHT_PX = 520
 """Height of a replay in a notebook."""
-
-MARKS = {EventKind.GRASPED: "grasp", EventKind.RELEASED: "release", EventKind.MISSED: "miss"}
-"""Events that are marked above the time slider, and how they are called there."""
 
 
 class Replay(OneLine):
@@ -53,28 +46,31 @@ class Replay(OneLine):
 
     def __init__(
         self,
-        recording: Recording,
-        robot: Baxter,
+        recording: Recording | Plan,
+        robot: Baxter | None = None,
         *,
         height_px: int = FRAME_HEIGHT_PX,
         title: str = TITLE,
         body: RobotBody | None = None,
+        compare: Recording | Plan | None = None,
     ) -> None:
         """Make the page.
 
         Args:
-            recording: what happened.
-            robot: the robot it happened to.
+            recording: what happened; or a valid plan, which is then shown as if it had happened,
+                in the world that it was made for.
+            robot: the robot it happened to, or is for; the stock robot when not given.
             height_px: how high the frame shall be.
             title: shown on the page.
             body: what plans are made with, to be seen instead of the meshes, or with them.
+            compare: a recording or plan of the same robot, seen as a ghost; both begin at once.
 
         Raises:
-            RecordingError: when there is nothing to replay, the recording is of another robot, or
-                the height is not a positive number.
+            RecordingError: when there is nothing to replay, it is of another robot, a plan is not
+                valid, or the height is not a positive number.
         """
         self.height_px = math.ceil(positive_scalar(height_px, "height_px", RecordingError))
-        self.html = replay_html(recording, robot, title=title, body=body)
+        self.html = replay_html(recording, robot, title=title, body=body, compare=compare)
 
     def _facts(self) -> tuple[str, ...]:
         return f"page of {len(self.html) / 1e6:.1f} MB", f"{self.height_px} px high"
@@ -90,149 +86,66 @@ class Replay(OneLine):
 
 def write_replay(
     path: PathLike,
-    recording: Recording,
-    robot: Baxter,
+    recording: Recording | Plan,
+    robot: Baxter | None = None,
     *,
     title: str = TITLE,
     body: RobotBody | None = None,
+    compare: Recording | Plan | None = None,
 ) -> None:
     """Write the replay to a file, all of it or nothing.
 
     Args:
         path: the HTML file; an older one is replaced.
-        recording: what happened.
-        robot: the robot it happened to.
+        recording: what happened; or a valid plan, shown as if it had happened.
+        robot: the robot it happened to, or is for; the stock robot when not given.
         title: shown on the page, and its name in the browser.
         body: what plans are made with; the page then shows it or the meshes or both, as chosen
             there, and is 2 MB larger.
+        compare: a recording or plan of the same robot, seen as a ghost; both begin at once.
 
     Raises:
-        RecordingError: when there is nothing to replay, the recording is of another robot, or the
-            file cannot be written.
+        RecordingError: when there is nothing to replay, it is of another robot, a plan is not
+            valid, or the file cannot be written.
     """
-    text = replay_html(recording, robot, title=title, body=body)
+    text = replay_html(recording, robot, title=title, body=body, compare=compare)
     with explained(f"cannot write the replay to {shown_path(path)}"):
         replace_file(path, text.encode())
 
 
 def replay_html(
-    recording: Recording, robot: Baxter, *, title: str = TITLE, body: RobotBody | None = None
+    recording: Recording | Plan,
+    robot: Baxter | None = None,
+    *,
+    title: str = TITLE,
+    body: RobotBody | None = None,
+    compare: Recording | Plan | None = None,
 ) -> str:
     """The replay as the text of a page; arguments as of `write_replay`.
 
     Raises:
-        RecordingError: when there is nothing to replay, or the recording is of another robot.
+        RecordingError: when there is nothing to replay, it is of another robot, or a plan is not
+            valid.
     """
-    _check(recording, robot)
-    if body is not None and not isinstance(body, RobotBody):
-        raise RecordingError(f"a replay shows a RobotBody, got {type(body).__name__}")
-    appearance = Appearance.of(robot)
-    content = _content(recording, robot, RobotTree(robot.model, appearance), body)
+    known = Baxter.load() if robot is None else robot
+    hint = "; give that robot as robot=..." if robot is None else ""
+    happened = _recording(recording, known, body, hint)
+    other = None if compare is None else _recording(compare, known, body, hint)
+    data = encoded_content(happened, known, body=body, compare=other)
     return page(
         "replay.html",
         title=html.escape(str(title)),
-        notice=html.escape(appearance.notice),
+        notice=html.escape(Appearance.of(known).notice),
         bundle=inside_script(viewer_bundle()),
-        data=base64.b64encode(packed(content)).decode("ascii"),
+        data=data,
     )
 
 
-def _check(recording: Recording, robot: Baxter) -> None:
-    if not isinstance(recording, Recording):
-        raise RecordingError(f"a replay needs a Recording, got {type(recording).__name__}")
-    if not isinstance(robot, Baxter):
-        raise RecordingError(f"a replay needs the robot as a Baxter, got {type(robot).__name__}")
-    if tuple(recording.joint_names) != robot.joint_names:
-        raise RecordingError("the recording's joints are not those of this robot")
-    own = robot.description.identity
-    difference = "" if recording.robot is None else own.difference(recording.robot)
-    if difference:
-        raise RecordingError(f"the recording is of another robot: {difference}")
-
-
-def _content(
-    recording: Recording, robot: Baxter, tree: RobotTree, body: RobotBody | None
-) -> Command:
-    """What the page decodes: commands in their order, the geometries they share, and the story."""
-    phases = gripper_timelines(recording)
-    pieces = {
-        f"/path/{number}": piece
-        for number, piece in enumerate(recorded_paths(recording, robot, phases))
-    }
-    body = None if body is None else fitted(body, robot.description)
-    commands = [
-        *stage_commands(),
-        *tree.commands(),
-        *(() if body is None else tree.body_commands(body)),
-        *(command for body in recording.bodies.values() for command in body_commands(body)),
-        *(line for path, piece in pieces.items() for line in _lines(path, piece)),
-        *animation_commands(recorded_tracks(recording, tree), recording.duration_s),
-    ]
-    return {
-        "geometries": _shared_geometries(commands),
-        "commands": commands,
-        "duration": recording.duration_s,
-        "layers": {}
-        if body is None
-        else {"meshes": tree.mesh_paths, "body": tree.body_paths(body)},
-        **_story(recording, phases, pieces),
-    }
-
-
-def _shared_geometries(commands: Iterable[Command]) -> dict[str, Command]:
-    """The geometries by name, each once; the commands keep the names only."""
-    shared: dict[str, Command] = {}
-    for command in commands:
-        if command["type"] == "set_object":
-            drawn = command["object"]
-            shared.update((geometry["uuid"], geometry) for geometry in drawn["geometries"])
-            drawn["geometries"] = [{"uuid": geometry["uuid"]} for geometry in drawn["geometries"]]
-    return shared
-
-
-def _lines(path: str, piece: PathPiece) -> tuple[Command, Command]:
-    """A piece of a tip's way twice: as it is drawn ahead of the tip, and behind it."""
-    rgb = line_rgb(piece.is_holding)
-    return (
-        line_command(f"{path}/ahead", piece.points_base, PATH_RADIUS_M, AHEAD_RGB, uuid=path),
-        line_command(f"{path}/behind", piece.points_base, PATH_RADIUS_M, rgb, uuid=path),
-    )
-
-
-def _story(
-    recording: Recording,
-    phases: dict[str, list[tuple[float, GripperPhase]]],
-    pieces: dict[str, PathPiece],
-) -> Command:
-    """What the page says and marks, and when, in seconds from its beginning."""
-    start_s = float(recording.times_s[0])
-    moved = {piece.side for piece in pieces.values()}
-    active = [side for side in phases if side in moved or len(phases[side]) > 1]
-    return {
-        "captions": [[float(time) - start_s, text] for time, text in recording.captions],
-        "seeds": [[time_s - start_s, seed] for time_s, seed in _seeds(recording)],
-        "grippers": {
-            side: [[time - start_s, *phase.for_page()] for time, phase in phases[side]]
-            for side in active or phases
-        },
-        "marks": [
-            [event.time_s - start_s, MARKS[event.kind], event.text]
-            for event in recording.events
-            if event.kind in MARKS and start_s <= event.time_s <= start_s + recording.duration_s
-        ],
-        "paths": [
-            {"path": path, "times": (piece.times_s - start_s).tolist()}
-            for path, piece in pieces.items()
-        ],
-        "sides": active,
-    }
-
-
-def _seeds(recording: Recording) -> Iterator[tuple[float, str]]:
-    """When which seed of inverse kinematics led to where the arm moves; none between moves."""
-    moves = sorted(recording.moves, key=lambda recorded: recorded.start_s)
-    starts_s = [recorded.start_s for recorded in moves]
-    yield min([float(recording.times_s[0]), *starts_s]), ""
-    for recorded, next_s in zip(moves, [*starts_s, math.inf][1:], strict=True):
-        yield recorded.start_s, "" if recorded.ik is None else recorded.move.seed_label
-        yield min(recorded.end_s, next_s), ""  # another starts earlier where one was stopped
+def _recording(
+    shown: Recording | Plan, robot: Baxter, body: RobotBody | None, hint: str
+) -> Recording:
+    """What is to be replayed, if it is of that robot; a plan as it would be recorded."""
+    check_replayed(shown, robot, hint)
+    if isinstance(shown, Recording):
+        return shown
+    return planned_recording(shown, robot, body=body)

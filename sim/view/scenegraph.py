@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from urllib.parse import quote
 from zlib import crc32
 
 import numpy as np
@@ -19,8 +18,6 @@ import pinocchio as pin
 from baxter_kin.frames import BASE_HEIGHT_M
 from baxter_kin.validation import FloatArray
 from planner.collision.robot.robot_body import LinkBody, RobotBody
-from planner.scene.bodies import Body, Box, Cylinder, Part
-from planner.scene.mesh import Mesh
 from sim.errors import SimulationError
 from sim.view.appearance import Appearance, RobotPart
 from sim.view.meshcat_commands import (
@@ -51,8 +48,9 @@ FLOOR_SEGMENTS = 72
 FLOOR_RGB: Rgb = (0.80, 0.82, 0.84)
 
 _LIGHTS: tuple[tuple[str, str, object], ...] = (
-    ("AmbientLight", "intensity", 0.56),
-    ("FillLight", "intensity", 0.18),
+    ("AmbientLight", "intensity", 0.50),
+    ("FillLight", "intensity", 0.34),
+    ("FillLight", "position", [2.0, -6.0, 1.5]),
     ("PointLightNegativeX", "intensity", 0.12),
     ("PointLightPositiveX", "intensity", 0.12),
     ("SpotLight", "intensity", 0.50),
@@ -61,7 +59,8 @@ _LIGHTS: tuple[tuple[str, str, object], ...] = (
     ("SpotLight", "penumbra", 1.0),
     ("SpotLight", "castShadow", True),
 )
-"""Meshcat's own lights, set so that only one of them throws a shadow: light, property, value."""
+"""Meshcat's own lights: light, property, value. Only the one from the left front throws a shadow;
+the filling light comes from the other side, low, so that what lies in shade keeps its form."""
 
 
 class RobotTree:
@@ -72,19 +71,20 @@ class RobotTree:
         mesh_paths: the node of each part of the appearance.
     """
 
-    def __init__(self, model: pin.Model, appearance: Appearance) -> None:
+    def __init__(self, model: pin.Model, appearance: Appearance, root: str = "") -> None:
         """Lay the tree out.
 
         Args:
             model: the whole robot; every joint turns or slides about one axis.
             appearance: what hangs on its joints.
+            root: the node below which it stands.
 
         Raises:
             SimulationError: when the appearance names a joint that the model lacks.
         """
         self._model = model
         self._parts = appearance.parts
-        self._moving = _moving_nodes(model)
+        self._moving = _moving_nodes(model, f"{root}/robot")
         unknown = {part.joint for part in self._parts} - self._moving.keys()
         if unknown:
             raise SimulationError(f"the robot's appearance names unknown joints: {sorted(unknown)}")
@@ -95,12 +95,16 @@ class RobotTree:
         )
         self.paths = tuple(self._moving[name] for name in model.names)[1:]
 
-    def commands(self) -> Iterator[Command]:
-        """Place the joints and hang the parts on them."""
+    def commands(self, surface: Command | None = None) -> Iterator[Command]:
+        """Place the joints and hang the parts on them, of one surface, or each of its own."""
         for path, T_parent_joint in zip(self.paths, self._model.jointPlacements[1:], strict=True):
             yield set_transform(path.removesuffix("/moves"), T_parent_joint)
         for path, part in zip(self.mesh_paths, self._parts, strict=True):
-            yield from _part_commands(path, part)
+            yield part_command(path, part, part.T_joint_mesh, surface)
+
+    def moving_node(self, joint: str) -> str:
+        """The node that a joint moves, by its name; "universe" for the robot's root."""
+        return self._moving[joint]
 
     def body_commands(self, body: RobotBody) -> Iterator[Command]:
         """Hang a body that plans are made with on the joints, beside the meshes."""
@@ -150,30 +154,14 @@ class RobotTree:
 
 
 def stage_commands() -> Iterator[Command]:
-    """Floor, light and background. The camera belongs to the page."""
+    """Floor and light. Camera and background, which is dark at night, belong to the page."""
     yield set_property("/Grid", "visible", False)
     yield set_property("/Axes", "visible", False)
-    yield set_property("/Background", "top_color", [0.93, 0.95, 0.97])
-    yield set_property("/Background", "bottom_color", [0.76, 0.80, 0.84])
     for light, key, value in _LIGHTS:
         yield set_property(f"/Lights/{light}/<object>", key, value)
     yield set_property("/Lights/SpotLight", "visible", True)
     yield set_object("/floor", _fading_disc(), painted(gloss=0.0))
     yield set_transform("/floor", pin.SE3(np.eye(3), np.array([0.0, 0.0, -BASE_HEIGHT_M])))
-
-
-def body_path(name: str) -> str:
-    """The node of a body. A slash in its name does not make two nodes of it."""
-    return f"/bodies/{quote(name, safe=' ')}"
-
-
-def body_commands(body: Body) -> Iterator[Command]:
-    """The shapes of a body; where it stands comes by `pose_commands`."""
-    for index, part in enumerate(body.parts):
-        path = f"{body_path(body.name)}/{index}"
-        red, green, blue, opacity = part.rgba
-        yield set_object(path, _geometry(part), material((red, green, blue), opacity=opacity))
-        yield set_transform(path, part.T_body_part * _T_part_geometry(part))
 
 
 def pose_commands(path: str, T_base_node: pin.SE3) -> Iterator[Command]:
@@ -202,9 +190,9 @@ def line_command(
     return set_object(path, triangles(vertices, compact(faces), uuid=uuid), glowing(rgb))
 
 
-def _moving_nodes(model: pin.Model) -> dict[str, str]:
+def _moving_nodes(model: pin.Model, root: str) -> dict[str, str]:
     """The path of the moving node by joint name; `universe` is the robot's root."""
-    paths = ["/robot"]
+    paths = [root]
     for index in range(1, model.njoints):
         paths.append(f"{paths[model.parents[index]]}/{model.names[index]}/moves")
     return dict(zip(model.names, paths, strict=True))
@@ -221,50 +209,23 @@ def _axes(model: pin.Model) -> list[tuple[bool, FloatArray]]:
     return axes
 
 
-def _part_commands(path: str, part: RobotPart) -> Iterator[Command]:
+def part_command(
+    path: str, part: RobotPart, T_parent_mesh: pin.SE3, surface: Command | None = None
+) -> Command:
+    """Draw a part of the robot.
+
+    Args:
+        path: its node.
+        part: what to draw; its triangles are shared by all that draw them.
+        T_parent_mesh: where its mesh is, seen from the node above.
+        surface: instead of its own colour.
+    """
     mesh = part.mesh
     geometry = triangles(mesh.vertices, mesh.faces, mesh.normals, uuid=f"mesh {mesh.name}")
     scaling = np.diag([mesh.scale_m, mesh.scale_m, mesh.scale_m, 1.0])
     scaling[:3, 3] = mesh.centre_m
-    yield set_object(path, geometry, material(part.rgb), scaling.T.reshape(-1).tolist())
-    yield set_transform(path, part.T_joint_mesh)
-
-
-def _geometry(part: Part) -> Command:
-    """The shape of a part as three.js has it."""
-    shape = part.shape
-    if isinstance(shape, Box):
-        return {"type": "BoxGeometry"} | dict(
-            zip(("width", "height", "depth"), shape.size_m, strict=True)
-        )
-    if isinstance(shape, Cylinder):
-        size = {
-            "radiusTop": shape.radius_m,
-            "radiusBottom": shape.radius_m,
-            "height": shape.length_m,
-        }
-        return {"type": "CylinderGeometry", "radialSegments": 48} | size
-    if isinstance(shape, Mesh):
-        return _flat_faces(shape)
-    segments = {"widthSegments": 32, "heightSegments": 24}
-    return {"type": "SphereGeometry", "radius": shape.radius_m} | segments
-
-
-def _flat_faces(mesh: Mesh) -> Command:
-    """Every triangle with corners and a normal of its own, so that edges look sharp."""
-    corners = mesh.corners
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    vertices = corners.reshape(-1, 3).astype(np.float32)
-    faces = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
-    return triangles(vertices, faces, np.repeat(normals, 3, axis=0).astype(np.float32))
-
-
-def _T_part_geometry(part: Part) -> pin.SE3:
-    """Cylinders of three.js stand along y, ours along z."""
-    if isinstance(part.shape, Cylinder):
-        return pin.SE3(pin.utils.rotate("x", math.pi / 2), np.zeros(3))
-    return pin.SE3.Identity()
+    matrix = (T_parent_mesh.homogeneous @ scaling).T.reshape(-1).tolist()
+    return set_object(path, geometry, material(part.rgb) if surface is None else surface, matrix)
 
 
 def _fading_disc() -> Command:

@@ -21,7 +21,7 @@ from sim.view.scenegraph import line_command
 PATH_RADIUS_M = 4.5e-3
 EMPTY_RGB: Rgb = (0.09, 0.42, 0.80)
 HOLDING_RGB: Rgb = (0.93, 0.53, 0.02)
-AHEAD_RGB: Rgb = (0.66, 0.71, 0.77)
+AHEAD_RGB: Rgb = (0.42, 0.47, 0.52)
 """The colours of a line, the last where the tip has yet to go. The pages' style sheet has the first
 two for the grippers' states."""
 

@@ -7,17 +7,33 @@ from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 
+from baxter_kin.distribution.extras import run_to_install
 from sim.errors import ViewerError
 
 _BUNDLE = Path("viewer", "dist", "main.min.js")
 _SLOT = re.compile(r"\{\{(\w+)\}\}")
 _PARTS = {
+    "body": "body.html",
     "card": "card.html",
+    "controls": "controls.html",
+    "help": "help.html",
     "legend": "legend.html",
-    "live": "live.js",
-    "player": "player.js",
-    "stage": "stage.js",
-    "style": "style.css",
+    "panel": "panel.html",
+    "style": "styles/page.css",
+    "panel_style": "styles/panel.css",
+    "scripts": "scripts.html",
+    "stage": "scripts/stage.js",
+    "camera": "scripts/camera.js",
+    "card_script": "scripts/card.js",
+    "telemetry": "scripts/telemetry.js",
+    "nearest": "scripts/nearest.js",
+    "plots": "scripts/plots.js",
+    "panel_script": "scripts/panel.js",
+    "waypoints": "scripts/waypoints.js",
+    "player": "scripts/player.js",
+    "controls_script": "scripts/controls.js",
+    "live": "scripts/live.js",
+    "replay": "scripts/replay.js",
 }
 """What pages are put together from, by slot."""
 
@@ -34,7 +50,7 @@ def viewer_bundle() -> str:
         path = Path(folder) / _BUNDLE
         if path.is_file():
             return path.read_text(encoding="utf-8")
-    raise ViewerError("meshcat's viewer is not installed; run: pip install meshcat")
+    raise ViewerError(f"meshcat's viewer is not installed; {run_to_install('meshcat')}")
 
 
 def page(template: str, **texts: str) -> str:

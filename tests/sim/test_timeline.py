@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from baxter_kin import Baxter
-from planner import Manipulator, plan_start_move
-from sim import Event, EventKind, Observer, Outcome, Simulation, Snapshot
+from planner import Body, Manipulator, Situation, make_block, plan_start_move
+from sim import (
+    Event,
+    EventKind,
+    LogRecorder,
+    Observer,
+    Outcome,
+    Recorder,
+    Simulation,
+    Snapshot,
+    World,
+    read_log,
+)
+from tests.conftest import at
 from tests.sim.runs import Run, Witness
 
 TIME_S = 1e-9
@@ -52,7 +67,9 @@ class TestTelling:
         self, cycle: tuple[Run, Outcome]
     ) -> None:
         texts = {event.kind: event.text for event in cycle[0].witness.events}
-        assert texts[EventKind.GRASPED] == "block grasped, 52.4 mm between the pads (89 % open)"
+        assert (
+            texts[EventKind.GRASPED] == "block grasped, 52.4 mm between the finger pads (89 % open)"
+        )
         assert texts[EventKind.RELEASED] == "block released"
         assert texts[EventKind.SETTLED] == "block at rest on table"
 
@@ -142,3 +159,70 @@ class TestFinishing:
         run.simulation.wait(0.015)
         times = [shot.time_s for shot in run.witness.snapshots]
         assert times == pytest.approx([0.0, 0.01, 0.015, 0.02, 0.03], abs=TIME_S)
+
+    def test_asking_twice_shows_it_once(self, run: Run) -> None:
+        run.simulation.wait(0.123)
+        for _ in range(3):
+            run.simulation.finish()
+        assert [shot.time_s for shot in run.witness.snapshots][-2:] == [0.12, 0.123]
+
+
+class TestBeginning:
+    """Observers know of all bodies, whoever put them into the world."""
+
+    def test_bodies_that_are_there_are_told_before_anything_happens(self, run: Run) -> None:
+        begun: list[Situation] = []
+
+        class Watch(Observer):
+            def on_start(self, situation: Situation) -> None:
+                begun.append(situation)
+
+        Simulation(run.world, [Watch()])
+        (situation,) = begun
+        assert set(situation.scene.bodies) == {"table", "block"}
+        assert situation.joints == dict(
+            zip(run.world.robot.joint_names, run.world.q.tolist(), strict=True)
+        )
+
+    def test_what_others_put_there_or_took_is_told_at_the_next_tick(self, robot: Baxter) -> None:
+        world, witness = World(robot), Witness()
+        simulation = Simulation(world, [witness])
+        world.spawn(make_block("red", at(0.7, 0.1, 0.0)))
+        simulation.wait(0.03)
+        world.delete("red")
+        simulation.wait(0.03)
+        simulation.wait(0.03)
+        assert [(event.kind, event.text) for event in witness.events] == [
+            (EventKind.SPAWNED, "red put into the world"),
+            (EventKind.DELETED, "red taken out of the world"),
+        ]
+        assert all(event.body is not None for event in witness.events)
+
+    def test_what_the_simulation_spawns_is_told_once(self, run: Run) -> None:
+        run.simulation.wait(0.1)
+        kinds = [event.kind for event in run.witness.events]
+        assert kinds == [EventKind.SPAWNED] * 2
+
+    def test_recordings_have_bodies_that_were_there(
+        self, robot: Baxter, table: Body, tmp_path: Path
+    ) -> None:
+        world = World(robot)
+        world.spawn(table)
+        recorder, log = Recorder(robot), LogRecorder(tmp_path / "run.jsonl", robot)
+        simulation = Simulation(world, [recorder, log])
+        simulation.wait(0.05)
+        log.close()
+        for recording in (recorder.recording(), read_log(tmp_path / "run.jsonl").recording):
+            assert set(recording.bodies) == {"table"}
+            assert np.isfinite(recording.body_poses["table"]).all()
+            assert recording.events == ()
+
+    def test_a_log_that_was_given_the_scene_has_it_once(
+        self, robot: Baxter, table: Body, tmp_path: Path
+    ) -> None:
+        world, path = World(robot), tmp_path / "run.jsonl"
+        world.spawn(table)
+        log = LogRecorder(path, robot, scene=world.scene)
+        Simulation(world, [log])
+        log.close()
+        assert path.read_text().count('{"body":') == 1

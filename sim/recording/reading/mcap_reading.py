@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from baxter_kin import Baxter
+from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.errors import expect, quoted, shown_path
 from baxter_kin.files import PathLike
 from sim.errors import RecordingError
@@ -88,7 +89,7 @@ def _library_errors() -> tuple[tuple[type[Exception], ...], tuple[type[Exception
         from zstandard import ZstdError  # noqa: PLC0415 - comes with mcap
     except ImportError:
         raise RecordingError(
-            "MCAP files need the package mcap; run: pip install 'baxter-kin[mcap]'"
+            f"MCAP files need the package mcap; {run_to_install_extra('mcap')}"
         ) from None
     return (EndOfFile, struct.error), (McapError, ZstdError, *_DAMAGE)
 

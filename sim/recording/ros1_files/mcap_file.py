@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from baxter_kin import Baxter
+from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.errors import expect
 from baxter_kin.files import PathLike
 from sim.errors import RecordingError
@@ -96,6 +97,6 @@ def _writer_class() -> type[Writer]:
         from mcap.writer import Writer  # noqa: PLC0415 - an extra
     except ImportError:
         raise RecordingError(
-            "MCAP files need the package mcap; run: pip install 'baxter-kin[mcap]'"
+            f"MCAP files need the package mcap; {run_to_install_extra('mcap')}"
         ) from None
     return Writer

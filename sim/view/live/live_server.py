@@ -23,18 +23,23 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from baxter_kin.errors import quoted
 from baxter_kin.value_objects import NotCopied
 from sim.errors import ViewerError
-from sim.view.live.clients import Clients
+from sim.view.live.clients import Clients, Message
+from sim.view.live.controls import Controls
 
 ADDRESS = "127.0.0.1"
 FIRST_PORT = 7000
 PORTS_TRIED = 20
 """Without a wish, the first free port of this many from `FIRST_PORT` is taken, else any."""
 
-LAST_WORDS_S = 0.3
-"""How long closing waits for browsers to take what was shown last."""
+LAST_WORDS_S = 5.0
+"""How long closing waits at most for browsers to take what was shown last: a replay of 3 MB, which
+takes a moment on this machine and a few seconds over a slow line."""
 
-_STOP_S = 3.0
-_PING_S = 10.0
+_STOP_S = LAST_WORDS_S + 3.0
+_PING_S = 60.0
+"""How often a browser is asked whether it is still there, and how long it may take to answer: one
+that draws without a graphics card answers late."""
+_LARGEST_MESSAGE = 65_536
 _LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
 
 Files = dict[str, tuple[str, str]]
@@ -48,28 +53,32 @@ class LiveServer(NotCopied):
         port: where it listens.
     """
 
-    def __init__(self, clients: Clients, files: Files, port: int | None = None) -> None:
+    def __init__(
+        self, clients: Clients, files: Files, port: int | None, controls: Controls
+    ) -> None:
         """Start serving.
 
         Args:
             clients: whose scene is sent; browsers join it when they come.
             files: the page and what it loads.
             port: where to listen; None for any that is free.
+            controls: told what pages ask for.
 
         Raises:
             ViewerError: when that port is taken, not allowed, or none.
         """
         self._socket = _listening_socket(port)
         self.port = int(self._socket.getsockname()[1])
-        self._clients = clients
+        self._clients, self._controls = clients, controls
         self._browsers: set[_Browser] = set()
         self._application = Application(
             [
-                (r"/scene", _Browser, {"clients": clients, "browsers": self._browsers}),
+                (r"/scene", _Browser, {"server": self}),
                 (r"(?:/static)?(/.*)", _File, {"files": files}),
             ],
             log_function=lambda _: None,
             websocket_ping_interval=_PING_S,
+            websocket_max_message_size=_LARGEST_MESSAGE,
         )
         self._loop = asyncio.new_event_loop()
         self._stop = asyncio.Event()
@@ -93,6 +102,28 @@ class LiveServer(NotCopied):
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._stop.set)
             self._thread.join(_STOP_S)
+
+    def join(self, browser: _Browser) -> None:
+        """A browser watches from now on; the whole scene is yet to be told. In the thread."""
+        self._clients.join(browser)
+        self._browsers.add(browser)
+        browser.send_mail()
+
+    def hear(self, message: str | bytes) -> None:
+        """A page asks for something. In the thread."""
+        self._controls.hear(message)
+        self._send_mail()
+
+    def leave(self, browser: _Browser) -> None:
+        """A browser watches no longer; nobody can end a pause once all have left. In the thread."""
+        self._browsers.discard(browser)
+        self._clients.leave(browser)
+        if not self._browsers:
+            self._controls.end_pause()
+
+    def messages_for(self, browser: _Browser) -> list[Message]:
+        """What a browser has yet to be told; in the thread."""
+        return self._clients.messages_for(browser)
 
     def _send_mail(self) -> None:
         self._has_news = False
@@ -162,27 +193,24 @@ class _File(_LocalHandler):
 class _Browser(_LocalHandler, WebSocketHandler):
     """One browser that watches. Tornado refuses those of pages from another origin."""
 
-    def initialize(self, clients: Clients, browsers: set[_Browser]) -> None:
+    def initialize(self, server: LiveServer) -> None:
         """Take whom to join."""
-        self._clients = clients
-        self._browsers = browsers
+        self._server = server
         self._sending: asyncio.Future[None] | None = None
         self._closed = asyncio.Event()
 
     def open(self, *_args: str, **_kwargs: str) -> None:
         """Begin with the whole scene."""
         self.set_nodelay(True)
-        self._clients.join(self)
-        self._browsers.add(self)
-        self.send_mail()
+        self._server.join(self)
 
     def on_message(self, message: str | bytes) -> None:
-        """Nothing is asked of a browser."""
+        """The page asks for something."""
+        self._server.hear(message)
 
     def on_close(self) -> None:
         """Forget it."""
-        self._browsers.discard(self)
-        self._clients.leave(self)
+        self._server.leave(self)
         self._closed.set()
 
     def send_mail(self) -> None:
@@ -191,20 +219,21 @@ class _Browser(_LocalHandler, WebSocketHandler):
             self._sending = asyncio.ensure_future(self._send_until_empty())
 
     async def say_goodbye(self) -> None:
-        """Send the last messages and close, at the latest when `LAST_WORDS_S` have passed twice."""
+        """Send the last messages, close, and wait until the browser has read them, so long."""
+        end_s = self._loop_time() + LAST_WORDS_S
         self.send_mail()
         if self._sending is not None:
             await asyncio.wait([self._sending], timeout=LAST_WORDS_S)
         self.close(code=1001, reason="the program has ended")
         closed = asyncio.ensure_future(self._closed.wait())
-        await asyncio.wait([closed], timeout=LAST_WORDS_S)
+        await asyncio.wait([closed], timeout=max(end_s - self._loop_time(), 0.0))
         connection = self.ws_connection
         if connection is not None and connection.stream is not None:
             connection.stream.close()
 
     async def _send_until_empty(self) -> None:
         """A round is over when the network has taken it; what comes meanwhile is the next."""
-        while messages := self._clients.messages_for(self):
+        while messages := self._server.messages_for(self):
             results = await asyncio.gather(
                 *(self._send(message.payload) for message in messages), return_exceptions=True
             )
@@ -213,6 +242,10 @@ class _Browser(_LocalHandler, WebSocketHandler):
 
     async def _send(self, message: str | bytes) -> None:
         await self.write_message(message, binary=isinstance(message, bytes))
+
+    @staticmethod
+    def _loop_time() -> float:
+        return asyncio.get_running_loop().time()
 
 
 def _listening_socket(port: int | None) -> socket.socket:

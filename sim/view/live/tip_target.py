@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter, IKResult, IKService, SeedMode
+from baxter_kin.distribution.extras import run_to_install
 from baxter_kin.errors import expect
 from baxter_kin.validation import FloatArray, finite_scalar
 from baxter_kin.value_objects import NotCopied, OneLine, position
@@ -117,7 +118,7 @@ class TipTarget(NotCopied, OneLine):
             import ipywidgets  # noqa: PLC0415 - only notebooks need it
         except ImportError as cause:
             raise ViewerError(
-                "the sliders need ipywidgets; run: pip install 'baxter-kin[notebook]'"
+                f"the sliders need ipywidgets; {run_to_install('ipywidgets')}"
             ) from cause
         sliders = [
             ipywidgets.FloatSlider(description=name, value=value, min=low, max=high, step=step)

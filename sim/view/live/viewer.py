@@ -1,96 +1,101 @@
 """The live view: robot, bodies, tip paths and a caption in the browser, while the program runs.
 
+```python
+viewer = Viewer()  # the last value of a notebook's cell shows itself; else open viewer.url
+simulation = Simulation(world, [viewer])
+simulation.execute(plan)  # in real time, on the page
+```
+
 Meshcat's viewer draws, fed by a small server of our own in this process
 (`sim.view.live.live_server`). Showing a frame only notes what changed; sending is the server's
-business, so a slow browser, or none, never holds the program up.
+business, so a slow browser, or none, never holds the program up. What does hold it up is real time,
+and who presses Pause on the page.
 """
 
 from __future__ import annotations
 
+import atexit
 import html
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
-import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
 from baxter_kin.errors import expect, quoted
-from baxter_kin.validation import FloatArray, finite_array, finite_scalar
-from baxter_kin.value_objects import NotCopied, OneLine
-from planner import Body
+from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
+from baxter_kin.value_objects import NotCopied
+from planner import Body, Scene, Situation
 from sim.errors import ViewerError
-from sim.view.appearance import Appearance
+from sim.events import Event, EventKind, Observer, Snapshot
+from sim.recording.recorded_motion import recorded_move
 from sim.view.gripper_status import GripperPhase
-from sim.view.live.clients import Clients, Message
-from sim.view.live.live_server import ADDRESS, LiveServer
-from sim.view.meshcat_commands import Command, delete, set_property
-from sim.view.scenegraph import RobotTree, body_commands, body_path, pose_commands, stage_commands
-from sim.view.tip_path import TipPath, TipTracker
-from sim.view.webpage import page, viewer_bundle
-
-JOINT_STEP = 1e-5
-"""Joints that moved less, rad or m, are not sent again: a hundredth of a millimetre at the tip."""
+from sim.view.live.broadcast import Broadcast
+from sim.view.live.drawn_scene import DrawnScene
+from sim.view.live.pacing import Pacing
+from sim.view.live.shown_run import ShownRun
+from sim.view.replay import FRAME_HEIGHT_PX, Replay, encoded_content
 
 LONGEST_WAIT_S = 86_400.0
-
-POSE_STEP = 1e-6
-"""The same for bodies: metres, and parts of a unit quaternion."""
-
-TITLE = "Baxter, live"
-
-FRAME_HEIGHT_PX = 520
-"""Height of the view in a notebook."""
+_EMPTY = Situation(Scene({}), {})
 
 
-class Viewer(NotCopied, OneLine):
+class Viewer(NotCopied, Observer):
     """A live view, served from its creation until `close`; use it as a context manager.
+
+    It observes simulations, one after the other: each waits for real time, and can be paused and
+    slowed down from the page. When the view is closed, or the program ends, the page becomes a
+    replay of what it showed last.
 
     As the last value of a notebook's cell it shows itself there. That needs a browser on the
     machine where the program runs, or the port forwarded to the same number; a
-    `sim.view.replay.Replay`
-    does not.
+    `sim.view.replay.Replay` does not.
 
     Attributes:
         url: where to look.
     """
 
-    def __init__(self, robot: Baxter, *, port: int | None = None) -> None:
+    def __init__(
+        self, robot: Baxter | None = None, *, port: int | None = None, keeps_time: bool = True
+    ) -> None:
         """Start serving; nothing waits for a browser.
 
         Args:
-            robot: shown in its neutral configuration at first.
+            robot: shown in its neutral configuration at first; `Baxter.load()` when not given.
             port: where to listen on this machine; None takes 7000 or the next one free.
+            keeps_time: whether simulations that it observes wait for real time; what runs in real
+                time by itself is shown as it comes, and cannot be paused.
 
         Raises:
-            ViewerError: when that port is taken or not allowed, or Meshcat is missing.
+            ViewerError: when that port is taken or not allowed, Meshcat is missing, or an argument
+                is of another class.
         """
-        self._tree = RobotTree(robot.model, Appearance.of(robot))
-        self._clients = Clients()
-        self._q = np.full(len(self._tree.paths), np.nan)
-        self._poses: dict[str, FloatArray] = {}
-        self._told: dict[str, object] = {}
+        keeps = expect(keeps_time, bool, "keeps_time", ViewerError)
+        self._robot = (
+            Baxter.load() if robot is None else expect(robot, Baxter, "robot", ViewerError)
+        )
+        self._pacing = Pacing() if keeps else None
+        self._scene = DrawnScene(self._robot)
         self._grippers: dict[str, GripperPhase] = {}
-        self._tracker = TipTracker(robot)
-        self._tip_paths = {side: TipPath(side) for side in robot.arms}
-        script = ("text/javascript; charset=utf-8", viewer_bundle())
-        files = {
-            "/": ("text/html; charset=utf-8", page("live.html", title=TITLE)),
-            "/main.min.js": script,
-        }
-        self._server = LiveServer(self._clients, files, port)
-        self.url = f"http://{ADDRESS}:{self._server.port}/"
-        self._publish([*stage_commands(), *self._tree.commands()])
-        self.show(robot.configuration(), {}, "")
+        self._run = ShownRun(self._robot, _EMPTY)
+        self._is_simulated = False
+        self._pages = Broadcast(port, self._pacing)
+        self.url = self._pages.url
+        self._pages.publish(self._scene.commands(), layers=self._scene.layers())
+        self.show(self._robot.configuration(), {}, "")
+        atexit.register(self.close)
 
     def __enter__(self) -> Viewer:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, error: object, _: object) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.close("stopped" if kind is KeyboardInterrupt else str(error) or kind.__name__)
 
     def _facts(self) -> tuple[str, ...]:
-        return (self.url,)
+        return (self.url, "closed" if self._pages.is_closed else "")
 
     def _repr_html_(self) -> str:
         """The view as a frame of a notebook."""
@@ -102,12 +107,12 @@ class Viewer(NotCopied, OneLine):
     @property
     def q(self) -> FloatArray:
         """The full configuration shown, shape (19,), rad and m; a copy."""
-        return self._q.copy()
+        return self._scene.q.copy()
 
     @property
     def has_client(self) -> bool:
         """Whether a browser is watching."""
-        return len(self._clients) > 0
+        return self._pages.has_client
 
     def wait_for_client(self, timeout_s: float) -> bool:
         """Wait until a browser watches, at most so long. Returns whether one does.
@@ -118,28 +123,64 @@ class Viewer(NotCopied, OneLine):
         seconds = finite_scalar(timeout_s, "timeout_s", ViewerError)
         if not 0.0 <= seconds <= LONGEST_WAIT_S:
             raise ViewerError(f"timeout_s must be from 0 to {LONGEST_WAIT_S:g} s, got {seconds:g}")
-        return self._clients.wait(seconds)
+        return self._pages.wait(seconds)
 
-    def add_body(self, body: Body) -> None:
-        """Show a body at its pose. One of the same name is replaced.
-
-        Raises:
-            ViewerError: when the view is closed.
-        """
-        path = body_path(expect(body, Body, "body", ViewerError).name)
-        placed = pose_commands(path, body.T_base_body)
-        self._publish([delete(path), *body_commands(body), *placed])
-        self._poses[body.name] = pin.SE3ToXYZQUAT(body.T_base_body)
-
-    def remove_body(self, name: str) -> None:
-        """Show a body no more.
+    def on_start(self, situation: Situation) -> None:
+        """Show how a simulation begins, in place of the one before; a closed view shows nothing.
 
         Raises:
-            ViewerError: when there is none of that name, or the view is closed.
+            ViewerError: when it is no situation, or one of another robot.
         """
-        self._known(name)
-        self._publish([delete(body_path(name))])
-        del self._poses[name]
+        expect(situation, Situation, "situation", ViewerError)
+        if self._pages.is_closed:
+            return
+        joints = [situation.joints.get(name) for name in self._robot.joint_names]
+        q = self._checked_q([x for x in joints if x is not None])
+        bodies = self._scene.replace_bodies(self._run.bodies, situation.scene)
+        self._pages.publish([*bodies, *self._scene.forget_run(), *self._scene.move(q, {}, {})])
+        self._begin_run(situation)
+
+    def on_event(self, event: Event) -> None:
+        """A body appears or disappears, or a gripper does something.
+
+        A closed view shows nothing.
+
+        Raises:
+            ViewerError: when it is no event.
+        """
+        expect(event, Event, "event", ViewerError)
+        if self._pages.is_closed:
+            return
+        self._begin_run_if_over(event.time_s)
+        if self._pacing is not None:
+            self._pacing.stand_still()
+        self._run.hear(event)
+        if event.body is not None and event.kind is EventKind.SPAWNED:
+            self._pages.publish(self._scene.add_body(event.body))
+        elif event.body is not None and event.kind is EventKind.DELETED:
+            self._pages.publish(self._scene.replace_bodies([event.body.name], Scene({})))
+        elif (move := recorded_move(event)) is not None:
+            self._pages.publish(self._scene.add_goal(move))
+
+    def on_snapshot(self, snapshot: Snapshot) -> None:
+        """Wait until it is due, then show it; bodies that nobody told of are left out.
+
+        A closed view shows nothing, and nothing waits for it.
+
+        Raises:
+            ViewerError: when it is no snapshot, or one of another robot.
+        """
+        expect(snapshot, Snapshot, "snapshot", ViewerError)
+        if self._pages.is_closed:
+            return
+        q = self._checked_q(snapshot.q)
+        self._begin_run_if_over(snapshot.time_s)
+        if self._pacing is not None:
+            self._pacing.wait_for(snapshot.time_s)
+        self._run.see(snapshot)
+        speed = 1.0 if self._pacing is None else self._pacing.speed
+        if self._run.takes_frame(snapshot.time_s, speed):
+            self._show_frame(q, snapshot)
 
     def show(
         self,
@@ -163,61 +204,97 @@ class Viewer(NotCopied, OneLine):
             ViewerError: when `q` has another shape or is not finite, a body is not in the view, a
                 gripper does not exist, or the view is closed.
         """
-        configuration = finite_array(q, self._q.shape, "q", ViewerError)
+        configuration = finite_array(q, self._scene.q.shape, "q", ViewerError)
         expect(T_base_bodies, Mapping, "T_base_bodies", ViewerError)  # type: ignore[type-abstract]
-        commands = [*self._joint_commands(configuration), *self._moved(T_base_bodies)]
         self._note_grippers({} if grippers is None else grippers)
-        commands += self._trail_commands(configuration)
+        self._is_simulated = False
+        self._draw(configuration, T_base_bodies, caption=caption, seed=seed)
+
+    def add_body(self, body: Body) -> None:
+        """Show a body at its pose. One of the same name is replaced.
+
+        Raises:
+            ViewerError: when the view is closed.
+        """
+        self._pages.publish(self._scene.add_body(expect(body, Body, "body", ViewerError)))
+
+    def remove_body(self, name: str) -> None:
+        """Show a body no more.
+
+        Raises:
+            ViewerError: when there is none of that name, or the view is closed.
+        """
+        self._pages.publish(self._scene.remove_body(name))
+
+    def replay(self) -> Replay:
+        """A replay of what was shown of the last simulation, its last two minutes at most.
+
+        Raises:
+            RecordingError: when no simulation was shown.
+        """
+        return Replay(self._run.recording(), self._robot)
+
+    def close(self, note: str = "") -> None:
+        """Turn pages into replays of what they showed, stop serving and free the port.
+
+        A second call does nothing.
+
+        Args:
+            note: what came of it, such as why the program failed; the last caption.
+        """
+        if self._pages.is_closed:
+            return
+        atexit.unregister(self.close)
+        try:
+            self._say_goodbye(expect(note, str, "note", ViewerError))
+        finally:
+            self._pages.close()
+
+    def _say_goodbye(self, note: str) -> None:
+        """Send the last words, and the replay to who watches, if that is what is shown."""
+        news: dict[str, object] = {"caption": note} if note else {}
+        if self._is_simulated and self.has_client:
+            news["replay"] = encoded_content(self._run.recording(note), self._robot)
+        self._pages.publish([], **news)
+
+    def _begin_run_if_over(self, time_s: float) -> None:
+        if self._run.is_over(time_s):
+            self._begin_run(Situation(Scene(self._run.bodies), {}))
+
+    def _begin_run(self, situation: Situation) -> None:
+        """A simulation begins."""
+        self._run = ShownRun(self._robot, situation)
+        if self._pacing is not None:
+            self._pacing.begin()
+
+    def _checked_q(self, q: ArrayLike) -> FloatArray:
+        """A full configuration of the robot in the view."""
+        joints = float_array(q, "q", ViewerError)
+        if joints.shape != self._scene.q.shape:
+            raise ViewerError(
+                f"the simulation moves a robot of {joints.size} joints, the view shows one of "
+                f"{self._scene.q.size}; show the same one: Viewer(world.robot)"
+            )
+        return joints
+
+    def _draw(self, q: FloatArray, T_base_bodies: Mapping[str, pin.SE3], **news: object) -> None:
+        holding = {side: phase.is_holding for side, phase in self._grippers.items()}
+        commands = self._scene.move(q, T_base_bodies, holding)
         shown = {side: phase.for_page() for side, phase in self._grippers.items()}
-        self._publish(commands, caption=caption, seed=seed, grippers=shown)
+        self._pages.publish(commands, grippers=shown, **news)
 
-    def close(self) -> None:
-        """Stop serving and free the port. A second call does nothing."""
-        self._server.close()
-
-    def _joint_commands(self, q: FloatArray) -> Iterator[Command]:
-        moved = ~(np.abs(q - self._q) < JOINT_STEP)
-        for joint in np.flatnonzero(moved).tolist():
-            key, value = self._tree.motion(joint, float(q[joint]))
-            yield set_property(self._tree.paths[joint], key, value)
-        self._q[moved] = q[moved]
+    def _show_frame(self, q: FloatArray, snapshot: Snapshot) -> None:
+        """What a simulation shows, without the bodies that it never told of."""
+        known = self._scene.bodies
+        poses = {name: T for name, T in snapshot.T_base_bodies.items() if name in known}
+        self._grippers |= self._run.phases
+        self._is_simulated = True
+        self._draw(q, poses, **self._run.news(snapshot))
 
     def _note_grippers(self, phases: Mapping[str, GripperPhase]) -> None:
         for side, phase in phases.items():
-            if side not in self._tip_paths:
+            if side not in self._robot.arms:
                 raise ViewerError(
-                    f"no gripper {quoted(side)}; there are: {', '.join(self._tip_paths)}"
+                    f"no gripper {quoted(side)}; there are: {', '.join(self._robot.arms)}"
                 )
             self._grippers[side] = expect(phase, GripperPhase, f"{side} gripper", ViewerError)
-
-    def _trail_commands(self, q: FloatArray) -> Iterator[Command]:
-        for side, point in self._tracker.points(q).items():
-            phase = self._grippers.get(side)
-            is_holding = phase is not None and phase.is_holding
-            yield from self._tip_paths[side].advance(point, is_holding=is_holding)
-
-    def _moved(self, T_base_bodies: Mapping[str, pin.SE3]) -> Iterator[Command]:
-        for name, T_base_body in T_base_bodies.items():
-            pose = pin.SE3ToXYZQUAT(T_base_body)
-            if np.abs(pose - self._known(name)).max() > POSE_STEP:
-                yield from pose_commands(body_path(name), T_base_body)
-                self._poses[name] = pose
-
-    def _known(self, name: str) -> FloatArray:
-        if name not in self._poses:
-            shown = ", ".join(self._poses) or "none"
-            raise ViewerError(f"the view has no body {quoted(name)}; it shows: {shown}")
-        return self._poses[name]
-
-    def _publish(self, commands: list[Command], **news: object) -> None:
-        """Send commands, and to the page itself what is new of each topic."""
-        if self._server.is_closed:
-            raise ViewerError("the viewer is closed")
-        messages = [Message.with_command(command) for command in commands]
-        for topic, value in news.items():
-            if value != self._told.get(topic):
-                messages.append(Message.for_page(topic, value))
-                self._told[topic] = value
-        if messages:
-            self._clients.publish(messages)
-            self._server.notify()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter
+from planner import Situation
 from sim import Event, EventKind, Observer, Recorder, Recording, Snapshot, retell, save_recording
 from sim.errors import RecordingError
 from sim.recording.npz_file import load_recording
@@ -73,6 +74,21 @@ def test_grippers_and_bodies_are_told(picked: Recording) -> None:
     assert set(shots[100].T_base_bodies) == {"table", "block"}
     percents = np.array([shot.grippers["left"].percent for shot in shots])
     assert percents.tolist() == picked.gripper_percent[:, 0].tolist()
+
+
+def test_bodies_that_were_there_from_the_beginning_are_told_before(
+    recording: Recording, picked: Recording
+) -> None:
+    begun: list[Situation] = []
+
+    class Watch(Observer):
+        def on_start(self, situation: Situation) -> None:
+            begun.append(situation)
+
+    for each in (recording, picked):  # the events of the second one tell of both
+        retell(each, Watch())
+    assert [set(situation.scene.bodies) for situation in begun] == [{"table"}, set()]
+    assert list(begun[0].joints.values()) == recording.q[0].tolist()
 
 
 @pytest.mark.parametrize("bad", [None, "run"])

@@ -18,7 +18,8 @@ from sim.errors import RecordingError
 from sim.events import EventKind
 from sim.recording.recorded_motion import RecordedMove
 from sim.recording.recording import Recording
-from sim.view.replay import Replay, _seeds, replay_html, write_replay
+from sim.view.replay import Replay, replay_html, write_replay
+from sim.view.replay_content import _seeds
 from tests.sim.conftest import (
     APPEARS_S,
     DURATION_S,
@@ -74,7 +75,7 @@ def test_shows_the_robot(replay: Watched) -> None:
 
 
 def test_a_page_without_the_body_does_not_ask_for_it(replay: Watched) -> None:
-    assert not replay.page.is_visible("#layer")
+    assert replay.page.locator("#layer-body").count() == 0
 
 
 def test_shows_the_body_and_the_meshes_each_alone(
@@ -86,10 +87,16 @@ def test_shows_the_body_and_the_meshes_each_alone(
     watched.page.wait_for_function("replay.ready")
     watched.run("replay.pause()")
     pixels = {}
-    for layer in ("meshes", "body", "both"):
-        watched.page.select_option("#layer", layer)
+    watched.page.click("#view-button")
+    for layers, are_shown in (
+        ("meshes", (True, False)),
+        ("body", (False, True)),
+        ("both", (True, True)),
+    ):
+        for box, is_shown in zip(("#layer-robot", "#layer-body"), are_shown, strict=True):
+            watched.page.set_checked(box, is_shown)
         picture = watched.picture()
-        pixels[layer] = red_pixels(picture), amber_pixels(picture)
+        pixels[layers] = red_pixels(picture), amber_pixels(picture)
     assert pixels["meshes"][0] > 5000
     assert pixels["meshes"][1] < 100
     assert pixels["body"][0] < 100
@@ -425,7 +432,7 @@ def test_refuses_what_is_no_path(path: Any, robot: Baxter, recording: Recording)
 
 def test_refuses_what_is_no_recording(robot: Baxter) -> None:
     wrong: Any = {"q": []}
-    with pytest.raises(RecordingError, match="needs a Recording, got dict"):
+    with pytest.raises(RecordingError, match="needs a Recording or a Plan, got dict"):
         replay_html(wrong, robot)
 
 

@@ -132,7 +132,7 @@ def test_missing_ipywidgets_is_a_clear_error(
     viewer: WatchedViewer, robot: Baxter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "ipywidgets", None)
-    with pytest.raises(ViewerError, match=r"pip install 'baxter-kin\[notebook\]'"):
+    with pytest.raises(ViewerError, match=r"run: .* -m pip install ipywidgets$"):
         TipTarget(viewer, robot, "left").sliders()
 
 

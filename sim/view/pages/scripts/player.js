@@ -1,13 +1,14 @@
-// Plays the recording embedded in this page. Time is kept here, not by Meshcat's animator, whose
-// slider does nothing before it has played once and which forgets its place at the end.
+// Plays a recording: that of a replay's file, or what a live page has shown when its program ends.
+// Time is kept here, not by Meshcat's animator, whose slider does nothing before it has played once
+// and which forgets its place at the end.
 const PAUSE_BEFORE_LOOP_S = 1.5;
 const STEP_S = 0.1;
 const LONGEST_FRAME_S = 0.5; // a tab that slept goes on where it was
 const MOST_LABELS = 10;
 const INDICES_PER_STRETCH = 24;
+const FIT_SAMPLES = 16;
 
 const replay = { ready: false, time: 0, duration: 0, playing: false, speed: 1 };
-let viewer;
 let recording;
 let lines = [];
 
@@ -33,7 +34,7 @@ function draw(commands, geometries) {
 
 // The part of a line that is behind the tip, and the one ahead of it.
 function line({ path, times }) {
-  const part = (name) => viewer.scene_tree.find([...path.split("/").filter(Boolean), name, "<object>"]).object.geometry;
+  const part = (name) => drawnAt(nodeAt(`${path}/${name}`)).geometry;
   return { times, behind: part("behind"), ahead: part("ahead") };
 }
 
@@ -41,17 +42,6 @@ function showLine({ times, behind, ahead }) {
   const passed = INDICES_PER_STRETCH * Math.max(0, countUntil(times, replay.time) - 1);
   behind.setDrawRange(0, passed);
   ahead.setDrawRange(passed, Infinity);
-}
-
-// How many of the ascending times have come.
-function countUntil(times, time) {
-  let [low, high] = [0, times.length];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (times[middle] <= time + 1e-9) low = middle + 1;
-    else high = middle;
-  }
-  return low;
 }
 
 // The last of [time, ...values] that has come.
@@ -66,54 +56,69 @@ replay.seek = (time) => {
 replay.play = () => {
   if (replay.time >= replay.duration) replay.seek(0);
   replay.playing = true;
+  clearTimeout(announcing);
   showTime();
 };
 replay.pause = () => {
   replay.playing = false;
   showTime();
+  pointPanel(replay.time, { isNow: true });
+  sayTime();
 };
 replay.toggle = () => (replay.playing ? replay.pause() : replay.play());
 replay.jump = (time) => {
-  replay.pause();
+  replay.playing = false;
   replay.seek(time);
+  pointPanel(replay.time, { isNow: true });
+  sayTime();
 };
+
+const captionNow = () => (recording.captions.length ? current(recording.captions, replay.time)[1] : "");
 
 function showTime() {
   element("scrub").value = replay.time;
   element("scrub").style.setProperty("--done", `${100 * replay.time / (replay.duration || 1)}%`);
   write(element("time"), `${replay.time.toFixed(1)} / ${replay.duration.toFixed(1)} s`);
-  write(element("play"), replay.playing ? "Pause" : "Play");
-  showCaption(recording.captions.length ? current(recording.captions, replay.time)[1] : "");
+  const isAtEnd = replay.time >= replay.duration && replay.duration > 0;
+  write(element("play"), replay.playing ? "Pause" : isAtEnd ? "Again" : "Play");
+  showCaption(captionNow());
   showSeed(current(recording.seeds, replay.time)[1]);
   const grippers = Object.entries(recording.grippers);
   showGrippers(Object.fromEntries(grippers.map(([side, phases]) => [side, current(phases, replay.time).slice(1)])));
+  view.side = movingSide();
+  pointPanel(replay.time);
+  if (!element("stages").matches(":focus")) element("stages").selectedIndex = countUntil(recording.captions.map((c) => c[0]), replay.time) - 1;
+}
+
+// Whose hand the camera follows: the arm that moves, or the one that moved last.
+function movingSide() {
+  const begun = telemetry.waypoints.filter(({ start }) => start <= replay.time);
+  const latest = begun.length ? begun[begun.length - 1].side : recording.sides[0];
+  return latest || view.side;
+}
+
+// Told where a pause or a jump ends, not while it plays.
+function sayTime() {
+  const text = `${replay.time.toFixed(1)} of ${replay.duration.toFixed(1)} seconds, ${captionNow()}`;
+  element("scrub").setAttribute("aria-valuetext", text);
+  announce(text);
 }
 
 // Thin ticks where a stage begins, and buttons where something is grasped, released or missed.
 function showMarks() {
-  const place = (node, time) => {
+  element("marks").replaceChildren();
+  const put = (node, time) => {
     node.style.left = `${100 * time / (recording.duration || 1)}%`;
     element("marks").append(node);
   };
-  for (const [time, text] of recording.captions.slice(1)) {
-    place(Object.assign(document.createElement("i"), { title: text }), time);
-  }
+  for (const [time, text] of recording.captions.slice(1)) put(make("i", { title: text }), time);
   for (const [time, kind, text] of recording.marks) {
-    const button = Object.assign(document.createElement("button"), { type: "button", className: kind, title: text, textContent: kind });
+    const button = make("button", { type: "button", className: kind, title: text, textContent: kind });
+    button.setAttribute("aria-label", `${kind} at ${time.toFixed(1)} s: ${text}`);
     button.addEventListener("click", () => replay.jump(time));
-    place(button, time);
+    put(button, time);
   }
   element("marks").classList.toggle("dense", recording.marks.length > MOST_LABELS);
-}
-
-// The robot's meshes, the body that plans are made with, or both; only pages with a body ask.
-function showLayer() {
-  const chosen = element("layer").value;
-  for (const [layer, paths] of Object.entries(recording.layers)) {
-    const value = chosen === layer || chosen === "both";
-    for (const path of paths) viewer.handle_command({ type: "set_property", path, property: "visible", value });
-  }
-  viewer.set_dirty();
 }
 
 let overtime = 0;
@@ -133,45 +138,51 @@ function tick(now) {
   requestAnimationFrame(tick);
 }
 
-const KEYS = {
-  " ": () => replay.toggle(),
-  ArrowLeft: () => replay.jump(replay.time - STEP_S),
-  ArrowRight: () => replay.jump(replay.time + STEP_S),
-  Home: () => replay.jump(0),
-  End: () => replay.jump(replay.duration),
-};
-
-function listen() {
-  element("play").addEventListener("click", replay.toggle);
-  element("scrub").addEventListener("input", (event) => replay.jump(Number(event.target.value)));
-  element("layer").addEventListener("change", showLayer);
-  element("speed").addEventListener("change", (event) => { replay.speed = Number(event.target.value); });
-  document.addEventListener("keydown", (event) => {
-    const act = KEYS[event.key];
-    if (!act || event.target.tagName === "SELECT" || event.ctrlKey || event.metaKey || event.altKey) return;
-    act();
-    event.preventDefault();
-  });
+// What the camera is to have in view: whatever moves, wherever it comes.
+function actionPoints() {
+  const animation = recording.commands.find(({ type }) => type === "set_animation");
+  const paths = animation.animations.map(({ path }) => `/${path.join("/")}`).filter((path) => path.startsWith("/bodies/"));
+  const points = [];
+  for (let k = 0; k <= FIT_SAMPLES; k++) {
+    viewer.animator.seek((k / FIT_SAMPLES) * recording.duration);
+    points.push(...pointsNow(recording.sides, paths));
+  }
+  return points.length ? points : around([0.6, 0, 0.1], 0.6);
 }
 
-startWith(() => {
-  recording = decode(element("data").textContent);
-  viewer = createViewer(recording.sides);
+function clearScene() {
+  for (const name of ["robot", "bodies", "path", "goals", "frames", "ghost", "nearest"]) {
+    if (nodeAt(name)) viewer.handle_command({ type: "delete", path: `/${name}` });
+  }
+}
+
+// Make the page a player of this recording.
+function startReplay(content, { time = 0 } = {}) {
+  recording = content;
+  document.body.dataset.mode = "replay";
+  clearScene();
   draw(recording.commands, recording.geometries);
   viewer.animator.play(); // binds the tracks to the nodes; without it they cannot be moved
   viewer.animator.pause();
   lines = recording.paths.map(line);
   replay.duration = recording.duration;
   element("scrub").max = replay.duration;
-  element("layered").hidden = Object.keys(recording.layers).length === 0;
-  showLayer();
+  takeRecorded(recording);
+  for (const side of ["left", "right"]) if (!recording.grippers[side]) write(element(`${side}-gripper`), "");
+  showLayers(recording.layers);
+  listArms();
+  listStages(recording.captions);
+  listWaypoints();
   showMarks();
-  listen();
-  replay.seek(0);
+  view.points = actionPoints();
+  view.isMirrored = recording.sides.join() === "right";
+  element("speed").value = String(replay.speed);
+  replay.seek(time);
+  drawPanel();
   viewer.render();
-  replay.play();
   document.body.classList.add("ready");
+  refit();
   replay.ready = true;
   last = performance.now();
   requestAnimationFrame(tick);
-});
+}

@@ -1,0 +1,163 @@
+"""Drawn scene: robot, bodies and tip paths as a page draws them; what changes, as commands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import Baxter
+from baxter_kin.errors import quoted
+from baxter_kin.validation import FloatArray
+from planner import Body, Scene
+from sim.errors import ViewerError
+from sim.recording.recorded_motion import RecordedMove
+from sim.view.appearance import Appearance
+from sim.view.drawn_bodies import body_commands, body_path
+from sim.view.meshcat_commands import Command, delete, set_property
+from sim.view.overlays import (
+    GOALS_PATH,
+    NEAREST_PATH,
+    frame_commands,
+    frame_paths,
+    hand_commands,
+    layers,
+    nearest_command,
+)
+from sim.view.scenegraph import RobotTree, pose_commands, stage_commands
+from sim.view.tip_path import TipPath, TipTracker
+
+JOINT_STEP = 1e-5
+"""Joints that moved less, rad or m, are not sent again: a hundredth of a millimetre at the tip."""
+
+POSE_STEP = 1e-6
+"""The same for bodies: metres, and parts of a unit quaternion."""
+
+GOALS_KEPT = 6
+"""Of so many moves, the latest, the goals are drawn: those of a pick and place."""
+
+
+class DrawnScene:
+    """What is drawn. Not for several threads at once.
+
+    Attributes:
+        q: the full configuration drawn, shape (19,), rad and m.
+        bodies: those drawn, by name, where they were added.
+    """
+
+    def __init__(self, robot: Baxter) -> None:
+        self._robot, self._appearance = robot, Appearance.of(robot)
+        self._tree = RobotTree(robot.model, self._appearance)
+        self._goals = 0
+        self._tracker = TipTracker(robot)
+        self._sides = tuple(robot.arms)
+        self._tip_paths = {side: TipPath(side) for side in self._sides}
+        self._poses: dict[str, FloatArray] = {}
+        self.q = np.full(len(self._tree.paths), np.nan)
+        self.bodies: dict[str, Body] = {}
+
+    def commands(self) -> list[Command]:
+        """What draws stage and robot for the first time."""
+        frames = frame_paths(self._robot, self._tree)
+        return [
+            *stage_commands(),
+            *self._tree.commands(),
+            *frame_commands(self._robot, self._tree),
+            nearest_command(),
+            # the page shows them where they are chosen, the line between two points
+            *(set_property(path, "visible", False) for path in (*frames, GOALS_PATH, NEAREST_PATH)),
+        ]
+
+    def layers(self) -> list[Command]:
+        """What a page can show or hide, named as in a replay."""
+        return layers(
+            {
+                "robot": self._tree.mesh_paths,
+                "paths": ["/path"],
+                "goals": [GOALS_PATH],
+                "frames": frame_paths(self._robot, self._tree),
+                "nearest": [NEAREST_PATH],
+            }
+        )
+
+    def add_goal(self, move: RecordedMove) -> list[Command]:
+        """Draw the hand where a move is to end, in place of the oldest that is drawn."""
+        q = self.q.copy()
+        q[list(self._robot.indices(move.joint_names))] = move.trajectory.q_goal
+        path = f"{GOALS_PATH}/{self._goals % GOALS_KEPT}"
+        self._goals += 1
+        data = self._robot.model.createData()
+        pin.forwardKinematics(self._robot.model, data, q)
+        hand = hand_commands(path, self._robot, move.limb, data, self._appearance)
+        return [delete(path), *hand]
+
+    def add_body(self, body: Body) -> list[Command]:
+        """Draw a body at its pose, in place of one of the same name."""
+        path = body_path(body.name)
+        self.bodies[body.name] = body
+        self._poses[body.name] = pin.SE3ToXYZQUAT(body.T_base_body)
+        return [delete(path), *body_commands(body), *pose_commands(path, body.T_base_body)]
+
+    def remove_body(self, name: str) -> list[Command]:
+        """Draw a body no more.
+
+        Raises:
+            ViewerError: when there is none of that name.
+        """
+        self._known(name)
+        del self._poses[name], self.bodies[name]
+        return [delete(body_path(name))]
+
+    def replace_bodies(self, old: Iterable[str], new: Scene) -> list[Command]:
+        """Draw bodies in place of others, of which some may be gone; those of neither stay."""
+        gone = [name for name in old if name in self.bodies and name not in new.bodies]
+        removed = [command for name in gone for command in self.remove_body(name)]
+        return removed + [command for body in new for command in self.add_body(body)]
+
+    def forget_run(self) -> list[Command]:
+        """Remove the lines that the tips have drawn, and the goals."""
+        self._tip_paths = {side: TipPath(side) for side in self._sides}
+        self._goals = 0
+        goals = [delete(f"{GOALS_PATH}/{number}") for number in range(GOALS_KEPT)]
+        return [*goals, *(delete(f"/path/{side}") for side in self._sides)]
+
+    def move(
+        self, q: FloatArray, T_base_bodies: Mapping[str, pin.SE3], holding: Mapping[str, bool]
+    ) -> list[Command]:
+        """Move what is elsewhere now.
+
+        Args:
+            q: full configuration, shape (19,), rad and m.
+            T_base_bodies: by name, poses of bodies seen from base.
+            holding: by side, whether the hand holds something; the tip's line is drawn in that
+                colour.
+
+        Raises:
+            ViewerError: when a body is not drawn.
+        """
+        commands = [*self._joint_commands(q), *self._moved(T_base_bodies)]
+        for side, point in self._tracker.points(q).items():
+            is_holding = holding.get(side, False)
+            commands += self._tip_paths[side].advance(point, is_holding=is_holding)
+        return commands
+
+    def _joint_commands(self, q: FloatArray) -> Iterator[Command]:
+        moved = ~(np.abs(q - self.q) < JOINT_STEP)
+        for joint in np.flatnonzero(moved).tolist():
+            key, value = self._tree.motion(joint, float(q[joint]))
+            yield set_property(self._tree.paths[joint], key, value)
+        self.q[moved] = q[moved]
+
+    def _moved(self, T_base_bodies: Mapping[str, pin.SE3]) -> Iterator[Command]:
+        for name, T_base_body in T_base_bodies.items():
+            pose = pin.SE3ToXYZQUAT(T_base_body)
+            if np.abs(pose - self._known(name)).max() > POSE_STEP:
+                yield from pose_commands(body_path(name), T_base_body)
+                self._poses[name] = pose
+
+    def _known(self, name: str) -> FloatArray:
+        if name not in self._poses:
+            shown = ", ".join(self._poses) or "none"
+            raise ViewerError(f"the view has no body {quoted(name)}; it shows: {shown}")
+        return self._poses[name]

@@ -1,0 +1,110 @@
+"""Shown run: what one simulation has told a live view, to be shown now and replayed in the end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from baxter_kin import Baxter
+from planner import Situation
+from sim.clock import DEFAULT_TICK_S
+from sim.events import Event, EventKind, Snapshot
+from sim.recording.recorder import Recorder
+from sim.recording.recording import Recording
+from sim.view.gripper_status import GripperPhase, GripperStatus
+from sim.view.telemetry.live import LiveTelemetry
+
+FRAME_S = 1.0 / 60.0
+"""Shortest time between two frames that are sent."""
+
+KEPT_SNAPSHOTS = 12_000
+"""What was shown is kept for the replay at the end: the last two minutes at 100 Hz."""
+
+
+class ShownRun:
+    """One simulation, from its begin on.
+
+    Attributes:
+        bodies: those of its world, by name.
+    """
+
+    def __init__(self, robot: Baxter, situation: Situation) -> None:
+        """Nothing told yet.
+
+        Args:
+            robot: which is shown.
+            situation: how its world is when it begins.
+        """
+        self.bodies = dict(situation.scene.bodies)
+        self._recorder = Recorder(robot, keep=KEPT_SNAPSHOTS)
+        self._recorder.remember(situation.scene)
+        self._telemetry = LiveTelemetry(robot)
+        self._telemetry.start(situation)
+        self._grippers = GripperStatus()
+        self._seed, self._seed_until_s = "", 0.0
+        self._next_frame_s = 0.0
+        self._last: Snapshot | None = None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there was no snapshot yet."""
+        return self._last is None
+
+    @property
+    def phases(self) -> Mapping[str, GripperPhase]:
+        """What the grippers do, by side."""
+        return self._grippers.phases
+
+    def is_over(self, time_s: float) -> bool:
+        """Whether what happens at a time belongs to another run: time only goes forward."""
+        return self._last is not None and time_s < self._last.time_s
+
+    def hear(self, event: Event) -> None:
+        """Take note of what happened."""
+        self._recorder.on_event(event)
+        self._telemetry.hear(event)
+        self._grippers.hear(event)
+        if event.body is not None and event.kind is EventKind.SPAWNED:
+            self.bodies[event.body.name] = event.body
+        elif event.body is not None and event.kind is EventKind.DELETED:
+            self.bodies.pop(event.body.name, None)
+        if event.move is not None:
+            self._seed = "" if event.move.ik is None else event.move.seed_label
+            self._seed_until_s = event.time_s + event.move.trajectory.duration
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Take note of how everything is."""
+        self._grippers.see({side: state.percent for side, state in snapshot.grippers.items()})
+        if self._last is None or snapshot.time_s > self._last.time_s:
+            self._recorder.on_snapshot(snapshot)
+        self._last = snapshot
+
+    def takes_frame(self, time_s: float, speed: float) -> bool:
+        """Whether a frame of that time is to be sent, at so much of real time; it then counts."""
+        if time_s < self._next_frame_s:
+            return False
+        self._next_frame_s = time_s + speed * FRAME_S
+        return True
+
+    def news(self, snapshot: Snapshot) -> dict[str, object]:
+        """What a page is told of it beside the picture, by topic.
+
+        The seed is that of inverse kinematics which led to where the arm moves, empty between
+        moves.
+        """
+        seed = self._seed if snapshot.time_s <= self._seed_until_s else ""
+        return {"caption": snapshot.caption, "seed": seed, **self._telemetry.see(snapshot)}
+
+    def recording(self, note: str = "") -> Recording:
+        """What was shown, or the end of it.
+
+        Args:
+            note: what came of it, as its last caption.
+
+        Raises:
+            RecordingError: when there was no snapshot.
+        """
+        if note and self._last is not None:
+            time_s = self._last.time_s + DEFAULT_TICK_S
+            self.see(replace(self._last, time_s=time_s, caption=note))
+        return self._recorder.recording()

@@ -1,0 +1,142 @@
+// Shows what the program sends, and plays it once more when the program has ended. Binary messages
+// are Meshcat's commands; text is for the page itself: a topic and its value.
+const SHOW = {
+  caption: showCaption,
+  seed: showSeed,
+  grippers: showGrippers,
+  arms: (arms) => { hearArms(arms); listArms(); },
+  state: noteState,
+  clearance: hearClearance,
+  waypoints: (waypoints) => { telemetry.waypoints = waypoints; listWaypoints(); },
+  layers: showLayers,
+  clock: showClock,
+  replay: becomeReplay,
+};
+const RETRY_MS = 1500;
+const FIT_AFTER_MS = 150;
+const LOOK_EVERY_MS = 500;
+const BODY_DEPTH_M = 0.1;
+const HAND_MARGIN_M = 0.08;
+const SAID_GOODBYE = 1001;
+const url = `${location.protocol.replace("http", "ws")}//${location.host}/scene`;
+const program = { isPaused: false, isRunning: false };
+
+// A program started again on this port finds the page still open.
+function retry() {
+  const probe = new WebSocket(url);
+  probe.onopen = () => location.reload();
+  probe.onerror = () => setTimeout(retry, RETRY_MS);
+}
+
+function tellProgram(topic, value) {
+  if (viewer.connection.readyState === WebSocket.OPEN) viewer.connection.send(JSON.stringify([topic, value]));
+}
+
+function pauseProgram() {
+  if (program.isRunning) tellProgram("pause", !program.isPaused);
+}
+
+// What keeps its own time, as a real robot does, has no clock and cannot be paused.
+function showClock(clock) {
+  if (document.body.dataset.mode === "replay") return;
+  document.body.classList.toggle("ready", clock !== null);
+  if (clock) showTempo(clock);
+}
+
+function showTempo({ paused, speed, running }) {
+  Object.assign(program, { isPaused: paused, isRunning: running });
+  write(element("play"), paused ? "Resume" : "Pause");
+  element("play").disabled = element("speed").disabled = !running;
+  write(element("clock"), paused ? "paused" : running ? "live" : "ended");
+  if (paused) announce("paused");
+  const { options } = element("speed");
+  if (![...options].some((option) => Number(option.value) === speed)) options.add(new Option(`${speed} ×`, speed));
+  element("speed").value = String(speed);
+}
+
+// States are kept as they come; what they change is drawn once a frame, however many have come.
+let latest = null;
+function noteState(state) {
+  hearState(state);
+  if (!latest) requestAnimationFrame(() => { showState(latest); latest = null; });
+  latest = state;
+}
+
+function showState(state) {
+  if (document.body.dataset.mode !== "live") return;
+  write(element("time"), `${state.time.toFixed(1)} s`);
+  const moving = Object.keys(state.arms).find((side) => state.arms[side].v.some((v) => Math.abs(v) > 0.02));
+  if (moving) view.side = moving;
+  if (moving && moving !== panel.side && !panel.isChosen && telemetry.arms[moving]) chooseArm(moving);
+  pointPanel(state.time);
+  keepInView();
+}
+
+// Until the user turns the view, it is fitted to the bodies and both arms whenever a body comes.
+let fitting;
+function fitSoon(command) {
+  if (command.type !== "set_object" || !/^\/(bodies|robot)\//.test(command.path)) return;
+  clearTimeout(fitting);
+  fitting = setTimeout(() => {
+    if (document.body.dataset.mode !== "live") return;
+    const bodies = viewer.scene_tree.children.bodies;
+    const points = pointsNow(["right", "left"], []);
+    view.points = [...points, ...(bodies ? Object.keys(bodies.children).flatMap((name) => upperPart(cornersOf(`/bodies/${name}`))) : [])];
+    refit({ flies: true });
+  }, FIT_AFTER_MS);
+}
+
+// Of a table the top counts, not the leg.
+function upperPart(corners) {
+  const top = Math.max(...corners.map((corner) => corner[2]));
+  return corners.map(([x, y, z]) => [x, y, Math.max(z, top - BODY_DEPTH_M)]);
+}
+
+// A hand that leaves the view makes it wider, unless the user has turned it.
+let looked = 0;
+function keepInView() {
+  if (view.isTurned || view.name !== "fitted" || performance.now() < looked + LOOK_EVERY_MS) return;
+  looked = performance.now();
+  const hand = handPoint();
+  const seen = toThree(hand).project(viewer.camera);
+  if (Math.max(Math.abs(seen.x), Math.abs(seen.y)) < 0.95) return;
+  view.points.push(...around(hand, HAND_MARGIN_M));
+  refit({ flies: true });
+}
+
+// The program has sent what it showed; from here on the page needs it no more.
+function becomeReplay(base64) {
+  if (document.body.dataset.mode === "replay") return;
+  const content = decode(base64);
+  element("loop").checked = false;
+  element("play").disabled = element("speed").disabled = false;
+  startReplay(content, { time: content.duration });
+}
+
+function endShow({ code }) {
+  const isReplay = document.body.dataset.mode === "replay";
+  const ended = code === SAID_GOODBYE || isReplay;
+  showStatus(ended
+    ? `The program has ended${isReplay ? "; Again plays what it showed" : ""}. This page wakes up when it runs again.`
+    : "The program has ended without a word, or cannot be reached. This is what it showed last; this page wakes up when it runs again.");
+  element("play").disabled = element("speed").disabled = !isReplay;
+  if (!isReplay) write(element("clock"), "ended");
+  setTimeout(retry, RETRY_MS);
+}
+
+startWith(() => {
+  startPage();
+  view.points = around([0.5, 0, 0.1], 0.6);
+  refit();
+  const handle = viewer.handle_command;
+  viewer.handle_command = (command) => { handle(command); fitSoon(command); };
+  viewer.connect(url);
+  const drawCommand = viewer.connection.onmessage;
+  viewer.connection.onmessage = (message) => {
+    if (typeof message.data !== "string") return drawCommand(message);
+    const [topic, value] = JSON.parse(message.data);
+    return SHOW[topic] && SHOW[topic](value);
+  };
+  viewer.connection.onopen = () => showStatus("");
+  viewer.connection.onclose = endShow;
+});

@@ -1,0 +1,163 @@
+// The side panel: joints, clearance and waypoints, at the time of the scrubber.
+const QUANTITIES = { q: ["Angle", "rad", 2], v: ["Velocity", "rad/s", 2], a: ["Acceleration", "rad/s²", 2] };
+const REFRESH_MS = 100;
+const WIDE_PX = 1100;
+const HIGH_PX = 640;
+
+const panel = { plots: {}, clearance: null, side: null, isChosen: false, joint: null, cells: [], drawn: -1, refreshed: 0, waiting: 0, time: 0, waypoint: null };
+
+// Where the panel is: the replay's time, or now.
+const panelTime = () => panel.time;
+
+function createPanel() {
+  for (const key of Object.keys(QUANTITIES)) panel.plots[key] = createPlot(element(`plot-${key}`), seekFromPanel);
+  panel.clearance = createPlot(element("plot-clearance"), seekFromPanel);
+  element("arm").addEventListener("change", () => { panel.isChosen = true; chooseArm(element("arm").value); });
+  element("panel-button").addEventListener("click", () => openPanel(element("panel").hidden));
+  element("stages").addEventListener("change", (event) => seekFromPanel(Number(event.target.value)));
+  for (const details of element("panel").querySelectorAll("details")) details.addEventListener("toggle", drawPanel);
+  new ResizeObserver(drawPanel).observe(element("panel"));
+  prefersDark.addEventListener("change", () => { paintStage(viewer); paintNearest(viewer); drawPanel(); });
+  openPanel(window.innerWidth >= WIDE_PX && window.innerHeight >= HIGH_PX);
+}
+
+function openPanel(isOpen) {
+  element("panel").hidden = !isOpen;
+  element("panel-button").setAttribute("aria-expanded", isOpen);
+  drawPanel();
+  refit({ flies: true });
+}
+
+function seekFromPanel(time) {
+  if (document.body.dataset.mode === "replay") replay.jump(time);
+}
+
+// New data: other arms, or other limits.
+function listArms() {
+  const sides = Object.keys(telemetry.arms);
+  element("arm").replaceChildren(...sides.map((side) => make("option", { value: side, textContent: `${side} arm` })));
+  element("joint-section").hidden = sides.length === 0;
+  if (sides.length) chooseArm(sides.includes(panel.side) ? panel.side : sides[0]);
+}
+
+function chooseArm(side) {
+  panel.side = side;
+  panel.joint = null;
+  element("arm").value = side;
+  listJoints(telemetry.arms[side]);
+  drawPanel();
+}
+
+// One row a joint; its head is also the key to its curve, and brings it out.
+function listJoints(arm) {
+  panel.cells = [];
+  element("joints").replaceChildren(...arm.joints.map((name, j) => {
+    const button = make("button", { type: "button", title: `bring out ${name}` }, swatch(j), name.replace(/^(left|right)_/, ""));
+    button.setAttribute("aria-pressed", "false");
+    button.addEventListener("click", () => bringOut(j));
+    const cells = Object.keys(QUANTITIES).map(() => make("td"));
+    panel.cells.push(cells);
+    const head = make("th", {}, button);
+    head.scope = "row";
+    return make("tr", {}, head, ...cells);
+  }));
+}
+
+function swatch(j) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  svg.setAttribute("viewBox", "0 0 30 8");
+  svg.setAttribute("aria-hidden", "true");
+  const stroke = document.createElementNS("http://www.w3.org/2000/svg", "path");
+  stroke.setAttribute("d", "M0 4H30");
+  stroke.setAttribute("style", `stroke: var(--joint-${j}); stroke-dasharray: ${DASHES[j].join(" ") || "none"}`);
+  svg.append(stroke);
+  return svg;
+}
+
+function bringOut(j) {
+  panel.joint = panel.joint === j ? null : j;
+  element("joints").querySelectorAll("button").forEach((button, k) => button.setAttribute("aria-pressed", k === panel.joint));
+  drawPanel();
+}
+
+// Draw the curves; the cursor and the numbers follow in pointPanel.
+function drawPanel() {
+  if (element("panel").hidden || !viewer) return;
+  panel.drawn = telemetry.version;
+  const arm = telemetry.arms[panel.side];
+  if (arm) for (const key of Object.keys(QUANTITIES)) panel.plots[key].draw(jointPicture(arm, key));
+  element("clearance-section").hidden = !telemetry.clearance;
+  if (telemetry.clearance) panel.clearance.draw(clearancePicture(telemetry.clearance));
+  pointPanel(panel.time, { isNow: true });
+}
+
+function jointPicture(arm, key) {
+  const only = panel.joint;
+  const joints = arm.joints.map((_, j) => j).sort((one, other) => (one === only) - (other === only));
+  const curves = joints.map((j) => ({
+    times: arm.times,
+    values: (i) => SHARE[key](arm, j, arm[key][i * JOINTS + j]),
+    colour: only === null || only === j ? `--joint-${j}` : "--grid",
+    dash: DASHES[j],
+    width: only === j ? 2.4 : 1.5,
+  }));
+  return { from: telemetry.from, to: telemetry.to, low: -1.08, high: 1.08, curves, rules: jointRules(arm, key) };
+}
+
+// The limits; in numbers where they are those of one joint.
+function jointRules(arm, key) {
+  const j = panel.joint;
+  const middle = { at: 0, label: "0" };
+  if (j === null) return [{ at: 1, label: "100 %", isLimit: true }, middle, { at: -1, label: "−100 %", isLimit: true }];
+  const [low, high] = key === "q" ? [arm.q_min[j], arm.q_max[j]] : [-arm[`${key}_max`][j], arm[`${key}_max`][j]];
+  middle.label = signed((low + high) / 2, 2);
+  return [{ at: 1, label: signed(high, 2), isLimit: true }, middle, { at: -1, label: signed(low, 2), isLimit: true }];
+}
+
+function clearancePicture({ times, distance_m: distances }) {
+  const first = Math.max(0, countUntil(times, telemetry.from) - 1);
+  const most = Math.max(0.05, ...Array.from(distances).slice(first));
+  const high = Math.ceil(most / 0.05) * 0.05;
+  const rules = [0, high / 2, high].map((at) => ({ at, label: `${Math.round(1000 * at)}` }));
+  const curve = { times, values: (i) => distances[i], colour: "--nearest", dash: [], width: 2 };
+  return { from: telemetry.from, to: telemetry.to, low: 0, high: 1.04 * high, curves: [curve], rules };
+}
+
+// Follow the time: cursors with each frame, words and numbers ten times a second.
+function pointPanel(time, { isNow = false } = {}) {
+  panel.time = time;
+  showNearest(clearanceAt(time));
+  if (element("panel").hidden) return;
+  for (const plot of [...Object.values(panel.plots), panel.clearance]) plot.point(time);
+  clearTimeout(panel.waiting);
+  const wait = isNow ? 0 : panel.refreshed + REFRESH_MS - performance.now();
+  if (wait > 0) panel.waiting = setTimeout(refreshPanel, wait);
+  else refreshPanel();
+}
+
+function refreshPanel() {
+  panel.refreshed = performance.now();
+  if (panel.drawn !== telemetry.version) return drawPanel();
+  showNumbers(panel.time);
+  showPair(clearanceAt(panel.time));
+  showWaypoint(panel.time);
+}
+
+function showNumbers(time) {
+  const arm = telemetry.arms[panel.side];
+  if (!arm) return;
+  Object.entries(QUANTITIES).forEach(([key, [, , digits]], column) => {
+    const values = jointValues(arm, key, time);
+    if (values) values.forEach((value, j) => showValue(panel.cells[j][column], value, digits, SHARE[key](arm, j, value)));
+  });
+}
+
+function showValue(cell, value, digits, share) {
+  if (!cell.firstChild) cell.append(make("span"), " ", make("small"));
+  write(cell.firstChild, signed(value, digits));
+  write(cell.lastChild, `${Math.round(100 * Math.abs(share))} %`);
+}
+
+function showPair(nearest) {
+  write(element("pair"), nearest ? `${millimetres(nearest.distance)} between ${pairText(nearest)}` : "");
+}

@@ -1,0 +1,5 @@
+startWith(() => {
+  startPage();
+  startReplay(decode(element("data").textContent));
+  if (!prefersStill.matches) replay.play();
+});

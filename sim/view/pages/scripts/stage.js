@@ -1,0 +1,95 @@
+"use strict";
+// What everything on the page shares: the elements, Meshcat's viewer with its own panel hidden, day
+// and night, and what is said when nothing can be drawn.
+const element = (id) => document.getElementById(id);
+const prefersDark = matchMedia("(prefers-color-scheme: dark)");
+const prefersStill = matchMedia("(prefers-reduced-motion: reduce)");
+
+const BACKGROUND = { light: [[0.95, 0.96, 0.98], [0.78, 0.82, 0.86]], dark: [[0.15, 0.17, 0.20], [0.07, 0.08, 0.10]] };
+const FLOOR = { light: 0xffffff, dark: 0x565d66 }; // multiplies the floor's own grey
+
+let viewer;
+
+function createViewer() {
+  const made = new MeshCat.Viewer(element("view"));
+  made.gui.domElement.style.display = "none";
+  made.renderer.domElement.setAttribute("role", "img");
+  made.renderer.domElement.setAttribute("aria-label", "The robot and what is around it, drawn in 3D");
+  const handle = made.handle_command.bind(made);
+  made.handle_command = (command) => {
+    handle(command);
+    if (command.path === "/floor" || command.path === "/Background") paintStage(made);
+    if (command.path === NEAREST) paintNearest(made);
+  };
+  paintStage(made);
+  return made;
+}
+
+// The node of a path below those that exist; none is made.
+function nodeAt(path) {
+  const names = path.split("/").filter(Boolean);
+  return names.reduce((node, name) => node && node.children[name], viewer.scene_tree);
+}
+
+const drawnAt = (node) => node && node.children["<object>"] && node.children["<object>"].object;
+
+const cssColour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+function paintStage(made) {
+  const [top, bottom] = BACKGROUND[prefersDark.matches ? "dark" : "light"];
+  const background = made.scene_tree.find(["Background"]);
+  background.set_property("top_color", top);
+  background.set_property("bottom_color", bottom);
+  background.on_update();
+  const floor = drawnAt(made.scene_tree.children.floor);
+  if (floor) floor.material.color.setHex(FLOOR[prefersDark.matches ? "dark" : "light"]);
+  made.set_dirty();
+}
+
+// Start once "Loading" can be read, and say so when the browser cannot draw.
+function startWith(start) {
+  const attempt = () => {
+    if (!canDraw()) return showProblem("This page draws in 3D with WebGL, which is switched off or missing in this browser. Try another browser, or turn on its hardware acceleration.");
+    try { start(); } catch (error) { showProblem(`This page cannot be shown: ${error.message}`); throw error; }
+  };
+  requestAnimationFrame(() => setTimeout(attempt));
+}
+
+function canDraw() {
+  const canvas = document.createElement("canvas");
+  return Boolean(canvas.getContext("webgl2") || canvas.getContext("webgl"));
+}
+
+function showProblem(text) {
+  element("problem").textContent = text;
+  document.body.classList.add("failed");
+}
+
+function write(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}
+
+function make(tag, properties = {}, ...children) {
+  const node = Object.assign(document.createElement(tag), properties);
+  node.append(...children);
+  return node;
+}
+
+// How many of the ascending times have come.
+function countUntil(times, time) {
+  let [low, high] = [0, times.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= time + 1e-9) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+// A screen reader is told where a pause or a jump led to, and nothing while it plays.
+const ANNOUNCE_AFTER_MS = 400;
+let announcing;
+function announce(text) {
+  clearTimeout(announcing);
+  announcing = setTimeout(() => write(element("announcer"), text), ANNOUNCE_AFTER_MS);
+}

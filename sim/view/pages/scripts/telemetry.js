@@ -1,0 +1,117 @@
+// What is measured over time: joints against their limits, the clearance, the waypoints. A replay
+// brings it whole; a live page gathers the last seconds. Values of n times lie flat, n * 7.
+const LIVE_WINDOW_S = 20;
+const MOST_SAMPLES = 4000;
+const SAME_PAIR_WITHIN_S = 0.5;
+const JOINTS = 7;
+
+const telemetry = { arms: {}, clearance: null, waypoints: [], from: 0, to: 1, version: 0 };
+
+function takeRecorded(content) {
+  Object.assign(telemetry, {
+    arms: content.arms || {},
+    clearance: content.clearance || null,
+    waypoints: content.waypoints || [],
+    from: 0,
+    to: content.duration || 1,
+    version: telemetry.version + 1,
+  });
+}
+
+// Live: the arms there are, each with the limits of its joints; samples follow.
+function hearArms(arms) {
+  telemetry.arms = {};
+  for (const [side, arm] of Object.entries(arms)) telemetry.arms[side] = { ...arm, times: [], q: [], v: [], a: [] };
+}
+
+function hearState({ time, arms }) {
+  if (time < telemetry.to - 1e-6) forget();
+  for (const [side, { q, v, a }] of Object.entries(arms)) {
+    const arm = telemetry.arms[side];
+    if (!arm || arm.times[arm.times.length - 1] === time) continue;
+    arm.times.push(time);
+    arm.q.push(...q);
+    arm.v.push(...v);
+    arm.a.push(...a);
+    shorten(arm, { times: 1, q: JOINTS, v: JOINTS, a: JOINTS }, time);
+  }
+  telemetry.to = time;
+  telemetry.from = Math.max(0, time - LIVE_WINDOW_S);
+  telemetry.version += 1;
+}
+
+function hearClearance(value) {
+  if (!value) {
+    telemetry.clearance = null;
+    return;
+  }
+  const known = telemetry.clearance || { times: [], distance_m: [], names: [], pairs: [], points: [] };
+  telemetry.clearance = known;
+  const index = (name) => (known.names.includes(name) ? known.names.indexOf(name) : known.names.push(name) - 1);
+  known.times.push(value.time);
+  known.distance_m.push(value.distance_m);
+  known.pairs.push(index(value.first), index(value.second));
+  known.points.push(...value.points);
+  shorten(known, { times: 1, distance_m: 1, pairs: 2, points: 6 }, value.time);
+}
+
+// Time that begins again is another run.
+function forget() {
+  hearArms(telemetry.arms);
+  telemetry.clearance = null;
+}
+
+// Drop what has left the window, now and then rather than with each sample.
+function shorten(arrays, widths, time) {
+  const gone = countUntil(arrays.times, time - LIVE_WINDOW_S) - 1;
+  const dropped = Math.max(arrays.times.length - MOST_SAMPLES, gone > 300 ? gone : 0);
+  if (dropped > 0) for (const [key, width] of Object.entries(widths)) arrays[key].splice(0, dropped * width);
+}
+
+// Between two samples: the index of the earlier, and the share of the way to the later.
+function bracket(times, time) {
+  const i = Math.max(0, Math.min(countUntil(times, time) - 1, times.length - 1));
+  const span = times[i + 1] - times[i];
+  return [i, span > 0 ? Math.min(Math.max((time - times[i]) / span, 0), 1) : 0];
+}
+
+// The seven values of "q", "v" or "a" at a time.
+function jointValues(arm, key, time) {
+  if (!arm.times.length) return null;
+  const [i, share] = bracket(arm.times, time);
+  const value = (row, joint) => arm[key][row * JOINTS + joint];
+  return Array.from({ length: JOINTS }, (_, j) => (share ? (1 - share) * value(i, j) + share * value(i + 1, j) : value(i, j)));
+}
+
+// A value as a share of its limit: 1 and -1 are the limits, 0 the middle between them.
+const SHARE = {
+  q: (arm, j, value) => (2 * value - arm.q_max[j] - arm.q_min[j]) / (arm.q_max[j] - arm.q_min[j]),
+  v: (arm, j, value) => value / arm.v_max[j],
+  a: (arm, j, value) => value / arm.a_max[j],
+};
+
+// The nearest two at a time: { distance, first, second, points }, or null where it is not known.
+function clearanceAt(time) {
+  const known = telemetry.clearance;
+  if (!known || !known.times.length) return null;
+  const [i, share] = bracket(known.times, time);
+  const name = (k) => known.names[known.pairs[k]];
+  const later = i + 1;
+  const goesOn = share > 0 && known.times[later] - known.times[i] < SAME_PAIR_WITHIN_S
+    && known.pairs[2 * i] === known.pairs[2 * later] && known.pairs[2 * i + 1] === known.pairs[2 * later + 1];
+  const between = (values, k, width) => values[i * width + k] + (goesOn ? share * (values[later * width + k] - values[i * width + k]) : 0);
+  return {
+    distance: between(known.distance_m, 0, 1),
+    first: name(2 * i),
+    second: name(2 * i + 1),
+    points: [0, 1, 2, 3, 4, 5].map((k) => between(known.points, k, 6)),
+  };
+}
+
+// The waypoint that is being moved to.
+const waypointAt = (time) => telemetry.waypoints.findIndex(({ start, end }) => start < time && (end === null || time <= end + 1e-6));
+
+// A residual, as far as it counts: 3e-12 m.
+const residual = (value, unit) => `${value === 0 ? 0 : value.toExponential(0)} ${unit}`;
+
+const signed = (value, digits) => value.toFixed(digits).replace(/^-(?=0\.?0*$)/, "").replace("-", "−");

@@ -1,0 +1,1 @@
+"""What the pages tell beside the picture: joints against limits, clearance, and waypoints."""

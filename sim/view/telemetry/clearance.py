@@ -1,0 +1,183 @@
+"""The clearance of a recording over time: how near what moves comes to anything else.
+
+What counts and what touches on purpose is on `nearest` and `on_purpose`.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import Baxter
+from baxter_kin.validation import FloatArray, Indices
+from planner.collision.robot.robot_body import RobotBody
+from planner.collision.robot.robot_shapes import RobotShapes
+from planner.errors import SceneError
+from sim.events import Event, EventKind
+from sim.recording.recorded_motion import RecordedMove
+from sim.recording.recording import Recording
+from sim.view.meshcat_commands import Command
+from sim.view.telemetry.arms import arms_that_move
+from sim.view.telemetry.nearest import Nearest, NearestPairs
+from sim.view.telemetry.on_purpose import ContactsOnPurpose, Moment
+
+SAMPLES_PER_S = 20.0
+MOST_SAMPLES = 600
+"""How often the clearance is measured: so many times a second, fewer in a long recording."""
+
+ROWS_COMPARED, LEAST_WAY_M, SAME_PLACE = 16, 0.01, 1e-4
+"""A body that no event says to be held is when at so many moments it is in the same place of a
+hand, m and parts of a rotation, that has moved at least so far."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClearanceSample:
+    """The nearest two at a time of a recording, s."""
+
+    time_s: float
+    nearest: Nearest
+
+
+def recorded_clearance(
+    recording: Recording, robot: Baxter, body: RobotBody | None = None
+) -> Command | None:
+    """The clearance as the page takes it; None where nothing moves, or the robot has no body.
+
+    Args:
+        recording: what happened.
+        robot: the robot it happened to.
+        body: what it is taken to be; `RobotBody.load()` when not given.
+    """
+    samples = clearance_samples(recording, robot, body)
+    if not samples:
+        return None
+    every = [sample.nearest for sample in samples]
+    names = list(dict.fromkeys(name for near in every for name in (near.first, near.second)))
+    places = {name: number for number, name in enumerate(names)}
+    pairs = [[places[near.first], places[near.second]] for near in every]
+    times = np.array([sample.time_s for sample in samples]) - recording.times_s[0]
+    return {
+        "times": times.astype(np.float32),
+        "distance_m": np.array([near.distance_m for near in every], np.float32),
+        "names": names,
+        "pairs": np.array(pairs, np.uint16).reshape(-1),
+        "points": np.array([near.points_base for near in every], np.float32).reshape(-1),
+    }
+
+
+def clearance_samples(
+    recording: Recording, robot: Baxter, body: RobotBody | None = None
+) -> list[ClearanceSample]:
+    """The nearest two at some times of a recording, in order; none where nothing moves.
+
+    Arguments as of `recorded_clearance`.
+    """
+    sides = arms_that_move(recording)
+    shapes = RobotShapes(robot, body)
+    try:
+        pairs = NearestPairs(shapes, sides, recording.bodies) if sides else None
+    except SceneError:  # a robot without some of the links that the body has
+        pairs = None
+    if pairs is None:
+        return []
+    found = []
+    for row, contacts in _with_contacts(recording, shapes):
+        moment = moment_of(recording, row)
+        near = pairs.at(moment.q, moment.T_base_bodies, contacts.at(moment))
+        if near is not None:
+            found.append(ClearanceSample(float(recording.times_s[row]), near))
+    return found
+
+
+def sampled_rows(times_s: FloatArray) -> Indices:
+    """The snapshots at which the clearance is measured, the first and the last among them.
+
+    Args:
+        times_s: of all snapshots, shape (n,), increasing.
+    """
+    wanted = int((times_s[-1] - times_s[0]) * SAMPLES_PER_S) + 2
+    grid = np.linspace(times_s[0], times_s[-1], min(wanted, MOST_SAMPLES))
+    after = np.clip(np.searchsorted(times_s, grid), 1, max(len(times_s) - 1, 1))
+    is_before = grid - times_s[after - 1] < times_s[np.minimum(after, len(times_s) - 1)] - grid
+    rows: Indices = np.unique(np.minimum(after - is_before, len(times_s) - 1))
+    return rows
+
+
+def moment_of(recording: Recording, row: int) -> Moment:
+    """A snapshot of a recording."""
+    poses = {name: track[row] for name, track in recording.body_poses.items()}
+    there = {name: pose for name, pose in poses.items() if np.isfinite(pose).all()}
+    return Moment(recording.q[row], {name: _matrix(pose) for name, pose in there.items()})
+
+
+def _matrix(pose: FloatArray) -> FloatArray:
+    quaternion = pin.Quaternion(pose[3:]).normalized()
+    matrix: FloatArray = pin.SE3(quaternion, pose[:3]).homogeneous
+    return matrix
+
+
+def _with_contacts(
+    recording: Recording, shapes: RobotShapes
+) -> Iterator[tuple[int, ContactsOnPurpose]]:
+    """Every sampled row, with the contacts on purpose as they are known by then."""
+    contacts = ContactsOnPurpose(shapes)
+    contacts.bodies.update(recording.bodies)
+    for side, name in _held_from_the_start(recording, shapes.robot):
+        contacts.hold(side, name, moment_of(recording, 0))
+    story = deque(_story(recording))
+    for row in sampled_rows(recording.times_s).tolist():
+        while story and story[0][0] <= recording.times_s[row]:
+            time_s, what = story.popleft()
+            before = max(int(np.searchsorted(recording.times_s, time_s, side="right")) - 1, 0)
+            moment = moment_of(recording, before)
+            if isinstance(what, RecordedMove):
+                arm = shapes.robot.arm(what.limb)
+                order = [what.joint_names.index(name) for name in arm.joint_names]
+                contacts.begin(what.limb, what.trajectory.q_goal[order], moment)
+            else:
+                contacts.hear(what, moment)
+        yield row, contacts
+
+
+def _story(recording: Recording) -> list[tuple[float, Event | RecordedMove]]:
+    """Moves and events by time; what is grasped or let go at the start of a move, before it."""
+    told: list[tuple[float, Event | RecordedMove]] = [(e.time_s, e) for e in recording.events]
+    told += [(move.start_s, move) for move in recording.moves]
+    return sorted(told, key=lambda item: item[0])
+
+
+def _held_from_the_start(recording: Recording, robot: Baxter) -> Iterator[tuple[str, str]]:
+    """Side and body where a hand holds something before any event says so.
+
+    Either the first thing that it does is to let go, or a body keeps its place in the hand while
+    that moves, as far as the first event of the hand.
+    """
+    seen: dict[str, Event] = {}
+    for event in sorted(recording.events, key=lambda event: event.time_s):
+        if event.kind in (EventKind.GRASPED, EventKind.RELEASED) and event.side is not None:
+            seen.setdefault(event.side, event)
+    for side in recording.limbs:
+        first = seen.get(side)
+        if first is not None and first.kind is EventKind.RELEASED and first.body is not None:
+            yield side, first.body.name
+        elif first is None:
+            yield from ((side, name) for name in _carried(recording, robot, side))
+
+
+def _carried(recording: Recording, robot: Baxter, side: str) -> Iterator[str]:
+    """Movable bodies that keep their place in a hand wherever it goes, from first to last."""
+    index = np.array([recording.joint_names.index(name) for name in robot.arm(side).joint_names])
+    rows = np.unique(np.linspace(0, len(recording.q) - 1, ROWS_COMPARED).astype(int))
+    T_base_tips = robot.arm(side).T_base_tips(recording.q[rows][:, index])
+    if np.ptp(T_base_tips[:, :3, 3], axis=0).max() < LEAST_WAY_M:
+        return
+    for name, poses in recording.body_poses.items():
+        if recording.bodies[name].is_movable and np.isfinite(poses[rows]).all():
+            T_base_bodies = np.array([_matrix(pose) for pose in poses[rows]])
+            T_tip_bodies = np.linalg.inv(T_base_tips) @ T_base_bodies
+            if np.ptp(T_tip_bodies, axis=0).max() < SAME_PLACE:
+                yield name

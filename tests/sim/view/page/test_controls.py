@@ -1,0 +1,153 @@
+"""Buttons, keys and layers of the page, and what a screen reader is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sim.recording.recording import Recording
+from tests.sim.conftest import Watched, red_pixels
+
+
+def test_space_on_loop_is_loops_own(story: Watched) -> None:
+    story.page.focus("#loop")
+    story.page.keyboard.press("Space")
+    assert not story.page.is_checked("#loop")
+    assert not story.run("replay.playing")
+
+
+def test_space_on_a_mark_presses_it(story: Watched) -> None:
+    story.page.focus("#marks button.release")
+    story.page.keyboard.press("Space")
+    assert story.run("replay.time") > 0
+    assert not story.run("replay.playing")
+
+
+def test_space_on_the_play_button_plays_once(story: Watched) -> None:
+    story.page.focus("#play")
+    story.page.keyboard.press("Space")
+    assert story.run("replay.playing")
+
+
+def test_space_on_the_scrubber_plays(story: Watched) -> None:
+    story.page.focus("#scrub")
+    story.page.keyboard.press("Space")
+    assert story.run("replay.playing")
+
+
+def test_marks_say_what_and_when(story: Watched) -> None:
+    label = story.page.get_attribute("#marks button.grasp", "aria-label") or ""
+    assert label.startswith("grasp at ")
+    assert "block" in label
+
+
+def test_everything_is_reached_by_the_tab_key(story: Watched) -> None:
+    story.page.click("#panel-button")
+    story.page.focus("#view-button")
+    reached = []
+    for _ in range(60):
+        reached.append(story.run("document.activeElement.id || document.activeElement.className"))
+        story.page.keyboard.press("Tab")
+    for control in ("view-button", "panel-button", "help-button", "panel", "arm", "stages"):
+        assert control in reached
+    for control in ("play", "grasp", "release", "scrub", "speed", "loop"):
+        assert control in reached
+
+
+def test_at_the_end_it_offers_to_play_again(story: Watched) -> None:
+    story.page.keyboard.press("End")
+    assert story.page.inner_text("#play") == "Again"
+    story.page.click("#play")
+    assert story.run("replay.playing")
+    assert story.run("replay.time < replay.duration")
+
+
+def test_layers_are_switched(story: Watched) -> None:
+    assert red_pixels(story.picture()) > 5000
+    story.page.click("#view-button")
+    boxes = story.page.locator("#layers input")
+    assert {"layer-robot", "layer-paths", "layer-nearest"} <= {
+        boxes.nth(i).get_attribute("id") for i in range(boxes.count())
+    }
+    story.page.focus("#layer-robot")
+    story.page.keyboard.press("Space")
+    assert red_pixels(story.picture()) < 200
+    story.page.check("#layer-robot")
+    assert red_pixels(story.picture()) > 5000
+
+
+def test_the_nearest_line_stays_hidden_when_its_layer_is_off(story: Watched) -> None:
+    story.page.click("#view-button")
+    story.page.uncheck("#layer-nearest")
+    story.run("replay.seek(2)")
+    assert not story.run("nodeAt('/nearest').object.visible")
+    story.page.check("#layer-nearest")
+    assert story.run("nodeAt('/nearest').object.visible")
+
+
+def test_the_views_close_by_escape_and_by_a_click_elsewhere(story: Watched) -> None:
+    story.page.click("#view-button")
+    assert story.page.is_visible("#views")
+    story.page.keyboard.press("Escape")
+    assert not story.page.is_visible("#views")
+    story.page.click("#view-button")
+    story.page.mouse.click(480, 300)
+    assert not story.page.is_visible("#views")
+
+
+def test_help_opens_by_question_mark_and_keeps_keys_to_itself(story: Watched) -> None:
+    story.page.keyboard.press("?")
+    assert story.page.is_visible("#help")
+    assert "Shift" in story.page.inner_text("#help")
+    story.page.keyboard.press("End")
+    assert story.run("replay.time") == 0
+    story.page.keyboard.press("Escape")
+    assert not story.page.is_visible("#help")
+
+
+def test_the_legend_names_every_colour(story: Watched) -> None:
+    story.page.click("#help-button")
+    text = story.page.inner_text("#help .legend")
+    for word in ("gripper empty", "holding", "still ahead", "nearest", "open", "moving", "missed"):
+        assert word in text
+
+
+def test_a_pause_is_announced_and_playing_is_not(story: Watched) -> None:
+    story.run("write(element('announcer'), '')")
+    story.run("replay.play()")
+    story.page.wait_for_function("replay.time > 0.6")
+    assert story.page.text_content("#announcer") == ""
+    story.page.click("#play")
+    story.page.wait_for_function("element('announcer').textContent.includes('seconds')")
+    regions = "[aria-live], [role=status], [role=alert], output"
+    live = story.run(
+        "(regions) => [...document.querySelectorAll(regions)].map(({id}) => id)", regions
+    )
+    assert sorted(live) == ["announcer", "problem", "status"]
+
+
+def test_the_block_is_not_of_the_grippers_colour(story: Watched, executed: Recording) -> None:
+    red, green, blue, _ = executed.bodies["block"].parts[0].rgba
+    assert green > 1.3 * max(red, blue)
+    story.run("replay.seek(0)")
+    r, g, b = np.moveaxis(story.picture(), -1, 0)
+    assert int(((g > 60) & (r < g / 3) & (b < g)).sum()) > 50
+
+
+def test_speed_is_kept_when_it_plays_again(story: Watched) -> None:
+    story.page.select_option("#speed", "2")
+    story.page.keyboard.press("End")
+    assert story.run("replay.speed") == 2
+    story.page.select_option("#speed", "1")
+
+
+@pytest.mark.parametrize("held", ["ctrlKey", "altKey", "metaKey"])
+def test_keys_of_the_browser_are_left_alone(story: Watched, held: str) -> None:
+    story.run(
+        """(held) => ["p", "v", " "].forEach((key) => document.body.dispatchEvent(
+          new KeyboardEvent("keydown", {key, [held]: true, bubbles: true})))""",
+        held,
+    )
+    assert not story.page.is_visible("#panel")
+    assert not story.page.is_visible("#views")
+    assert not story.run("replay.playing")

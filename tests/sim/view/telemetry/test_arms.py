@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from baxter_kin import Baxter
+from baxter_kin.validation import FloatArray
+from sim.recording.recording import Recording
+from sim.view.telemetry.arms import (
+    FINEST,
+    MOST_ROWS,
+    STEP,
+    arms_that_move,
+    recorded_arms,
+    telling_rows,
+)
+
+SINGLE = 1e-6
+"""What is left of a number of the recording's size in 32 bits."""
+
+
+def rows_of(told: dict[str, Any], name: str) -> FloatArray:
+    return np.asarray(told[name], dtype=np.float64).reshape(-1, 7)
+
+
+def test_tells_of_the_arms_that_move(executed: Recording, robot: Baxter) -> None:
+    assert arms_that_move(executed) == ("left",)
+    assert list(recorded_arms(executed, robot)) == ["left"]
+
+
+def test_tells_of_no_arm_where_none_moves(executed: Recording, robot: Baxter) -> None:
+    still = replace(executed, q=np.tile(executed.q[0], (len(executed.q), 1)), moves=())
+    assert recorded_arms(still, robot) == {}
+
+
+def test_rows_are_those_of_the_recording(executed: Recording, robot: Baxter) -> None:
+    told = recorded_arms(executed, robot)["left"]
+    times = np.asarray(told["times"], dtype=np.float64)
+    index = [executed.joint_names.index(name) for name in told["joints"]]
+    at = np.abs(executed.times_s[None] - executed.times_s[0] - times[:, None])
+    shared = at.min(axis=1) < SINGLE
+    assert shared.sum() > 20
+    wanted = executed.q[at.argmin(axis=1)][:, index]
+    off = np.abs(rows_of(told, "q") - wanted)[shared]
+    assert off.max() <= STEP / 2 + SINGLE
+
+
+def test_times_begin_at_zero_and_increase(executed: Recording, robot: Baxter) -> None:
+    times = np.asarray(recorded_arms(executed, robot)["left"]["times"])
+    assert times[0] == 0.0
+    assert times[-1] == pytest.approx(executed.duration_s, abs=SINGLE)
+    assert (np.diff(times) > 0.0).all()
+
+
+@pytest.mark.parametrize("name", ["v", "a"])
+def test_peaks_of_every_joint_are_kept(executed: Recording, robot: Baxter, name: str) -> None:
+    motion = executed.motion("left", with_knots=True)
+    told = recorded_arms(executed, robot)["left"]
+    peaks, kept = np.abs(getattr(motion, name)).max(axis=0), np.abs(rows_of(told, name)).max(axis=0)
+    assert np.abs(kept - peaks).max() <= 4 * STEP + SINGLE
+
+
+@pytest.mark.parametrize("name", ["q", "v", "a"])
+def test_rows_left_out_lie_between_those_kept(
+    executed: Recording, robot: Baxter, name: str
+) -> None:
+    motion, told = executed.motion("left", with_knots=True), recorded_arms(executed, robot)["left"]
+    scale = {"q": np.subtract(told["q_max"], told["q_min"]), "v": told["v_max"], "a": told["a_max"]}
+    times = np.asarray(told["times"], dtype=np.float64)
+    rows, at = rows_of(told, name), motion.times_s - executed.times_s[0]
+    between = np.column_stack([np.interp(at, times, column) for column in rows.T])
+    off = np.abs(between - getattr(motion, name))[at <= executed.duration_s] / scale[name]
+    assert off.max() <= FINEST + 16 * STEP
+
+
+def test_accelerations_are_within_the_limits_the_moves_were_planned_with(
+    executed: Recording, robot: Baxter
+) -> None:
+    told = recorded_arms(executed, robot)["left"]
+    assert (np.abs(rows_of(told, "a")) <= np.array(told["a_max"]) + 8 * STEP).all()
+    limits = executed.moves[0].trajectory.limits
+    assert told["v_max"] == limits.v_max.tolist()
+
+
+def test_a_long_recording_has_no_more_rows_than_allowed(robot: Baxter, executed: Recording) -> None:
+    rng, n = np.random.default_rng(0), 4000
+    q = np.tile(executed.q[0], (n, 1))
+    index = [executed.joint_names.index(name) for name in robot.arm("left").joint_names]
+    q[:, index] += np.cumsum(rng.normal(0.0, 1e-3, (n, 7)), axis=0)
+    times = np.array([0.01 * row for row in range(n)])
+    long = Recording(executed.joint_names, times, q, np.zeros((n, 2)), {}, {}, (), ())
+    told = recorded_arms(long, robot)["left"]
+    assert len(told["times"]) <= MOST_ROWS
+    motion = long.motion("left")
+    rows = telling_rows(motion, told)
+    for values in (motion.v, motion.a):
+        assert np.abs(values[rows]).max(axis=0) == pytest.approx(np.abs(values).max(axis=0))

@@ -1,0 +1,213 @@
+from __future__ import annotations
+
+import base64
+import gzip
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import umsgpack
+from playwright.sync_api import Browser
+
+from baxter_kin import Baxter
+from planner import Body, Manipulator, PickAndPlace, Plan, RobotBody, Scene, plan_pick_and_place
+from sim import Replay
+from sim.errors import RecordingError
+from sim.recording.recording import Recording
+from sim.view.replay import write_replay
+from sim.view.replay_content import encoded_content
+from tests.conftest import overhead
+from tests.sim.conftest import Watched, watched_page
+from tests.sim.view.test_replay import MAX_BYTES, MAX_GZIPPED
+
+_TYPES = {0x11: "i1", 0x13: "<i2", 0x14: "<u2", 0x16: "<u4", 0x17: "<f4"}
+
+
+def decoded(text: str) -> dict[str, Any]:
+    """The content as a page reads it."""
+    handlers = {
+        code: (lambda ext, kind=kind: np.frombuffer(ext.data, kind))
+        for code, kind in _TYPES.items()
+    }
+    return dict(umsgpack.unpackb(base64.b64decode(text), ext_handlers=handlers))
+
+
+def layers_of(content: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {layer["id"]: layer for layer in content["layers"]}
+
+
+@pytest.fixture(scope="module")
+def slower(executed: Recording) -> Recording:
+    """The same at half the speed, and without what was commanded."""
+    return replace(
+        executed, times_s=2.0 * executed.times_s, moves=(), events=(), captions=((0.0, "slow"),)
+    )
+
+
+@pytest.fixture(scope="module")
+def content(executed: Recording, robot: Baxter) -> dict[str, Any]:
+    return decoded(encoded_content(executed, robot))
+
+
+@pytest.fixture(scope="module")
+def compared(executed: Recording, slower: Recording, robot: Baxter) -> dict[str, Any]:
+    return decoded(encoded_content(executed, robot, compare=slower))
+
+
+def test_layers_are_those_that_there_are(content: dict[str, Any]) -> None:
+    shown = {name: layer["shown"] for name, layer in layers_of(content).items()}
+    assert shown == {
+        "robot": True,
+        "paths": True,
+        "goals": False,
+        "frames": False,
+        "nearest": True,
+    }
+
+
+def test_every_node_of_a_layer_is_drawn(executed: Recording, robot: Baxter) -> None:
+    content = decoded(encoded_content(executed, robot, body=RobotBody.load(), compare=executed))
+    drawn = [command["path"] for command in content["commands"] if "path" in command]
+    layers = layers_of(content)
+    assert set(layers) == {"robot", "body", "paths", "goals", "frames", "ghost", "nearest"}
+    for layer in layers.values():
+        for path in layer["paths"]:
+            assert any(each == path or each.startswith(f"{path}/") for each in drawn), path
+
+
+def test_a_recording_without_moves_has_no_goals(executed: Recording, robot: Baxter) -> None:
+    content = decoded(encoded_content(replace(executed, moves=()), robot))
+    assert "goals" not in layers_of(content)
+    assert content["waypoints"] == []
+
+
+def test_what_does_not_move_has_no_clearance(executed: Recording, robot: Baxter) -> None:
+    still = replace(executed, q=np.tile(executed.q[0], (len(executed.q), 1)), moves=())
+    content = decoded(encoded_content(still, robot))
+    assert content["clearance"] is None
+    assert content["arms"] == {}
+    assert "nearest" not in layers_of(content)
+
+
+def test_arrays_of_an_arm_have_as_many_rows_as_times(content: dict[str, Any]) -> None:
+    arm = content["arms"]["left"]
+    assert {len(arm[name]) for name in "qva"} == {7 * len(arm["times"])}
+
+
+def test_a_page_lasts_as_long_as_the_longer_recording(
+    compared: dict[str, Any], slower: Recording, executed: Recording, robot: Baxter
+) -> None:
+    assert compared["duration"] == pytest.approx(slower.duration_s)
+    turned = decoded(encoded_content(slower, robot, compare=executed))
+    assert turned["duration"] == pytest.approx(slower.duration_s)
+    assert compared["captions"] != turned["captions"]
+
+
+def test_a_ghost_moves_on_its_own_clock(compared: dict[str, Any], slower: Recording) -> None:
+    animation = compared["commands"][-1]["animations"]
+    ends = {
+        each["path"]: max(float(track["times"][-1]) for track in each["clip"]["tracks"])
+        for each in animation
+    }
+    of_ghost = [end for path, end in ends.items() if path.startswith("/ghost/robot/")]
+    assert max(of_ghost) == pytest.approx(slower.duration_s)
+    of_robot = [end for path, end in ends.items() if path.startswith("/robot/")]
+    assert max(of_robot) == pytest.approx(slower.duration_s / 2)
+    assert any(path.startswith("/ghost/bodies/block") for path in ends)
+
+
+def test_a_ghost_costs_few_bytes(executed: Recording, slower: Recording, robot: Baxter) -> None:
+    plain, both = (len(encoded_content(executed, robot, compare=other)) for other in (None, slower))
+    assert both - plain < 150_000
+
+
+def test_a_page_with_everything_is_small_enough(
+    tmp_path: Path, executed: Recording, slower: Recording, robot: Baxter
+) -> None:
+    path = tmp_path / "replay.html"
+    write_replay(path, executed, robot, compare=slower)
+    page = path.read_bytes()
+    assert len(page) <= MAX_BYTES
+    assert len(gzip.compress(page)) <= MAX_GZIPPED
+
+
+def test_another_robots_recording_is_refused_as_a_ghost(executed: Recording) -> None:
+    other = Baxter.load(hands={"left": None, "right": None})
+    with pytest.raises(RecordingError, match="joints are not those"):
+        encoded_content(executed, other)
+    with pytest.raises(RecordingError, match=r"needs a Recording or a Plan, got str"):
+        Replay(executed, compare="fast")  # type: ignore[arg-type]
+
+
+def test_a_plan_is_shown_without_a_robot_or_a_simulation(plan: Plan) -> None:
+    content = decoded(Replay(plan).html.split('type="text/plain">')[1].split("<")[0])
+    assert content["duration"] == pytest.approx(plan.motion_time_s, abs=0.3)
+    assert [mark[1] for mark in content["marks"]] == ["grasp", "release"]
+    assert len(content["waypoints"]) == len(plan.moves)
+
+
+def test_a_recording_needs_no_robot_if_it_is_of_the_stock_one(
+    executed: Recording, robot: Baxter
+) -> None:
+    assert Replay(executed).html == Replay(executed, robot).html
+
+
+def test_an_invalid_plan_says_why(manipulator: Manipulator, table: Body, block: Body) -> None:
+    far = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(3.0, 0.0, -0.129))
+    scene = Scene.of([table, block])
+    refused = plan_pick_and_place(far, manipulator, scene, manipulator.arm.start)
+    with pytest.raises(RecordingError) as error:
+        Replay(refused)
+    assert str(refused.failure) in str(error.value)
+
+
+def test_the_plan_of_another_robot_says_how_to_give_it(plan: Plan) -> None:
+    assert plan.robot is not None
+    other = Baxter.load(hands={"right": None})
+    foreign = replace(plan, robot=other.description.identity)
+    with pytest.raises(RecordingError, match=r"plan is for another robot: .*robot=\.\.\."):
+        Replay(foreign)
+    with pytest.raises(RecordingError, match="plan is for another robot"):
+        Replay(plan, other)
+
+
+@pytest.fixture(scope="module")
+def page(
+    browser: Browser,
+    tmp_path_factory: pytest.TempPathFactory,
+    executed: Recording,
+    slower: Recording,
+) -> Iterator[Watched]:
+    path = tmp_path_factory.mktemp("compared") / "replay.html"
+    write_replay(path, executed, compare=slower)
+    with watched_page(browser) as watched:
+        watched.page.goto(path.as_uri())
+        watched.page.wait_for_function("replay.ready")
+        watched.run("replay.pause()")
+        yield watched
+
+
+WHERE = """name => {
+  viewer.render();
+  const found = [];
+  viewer.scene.traverse(node => { if (node.name === name) found.push(node); });
+  return found.map(node => {
+    const point = new MeshCat.THREE.Vector3().setFromMatrixPosition(node.matrixWorld);
+    return [point.x, -point.z, point.y];
+  });
+}"""
+
+
+def test_in_the_browser_the_ghost_is_where_its_recording_is(
+    page: Watched, executed: Recording
+) -> None:
+    page.run("time => replay.seek(time)", 2.0)
+    robot_at, ghost_at = page.run(WHERE, "left_w2")
+    page.run("time => replay.seek(time)", 1.0)
+    earlier, _ = page.run(WHERE, "left_w2")
+    assert ghost_at == pytest.approx(earlier, abs=2e-3)
+    assert robot_at != pytest.approx(ghost_at, abs=1e-2)
+    assert page.errors == []
