@@ -14,8 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from baxter_kin import ElectricGripper
-from examples.workbench import Workbench, on_table, play
+from examples.workbench import play
 from planner import PickAndPlace, Plan, plan_pick_and_place
+from sim import Workbench
 from sim.demo.scene import overhead
 
 HALF_ROUND = ElectricGripper(tips="half_round")
@@ -31,11 +32,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def carry(bench: Workbench, _rng: np.random.Generator) -> None:
     """Carry one block there and back, and ask for the other."""
-    bench.add_block("block", *HERE_M, EDGE_M, "blue")
-    bench.add_block("wide", *BESIDE_M, TOO_WIDE_M, "red")
+    bench.add_block("block", *HERE_M, edge_m=EDGE_M, colour="blue")
+    bench.add_block("wide", *BESIDE_M, edge_m=TOO_WIDE_M, colour="red")
     print(f"the wide block is refused: {as_in_the_demo(bench, 'wide').failure}")
     for goal_m in (THERE_M, HERE_M):
-        bench.carry(["right"], "block", on_table(*goal_m, EDGE_M))
+        bench.carry("block", to=goal_m, arm="right")
     bench.withdraw("right")
 
 

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from examples.workbench import SIDES, Workbench, on_table, play, scattered
+from examples.workbench import play, scattered
+from sim import Workbench
 
 EDGES_M = (0.030, 0.035, 0.040)
 MIDDLE_M = (0.65, 0.00)
@@ -33,12 +34,12 @@ def sort(bench: Workbench, rng: np.random.Generator) -> None:
     for number, edge_m in enumerate(EDGES_M, start=1):
         for colour in ROW_Y_M:
             x, y, yaw = next(places)
-            bench.add_block(f"{colour} {number}", x, y, edge_m, colour, yaw_rad=yaw)
-    for number, (edge_m, x_m) in enumerate(zip(EDGES_M, ROW_X_M, strict=True), start=1):
+            bench.add_block(f"{colour} {number}", x, y, edge_m=edge_m, colour=colour, yaw_rad=yaw)
+    for number, x_m in enumerate(ROW_X_M, start=1):
         for colour, y_m in ROW_Y_M.items():
-            bench.carry(SIDES, f"{colour} {number}", on_table(x_m, y_m, edge_m))
-            for side in SIDES:
-                bench.withdraw(side)
+            bench.carry(f"{colour} {number}", to=(x_m, y_m))
+            for arm in ("left", "right"):
+                bench.withdraw(arm)
 
 
 if __name__ == "__main__":

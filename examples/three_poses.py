@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from examples.workbench import Workbench, on_table, play
+from examples.workbench import play
+from sim import Workbench
 
-EDGE_M = 0.05
 POSES_M = ((0.70, 0.15), (0.75, 0.00), (0.72, 0.075))
 """x and y in base."""
 
@@ -25,9 +25,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def visit(bench: Workbench, _rng: np.random.Generator) -> None:
     """Carry the block from each pose to the next."""
-    bench.add_block("block", *POSES_M[0], EDGE_M, "red")
-    for x_m, y_m in (*POSES_M[1:], POSES_M[0]):
-        bench.carry(["left"], "block", on_table(x_m, y_m, EDGE_M))
+    bench.add_block("block", *POSES_M[0], colour="red")
+    for place in (*POSES_M[1:], POSES_M[0]):
+        bench.carry("block", to=place, arm="left")
     bench.withdraw("left")
 
 

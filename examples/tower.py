@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
-from examples.workbench import Workbench, on_table, play, scattered
+from examples.workbench import play, scattered
+from sim import Workbench
 
 BLOCKS = (("large", 0.05, "red"), ("medium", 0.04, "yellow"), ("small", 0.03, "blue"))
 """Name, edge in m and colour, from below up."""
@@ -29,13 +31,11 @@ def build(bench: Workbench, rng: np.random.Generator) -> None:
     for (name, edge_m, colour), (x, y, yaw) in zip(
         BLOCKS, scattered(rng, 3, MIDDLE_M), strict=True
     ):
-        bench.add_block(name, x, y, edge_m, colour, yaw_rad=yaw)
-    height_m = 0.0
-    for name, edge_m, _ in BLOCKS:
-        goal = on_table(*TOWER_M, edge_m, above_m=height_m)
-        if not bench.carry(["left"], name, goal):
-            break
-        height_m += edge_m
+        bench.add_block(name, x, y, edge_m=edge_m, colour=colour, yaw_rad=yaw)
+    names = [name for name, _, _ in BLOCKS]
+    is_standing = bench.carry(names[0], to=TOWER_M, arm="left").is_done
+    for below, name in pairwise(names):
+        is_standing = is_standing and bench.carry(name, onto=below, arm="left").is_done
     bench.withdraw("left")
 
 

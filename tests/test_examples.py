@@ -18,9 +18,10 @@ from hypothesis import strategies as st
 from baxter_kin import Baxter, IKService, pose_from_quaternion
 from baxter_kin.validation import FloatArray
 from examples import right_arm, sorting, three_poses, tower
-from examples.workbench import SIDES, TABLE_Z_M, Workbench, on_table, play, scattered
+from examples.workbench import play, scattered
 from planner import make_block, verify
-from sim import EventKind, Recording, load_recording
+from sim import EventKind, Recording, Workbench, load_recording
+from sim.workbench.tabletop import TABLE_Z_M, on_table
 from tests.closeness import Closeness
 
 EXAMPLES = {
@@ -143,7 +144,7 @@ def test_both_arms_sort(runs: Callable[[str], Run]) -> None:
     grasped = [e for e in runs("sorting").recording.events if e.kind is EventKind.GRASPED]
     moves = runs("sorting").recording.moves
     assert len(grasped) == 6
-    assert {move.limb for move in moves if "pick: descend" in move.label} == set(SIDES)
+    assert {move.limb for move in moves if "pick: descend" in move.label} == {"left", "right"}
 
 
 def test_one_arm_waits_in_neutral_while_the_other_moves(
@@ -224,7 +225,7 @@ def side_of(link: str) -> str:
 def bench() -> Workbench:
     """A block that the left arm can bring across."""
     bench = Workbench()
-    bench.add_block("block", 0.62, 0.22, 0.04, "red")
+    bench.add_block("block", 0.62, 0.22, edge_m=0.04, colour="red")
     return bench
 
 
@@ -268,10 +269,10 @@ def test_an_arm_on_the_place_is_named(bench: Workbench) -> None:
 
 def test_what_is_refused_is_told_with_its_reason(capsys: pytest.CaptureFixture[str]) -> None:
     def story(bench: Workbench, _rng: np.random.Generator) -> None:
-        bench.add_block("far", 1.30, 0.0, 0.04, "red")
-        bench.add_block("near", 0.65, 0.2, 0.04, "blue")
-        bench.carry(SIDES, "far", on_table(0.65, 0.0, 0.04))
-        bench.carry(SIDES, "near", on_table(0.65, 0.0, 0.04))
+        bench.add_block("far", 1.30, 0.0, edge_m=0.04, colour="red")
+        bench.add_block("near", 0.65, 0.2, edge_m=0.04, colour="blue")
+        bench.carry("far", to=(0.65, 0.0))
+        bench.carry("near", to=(0.65, 0.0))
 
     assert play([], "Two blocks.", story) == 1
     said = capsys.readouterr().out
@@ -281,11 +282,13 @@ def test_what_is_refused_is_told_with_its_reason(capsys: pytest.CaptureFixture[s
     assert said.count("verified") == 1
 
 
-def test_a_replay_that_cannot_be_written_is_one_sentence(
+def test_a_replay_that_cannot_be_written_is_one_sentence_before_anything_is_done(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page = tmp_path / "no" / "run.html"
-    assert play(["--html", str(page)], "Nothing.", lambda bench, _: bench.simulation.wait(0.1)) == 1
+    with pytest.raises(SystemExit) as stopped:
+        play(["--html", str(page)], "Nothing.", lambda *_: pytest.fail("it was done"))
+    assert stopped.value.code == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
@@ -314,11 +317,11 @@ def test_an_arm_that_cannot_go_back_is_told(bench: Workbench) -> None:
     beside = left.T_base_tip(left.neutral)
     bench.world.move_arm("left", left.start)
     bench.simulation.spawn(make_block("post", beside, edge_m=0.1, is_movable=False))
-    assert not bench.withdraw("left")
+    assert not bench.withdraw("left").is_done
     assert "post" in bench.tasks[-1].verdict
     assert not bench.tasks[-1].is_done
 
 
 def test_an_arm_that_stands_beside_the_table_stays_there(bench: Workbench) -> None:
-    assert bench.withdraw("left")
+    assert bench.withdraw("left").is_done
     assert bench.motion_s == 0.0

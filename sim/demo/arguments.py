@@ -5,29 +5,28 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 from baxter_kin.command_line import (
     OneSentenceParser,
+    Options,
     add_hands,
     add_urdf,
+    examples,
     file_to_write,
     hands_of,
-    number,
     number_within,
     whole_number,
 )
-from baxter_kin.errors import millimetres_hint
 from baxter_kin.files import Destination
+from sim.demo.argument_types import FARTHEST_M, coordinate, height, port, ratio, record_target
 from sim.demo.options import DEFAULT_POSES_M, LIMITS, LONGEST_DWELL_S, ROBOT_DWELL_S, DemoOptions
 
 DEFAULT_HOVER_M = 0.15
-FARTHEST_M = 10.0
-SLOWEST = 0.001
 MOST_NOISE_MM, MOST_NOISE_DEG = 1000.0, 180.0
 STRICT, LEAST_TOLERANCE, MOST_TOLERANCE = (0.1, 0.02), 1e-3, 100.0
 DEFAULT_RETRIES = 3
-RECORD_SUFFIXES = (".bag", ".jsonl", ".mcap", ".npz")
+WAIT_S, LONGEST_WAIT_S = 15.0, 86_400.0
+"""How long the demo waits for a page, and may; the latter as the view allows."""
 
 
 def parse_options(argv: Sequence[str] | None = None) -> DemoOptions:
@@ -57,6 +56,9 @@ def parse_options(argv: Sequence[str] | None = None) -> DemoOptions:
         speed_ratio=raw.speed,
         limits=raw.limits,
         is_headless=raw.headless,
+        opens_browser=not raw.no_browser,
+        wait_s=WAIT_S if raw.wait is None else raw.wait,
+        port=raw.port,
         html=raw.html,
         shows_body=raw.show_body,
         csv=raw.csv,
@@ -85,6 +87,8 @@ def _check_together(parser: argparse.ArgumentParser, raw: argparse.Namespace) ->
         parser.error("--dwell is for the file of --csv; give both")
     if raw.dwell is not None and _retries(raw) is not None:
         parser.error("--dwell writes what is played back blindly; leave noise and --retries out")
+    if raw.headless and (raw.wait is not None or raw.port is not None):
+        parser.error("--wait and --port are for the live view, which --headless leaves out")
     files = raw.html, raw.csv, raw.record, raw.report, raw.plan
     targets = [Destination.of(path).identity for path in files if path is not None]
     if len(set(targets)) < len(targets):
@@ -99,11 +103,19 @@ def _parser() -> argparse.ArgumentParser:
         prog="baxter-demo",
         description="Baxter picks a block up and puts it down: inverse kinematics, time-optimal "
         "moves, kinematic simulation, live in the browser.",
-        epilog="Exit status: 0 all picked and placed; 1 a pick or place failed; 2 wrong usage; 130 "
-        "stopped by Ctrl-C. Positions are metres in the robot's base frame.",
+        epilog=examples(
+            "python -m baxter_kin.demo",
+            "python -m baxter_kin.demo --headless --html replay.html",
+            "python -m baxter_kin.demo --add-pose 0.72 0.075 -0.129 --limb left",
+            "python -m baxter_kin.demo --headless --noise-mm 3 --cycles 6 --report report.json",
+            end="Exit status: 0 all picked and placed; 1 a pick or place failed; 2 wrong usage; "
+            "130 stopped by Ctrl-C. Positions are metres in the robot's base frame: x forward, y "
+            "to its left, z up from 0.93 m above the floor (docs/concepts/frames.md).",
+        ),
     )
-    _add_task(parser)
-    _add_outputs(parser)
+    _add_task(parser.add_argument_group("task"))
+    _add_live_view(parser.add_argument_group("live view"))
+    _add_outputs(parser.add_argument_group("output"))
     amount = parser.add_mutually_exclusive_group()
     amount.add_argument(
         "-v",
@@ -120,14 +132,14 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_task(parser: argparse.ArgumentParser) -> None:
+def _add_task(parser: Options) -> None:
     """What is done."""
     add_urdf(parser)
     add_hands(parser)
     parser.add_argument("--limb", choices=("left", "right"), default="left", help="which arm")
     parser.add_argument(
         "--add-pose",
-        type=_coordinate,
+        type=coordinate,
         nargs=3,
         action="append",
         default=[],
@@ -136,7 +148,7 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--hover",
-        type=_height,
+        type=height,
         default=DEFAULT_HOVER_M,
         metavar="M",
         help="height above the place where a cycle ends (default %(default)s m); the arm moves "
@@ -144,7 +156,7 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--obstacle",
-        type=_coordinate,
+        type=coordinate,
         nargs=6,
         action="append",
         default=[],
@@ -204,7 +216,7 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--forever", action="store_true", help="go on until Ctrl-C")
     parser.add_argument(
         "--speed",
-        type=_ratio,
+        type=ratio,
         default=1.0,
         metavar="RATIO",
         help="scale of the joint velocity limits, from 0.001 to 1 (default %(default)s)",
@@ -217,9 +229,31 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_outputs(parser: argparse.ArgumentParser) -> None:
-    """Where it is shown and written."""
+def _add_live_view(parser: Options) -> None:
+    """Whether and where it is watched."""
     parser.add_argument("--headless", action="store_true", help="no live view, no real time")
+    parser.add_argument(
+        "--no-browser",
+        action="store_true",
+        help="do not open the live view in a browser, only print its address; so it is over SSH, "
+        "without a display, and where CI is set, too",
+    )
+    parser.add_argument(
+        "--wait",
+        type=number_within(0.0, LONGEST_WAIT_S, "s"),
+        metavar="S",
+        help=f"how long to wait for a page to watch before it starts (default {WAIT_S:g} s)",
+    )
+    parser.add_argument(
+        "--port",
+        type=port,
+        metavar="N",
+        help="where the live view is served (default: 7000, or the next one that is free)",
+    )
+
+
+def _add_outputs(parser: Options) -> None:
+    """Where it is written."""
     parser.add_argument("--html", type=file_to_write, metavar="FILE", help="write a replay page")
     parser.add_argument(
         "--show-body",
@@ -241,7 +275,7 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--record",
-        type=_record_target,
+        type=record_target,
         metavar="FILE",
         help="write all that happens: .jsonl (a log, complete even when killed), .mcap (for "
         "Foxglove), .bag (for ROS 1) or .npz (at the end)",
@@ -253,35 +287,3 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="save the plan of the first cycle; python -m planner.verification FILE checks it",
     )
-
-
-def _coordinate(text: str) -> float:
-    value = number(text)
-    if abs(value) > FARTHEST_M:
-        raise argparse.ArgumentTypeError(
-            f"{text} is not within {FARTHEST_M:g} m of the robot{millimetres_hint(value)}"
-        )
-    return value
-
-
-def _height(text: str) -> float:
-    value = number(text)
-    if not 0.0 < value <= FARTHEST_M:
-        allowed = f"above zero and at most {FARTHEST_M:g} m"
-        raise argparse.ArgumentTypeError(f"{text} is not {allowed}{millimetres_hint(value)}")
-    return value
-
-
-def _ratio(text: str) -> float:
-    value = number(text)
-    if not SLOWEST <= value <= 1.0:
-        raise argparse.ArgumentTypeError(f"{text} is not in [{SLOWEST:g}, 1]")
-    return value
-
-
-def _record_target(text: str) -> Path:
-    path = file_to_write(text)
-    if path.suffix not in RECORD_SUFFIXES:
-        known = ", ".join(RECORD_SUFFIXES)
-        raise argparse.ArgumentTypeError(f"{text} must end in one of {known}, which say the format")
-    return path

@@ -10,7 +10,13 @@ from planner import Move
 from sim import Event, EventKind, Observer
 from sim.demo.report import Totals
 
-_TABLE = "  {stage:<17} {seed:<40} {residual:<22} {duration}"
+_TABLE = "  {stage:<17} {seed:<44} {residual:<20} {duration}"
+
+_LEGEND = (
+    "A row is a move of the arm. IK seed: the joint angles from which inverse kinematics found the",
+    "pose; optimised by: how far a joint then went on, to the solution of the same pose that makes",
+    "the motion fastest. Residual: how far the answer is off the pose. See docs/concepts/ik.md",
+)
 
 
 class Narrator(Observer):
@@ -18,6 +24,7 @@ class Narrator(Observer):
 
     def __init__(self, verbosity: int) -> None:
         self._verbosity = verbosity
+        self._is_explained = False
 
     def say(self, text: str) -> None:
         """One line, unless quiet."""
@@ -32,9 +39,14 @@ class Narrator(Observer):
         self, number: int, pick_m: tuple[float, ...], place_m: tuple[float, ...]
     ) -> None:
         """The heading of a cycle and of its table."""
-        self.say(f"cycle {number}: pick at {_point(pick_m)}, place at {_point(place_m)}")
+        if not self._is_explained:
+            self._is_explained = True
+            for line in _LEGEND:
+                self.say(line)
+        ends = f"pick at {_point(pick_m)}, place at {_point(place_m)}"
+        self.say(f"cycle {number}: {ends} m in {Frame.BASE.value}")
         heading = {"stage": "stage", "seed": "IK seed", "residual": "residual"}
-        self.say(_TABLE.format(**heading, duration="move"))
+        self.say(_TABLE.format(**heading, duration="time"))
 
     def on_event(self, event: Event) -> None:
         """A line for a move; for other events only when verbose or when something happened."""
@@ -45,16 +57,25 @@ class Narrator(Observer):
 
     def finish(self, totals: Totals) -> None:
         """The summary."""
-        self.say(f"block: from {_point(totals.block_start_m)} to {_point(totals.block_final_m)}")
-        clearance = totals.min_clearance_m
-        nearest = "" if clearance is None else f", nearest approach {1e3 * clearance:.1f} mm"
-        ratio = totals.transfer_ratio
-        transfer = "" if ratio is None else f", grasp to release {ratio:.2f} times its bound"
+        begin, end = totals.block_start_m, totals.block_final_m
+        if begin is not None and end is not None:
+            self.say(f"block: from {_point(begin)} to {_point(end)} m in {Frame.BASE.value}")
         self.say(
-            f"time: planning {totals.planning_time_s:.2f} s, motion {totals.motion_time_s:.2f} s, "
-            f"one pick and place {totals.cycle_time_s:.2f} s, wall {totals.wall_time_s:.2f} s"
-            f"{transfer}{nearest}"
+            f"time: planning {totals.planning_time_s:.2f} s, arm motion {totals.motion_time_s:.2f} "
+            f"s, wall clock {totals.wall_time_s:.2f} s; one pick and place "
+            f"{totals.cycle_time_s:.2f} s, gripper included"
         )
+        if totals.transfer_ratio is not None:
+            self.say(
+                f"from grasp to release: {totals.transfer_ratio:.2f} times as long as the fastest "
+                "direct joint motion, which heeds\n"
+                "  neither lines nor obstacles (see docs/concepts/motion_program.md)"
+            )
+        if totals.min_clearance_m is not None:
+            self.say(
+                f"clearance: {1e3 * totals.min_clearance_m:.1f} mm where the arm came nearest to "
+                "what it is not meant to touch"
+            )
 
 
 _TOLD = {EventKind.GRASPED, EventKind.RELEASED, EventKind.MISSED, EventKind.HIT}
@@ -73,7 +94,6 @@ def _residual(ik: IKResult) -> str:
     return f"{ik.position_error_m:.0e} m, {ik.orientation_error_rad:.0e} rad"
 
 
-def _point(point_m: tuple[float, ...] | None) -> str:
-    if point_m is None:
-        return "nowhere"
-    return f"({', '.join(f'{value:.4f}' for value in point_m)}) m in {Frame.BASE.value}"
+def _point(point_m: tuple[float, ...]) -> str:
+    """Coordinates; what rounds to zero has no sign."""
+    return f"({', '.join(f'{round(value, 4) + 0.0:.4f}' for value in point_m)})"

@@ -40,6 +40,9 @@ class DemoOptions:
         speed_ratio: scale of the velocity limits, in (0, 1].
         limits: preset of accelerations and jerks.
         is_headless: without the live view, as fast as possible.
+        opens_browser: whether to open it in a browser, where there is one.
+        wait_s: how long to wait for a page that watches.
+        port: where to serve it; None for any that is free.
         html: where to write the replay, or None.
         shows_body: whether the replay can show the body that is planned with, too.
         csv: where to write the RSDK's CSV, or None.
@@ -68,6 +71,9 @@ class DemoOptions:
     speed_ratio: float
     limits: str
     is_headless: bool
+    opens_browser: bool
+    wait_s: float
+    port: int | None
     html: Path | None
     shows_body: bool
     csv: Path | None

@@ -1,4 +1,4 @@
-"""Where the demo is shown and written to, as its options say."""
+"""Where the demo is written to, as its options say."""
 
 from __future__ import annotations
 
@@ -23,9 +23,7 @@ from sim.demo.narration import Narrator
 from sim.demo.options import DemoOptions
 from sim.recording.csv_writing import PlanCsvFile
 from sim.recording.npz_file import save_recording
-from sim.view.live.live_view import LiveView
 
-WAIT_FOR_BROWSER_S = 15.0
 REPLAY_SNAPSHOTS = 12_000
 """The replay shows the last two minutes; only --forever ever has more."""
 
@@ -33,17 +31,16 @@ REPLAY_SNAPSHOTS = 12_000
 def outputs(
     options: DemoOptions, world: World, narrator: Narrator, cleanup: ExitStack
 ) -> Iterator[Observer]:
-    """Who writes what happens, and the live view, which waits, last.
+    """Who writes what happens.
 
     Args:
         options: what the user asked for.
         world: what is shown.
-        narrator: tells where to look.
-        cleanup: finishes files and closes the view.
+        narrator: tells what was written.
+        cleanup: finishes files.
 
     Raises:
         RecordingError: when a file cannot be written.
-        ViewerError: when the live view cannot be served.
     """
     robot = world.robot
     if options.csv is not None and options.dwell_s is None:
@@ -57,8 +54,6 @@ def outputs(
         body = world.shapes.body if options.shows_body else None
         cleanup.callback(_write_replay, options.html, recorder, robot, narrator, body)
         yield recorder
-    if not options.is_headless:
-        yield _live(world, narrator, cleanup)
 
 
 def playback(options: DemoOptions, cleanup: ExitStack) -> Callable[[Plan], None]:
@@ -89,17 +84,6 @@ def _recorder(path: Path, robot: Baxter, cleanup: ExitStack) -> Observer:
 def _save(recorder: Recorder, path: Path) -> None:
     if recorder.has_snapshots:
         save_recording(recorder.recording(), path)
-
-
-def _live(world: World, narrator: Narrator, cleanup: ExitStack) -> LiveView:
-    from sim.view.live.viewer import Viewer  # noqa: PLC0415 - a headless run needs no web server
-
-    viewer = cleanup.enter_context(Viewer(world.robot))
-    viewer.show(world.q, {}, "ready")
-    narrator.say(f"open {viewer.url} in a browser to watch")
-    narrator.say(f"(starts when the page is open, or in {WAIT_FOR_BROWSER_S:.0f} s)")
-    viewer.wait_for_client(WAIT_FOR_BROWSER_S)
-    return LiveView(viewer)
 
 
 def _write_replay(

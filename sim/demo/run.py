@@ -38,7 +38,9 @@ from sim import (
     TruePoses,
     World,
 )
+from sim.demo.advice import advice
 from sim.demo.interrupt import Interrupt
+from sim.demo.live import live_view, shown
 from sim.demo.narration import Narrator
 from sim.demo.options import DemoOptions
 from sim.demo.outputs import StopWatch, outputs, playback
@@ -108,9 +110,13 @@ class _Demo:
 
     def _run(self) -> None:
         with ExitStack() as cleanup:
-            simulation = Simulation(self._world, self._observers(cleanup))
+            first = StopWatch(self._interrupt), self._narrator, self._report, self._truth
+            files = outputs(self._options, self._world, self._narrator, cleanup)
+            observers: list[Observer] = [*first, *files]
             self._play_back = playback(self._options, cleanup)
-            with self._scene(simulation):
+            views = live_view(self._options, self._world, self._narrator, cleanup)
+            simulation = Simulation(self._world, [*observers, *views])  # last who waits
+            with self._scene(simulation), shown(views, lambda: self._report.failure):
                 self._go(simulation)
             self._report.totals.wall_time_s = time.perf_counter() - self._started_s
             self._narrator.finish(self._report.totals)
@@ -146,7 +152,9 @@ class _Demo:
         self._narrator.start_cycle(number, *ends_m)
         cycle = _Cycle(number, ends_m, self._options.hover_m)
         done = self._closed_cycle if self._options.is_closed_loop else self._open_cycle
-        return done(cycle, simulation)
+        failure = done(cycle, simulation)
+        hint = "" if failure is None else advice(self._options, self._robot, ends_m)
+        return f"{failure}; {hint}" if hint else failure
 
     def _open_cycle(self, cycle: _Cycle, simulation: Simulation) -> str | None:
         """Plan for where everything is, and execute."""
@@ -246,11 +254,6 @@ class _Demo:
             self._report.totals.block_final_m = self._block_m()
             for name in reversed(tuple(self._world.scene.bodies)):
                 simulation.delete(name)
-
-    def _observers(self, cleanup: ExitStack) -> list[Observer]:
-        """Who watches: the watch for Ctrl-C first, the live view, which waits, last."""
-        first = StopWatch(self._interrupt), self._narrator, self._report, self._truth
-        return [*first, *outputs(self._options, self._world, self._narrator, cleanup)]
 
     def _write_report(self) -> None:
         totals = self._report.totals

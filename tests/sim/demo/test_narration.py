@@ -73,25 +73,34 @@ def test_rows_stand_below_their_headings(
     started: Event, capsys: pytest.CaptureFixture[str]
 ) -> None:
     narrator = Narrator(1)
-    narrator.start_cycle(3, (0.7, 0.15, -0.129), (0.75, 0.0, -0.129))
+    narrator.start_cycle(3, (0.7, 0.15, -0.129), (0.75, -0.0, -0.129))
     narrator.on_event(started)
-    title, heading, row = capsys.readouterr().out.splitlines()
+    *_, title, heading, row = capsys.readouterr().out.splitlines()
     assert title == (
-        "cycle 3: pick at (0.7000, 0.1500, -0.1290) m in base, "
-        "place at (0.7500, 0.0000, -0.1290) m in base"
+        "cycle 3: pick at (0.7000, 0.1500, -0.1290), place at (0.7500, 0.0000, -0.1290) m in base"
     )
     assert started.move is not None
     assert heading.index("stage") == row.index("pick: approach")
     assert heading.index("IK seed") == row.index(started.move.seed_label)
-    assert heading.index("move") == row.index(f"{started.move.trajectory.duration:.3f} s")
+    assert heading.index("time") == row.index(f"{started.move.trajectory.duration:.3f} s")
 
 
 def test_a_summary_leaves_out_what_there_was_not(capsys: pytest.CaptureFixture[str]) -> None:
     Narrator(1).finish(Totals())
     said = capsys.readouterr().out
-    assert "block: from nowhere to nowhere" in said
-    assert "nearest approach" not in said
-    assert "times its bound" not in said
+    assert [line.split(":")[0] for line in said.splitlines()] == ["time"]
+
+
+def test_the_columns_are_explained_once_in_lines_of_100_columns(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    narrator = Narrator(1)
+    for number in (1, 2):
+        narrator.start_cycle(number, (0.7, 0.15, -0.129), (0.75, 0.0, -0.129))
+    said = capsys.readouterr().out
+    assert said.count("A row is a move of the arm.") == 1
+    assert "See docs/concepts/ik.md" in said
+    assert max(map(len, said.splitlines())) <= 100
 
 
 def test_a_summary_sums_up(capsys: pytest.CaptureFixture[str]) -> None:
@@ -100,7 +109,10 @@ def test_a_summary_sums_up(capsys: pytest.CaptureFixture[str]) -> None:
     )
     Narrator(1).finish(totals)
     assert capsys.readouterr().out.splitlines() == [
-        "block: from (0.7000, 0.1500, -0.1300) m in base to (0.7000, 0.1000, -0.1300) m in base",
-        "time: planning 0.50 s, motion 9.00 s, one pick and place 6.50 s, wall 1.25 s, "
-        "grasp to release 1.50 times its bound, nearest approach 22.2 mm",
+        "block: from (0.7000, 0.1500, -0.1300) to (0.7000, 0.1000, -0.1300) m in base",
+        "time: planning 0.50 s, arm motion 9.00 s, wall clock 1.25 s; one pick and place 6.50 s, "
+        "gripper included",
+        "from grasp to release: 1.50 times as long as the fastest direct joint motion, which heeds",
+        "  neither lines nor obstacles (see docs/concepts/motion_program.md)",
+        "clearance: 22.2 mm where the arm came nearest to what it is not meant to touch",
     ]

@@ -100,7 +100,9 @@ def test_a_second_ctrl_c_does_not_spoil_the_outputs(tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_being_killed_leaves_no_process(number: signal.Signals) -> None:
     """The live view lives in the program's own process, so it cannot outlive it."""
-    with subprocess.Popen([*DEMO, "--forever"], stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        [*DEMO, "--forever", "--no-browser"], stdout=subprocess.PIPE, text=True
+    ) as process:
         read_until(process, "http://127.0.0.1")
         family = psutil.Process(process.pid).children(recursive=True)
         assert family == []

@@ -1,0 +1,108 @@
+"""Tabletop: where the workbench's table is, and where blocks stand on it."""
+
+from __future__ import annotations
+
+import math
+from itertools import chain
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import pose_from_quaternion
+from baxter_kin.errors import quoted
+from baxter_kin.validation import FloatArray, finite_array
+from planner import Body, Scene, load_object
+from planner.errors import SceneError
+from planner.scene.contact import PRESSING_TOLERANCE_M
+
+TABLE = "table"
+TABLE_Z_M = -0.155
+"""The table's top, in base."""
+
+_UP = (0.0, 0.0, 1.0)
+
+
+def table() -> Body:
+    """The table, in front of the robot."""
+    return load_object(TABLE, pose_from_quaternion((1.0, 0.0, -0.93), (0.0, 0.0, 0.0, 1.0)))
+
+
+def on_table(x_m: float, y_m: float, edge_m: float, *, above_m: float = 0.0) -> pin.SE3:
+    """Where the centre of a cube on the table is, or of one so far above it; seen from base."""
+    return pin.SE3(np.eye(3), np.array([x_m, y_m, TABLE_Z_M + above_m + edge_m / 2]))
+
+
+def standing(body: Body, x_m: float, y_m: float) -> pin.SE3:
+    """Where a body stands straight on the table, its origin there; seen from base."""
+    return pin.SE3(np.eye(3), np.array([x_m, y_m, TABLE_Z_M + _reach_down_m(body)]))
+
+
+def stacked(body: Body, below: Body) -> pin.SE3:
+    """Where a body stands on the middle of another one, turned as that is; seen from base."""
+    R = below.T_base_body.rotation
+    x, y, _ = below.centre_base.tolist()
+    z = below.extent_m(_UP)[1] + _reach_down_m(body)
+    return pin.SE3(pin.utils.rotate("z", math.atan2(R[1, 0], R[0, 0])), np.array([x, y, z]))
+
+
+def checked_place(to: object) -> tuple[float, float]:
+    """X and y of a place.
+
+    Raises:
+        SceneError: when it is not two numbers.
+    """
+    try:
+        x, y = finite_array(to, (2,), "a place", SceneError).tolist()  # type: ignore[arg-type]
+    except SceneError as cause:
+        raise SceneError(
+            "a place is x and y in base in m, such as (0.75, 0.0), or the block's pose, got "
+            f"{quoted(to)}"
+        ) from cause
+    return x, y
+
+
+def why_beside(T_base_body: pin.SE3, table: Body) -> str:
+    """Why nothing can stand there: it is beside the table; empty where it is on it."""
+    x_m, y_m, _ = T_base_body.translation.tolist()
+    (x0, x1), (y0, y1) = (table.extent_m(axis) for axis in np.eye(3)[:2])
+    if x0 <= x_m <= x1 and y0 <= y_m <= y1:
+        return ""
+    return (
+        f"({x_m:g}, {y_m:g}) m is beside the table, which reaches from x = {x0:.2f} to {x1:.2f} m "
+        f"and from y = {y0:.2f} to {y1:.2f} m"
+    )
+
+
+def check_room(block: Body, scene: Scene) -> None:
+    """Raise when a block that is to be put on the table has no room there.
+
+    Raises:
+        SceneError: when it is beside the table, or where something stands.
+    """
+    x, y, _ = block.T_base_body.translation.tolist()
+    beside = why_beside(block.T_base_body, scene[TABLE])
+    if beside:
+        raise SceneError(f"no room for {quoted(block.name)}: {beside}")
+    for other in scene:
+        if other.name not in (TABLE, block.name) and _overlap(block, other):
+            raise SceneError(
+                f"no room for {quoted(block.name)} at ({x:g}, {y:g}) m: {quoted(other.name)} "
+                "stands there"
+            )
+
+
+def _overlap(one: Body, other: Body) -> bool:
+    """Whether two cuboids are inside each other; touching they are not."""
+    axes = chain(one.T_base_body.rotation.T, other.T_base_body.rotation.T)
+    return all(_common_m(one, other, axis) > PRESSING_TOLERANCE_M for axis in axes)
+
+
+def _common_m(one: Body, other: Body, axis: FloatArray) -> float:
+    """How much of a direction both cover; below zero for a gap."""
+    (low, high), (least, most) = one.extent_m(axis), other.extent_m(axis)
+    return min(high, most) - max(low, least)
+
+
+def _reach_down_m(body: Body) -> float:
+    """How far below its origin a body reaches that stands straight."""
+    return -body.at(pin.SE3.Identity()).extent_m(_UP)[0]

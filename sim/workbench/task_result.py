@@ -1,0 +1,56 @@
+"""Task result: what came of one task on the workbench."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from baxter_kin.validation import check_fields
+from baxter_kin.value_objects import OneLine, phrase
+from planner import Plan
+from sim.errors import SimulationError
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class TaskResult(OneLine):
+    """What came of one task; as text, one line that says it.
+
+    Attributes:
+        task: what was to be done, such as "carry red".
+        block: which block it was about; empty for an arm alone.
+        arm: "left" or "right"; empty when no arm could.
+        motion_s: how long the arm moved, as planned.
+        planning_s: how long planning took, by the clock.
+        off_m: how far from its place the block ended, metres; None when it was not carried.
+        verdict: how it ended: what was verified, or why it was refused or failed.
+        is_done: whether everything is as it was asked for.
+        plan: of those that were made, the one that was executed, or the best of those refused;
+            None when there was no need of one.
+
+    Raises:
+        SimulationError: when a value is of another class.
+    """
+
+    task: str
+    block: str
+    arm: str
+    motion_s: float
+    planning_s: float
+    off_m: float | None
+    verdict: str
+    is_done: bool
+    plan: Plan | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        check_fields(self, SimulationError)
+
+    def __str__(self) -> str:
+        if not self.is_done:
+            return f"{self.task}: {self.verdict}"
+        off = "" if self.off_m is None else f", {1e3 * self.off_m:.3f} mm off its place"
+        return (
+            f"{self.task}: done by the {self.arm} arm in {self.motion_s:.2f} s of motion{off} "
+            f"({self.verdict})"
+        )
+
+    def _facts(self) -> tuple[str, ...]:
+        return (phrase(self),)

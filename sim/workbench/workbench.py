@@ -1,0 +1,297 @@
+"""Workbench: Baxter at a table, and tasks of one line.
+
+```python
+bench = Workbench()
+bench.add_block("red", 0.70, 0.15)
+print(bench.carry("red", to=(0.75, 0.0)))
+bench.replay()
+```
+
+Each task is planned, verified by other code, executed, and measured: how far from its place the
+block ended.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import Baxter
+from baxter_kin.errors import expect, expect_all, quoted
+from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.validation import finite_scalar, positive_scalar
+from baxter_kin.value_objects import OneLine, count, listing
+from planner import (
+    Body,
+    Manipulator,
+    PickAndPlace,
+    Plan,
+    make_block,
+    overhead_grasp,
+    plan_pick_and_place,
+    plan_start_move,
+    verify,
+)
+from planner.errors import SceneError
+from sim.errors import SimulationError
+from sim.events import Observer
+from sim.recording.recorder import Recorder
+from sim.recording.recording import Recording
+from sim.simulation import Simulation
+from sim.view.replay import Replay
+from sim.workbench import tabletop
+from sim.workbench.task_result import TaskResult
+from sim.world.world import World
+
+EDGE_M = 0.05
+"""Of a block that does not say its own: what the hands hold best."""
+
+PLACED_WITHIN_M = 0.003
+"""A block farther from its place is misplaced."""
+
+
+class Workbench(OneLine):
+    """Baxter at a table, both arms in neutral: beside the table, clear of it.
+
+    Attributes:
+        robot: the robot.
+        world: robot, table and blocks as they are now.
+        simulation: executes plans in it.
+        recorder: keeps all of it.
+        tasks: what came of each block that was to be carried, and of arms that could not withdraw.
+        motion_s: how long the arms have moved so far.
+    """
+
+    def __init__(self, robot: Baxter | None = None, observers: Iterable[Observer] = ()) -> None:
+        """Robot and table, no blocks.
+
+        Args:
+            robot: the robot; `Baxter.load()` when not given.
+            observers: who is told what happens, such as a `Viewer` of the same robot.
+
+        Raises:
+            SimulationError: when an argument is of another class.
+        """
+        known = Baxter.load() if robot is None else expect(robot, Baxter, "robot", SimulationError)
+        watching = expect_all(observers, Observer, "the observers", SimulationError)
+        self.robot = known
+        self.world = World(known)
+        self.recorder = Recorder(known)
+        self.simulation = Simulation(self.world, [self.recorder, *watching])
+        self.tasks: list[TaskResult] = []
+        self.motion_s = 0.0
+        self._arms = {side: Manipulator.of(known, side) for side in self.world.hands}
+        self.simulation.spawn(tabletop.table())
+
+    def add_block(
+        self,
+        name: str,
+        x_m: float,
+        y_m: float,
+        *,
+        edge_m: float = EDGE_M,
+        colour: str | None = None,
+        yaw_rad: float = 0.0,
+    ) -> None:
+        """Put a cube on the table.
+
+        Args:
+            name: its name, such as "red".
+            x_m: where its middle is, in base.
+            y_m: the same along y.
+            edge_m: its edge.
+            colour: such as "red"; the colour of its name when not given, or grey.
+            yaw_rad: how far it is turned about the vertical.
+
+        Raises:
+            SceneError: when the name is taken or not allowed, a number is not finite, there is no
+                such colour, or no room: beside the table, or where something stands.
+        """
+        edge_m = positive_scalar(edge_m, "edge_m", SceneError)
+        x, y = (finite_scalar(v, name, SceneError) for v, name in ((x_m, "x_m"), (y_m, "y_m")))
+        yaw = finite_scalar(yaw_rad, "yaw_rad", SceneError)
+        middle = tabletop.on_table(x, y, edge_m).translation
+        T_base_block = pin.SE3(pin.utils.rotate("z", yaw), middle)
+        block = make_block(name, T_base_block, edge_m=edge_m, colour=colour)
+        tabletop.check_room(block, self.world.scene)
+        self.simulation.spawn(block)
+
+    def carry(
+        self,
+        block: str,
+        *,
+        to: tuple[float, float] | PoseLike | None = None,
+        onto: str | None = None,
+        arm: str | None = None,
+    ) -> TaskResult:
+        """Bring a block somewhere, grasped from above.
+
+        Args:
+            block: its name.
+            to: where: x and y in base, m, on the table, straight; or its pose seen from base.
+            onto: instead of `to`, the name of a block whose middle it is to stand on.
+            arm: "left" or "right"; when not given, the one that needs the least motion.
+
+        Returns:
+            What came of it; that it cannot be done is said there, with the reason.
+
+        Raises:
+            SceneError: when there is no such block, it is not one to be carried, or the place is
+                neither.
+            PoseError: when a pose is not a valid one.
+            UnknownNameError: when there is no such arm.
+            SimulationError: when not one of `to` and `onto` is given, or the arm has no fingers.
+        """
+        body = self._movable(block)
+        T_base_goal = self._goal(body, to, onto)
+        sides = tuple(self._arms) if arm is None else (self._side(arm),)
+        why = self._why_not(body, T_base_goal)
+        result = _refused(body, why) if why else self._carried(body, T_base_goal, sides)
+        self.tasks.append(result)
+        return result
+
+    def withdraw(self, arm: str) -> TaskResult:
+        """Bring an empty arm back beside the table, out of the other's way.
+
+        Raises:
+            UnknownNameError: when there is no such arm.
+            SimulationError: when it has no fingers.
+        """
+        side, task = self._side(arm), f"withdraw the {arm} arm"
+        manipulator = self.arm(side)
+        q_now, q_rest = self.world.arm_q(side), manipulator.arm.neutral
+        if np.array_equal(q_now, q_rest):
+            return TaskResult(task, "", side, 0.0, 0.0, None, "it was there already", True)
+        began = time.perf_counter()
+        plan = plan_start_move(manipulator, self.world.scene, q_now, q_rest, held=self.world.held)
+        planning_s = time.perf_counter() - began
+        verdict, is_done = self.execute(plan, f"{side} arm goes back, ")
+        motion_s = plan.motion_time_s
+        result = TaskResult(task, "", side, motion_s, planning_s, None, verdict, is_done, plan)
+        if not is_done:
+            self.tasks.append(result)
+        return result
+
+    def arm(self, side: str) -> Manipulator:
+        """An arm as planning needs it: the other one in the way where it stands now.
+
+        Raises:
+            UnknownNameError: when there is no such arm.
+            SimulationError: when it has no fingers.
+        """
+        return replace(self._arms[self._side(side)], q_others=self.world.q)
+
+    def plan(self, side: str, block: str, T_base_goal: PoseLike) -> Plan:
+        """How an arm would bring a block to a pose, grasped from above; nothing moves.
+
+        Raises:
+            SceneError: when there is no such block, or it is not one to be carried.
+            PoseError: when the pose is not a valid one.
+            UnknownNameError: when there is no such arm.
+            SimulationError: when it has no fingers.
+        """
+        arm, body = self.arm(side), self._movable(block)
+        pick = overhead_grasp(arm.hand, body)
+        place = checked_pose(T_base_goal) * body.T_base_body.inverse() * pick
+        task = PickAndPlace(block, pick, place)
+        return plan_pick_and_place(
+            task, arm, self.world.scene, self.world.arm_q(side), held=self.world.held
+        )
+
+    def execute(self, plan: Plan, title: str = "") -> tuple[str, bool]:
+        """Verify a plan, then execute it; what came of it, and whether all went well.
+
+        Args:
+            plan: any plan for this world as it is.
+            title: put before what the view says is going on.
+
+        Raises:
+            SimulationError: when it is of another class, for another robot, or starts elsewhere.
+        """
+        expect(plan, Plan, "plan", SimulationError)
+        certificate = verify(plan, description=self.robot.description)
+        if not certificate.is_valid:
+            return f"refused: {certificate.verdict}", False
+        outcome = self.simulation.execute(plan, title)
+        self.motion_s += plan.motion_time_s
+        return outcome.failure or f"verified, {len(certificate.checks)} checks", outcome.is_success
+
+    def recording(self) -> Recording:
+        """All that happened so far."""
+        self.simulation.finish()
+        return self.recorder.recording()
+
+    def replay(self) -> Replay:
+        """A replay of it, which shows itself in a notebook."""
+        return Replay(self.recording(), self.robot)
+
+    def _facts(self) -> tuple[str, ...]:
+        return listing(self.world.scene.bodies, "body"), count(len(self.tasks), "task")
+
+    def _carried(self, body: Body, T_base_goal: pin.SE3, sides: tuple[str, ...]) -> TaskResult:
+        task, began = f"carry {body.name}", time.perf_counter()
+        plans = [self.plan(side, body.name, T_base_goal) for side in sides]
+        planning_s = time.perf_counter() - began
+        plan = min(plans, key=lambda plan: (not plan.is_valid, plan.motion_time_s))
+        if not plan.is_valid:
+            reasons = "; ".join(f"{plan.limb} arm, {plan.failure}" for plan in plans)
+            return _refused(body, reasons, planning_s, plan)
+        verdict, is_done = self.execute(plan, f"{body.name}: {plan.limb} arm, ")
+        off_m = self._off_m(body.name, T_base_goal)
+        if is_done and off_m > PLACED_WITHIN_M:
+            verdict, is_done = f"it ended {1e3 * off_m:.1f} mm from its place", False
+        motion_s = plan.motion_time_s
+        return TaskResult(
+            task, body.name, plan.limb, motion_s, planning_s, off_m, verdict, is_done, plan
+        )
+
+    def _goal(
+        self, body: Body, to: tuple[float, float] | PoseLike | None, onto: str | None
+    ) -> pin.SE3:
+        if (to is None) == (onto is None):
+            raise SimulationError(
+                "say where the block goes: to=(x, y), to=pose or onto='name', one of them"
+            )
+        if onto is not None:
+            below = self.world.body(onto)
+            if below.name == body.name:
+                raise SceneError(f"{quoted(onto)} cannot stand on itself")
+            return tabletop.stacked(body, below)
+        if isinstance(to, pin.SE3):
+            return checked_pose(to)
+        return tabletop.standing(body, *tabletop.checked_place(to))
+
+    def _why_not(self, body: Body, T_base_goal: pin.SE3) -> str:
+        """Why there is no need to plan at all; empty otherwise."""
+        riders = self.world.riders(body.name)
+        if riders:
+            return f"{riders[0]} stands on {body.name}; carry that away first"
+        beside = tabletop.why_beside(T_base_goal, self.world.body(tabletop.TABLE))
+        return f"nothing to stand on, {beside}" if beside else ""
+
+    def _movable(self, name: str) -> Body:
+        body = self.world.body(name)
+        if not body.is_movable:
+            movable = ", ".join(each.name for each in self.world.scene if each.is_movable)
+            raise SceneError(
+                f"{quoted(name)} is not a block to carry; there are: {movable or 'none yet'}"
+            )
+        return body
+
+    def _side(self, arm: str) -> str:
+        side = self.robot.arm(arm).side
+        self.world.hand(side)
+        return side
+
+    def _off_m(self, block: str, T_base_goal: pin.SE3) -> float:
+        T_base_block = self.world.body(block).T_base_body
+        return float(np.linalg.norm(T_base_block.translation - T_base_goal.translation))
+
+
+def _refused(body: Body, why: str, planning_s: float = 0.0, plan: Plan | None = None) -> TaskResult:
+    task, verdict = f"carry {body.name}", f"refused: {why}"
+    return TaskResult(task, body.name, "", 0.0, planning_s, None, verdict, False, plan)

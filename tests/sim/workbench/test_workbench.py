@@ -1,0 +1,260 @@
+"""A task in one line: done and measured, refused with a reason, or a sentence on what was wrong."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Baxter
+from baxter_kin.errors import PoseError, UnknownNameError
+from planner import Plan, make_block, verify
+from planner.errors import SceneError
+from sim import Event, EventKind, Observer, SimulationError, TaskResult, Workbench
+from sim.workbench.tabletop import TABLE_Z_M, on_table
+from tests.conftest import at
+
+PLACED_WITHIN_M = 1e-5
+
+
+@pytest.fixture
+def bench(robot: Baxter) -> Workbench:
+    """A red block before the left arm."""
+    bench = Workbench(robot)
+    bench.add_block("red", 0.70, 0.15)
+    return bench
+
+
+def middle_of(bench: Workbench, block: str) -> list[float]:
+    middle: list[float] = bench.world.body(block).centre_base.tolist()
+    return middle
+
+
+def test_a_block_goes_where_it_is_told(bench: Workbench) -> None:
+    task = bench.carry("red", to=(0.75, 0.0))
+    assert task.is_done
+    assert middle_of(bench, "red") == pytest.approx(
+        [0.75, 0.0, TABLE_Z_M + 0.025], abs=PLACED_WITHIN_M
+    )
+    assert bench.tasks == [task]
+    assert bench.motion_s == task.motion_s > 1.0
+
+
+def test_what_came_of_it_is_one_line(bench: Workbench) -> None:
+    text = str(bench.carry("red", to=(0.75, 0.0), arm="left"))
+    assert text.startswith("carry red: done by the left arm in ")
+    assert text.endswith(" mm off its place (verified, 41 checks)")
+    assert "\n" not in text
+
+
+def test_the_faster_arm_does_it_unless_one_is_named(robot: Baxter) -> None:
+    for arm, done_by in ((None, "right"), ("left", "left")):
+        bench = Workbench(robot)
+        bench.add_block("red", 0.70, -0.05, edge_m=0.04)
+        assert bench.carry("red", to=(0.70, -0.20), arm=arm).arm == done_by
+
+
+def test_a_block_stands_on_the_middle_of_another_turned_as_that_is(bench: Workbench) -> None:
+    bench.add_block("blue", 0.70, -0.05, edge_m=0.04, yaw_rad=0.3)
+    assert bench.carry("red", onto="blue", arm="left").is_done
+    below, above = bench.world.body("blue"), bench.world.body("red")
+    assert middle_of(bench, "red") == pytest.approx(
+        [0.70, -0.05, TABLE_Z_M + 0.04 + 0.025], abs=PLACED_WITHIN_M
+    )
+    np.testing.assert_allclose(
+        above.T_base_body.rotation, below.T_base_body.rotation, atol=PLACED_WITHIN_M
+    )
+
+
+def test_a_block_takes_a_pose(bench: Workbench) -> None:
+    goal = on_table(0.72, 0.05, 0.05)
+    goal.rotation = pin.utils.rotate("z", math.radians(30.0))
+    assert bench.carry("red", to=goal).is_done
+    assert bench.world.body("red").T_base_body.isApprox(goal, PLACED_WITHIN_M)
+
+
+def test_a_block_has_the_colour_of_its_name_unless_another_is_given(bench: Workbench) -> None:
+    bench.add_block("blue", 0.60, 0.0)
+    bench.add_block("third", 0.60, 0.2, colour="yellow")
+    colours = [bench.world.body(name).parts[0].rgba[:3] for name in ("red", "blue", "third")]
+    assert colours == [
+        make_block(name, at(0, 0, 0)).parts[0].rgba[:3] for name in ("red", "blue", "yellow")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("to", "why"),
+    [
+        ((1.40, 0.40), "left arm, place: .* right arm, place: "),
+        ((0.30, 0.10), r"\(0.3, 0.1\) m is beside the table, which reaches from x = 0.54 to 1.46"),
+        ((0.75, -0.60), "beside the table, .* from y = -0.46 to 0.46 m"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_with_the_reason_and_nothing_moves(
+    bench: Workbench, to: tuple[float, float], why: str
+) -> None:
+    before = bench.world.q
+    task = bench.carry("red", to=to)
+    assert not task.is_done
+    assert task.arm == ""
+    assert task.off_m is None
+    assert str(task).startswith("carry red: refused: ")
+    np.testing.assert_array_equal(bench.world.q, before)
+    with pytest.raises(AssertionError, match=why):
+        raise AssertionError(str(task))
+
+
+def test_a_block_below_another_stays_there(bench: Workbench) -> None:
+    bench.add_block("blue", 0.70, -0.10)
+    assert bench.carry("red", onto="blue").is_done
+    task = bench.carry("blue", to=(0.80, 0.15))
+    assert str(task) == "carry blue: refused: red stands on blue; carry that away first"
+    assert task.plan is None
+
+
+def test_the_plan_comes_with_the_result(bench: Workbench) -> None:
+    done, refused = bench.carry("red", to=(0.75, 0.0)), bench.carry("red", to=(1.40, 0.40))
+    assert done.plan is not None
+    assert verify(done.plan).is_valid
+    assert refused.plan is not None
+    assert str(refused.plan.failure) in str(refused)
+
+
+def test_a_place_that_is_taken_is_refused(bench: Workbench) -> None:
+    bench.add_block("blue", 0.75, 0.0)
+    task = bench.carry("red", to=(0.76, 0.01))
+    assert "refused" in str(task)
+    assert "blue" in str(task)
+
+
+def test_a_block_that_would_hang_in_the_air_is_refused_or_told(bench: Workbench) -> None:
+    task = bench.carry("red", to=on_table(0.75, 0.0, 0.05, above_m=0.1))
+    assert not task.is_done
+    assert "verified" not in task.verdict
+
+
+def test_an_unknown_block_is_a_sentence_that_names_the_known(bench: Workbench) -> None:
+    with pytest.raises(SceneError, match="no body 'green' in the scene; it has: table, red"):
+        bench.carry("green", to=(0.7, 0.0))
+    with pytest.raises(SceneError, match="no body 'green'"):
+        bench.carry("red", onto="green")
+
+
+def test_the_table_is_not_carried(bench: Workbench) -> None:
+    with pytest.raises(SceneError, match="'table' is not a block to carry; there are: red"):
+        bench.carry("table", to=(0.7, 0.0))
+    with pytest.raises(SceneError, match="'red' cannot stand on itself"):
+        bench.carry("red", onto="red")
+
+
+def test_an_arm_that_does_not_exist_is_named(bench: Workbench) -> None:
+    with pytest.raises(UnknownNameError, match="middle"):
+        bench.carry("red", to=(0.7, 0.0), arm="middle")
+    with pytest.raises(UnknownNameError, match="middle"):
+        bench.withdraw("middle")
+
+
+def test_one_place_must_be_given(bench: Workbench) -> None:
+    for where in ({}, {"to": (0.7, 0.0), "onto": "red"}):
+        with pytest.raises(SimulationError, match="say where the block goes"):
+            bench.carry("red", **where)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("to", ["0.7 0.0", (0.7,), (0.7, 0.0, 0.1), (0.7, math.nan), 0.7, {}])
+def test_a_place_is_two_numbers_or_a_pose(bench: Workbench, to: Any) -> None:
+    with pytest.raises(SceneError, match="a place is x and y in base in m"):
+        bench.carry("red", to=to)
+
+
+def test_a_pose_must_be_one(bench: Workbench) -> None:
+    with pytest.raises(PoseError):
+        bench.carry("red", to=pin.SE3(2.0 * np.eye(3), np.zeros(3)))
+
+
+def test_a_name_that_is_taken_is_refused(bench: Workbench) -> None:
+    with pytest.raises(SceneError, match="already has a body named 'red'"):
+        bench.add_block("red", 0.60, -0.2)
+
+
+def test_blocks_are_not_put_inside_each_other(bench: Workbench) -> None:
+    with pytest.raises(SceneError, match=r"no room for 'blue' at \(0.73, 0.16\) m: 'red' stands"):
+        bench.add_block("blue", 0.73, 0.16, yaw_rad=0.4)
+    bench.add_block("blue", 0.75, 0.15)  # beside it, touching
+    assert "blue" in bench.world.scene.bodies
+
+
+def test_blocks_are_put_on_the_table(bench: Workbench) -> None:
+    with pytest.raises(SceneError, match=r"no room for 'blue': \(0.2, 0\) m is beside the table"):
+        bench.add_block("blue", 0.2, 0.0)
+
+
+@pytest.mark.parametrize("bad", [math.nan, "a", None])
+def test_numbers_of_a_block_are_numbers(bench: Workbench, bad: Any) -> None:
+    for wrong in ({"x_m": bad}, {"y_m": bad}, {"edge_m": bad}, {"yaw_rad": bad}):
+        arguments: dict[str, Any] = {"x_m": 0.6, "y_m": 0.0} | wrong
+        with pytest.raises(SceneError, match=next(iter(wrong))):
+            bench.add_block("blue", **arguments)
+
+
+def test_an_empty_arm_goes_back(bench: Workbench) -> None:
+    bench.carry("red", to=(0.75, 0.0), arm="left")
+    went = bench.withdraw("left")
+    assert went.is_done
+    np.testing.assert_allclose(bench.world.arm_q("left"), bench.robot.arm("left").neutral)
+    assert "withdraw the left arm: done" in str(went)
+    assert "it was there already" in str(bench.withdraw("left"))
+
+
+def test_all_of_it_is_recorded_and_can_be_replayed(bench: Workbench) -> None:
+    bench.carry("red", to=(0.75, 0.0))
+    first = bench.recording()
+    assert first.times_s[-1] == bench.simulation.time_s
+    assert set(first.bodies) == {"table", "red"}
+    assert bench.replay().html.startswith("<!DOCTYPE html>")
+    bench.carry("red", to=(0.70, 0.15))
+    assert len(bench.recording().times_s) > len(first.times_s)
+
+
+def test_a_new_bench_can_be_recorded(bench: Workbench) -> None:
+    assert bench.recording().times_s.tolist() == [0.0]
+
+
+def test_who_observes_is_told(robot: Baxter) -> None:
+    class Diary(Observer):
+        def __init__(self) -> None:
+            self.kinds: list[EventKind] = []
+
+        def on_event(self, event: Event) -> None:
+            self.kinds.append(event.kind)
+
+    diary = Diary()
+    bench = Workbench(robot, observers=[diary])
+    bench.add_block("red", 0.70, 0.15)
+    bench.carry("red", to=(0.75, 0.0))
+    assert diary.kinds[:2] == [EventKind.SPAWNED] * 2
+    assert {EventKind.GRASPED, EventKind.RELEASED} <= set(diary.kinds)
+
+
+def test_a_plan_that_is_not_proven_is_not_executed(bench: Workbench) -> None:
+    plan = bench.plan("left", "red", on_table(0.75, 0.0, 0.05))
+    invalid = bench.plan("left", "red", on_table(2.0, 0.0, 0.05))
+    assert isinstance(plan, Plan)
+    verdict, is_done = bench.execute(invalid)
+    assert not is_done
+    assert verdict.startswith("refused: ")
+    assert bench.simulation.time_s == 0.0
+
+
+def test_a_result_of_other_values_is_refused() -> None:
+    with pytest.raises(SimulationError, match=r"TaskResult\.is_done"):
+        TaskResult("carry red", "red", "left", 1.0, 1.0, 0.0, "verified", "yes")  # type: ignore[arg-type]
+
+
+def test_arguments_of_other_classes_are_refused(robot: Baxter) -> None:
+    wrong: Any
+    for wrong in ({"robot": "baxter"}, {"observers": [robot]}, {"observers": robot}):
+        with pytest.raises(SimulationError):
+            Workbench(**wrong)
