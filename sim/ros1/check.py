@@ -1,30 +1,24 @@
 """`python -m sim.ros1.check`: look at a Baxter; nothing moves unless `--identify` is asked for.
 
-Exit status: 0 all is as it must be; 1 not, and what is on stderr; 2 wrong usage; 130 stopped by
-Ctrl-C.
+Exit status: 0 all is as it must be; 1 not, and what is on stderr; 2 wrong usage; 130 and 143
+stopped by Ctrl-C and by SIGTERM.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NoReturn
 
-from baxter_kin.command_line import (
-    EXIT_INTERRUPTED,
-    OneSentenceParser,
-    file_to_write,
-    run_process,
-)
-from baxter_kin.errors import BaxterError, FileError
+from baxter_kin.command_line import OneSentenceParser, examples, file_to_write, run_process
+from baxter_kin.errors import FileError
+from sim.ros1.terminal import EXIT_FAILED, EXIT_STATUS, Terminal, signal_status
 
 if TYPE_CHECKING:
     from sim.ros1.execution.link.baxter_link import BaxterLink
     from sim.ros1.execution.signals import Signals
 
-EXIT_FAILED = 1
-NAME = "baxter-check"
+TERMINAL = Terminal("baxter-check")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -33,21 +27,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     if options.output is not None and options.identify is None:
         parser.error("--output says where --identify writes; give both")
-    from sim.ros1.execution.signals import handled  # noqa: PLC0415 - loads every library
-
-    try:
-        with handled() as signals:
-            return _looked(options, signals)
-    except BaxterError as error:
-        return _complain(str(error))
-    except KeyboardInterrupt:
-        print("stopped by Ctrl-C", file=sys.stderr)
-        return EXIT_INTERRUPTED
+    if options.yes and options.identify is None:
+        parser.error("--yes is for --identify, as nothing else moves; give both, or neither")
+    return TERMINAL.ended(lambda signals: _looked(options, signals))
 
 
 def run() -> NoReturn:
     """Run it as a program of its own."""
-    run_process(main, NAME, failed=EXIT_FAILED)
+    run_process(main, TERMINAL.name, failed=EXIT_FAILED)
 
 
 def _looked(options: argparse.Namespace, signals: Signals) -> int:
@@ -58,23 +45,20 @@ def _looked(options: argparse.Namespace, signals: Signals) -> int:
 
     limbs = ("left", "right") if options.limb == "both" else (options.limb,)
     with Node("/baxter_check", takes_over=False) as node, BaxterLink(node) as link:
-        findings = look_at_robot(link, limbs, grips=limbs)
-        for finding in findings:
-            _say(f"{'ok  ' if finding.is_ok else 'FAIL'} {finding}")
+        failures = TERMINAL.report(look_at_robot(link, limbs, grips=limbs))
         for text in lines_of(link, limbs):
-            _say(f"     {text}")
+            TERMINAL.say(f"     {text}")
         if options.urdf is not None:
             _save_description(link, options)
-        failures = [finding for finding in findings if not finding.is_ok]
         if not failures and options.identify is not None:
             return _identified(link, options, signals)
         return _verdict(failures)
 
 
-def _verdict(failures: Sequence[object]) -> int:
+def _verdict(failures: int) -> int:
     if failures:
-        return _complain(f"not ready: {'; '.join(map(str, failures))}")
-    _say("ready to carry out plans")
+        return TERMINAL.not_ready("not ready to carry out plans", failures)
+    TERMINAL.say("ready to carry out plans")
     return 0
 
 
@@ -89,61 +73,62 @@ def _save_description(link: BaxterLink, options: argparse.Namespace) -> None:
         replace_file(options.urdf, text.encode())
     except FileError as cause:
         raise RosError(str(cause)) from cause
-    _say(f"     URDF: {options.urdf}")
+    TERMINAL.say(f"     URDF: {options.urdf}")
 
 
 def _identified(link: BaxterLink, options: argparse.Namespace, signals: Signals) -> int:
+    from planner.response_file import save_response  # noqa: PLC0415
+    from sim.errors import SimulationError  # noqa: PLC0415
     from sim.ros1.execution.identification import Identification  # noqa: PLC0415
-    from sim.ros1.execution.response_file import save_response  # noqa: PLC0415
 
     identification = Identification(link, options.identify)
-    _say(identification.warning)
-    if not options.yes:
-        print("Press Enter to move, Ctrl-C to leave it ", end="", flush=True)
-        if sys.stdin is None or sys.stdin.readline() == "":
-            return _complain("not confirmed; nothing was moved")
-    with signals.stopping(identification.stop):
-        response = identification.run()
+    TERMINAL.say(identification.warning)
+    if not options.yes and not TERMINAL.is_confirmed():
+        return TERMINAL.complain("not confirmed; nothing was moved")
+    try:
+        with signals.stopping(identification.stop):
+            response = identification.run()
+    except SimulationError as error:
+        return TERMINAL.complain(str(error), signal_status(signals, EXIT_FAILED))
     for line in identification.lines(response):
-        _say(f"     {line}")
+        TERMINAL.say(f"     {line}")
     if options.output is not None:
         save_response(response, options.identify, options.output)
-        _say(f"     written: {options.output}")
-    return _verdict([])
-
-
-def _say(text: str) -> None:
-    print(text, flush=True)
-
-
-def _complain(text: str) -> int:
-    print(f"{NAME}: {' '.join(text.split())}", file=sys.stderr, flush=True)
-    return EXIT_FAILED
+        TERMINAL.say(f"     written: {options.output}")
+    return _verdict(0)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = OneSentenceParser(
-        prog=NAME,
+        prog=TERMINAL.name,
         description="Look at the Baxter of ROS_MASTER_URI: a line for each condition, the verdict "
         "last. Nothing moves, unless --identify is asked for.",
-        epilog="Exit status: 0 ready, 1 not, 2 wrong usage, 130 Ctrl-C.",
+        epilog=examples(
+            "python -m sim.ros1.check",
+            "python -m sim.ros1.check --limb left --urdf my_baxter.urdf",
+            "python -m sim.ros1.check --identify left --output left.json",
+            end=EXIT_STATUS.format(done="0 ready; 1 not"),
+        ),
         allow_abbrev=False,
     )
-    parser.add_argument("--limb", choices=("left", "right", "both"), default="both")
+    parser.add_argument(
+        "--limb", choices=("left", "right", "both"), default="both", help="which arm (default both)"
+    )
     parser.add_argument(
         "--urdf", type=file_to_write, metavar="FILE", help="save the robot's own description"
     )
-    parser.add_argument(
+    measured = parser.add_argument_group("how an arm follows (this moves it)")
+    measured.add_argument(
         "--identify",
         choices=("left", "right"),
         metavar="LIMB",
         help="measure how much each joint of that arm lags, by a small move and back, after a "
         "confirmation",
     )
-    parser.add_argument(
+    measured.add_argument(
         "--output", type=file_to_write, metavar="FILE", help="where --identify writes what it found"
     )
-    parser.add_argument("--yes", action="store_true", help="with --identify: move without asking")
+    measured.add_argument("--yes", action="store_true", help="with --identify: move without asking")
     return parser
 
 

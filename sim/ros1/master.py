@@ -9,13 +9,13 @@ starting nodes.
 
 from __future__ import annotations
 
-import argparse
 import os
 import signal
 import threading
 from types import FrameType
 from typing import Any, TypeAlias
 
+from baxter_kin.command_line import OneSentenceParser, examples, whole_number
 from baxter_kin.errors import expect
 from baxter_kin.value_objects import NotCopied, OneLine
 from sim.errors import RosError, RosMessageError
@@ -190,14 +190,36 @@ class Master(NotCopied, OneLine):
 
 def main() -> None:
     """Run a master until it is interrupted."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
-    parser.add_argument("--host", default="127.0.0.1", help="default: %(default)s")
-    parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="default: %(default)s")
+    parser = OneSentenceParser(
+        prog="python -m sim.ros1.master",
+        description="A small ROS 1 master: who publishes, listens and serves, and parameters. It "
+        "runs until Ctrl-C.",
+        epilog=examples(
+            "python -m sim.ros1.master",
+            "python -m sim.ros1.master --port 11312",
+            end="Exit status: 0 ended by Ctrl-C or SIGTERM; 1 it cannot listen there; 2 wrong "
+            "usage.",
+        ),
+    )
+    parser.add_argument(
+        "--host",
+        default="127.0.0.1",
+        metavar="NAME",
+        help="this computer's name or address, on which it listens (default %(default)s: only "
+        "this computer reaches it)",
+    )
+    parser.add_argument(
+        "--port",
+        type=whole_number(0),
+        default=DEFAULT_PORT,
+        metavar="N",
+        help="0 takes a free one (default %(default)s)",
+    )
     options = parser.parse_args()
     try:
         master = Master(host=options.host, port=options.port)
     except RosError as error:
-        parser.exit(1, f"{error}\n")
+        parser.exit(1, f"{parser.prog}: {error}\n")
 
     def end(_: int, __: FrameType | None) -> None:
         threading.Thread(target=master.close).start()

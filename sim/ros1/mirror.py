@@ -1,29 +1,26 @@
 """`python -m sim.ros1.mirror`: a Baxter's joint states in the live view, recorded if asked.
 
 Nothing is sent. Exit status: 0; 1 nothing was heard, and why is on stderr; 2 wrong usage; 130
-stopped by Ctrl-C.
+and 143 stopped by Ctrl-C and by SIGTERM.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, NoReturn
 
 from baxter_kin.command_line import (
-    EXIT_INTERRUPTED,
     OneSentenceParser,
     add_urdf,
-    file_to_write,
+    examples,
     number_within,
     run_process,
 )
-from baxter_kin.errors import BaxterError
-from sim.ros1.execute import record_file
+from sim.ros1.terminal import EXIT_FAILED, EXIT_STATUS, Terminal, add_files, file_observers
 
 if TYPE_CHECKING:
     from baxter_kin import Baxter
@@ -31,8 +28,7 @@ if TYPE_CHECKING:
     from sim.ros1.execution.link.baxter_link import BaxterLink
     from sim.ros1.execution.twin import Twin
 
-EXIT_FAILED = 1
-NAME = "baxter-mirror"
+TERMINAL = Terminal("baxter-mirror")
 FRAME_S = 0.02
 FIRST_S = 5.0
 LOST_S = 3.0
@@ -42,22 +38,12 @@ LOST_S = 3.0
 def main(argv: Sequence[str] | None = None) -> int:
     """Show the robot of ROS_MASTER_URI; returns the exit status."""
     options = _parser().parse_args(argv)
-    from sim.ros1.execution.signals import handled  # noqa: PLC0415 - loads every library
-
-    try:
-        with handled():
-            return _mirrored(options)
-    except BaxterError as error:
-        print(f"{NAME}: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_FAILED
-    except KeyboardInterrupt:
-        print("stopped by Ctrl-C", file=sys.stderr)
-        return EXIT_INTERRUPTED
+    return TERMINAL.ended(lambda _: _mirrored(options))
 
 
 def run() -> NoReturn:
     """Run it as a program of its own."""
-    run_process(main, NAME, failed=EXIT_FAILED)
+    run_process(main, TERMINAL.name, failed=EXIT_FAILED)
 
 
 def _mirrored(options: argparse.Namespace) -> int:
@@ -89,21 +75,13 @@ def _robot(options: argparse.Namespace, link: BaxterLink) -> Baxter:
 
 
 def _observers(options: argparse.Namespace, robot: Baxter, stack: ExitStack) -> list[Observer]:
-    from sim.recording.rsdk_csv import CsvRecorder  # noqa: PLC0415
-    from sim.ros1.records import record_to  # noqa: PLC0415
-
-    observers: list[Observer] = [record_to(path, robot, stack) for path in options.record]
-    if options.csv is not None:
-        csv = CsvRecorder(options.csv, robot)
-        stack.callback(csv.close)
-        observers.append(csv)
+    observers = file_observers(options, robot, stack)
     if not options.headless:
-        from sim.view.live.live_view import LiveView  # noqa: PLC0415
         from sim.view.live.viewer import Viewer  # noqa: PLC0415 - needs a web server
 
-        viewer = stack.enter_context(Viewer(robot))
-        print(f"open {viewer.url} in a browser to watch", flush=True)
-        observers.append(LiveView(viewer))
+        viewer = stack.enter_context(Viewer(robot, keeps_time=False))
+        TERMINAL.say(f"open {viewer.url} in a browser to watch; Ctrl-C ends it")
+        observers.append(viewer)
     return observers
 
 
@@ -124,28 +102,22 @@ def _follow(link: BaxterLink, twin: Twin, duration_s: float | None) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = OneSentenceParser(
-        prog=NAME,
+        prog=TERMINAL.name,
         description="Show the joint states of the Baxter of ROS_MASTER_URI in the browser, live. "
         "Nothing is sent.",
-        epilog="Exit status: 0, 1 nothing was heard, 2 wrong usage, 130 Ctrl-C.",
+        epilog=examples(
+            "python -m sim.ros1.mirror",
+            "python -m sim.ros1.mirror --headless --record seen.jsonl --duration-s 10",
+            end=EXIT_STATUS.format(done="0 seen; 1 nothing was heard, or no more"),
+        ),
         allow_abbrev=False,
     )
     add_urdf(parser)
     parser.add_argument("--headless", action="store_true", help="without the view")
     parser.add_argument(
-        "--record",
-        type=record_file,
-        metavar="FILE",
-        action="append",
-        default=[],
-        help="write what is measured; .jsonl, .mcap, .bag or .npz; may be repeated",
-    )
-    parser.add_argument(
-        "--csv", type=file_to_write, metavar="FILE", help="the same as the RSDK's CSV"
-    )
-    parser.add_argument(
         "--duration-s", type=number_within(0.1, 86_400.0, "s"), metavar="S", help="end by then"
     )
+    add_files(parser, "what is measured")
     return parser
 
 

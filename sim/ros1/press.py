@@ -11,20 +11,19 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 import time
 from collections.abc import Sequence
 from typing import NoReturn
 
-from baxter_kin.command_line import OneSentenceParser
+from baxter_kin.command_line import OneSentenceParser, examples
 from baxter_kin.command_line import run_process as run
 from baxter_kin.kinematics.arm import LIMBS
-from sim.errors import RosError
 from sim.ros1.node import Node
 from sim.ros1.robot.parts.panel import PRESSABLE
 from sim.ros1.robot.topics.inlet import PRESS_TOPIC
+from sim.ros1.terminal import EXIT_FAILED, EXIT_STATUS, SIMULATED, Terminal
 
-FAILED = 1
+TERMINAL = Terminal("baxter-press")
 CONNECTED_S = 2.0
 """How long the robot may take to connect."""
 
@@ -37,18 +36,16 @@ POLL_S = 0.01
 def main(argv: Sequence[str] | None = None) -> int:
     """Press it; returns the exit status."""
     options = _parser().parse_args(argv)
-    try:
-        with Node(f"/press_{os.getpid()}") as node:
-            is_heard = _press(node, f"{options.side} {options.button}")
-    except RosError as error:
-        print(f"baxter-press: {error}", file=sys.stderr)
-        return FAILED
-    if not is_heard:
-        print(
-            f"baxter-press: nobody listens to {PRESS_TOPIC}; start python -m sim.ros1.robot there",
-            file=sys.stderr,
-        )
-    return 0 if is_heard else FAILED
+    return TERMINAL.ended(lambda _: _pressed(f"{options.side} {options.button}"))
+
+
+def _pressed(text: str) -> int:
+    with Node(f"/press_{os.getpid()}") as node:
+        if _press(node, text):
+            return 0
+    return TERMINAL.complain(
+        f"no simulated Baxter listens to {PRESS_TOPIC}; start one: {SIMULATED}"
+    )
 
 
 def _press(node: Node, text: str) -> bool:
@@ -66,8 +63,15 @@ def _press(node: Node, text: str) -> bool:
 
 def _parser() -> argparse.ArgumentParser:
     parser = OneSentenceParser(
-        prog="baxter-press",
+        prog=TERMINAL.name,
         description="Presses a button of the simulated Baxter on the master of ROS_MASTER_URI.",
+        epilog=examples(
+            "python -m sim.ros1.press left ok",
+            "python -m sim.ros1.press left estop",
+            "python -m sim.ros1.press left release",
+            "python -m sim.ros1.press left reset",
+            end=EXIT_STATUS.format(done="0 pressed; 1 no robot heard it"),
+        ),
     )
     parser.add_argument("side", choices=LIMBS, help="of which arm; the emergency stop has no side")
     parser.add_argument(
@@ -78,7 +82,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def run_process() -> NoReturn:
     """Press as a program of its own."""
-    run(main, "baxter-press", failed=FAILED)
+    run(main, TERMINAL.name, failed=EXIT_FAILED)
 
 
 if __name__ == "__main__":

@@ -98,7 +98,7 @@ class Identification(SampleObserver):
         ]
         named = list(zip(JOINTS, rows, strict=True))
         for (lag, error), each in groupby(named, key=lambda entry: entry[1]):
-            yield f"{' '.join(joint for joint, _ in each)}: lag {lag}, else off by {error}"
+            yield f"{' '.join(joint for joint, _ in each)}: lag {lag}, off by {error} once settled"
 
     def _planned(self, q: FloatArray) -> Plan:
         joints = {**dict.fromkeys(self._robot.joint_names, 0.0), **self._link.joints.positions()}

@@ -6,6 +6,7 @@ plan is on `sim.ros1.execution.readiness`.
 
 from __future__ import annotations
 
+import logging
 import re
 import time
 from collections.abc import Iterator, Sequence
@@ -33,6 +34,9 @@ LISTEN_S = 1.2
 
 FIRST_S = 3.0
 """A robot that is there says something within that time."""
+
+
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -69,6 +73,7 @@ def look_at_robot(
     Raises:
         RosError: when the master cannot be reached.
     """
+    _LOG.info("listening to the robot of %s", link.node.master_uri)
     link.wait_until(lambda: link.robot is not None, FIRST_S)
     names = [f"{limb}_{joint}" for limb in limbs for joint in JOINTS]
     if link.wait_until(lambda: not link.joints.missing(names), FIRST_S):

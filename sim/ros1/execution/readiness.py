@@ -7,6 +7,7 @@ is planned, proven and put before it. All conditions hold, or nothing is sent.
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +41,9 @@ BEYOND_RAD = 0.02
 """A joint that is farther off than its response allows by this does not follow as it is said to."""
 
 CONNECTING = "move to start"
+
+_LOG = logging.getLogger(__name__)
+"""Told what takes seconds, before it begins."""
 
 
 def look_at_plan(link: BaxterLink, plan: Plan, options: ExecutionOptions) -> Readiness:
@@ -168,6 +172,7 @@ class _Look:
             return replace(plan, situation=situation, robot=manipulator.identity)
         if any(held.side == plan.limb for held in situation.held):
             raise _RefusedError("start", f"{off:.3f} rad away, and the hand is not empty")
+        _LOG.info("planning a move to the plan's start")
         way = plan_start_move(manipulator, situation.scene, reading.q, plan.q_start)
         if way.failure is not None:
             raise _RefusedError("start", f"{off:.3f} rad away, and no way there: {way.failure}")
@@ -209,6 +214,7 @@ class _Look:
                 raise _RefusedError(
                     "plan", f"it is for another robot: {difference}; plan for this one"
                 )
+            _LOG.info("verifying the plan in the situation that the robot reports: some seconds")
             certificate = verify(plan, situation, description=robot.description)
         except BaxterError as cause:
             raise _RefusedError("plan", str(cause)) from cause
@@ -238,6 +244,7 @@ class _Look:
         response = self._options.sent_response
         if response is None:
             return None
+        _LOG.info("proving that it is clear wherever the lag leads: some seconds")
         proof = prove_tracking(plan, response, manipulator=manipulator)
         if proof.is_valid:
             deviation = max((move.deviation_rad for move in proof.moves), default=0.0)

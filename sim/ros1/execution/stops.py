@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -73,10 +74,34 @@ class Stop(Checked, OneLine, error=SimulationError):
         return f"at {seconds(self.time_s)}", sentence(self)
 
 
+ROUNDING = 1e-9
+"""So little above a last digit is of floating point."""
+
+
 def _off_path(stop: Stop) -> str:
+    off, room = _up(1e3 * stop.value, 1), _down(1e3 * stop.bound, 1)
     return (
-        f"the arm is {1e3 * stop.value:.1f} mm off its path at {stop.subject}, and "
-        f"{1e3 * stop.bound:.1f} mm are clear there; send it slower, or with the lead that fits"
+        f"the arm is {off} mm off its path at {stop.subject}, and {room} mm are clear there; "
+        "send it slower, or with the lead that fits"
+    )
+
+
+def _up(value: float, digits: int) -> str:
+    """Rounded up, so that what is above a bound also reads so."""
+    if not math.isfinite(value):
+        return str(value)
+    scaled = value * 10**digits - ROUNDING
+    return f"{math.ceil(scaled) / 10**digits:.{digits}f}"
+
+
+def _down(bound: float, digits: int) -> str:
+    return f"{-float(_up(-bound, digits)):.{digits}f}"
+
+
+def _stale(stop: Stop) -> str:
+    return (
+        f"the last state of {stop.subject} is {_up(1e3 * stop.value, 0)} ms old, and "
+        f"{_down(1e3 * stop.bound, 0)} ms are allowed; look at the network and at the robot's load"
     )
 
 
@@ -113,9 +138,7 @@ _TEXTS: Mapping[StopCause, Callable[[Stop], str]] = FrozenMapping(
             "was stopped", "release and reset it by hand, then begin again"
         ),
         StopCause.ROBOT_ERROR: _of_robot("reports an error", "look at its display and log"),
-        StopCause.STALE_JOINTS: _plainly(
-            "the last state of {subject} is {value:.2f} s old; {bound:.3g} s are allowed"
-        ),
+        StopCause.STALE_JOINTS: _stale,
         StopCause.OTHER_COMMANDER: _plainly("{subject} commands this arm as well; end it first"),
         StopCause.OTHER_STATE: _plainly(
             "{subject} publishes {detail} as well, so nobody knows whose to believe; end it first"

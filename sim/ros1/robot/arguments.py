@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 
 from baxter_kin.command_line import (
     OneSentenceParser,
+    Options,
     add_hands,
     add_urdf,
+    examples,
     file_to_write,
     hands_of,
     number_within,
@@ -91,13 +93,24 @@ def _parser() -> argparse.ArgumentParser:
         prog=PROG,
         description="A simulated Baxter on a ROS 1 network, which original clients take for one: "
         "kinematic, at 100 Hz, on the master of ROS_MASTER_URI or its own.",
-        epilog="Exit status: 1 it cannot begin, or the master ended it; 2 wrong usage; 130 and 143 "
-        "stopped by Ctrl-C and by SIGTERM, everything unregistered.",
+        epilog=examples(
+            "python -m sim.ros1.robot --own-master --table --block --view",
+            "python -m sim.ros1.robot --own-master --follow lag --lag-s 0.4",
+            "python -m sim.ros1.robot --own-master --record all.mcap",
+            end="Exit status: 1 it cannot begin, or the master ended it; 2 wrong usage; 130 and "
+            "143 stopped by Ctrl-C and by SIGTERM, everything unregistered.",
+        ),
     )
-    add_urdf(parser)
-    add_hands(parser)
-    _add_network(parser)
-    _add_robot(parser)
+    _add_network(parser.add_argument_group("network"))
+    robot = parser.add_argument_group("robot and what is around it")
+    _add_robot(robot)
+    add_urdf(robot)
+    add_hands(robot)
+    _add_outputs(parser.add_argument_group("view and output"))
+    return parser
+
+
+def _add_outputs(parser: Options) -> None:
     parser.add_argument("--view", action="store_true", help="show it live in the browser")
     parser.add_argument(
         "--record",
@@ -106,10 +119,9 @@ def _parser() -> argparse.ArgumentParser:
         help="write all that happens: .jsonl (a log, complete even when killed), .mcap (for "
         "Foxglove), .bag (for ROS 1) or .npz (at the end)",
     )
-    return parser
 
 
-def _add_network(parser: argparse.ArgumentParser) -> None:
+def _add_network(parser: Options) -> None:
     parser.add_argument(
         "--own-master", action="store_true", help="bring a master; no ROS need be installed"
     )
@@ -135,7 +147,7 @@ def _add_network(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_robot(parser: argparse.ArgumentParser) -> None:
+def _add_robot(parser: Options) -> None:
     parser.add_argument(
         "--follow",
         choices=("exact", "lag"),

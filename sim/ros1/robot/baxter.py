@@ -95,6 +95,7 @@ class SimulatedBaxter(OneLine):
         self.assembly, self.head, self.panel = Assembly(), Head(), Panel()
         self._ticks = 0
         self._look_again()
+        self._timeline.begin()
 
     @property
     def time_s(self) -> float:

@@ -74,7 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             reason = _run(options, ending)
         except BaxterError as error:
-            reason = str(error)
+            reason = f"{error}{_remedy(error, options)}"
     if reason is not None:
         _complain(reason)
         return FAILED
@@ -117,6 +117,12 @@ def _robot(options: RobotOptions, uri: str | None, cleanup: ExitStack) -> RosRob
         master_uri=uri,
         host=options.host or (LOOPBACK if options.has_own_master else None),
     )
+
+
+def _remedy(error: BaxterError, options: RobotOptions) -> str:
+    """What to do where there is no master."""
+    is_missing = getattr(error, "node", "") == "the master" and not options.has_own_master
+    return "; without ROS, --own-master brings one" if is_missing else ""
 
 
 def _status(options: RobotOptions, robot: RosRobot) -> str:

@@ -36,13 +36,12 @@ def outputs(
     if options.record is not None:
         yield _recorder(options.record, world.robot, cleanup)
     if options.is_shown:
-        from sim.view.live.live_view import LiveView  # noqa: PLC0415 - only when asked for
         from sim.view.live.viewer import Viewer  # noqa: PLC0415 - without it, no web server
 
-        viewer = cleanup.enter_context(Viewer(world.robot))
+        viewer = cleanup.enter_context(Viewer(world.robot, keeps_time=False))
         viewer.show(world.q, {}, "ready")
         say(f"open {viewer.url} in a browser to watch")
-        yield LiveView(viewer, keeps_time=False)
+        yield viewer
 
 
 def _recorder(path: Path, robot: Baxter, cleanup: ExitStack) -> Observer:

@@ -121,10 +121,11 @@ def test_a_real_lag_at_the_usual_speed_troubles_nobody(
     demo_plan: Plan,  # noqa: F811
     own_master: str,
 ) -> None:
-    with halves(robot, demo_plan, own_master, LAG) as both:
-        outcome = RosExecutor(both.link, options=options(0.3, KNOWN_LAG)).execute(demo_plan)
+    known = Response((0.2, 0.45), 0.001)  # room for what a busy computer adds to the lag
+    with halves(robot, demo_plan, own_master, Following(Follow.LAG, 0.3)) as both:
+        outcome = RosExecutor(both.link, options=options(0.3, known)).execute(demo_plan)
     assert outcome.is_success, outcome.failure
-    assert 0.05 < outcome.joint_deviation_rad < 0.2
+    assert 0.04 < outcome.joint_deviation_rad < 0.2
     assert all(is_meant(event) for event in both.witness.events if event.kind is EventKind.HIT)
 
 
@@ -161,8 +162,10 @@ def test_a_lead_that_fits_the_lag_keeps_the_arm_on_its_path(
     demo_plan: Plan,  # noqa: F811
     own_master: str,
 ) -> None:
-    how = ExecutionOptions(Pace(0.8, 0.4), Dwell(0.2, 0.2))
+    how = ExecutionOptions(Pace(0.8, LAG.lag_s), Dwell(0.2, 0.2))
     with halves(robot, demo_plan, own_master, LAG) as both:
         outcome = RosExecutor(both.link, options=how).execute(demo_plan)
     assert outcome.is_success, outcome.failure
-    assert outcome.joint_deviation_rad < 0.05
+    fastest = max(np.abs(move.trajectory.turning_velocities).max() for move in demo_plan.moves)
+    unled = 0.8 * fastest * LAG.lag_s
+    assert outcome.joint_deviation_rad < unled / 3  # the rest is how late ticks are

@@ -106,7 +106,8 @@ def test_check_says_each_condition_and_the_verdict_last(
     assert check.status() == 0, check.said
     lines = check.said.splitlines()
     assert lines[-1] == "ready to carry out plans"
-    assert lines[0] == "ok   version: 1.2.0"
+    assert lines[0] == f"listening to the robot of {uri}"
+    assert lines[1] == "ok   version: 1.2.0"
     assert "<robot" in urdf.read_text()[:2000]
 
 
@@ -117,7 +118,42 @@ def test_a_master_that_is_not_there_is_one_sentence(tmp_path: Path, plan_file: P
         run = Command(tmp_path / f"{number}.log", *command, uri="http://127.0.0.1:9")
         assert run.status() == 1
         assert len(run.said.splitlines()) == 1, run.said
-        assert "127.0.0.1:9" in run.said
+        assert "cannot reach the master at 127.0.0.1:9" in run.said
+        assert "ROS_MASTER_URI says where the master is" in run.said
+        assert "python -m sim.ros1.robot --own-master" in run.said
+
+
+def test_a_robot_without_a_master_names_the_option_that_brings_one(tmp_path: Path) -> None:
+    run = Command(tmp_path / "log", "sim.ros1.robot", uri="http://127.0.0.1:9")
+    assert run.status() == 1
+    assert len(run.said.splitlines()) == 1, run.said
+    assert run.said.endswith("; without ROS, --own-master brings one\n")
+
+
+@pytest.mark.parametrize("content", [None, "{}", '{"format": "baxter-kin response"}'])
+def test_a_response_that_is_none_is_wrong_usage(
+    plan_file: Path, tmp_path: Path, content: str | None
+) -> None:
+    response = tmp_path / "left.json"
+    if content is not None:
+        response.write_text(content)
+    run = Command(tmp_path / "log", "sim.ros1.execute", str(plan_file), "--response", str(response))
+    assert run.status() == 2, run.said
+    assert len(run.said.splitlines()) == 1, run.said
+    assert str(response) in run.said
+
+
+def test_a_condition_that_does_not_hold_is_told_once(
+    robot_process: tuple[Command, str], plan_file: Path, tmp_path: Path
+) -> None:
+    _, uri = robot_process
+    press = Command(tmp_path / "press", "sim.ros1.press", "left", "estop", uri=uri)
+    assert press.status() == 0, press.said
+    for number, command in enumerate([["sim.ros1.check"], ["sim.ros1.execute", str(plan_file)]]):
+        run = Command(tmp_path / f"{number}.log", *command, uri=uri)
+        assert run.status() == 1, run.said
+        assert run.said.count("emergency stop") == 1, run.said
+        assert run.said.splitlines()[-1].endswith("a condition does not hold, see FAIL above")
 
 
 @pytest.mark.parametrize(
@@ -128,7 +164,12 @@ def test_a_master_that_is_not_there_is_one_sentence(tmp_path: Path, plan_file: P
         ["sim.ros1.execute", "plan.json", "--speed", "2"],
         ["sim.ros1.execute", "plan.json", "--record", "a.txt"],
         ["sim.ros1.execute", "plan.json", "--lag-s", "0.5", "0.3"],
+        ["sim.ros1.execute", "plan.json", "--settled-error-rad", "0.01"],
+        ["sim.ros1.execute", "plan.json", "--despite-lag"],
+        ["sim.ros1.execute", "plan.json", "--dry-run", "--csv", "a.csv"],
+        ["sim.ros1.execute", "plan.json", "--dry-run", "--record", "a.jsonl"],
         ["sim.ros1.check", "--output", "a.json"],
+        ["sim.ros1.check", "--yes"],
     ],
 )
 def test_wrong_usage_is_told_in_a_sentence(tmp_path: Path, arguments: list[str]) -> None:
@@ -145,6 +186,7 @@ def test_a_dry_run_sends_nothing(
     assert run.status() == 0, run.said
     assert "would move: left arm, 7 moves" in run.said
     assert "ok   state: ready, not enabled yet" in run.said
+    assert "\nverifying the plan in the situation that the robot reports: some seconds" in run.said
     again = Command(tmp_path / "again", "sim.ros1.check", uri=uri)
     assert again.status() == 0
     assert "not enabled yet" in again.said
@@ -163,7 +205,7 @@ def test_without_a_yes_it_does_not_move(
 
 @pytest.mark.parametrize(
     ("number", "status", "text"),
-    [(signal.SIGINT, 130, "stopped by Ctrl-C"), (signal.SIGTERM, 1, "stopped by SIGTERM")],
+    [(signal.SIGINT, 130, "stopped by Ctrl-C"), (signal.SIGTERM, 143, "stopped by SIGTERM")],
 )
 def test_a_signal_leaves_the_arm_holding_and_nothing_registered(
     moving: tuple[Command, Command, str], number: int, status: int, text: str
@@ -188,7 +230,7 @@ def test_a_robot_that_is_killed_is_told_of_within_seconds(
     robot, command, _ = moving
     robot.process.kill()
     killed_s = time.monotonic()
-    command.says("connection to the robot is lost|s old", SAID_S)
+    command.says("connection to the robot is lost|ms old", SAID_S)
     assert time.monotonic() - killed_s < SAID_S
     assert command.status() == 1
     assert '"sample"' in (tmp_path / "kept.jsonl").read_text()

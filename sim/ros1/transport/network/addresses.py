@@ -60,7 +60,10 @@ def master_uri(given: str | None = None) -> str:
         RosMessageError: when it is none.
     """
     uri = given or os.environ.get("ROS_MASTER_URI") or DEFAULT_MASTER
-    place_of(uri)
+    try:
+        place_of(uri)
+    except RosMessageError as cause:
+        raise RosMessageError(str(cause) if given else f"ROS_MASTER_URI is {cause}") from None
     return uri
 
 

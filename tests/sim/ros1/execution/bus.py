@@ -36,6 +36,8 @@ class Bus:
 class BusNode:
     """A node of it."""
 
+    master_uri = "http://bus:11311/"
+
     def __init__(self, name: str, bus: Bus) -> None:
         self.name, self.bus = name, bus
         self.reason_for_end: str | None = None

@@ -26,6 +26,14 @@ def test_lengths_are_told_in_millimetres_and_angles_in_radians() -> None:
     assert "left_s1 is 0.251 rad from where it should be; 0.25 rad are allowed" in str(joint)
 
 
+def test_what_is_above_its_bound_also_reads_so() -> None:
+    stale = Stop(StopCause.STALE_JOINTS, value=0.25004, bound=0.25, subject="left_s1")
+    assert "the last state of left_s1 is 251 ms old, and 250 ms are allowed" in str(stale)
+    off = Stop(StopCause.OFF_PATH, value=0.00507, bound=0.00506, subject="pick: descend")
+    assert "5.1 mm off its path at pick: descend, and 5.0 mm are clear" in str(off)
+    assert "inf ms old" in str(Stop(StopCause.STALE_JOINTS, value=float("inf"), bound=0.25))
+
+
 def test_a_robot_that_is_off_is_told_nothing_more() -> None:
     silent = {cause for cause in StopCause if not cause.holds}
     assert silent == {StopCause.DISABLED, StopCause.STOPPED, StopCause.ROBOT_ERROR}

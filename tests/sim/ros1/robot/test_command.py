@@ -168,7 +168,7 @@ def test_buttons_are_pressed_by_a_command_of_its_own(
         monkeypatch.setenv("ROS_MASTER_URI", master.uri)
         monkeypatch.setattr("sim.ros1.press.CONNECTED_S", 0.05)
         assert press.main(["left", "ok"]) == 1
-        assert "nobody listens to /robot/sim/press" in capsys.readouterr().err
+        assert "no simulated Baxter listens to /robot/sim/press" in capsys.readouterr().err
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:1")
     assert press.main(["left", "ok"]) == 1
     assert "cannot reach the master" in capsys.readouterr().err
