@@ -1,39 +1,31 @@
-"""The notebooks, and how they are run: each in a new kernel of this very Python, in a folder."""
+"""The notebooks, and what `scripts/` knows about running them."""
 
 from __future__ import annotations
 
-import asyncio
-import os
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+import importlib
+import sys
 from pathlib import Path
-from unittest import mock
+from typing import Any
 
-import nbformat
-from jupyter_client.kernelspec import KernelSpecManager
-from jupyter_client.manager import AsyncKernelManager
-from matplotlib import font_manager
-from nbclient import NotebookClient
 from nbformat import NotebookNode
 
-import baxter_kin
+SCRIPTS = Path(__file__).parents[1] / "scripts"
 
-FOLDER = Path(__file__).parents[1] / "notebooks"
-NAMES = (
-    "1_meet_baxter",
-    "2_inverse_kinematics",
-    "3_time_optimal_motion",
-    "4_pick_and_place",
-    "5_your_own_task",
-    "6_a_baxter_on_the_network",
-)
-LONGEST_CELL_S = 300
+
+def module(name: str) -> Any:
+    """A module of `scripts/notebook_runs`, which is no package of ours."""
+    if str(SCRIPTS) not in sys.path:
+        sys.path.insert(0, str(SCRIPTS))
+    return importlib.import_module(f"notebook_runs.{name}")
+
+
+FOLDER: Path = module("notebooks").FOLDER
+NAMES: tuple[str, ...] = module("notebooks").NAMES
 
 
 def read(name: str) -> NotebookNode:
     """A notebook as it is stored."""
-    return nbformat.read(FOLDER / f"{name}.ipynb", as_version=nbformat.NO_CONVERT)
+    return module("notebooks").read(name)
 
 
 def executed(name: str, folder: Path) -> NotebookNode:
@@ -42,34 +34,4 @@ def executed(name: str, folder: Path) -> NotebookNode:
     Raises:
         nbclient.exceptions.CellExecutionError: when a cell fails.
     """
-    client = NotebookClient(
-        read(name),
-        km=_kernel_manager(),
-        timeout=LONGEST_CELL_S,
-        resources={"metadata": {"path": str(folder)}},
-    )
-    with _surroundings(folder), ThreadPoolExecutor(1) as thread:  # a browser's loop may run in ours
-        return thread.submit(asyncio.run, client.async_execute(cleanup_kc=True)).result()
-
-
-def _kernel_manager() -> AsyncKernelManager:
-    """Starts `sys.executable`, whichever kernels are installed elsewhere.
-
-    Without folders to search, the only kernel is ipykernel's own, which is that.
-    """
-    return AsyncKernelManager(kernel_spec_manager=KernelSpecManager(kernel_dirs=[]))
-
-
-@contextmanager
-def _surroundings(folder: Path) -> Iterator[None]:
-    """What kernels inherit: the packages under test first, and nobody's settings or history."""
-    font_manager.get_font_names()  # fills its cache, or the first kernel says that it does
-    packages = [str(Path(baxter_kin.__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
-    inherited = {
-        "PYTHONPATH": os.pathsep.join(filter(None, packages)),
-        "IPYTHONDIR": str(folder / ".ipython"),
-        "JUPYTER_RUNTIME_DIR": str(folder / ".jupyter"),
-        "JUPYTER_PLATFORM_DIRS": "1",  # or jupyter_core warns that its folders will change
-    }
-    with mock.patch.dict(os.environ, inherited):
-        yield
+    return module("kernel").executed(read(name), folder)

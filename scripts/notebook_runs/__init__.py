@@ -1,0 +1,1 @@
+"""What storing, trying and testing the notebooks have in common."""
