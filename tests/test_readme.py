@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import re
 from pathlib import Path
 
+from tests.snippets import snippets_of
+
 README = Path(__file__).parents[1] / "README.md"
-BLOCK = re.compile(r"```python\n(.*?)```\n+```text\n(.*?)```", re.DOTALL)
 
 
 def test_every_example_prints_what_the_readme_says() -> None:
-    examples = BLOCK.findall(README.read_text("utf-8"))
-    assert examples
     names: dict[str, object] = {}
-    for program, expected in examples:
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said):
-            exec(compile(program, str(README), "exec"), names)
-        assert said.getvalue() == expected
+    examples = list(snippets_of(README))
+    assert examples
+    for example in examples:
+        assert example.run(names) == example.printed
 
 
 def test_no_example_is_without_its_output() -> None:
-    text = README.read_text("utf-8")
-    assert len(re.findall(r"```python\n", text)) == len(BLOCK.findall(text))
+    assert [example for example in snippets_of(README) if example.printed is None] == []
+    programs = README.read_text("utf-8").count("```python\n")
+    assert programs == len(list(snippets_of(README)))

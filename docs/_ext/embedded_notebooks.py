@@ -1,0 +1,127 @@
+"""The notebooks as pages of the site, with their stored outputs and with replays that play.
+
+Notebooks are stored with a picture where a cell shows a replay. Here each of them is run once, at
+the side of the build, for the pages of its replays; everything else is shown as it is stored.
+"""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import nbformat
+from nbformat import NotebookNode
+from replays import MADE_IN, frame
+from sphinx.application import Sphinx
+from sphinx.config import Config
+from sphinx.util import logging
+
+LOGGER = logging.getLogger(__name__)
+CHECKOUT = Path(__file__).parents[2]
+STORED = CHECKOUT / "notebooks"
+PAGES = CHECKOUT / "docs" / "notebooks"
+RUN = Path(__file__).with_name("run_notebook.py")
+
+UP, DOWN = "](../docs/", "](../"
+"""How a notebook links to a page of docs/, in the checkout and on the site."""
+
+WITHIN_S = 600.0
+
+_running: dict[str, subprocess.Popen[str]] = {}
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Copy the notebooks when the build begins, wait for their replays when it ends."""
+    app.connect("config-inited", begin)
+    app.connect("source-read", lead_to_pages)
+    app.connect("build-finished", end)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def begin(_app: Sphinx, _config: Config) -> None:
+    """Write the notebooks' pages, and start those whose replays are missing or older."""
+    PAGES.mkdir(exist_ok=True)
+    newest = max(path.stat().st_mtime for path in sources())
+    for path in sorted(STORED.glob("*.ipynb")):
+        notebook = nbformat.read(path, as_version=4)
+        count = embed(notebook, path.stem)
+        write_if_other(PAGES / path.name, nbformat.writes(notebook).replace(UP, DOWN))
+        pages = [PAGES / MADE_IN / f"{name_of(path.stem, n)}.html" for n in range(1, count + 1)]
+        if any(not page.exists() or page.stat().st_mtime < newest for page in pages):
+            _running[path.stem] = start(path.stem)
+
+
+def start(stem: str) -> subprocess.Popen[str]:
+    """Run a notebook for its replays."""
+    command = [sys.executable, str(RUN), stem, str(PAGES / MADE_IN)]
+    return subprocess.Popen(
+        command, cwd=CHECKOUT, text=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+    )
+
+
+def sources() -> list[Path]:
+    """What replays depend on."""
+    packages = [CHECKOUT / name for name in ("baxter_kin", "planner", "sim")]
+    files = [path for package in packages for path in package.rglob("*") if path.is_file()]
+    return [path for path in files if path.suffix != ".pyc"] + list(STORED.glob("*.ipynb"))
+
+
+def embed(notebook: NotebookNode, stem: str) -> int:
+    """Put frames in place of stored pictures of replays; how many there are."""
+    count = 0
+    for cell in notebook.cells:
+        if cell.cell_type == "code" and shows_replay(cell.source):
+            count += 1
+            shown = frame(name_of(stem, count), f"Replay of notebook {stem.replace('_', ' ')}")
+            kept = [output for output in cell.outputs if output.output_type == "stream"]
+            cell.outputs = [*kept, nbformat.v4.new_output("display_data", {"text/html": shown})]
+    return count
+
+
+def shows_replay(source: str) -> bool:
+    """Whether a cell's value is made by `Replay(...)`, or by a method `replay`."""
+    if not source.strip() or source.lstrip().startswith(("%", "!")):
+        return False
+    last = ast.parse(source).body[-1:]
+    match last:
+        case [ast.Expr(value=ast.Call(func=ast.Name(id="Replay")))]:
+            return True
+        case [ast.Expr(value=ast.Call(func=ast.Attribute(attr="replay")))]:
+            return True
+    return False
+
+
+def name_of(stem: str, number: int) -> str:
+    """How a replay of a notebook is called on the site."""
+    return f"notebook-{stem}-{number}"
+
+
+def write_if_other(path: Path, text: str) -> None:
+    """Write a file unless it is so already, or Sphinx would take its page for changed."""
+    if not path.exists() or path.read_text("utf-8") != text:
+        path.write_text(text, "utf-8")
+
+
+def lead_to_pages(_app: Sphinx, _name: str, content: list[str]) -> None:
+    """Links to notebooks of the checkout lead to the site's pages of them."""
+    for ups in ("../../notebooks/", "../notebooks/"):
+        content[0] = content[0].replace(f"]({ups}", "](/notebooks/")
+
+
+def end(_app: Sphinx, exception: Exception | None) -> None:
+    """Wait for all that were started; one that fails twice is a warning."""
+    failed = {}
+    for stem, process in _running.items():
+        if exception is not None:
+            process.kill()
+        process.communicate(timeout=WITHIN_S)
+        failed[stem] = exception is None and process.returncode != 0
+    _running.clear()
+    for stem in (stem for stem in failed if failed[stem]):
+        process = start(stem)  # again: one talks in real time, and now the machine is quiet
+        _, complaint = process.communicate(timeout=WITHIN_S)
+        if process.returncode != 0:
+            LOGGER.warning("the notebook %s does not run: %s", stem, complaint[-2000:])

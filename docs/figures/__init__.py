@@ -1,0 +1,1 @@
+"""Code that draws the figures of the pages."""

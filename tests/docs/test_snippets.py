@@ -1,0 +1,39 @@
+"""Every program on the pages runs, and prints what its page says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.snippets import snippets_of
+
+DOCS = Path(__file__).parents[2] / "docs"
+MADE = ("notebooks", "stories")
+"""Folders of pages that the build writes."""
+
+PAGES = [
+    page
+    for page in sorted(DOCS.rglob("*.md"))
+    if page.relative_to(DOCS).parts[0] not in MADE and any(snippets_of(page))
+]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+@pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
+def test_programs_print_what_the_page_says(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # a page may write files
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    names: dict[str, object] = {"__name__": "__main__"}
+    for snippet in snippets_of(page):
+        printed = snippet.run(names)
+        if snippet.printed is not None:
+            assert printed == snippet.printed
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda page: page.stem)
+def test_no_program_is_overlooked(page: Path) -> None:
+    fences = [line for line in page.read_text("utf-8").splitlines() if "```py" in line]
+    assert fences == ["```python"] * len(list(snippets_of(page)))
