@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from baxter_kin.command_line import OneSentenceParser
 from baxter_kin.files import replace_file
 from baxter_kin.ik.search.searcher import Searcher
 from baxter_kin.ik.seeds import pose_features
@@ -33,6 +34,7 @@ TARGET = Path(__file__).parents[1] / "baxter_kin" / "ik" / "setpoints.json"
 
 def main() -> None:
     """Compute and write the table."""
+    OneSentenceParser(description=(__doc__ or "").split("\n", 1)[0]).parse_args()
     arm = Baxter.load().arm("left")
     rng = np.random.default_rng(27)
     qs = np.array([arm.random_configuration(rng) for _ in range(SAMPLES)])

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from baxter_kin import Baxter, pose_from_quaternion
+from baxter_kin.command_line import OneSentenceParser, whole_number
 from planner import Manipulator, PickAndPlace, plan_pick_and_place, plan_start_move
 from sim import CsvRecorder, Recorder, Simulation, World
 from sim.demo.options import DEFAULT_POSES_M
@@ -30,7 +31,9 @@ CYCLES = 10
 
 def main() -> None:
     """Run, measure, print."""
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 5
+    parser = OneSentenceParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("runs", nargs="?", type=whole_number(1), default=5, help="default: 5")
+    runs = parser.parse_args().runs
     with tempfile.TemporaryDirectory() as folder:
         report, html = Path(folder) / "report.json", Path(folder) / "replay.html"
         measured = [_process([*DEMO, "--report", str(report)]) for _ in range(runs)]

@@ -9,7 +9,6 @@ reaches into shelves: between two boards 30 cm apart, 20 cm and more behind thei
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -21,6 +20,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter, pose_from_quaternion
+from baxter_kin.command_line import OneSentenceParser, whole_number
 from planner import Body, Box, Manipulator, Part, Scene, Trajectory, plan_joint_move
 from planner.collision.context import CollisionContext
 from planner.collision.sampling import looks_clear, sample_times
@@ -60,15 +60,17 @@ class Outcome:
 
 def main() -> None:
     """Make the problems, solve them, print."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 50
-    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 7
-    problems = made_problems(count, seed)
+    parser = OneSentenceParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("count", nargs="?", type=whole_number(1), default=50, help="default: 50")
+    parser.add_argument("seed", nargs="?", type=whole_number(0), default=7, help="default: 7")
+    options = parser.parse_args()
+    problems = made_problems(options.count, options.seed)
     proven = [_planned(problem) for problem in problems]
     _print("past a wall", problems, proven)
     again = [_planned(problem) for problem in problems]
     same = sum(_is_same(one.move, other.move) for one, other in zip(proven, again, strict=True))
-    print(f"the same when planned again {same} of {count}")
-    shelves = made_problems(SHELVES, seed, _in_shelf)
+    print(f"the same when planned again {same} of {options.count}")
+    shelves = made_problems(SHELVES, options.seed, _in_shelf)
     _print("into a shelf", shelves, [_planned(problem) for problem in shelves])
 
 

@@ -13,7 +13,6 @@ errs to the fast side. The other is the planner's own program on four times as m
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -24,6 +23,7 @@ import pinocchio as pin
 from numpy.polynomial import chebyshev
 
 from baxter_kin import Arm, Baxter, IKService, JointLimits, pose_from_quaternion
+from baxter_kin.command_line import OneSentenceParser, whole_number
 from baxter_kin.validation import FloatArray
 from planner.motion.guess import followed
 from planner.motion.straight_line import LEAST_LENGTH, StraightLine
@@ -60,7 +60,11 @@ class Case(NamedTuple):
 
 def main() -> None:
     """Compute and print."""
-    segments = int(sys.argv[1]) if len(sys.argv) > 1 else SEGMENTS
+    parser = OneSentenceParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument(
+        "segments", nargs="?", type=whole_number(1), default=SEGMENTS, help="default: %(default)s"
+    )
+    segments = parser.parse_args().segments
     print(f"{'move':<38}{'ours':>9}{'least norm':>16}{'finer':>16}{'CPU':>9}  intervals")
     ratios = []
     for case in _cases():

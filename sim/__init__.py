@@ -33,10 +33,11 @@ if TYPE_CHECKING:
     from sim.recording.ros1_files.mcap_file import McapRecorder, write_mcap
     from sim.recording.rsdk_csv import CsvRecorder
     from sim.simulation import Simulation
-    from sim.view.live.live_view import LiveView
     from sim.view.live.tip_target import TipTarget
     from sim.view.live.viewer import Viewer
     from sim.view.replay import Replay, write_replay
+    from sim.workbench.task_result import TaskResult
+    from sim.workbench.workbench import Workbench
     from sim.world.finger_closing import Closing
     from sim.world.world import World
 
@@ -48,7 +49,6 @@ __all__ = [
     "Dwell",
     "Event",
     "EventKind",
-    "LiveView",
     "LogRecorder",
     "McapRecorder",
     "Noise",
@@ -62,10 +62,12 @@ __all__ = [
     "Simulation",
     "SimulationError",
     "Snapshot",
+    "TaskResult",
     "TipTarget",
     "Transfer",
     "TruePoses",
     "Viewer",
+    "Workbench",
     "World",
     "load_recording",
     "plot_recording",
@@ -118,8 +120,9 @@ __getattr__ = loader(
         "sim.world.pushing",
         "sim.world.world",
         "sim.view.replay",
-        "sim.view.live.live_view",
         "sim.view.live.tip_target",
         "sim.view.live.viewer",
+        "sim.workbench.task_result",
+        "sim.workbench.workbench",
     ),
 )

@@ -14,11 +14,14 @@ FULLY = 99.9
 
 def of_grasp(body: str, grasp: Grasp, percent: float) -> str:
     """A body was grasped; near an edge, how much of a pad is on it."""
-    text = f"{body} grasped, {1e3 * grasp.width_m:.1f} mm between the pads ({percent:.0f} % open)"
+    width = f"{1e3 * grasp.width_m:.1f} mm between the finger pads"
+    text = f"{body} grasped, {width} ({percent:.0f} % open)"
     if not grasp.is_near_edge:
         return text
-    off = f"{1e3 * grasp.centre_off_m:.1f} mm off the pads"
-    return f"{text}, near an edge: only {1e3 * grasp.pad_m:.1f} mm of a pad on it, its centre {off}"
+    on, off = f"{1e3 * grasp.pad_m:.1f} mm", f"{1e3 * grasp.centre_off_m:.1f} mm"
+    return (
+        f"{text}, near an edge: only {on} of a finger pad on it, its centre {off} outside of them"
+    )
 
 
 def of_opening(side: str, percent: float) -> str:
@@ -60,7 +63,7 @@ def of_rest(body: str, rest: Rest) -> str:
     if rest.fell_off:
         text += f"; it tipped off {' and '.join(rest.fell_off)}"
     if rest.beside_m > 0.0:
-        text += f"; it leans, its centre {1e3 * rest.beside_m:.1f} mm beside what it stands on"
+        text += f"; it leans, its centre {1e3 * rest.beside_m:.1f} mm outside of what it stands on"
     return text
 
 

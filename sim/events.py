@@ -13,7 +13,7 @@ from baxter_kin.errors import quoted
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_scalar, float_array
 from baxter_kin.value_objects import Frozen, FrozenMapping, OneLine, count, phrase, seconds
-from planner import Body, Move
+from planner import Body, Move, Situation
 from planner.grasping import Grasp
 from planner.grasping.grasp import Miss
 from sim.errors import SimulationError
@@ -127,6 +127,9 @@ class Snapshot(Frozen, OneLine):
 
 class Observer(OneLine):
     """Sees what a simulation does; the methods do nothing until overridden."""
+
+    def on_start(self, situation: Situation) -> None:
+        """A simulation begins, with these bodies in its world; time starts at zero."""
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
         """A tick has passed."""

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.errors import expect, quoted
 from baxter_kin.value_objects import OneLine
 from sim.errors import RosError, RosMessageError
@@ -199,7 +200,7 @@ def _load_store(definitions: Mapping[str, str]) -> Typestore:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415
     except ImportError:
         raise RosError(
-            "ROS 1 messages need the package rosbags; run: pip install 'baxter-kin[ros1]'"
+            f"ROS 1 messages need the package rosbags; {run_to_install_extra('ros1')}"
         ) from None
     store = get_typestore(Stores.ROS1_NOETIC)
     time_fields = store.fielddefs["builtin_interfaces/msg/Time"][1]

@@ -62,7 +62,7 @@ class Simulation(OneLine):
 
         Args:
             world: what is moved.
-            observers: who is told, in this order.
+            observers: who is told, in this order; first of the bodies that are there.
             tick_s: time between snapshots, at least `SHORTEST_TICK_S`.
             dwell: pauses after gripper actions.
             check_contacts: whether moves without a certificate are looked at; without, the arm
@@ -79,6 +79,7 @@ class Simulation(OneLine):
         self._watch = ContactWatch(world, looks=looks)
         pauses = Dwell() if dwell is None else expect(dwell, Dwell, "dwell", SimulationError)
         self._grips = GripSteps(world, self.grippers, self._timeline, self._watch, pauses)
+        self._timeline.begin()
 
     @property
     def time_s(self) -> float:
@@ -148,7 +149,7 @@ class Simulation(OneLine):
         return Outcome(failure, self.time_s - started)
 
     def finish(self) -> None:
-        """Show the world as it is now, unless the last tick did; a run ends between two ticks."""
+        """Show the world as it is now, unless that was done; a run ends between two ticks."""
         self._timeline.finish()
 
     def _facts(self) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from tests.bodies import with_plain_fingers
 from tests.calibrated import calibrated_arm
 from tests.skips import (  # noqa: F401 - pytest finds its hooks here
     pytest_addoption,
+    pytest_collection_modifyitems,
     pytest_sessionfinish,
     pytest_terminal_summary,
 )

@@ -432,6 +432,10 @@ class _Lasting:
         return s.Outcome(None, 1.0)
 
     @cached_property
+    def TaskResult(self) -> s.TaskResult:
+        return s.TaskResult(f"carry {BODY}", BODY, "left", 1.0, 0.1, 0.0, "verified", True)
+
+    @cached_property
     def Noise(self) -> s.Noise:
         return s.Noise(0.001)
 
@@ -493,7 +497,7 @@ _MOVING: dict[str, Callable[[Stage], Any]] = {
     "LoggedPoses": lambda stage: s.perception.LoggedPoses(stage["TruePoses"], stage.file("poses")),
     "ReplayedPoses": lambda stage: s.perception.ReplayedPoses([stage["Look"]], stage["Scene"]),
     "ClosedLoop": _closed_loop,
-    "LiveView": lambda stage: s.LiveView(stage["Viewer"]),
+    "Workbench": lambda stage: s.Workbench(stage["Baxter"]),
     "TipTarget": lambda stage: s.TipTarget(stage["Viewer"], stage["Baxter"], "left"),
 }
 """What moves or is written to."""

@@ -44,7 +44,7 @@ SPOKEN = ("__getitem__", "__str__", "__repr__", "__iter__")
 
 LEFT_OUT = MappingProxyType(
     {
-        "LiveView.on_snapshot": "it waits until a snapshot is due",
+        "Viewer.on_snapshot": "it waits until a snapshot is due",
         "Viewer.wait_for_client": "it waits for a browser",
         "IKResult.trusted": "its contract is that nothing is checked",
         "Part.at": "its contract is that nothing is checked",

@@ -142,12 +142,12 @@ class ClosedLoop(OneLine):
         outcome = self._simulation.execute(picking, title)
         if not self._holds(expected):
             gap_m = self._simulation.grippers[self._side].gap_m
-            felt = f"the pads are {1e3 * gap_m:.1f} mm apart, so they do not hold {body}"
+            felt = f"the finger pads are {1e3 * gap_m:.1f} mm apart, so they do not hold {body}"
             return felt if outcome.failure is None else f"{outcome.failure}; {felt}"
         return self._simulation.execute(placing, title).failure
 
     def _holds(self, expected: Grasp | Miss) -> bool:
-        """Whether the pads are as far apart as they should be on the body."""
+        """Whether the finger pads are as far apart as they should be on the body."""
         if not isinstance(expected, Grasp):
             return False
         gap_m = self._simulation.grippers[self._side].gap_m

@@ -75,7 +75,7 @@ def closing_of(world: World, side: str, wanted: str | None = None) -> Closing:
 def _closed_fully(squeeze: Squeeze, wanted: str | None) -> Closing:
     """Nothing stopped the fingers."""
     hand, scene = squeeze.hand, squeeze.world.scene
-    miss = Miss(MissKind.NOTHING, "nothing is between the pads")
+    miss = Miss(MissKind.NOTHING, "nothing is between the finger pads")
     if wanted is not None and wanted in scene.bodies:
         found = hand.close_on(squeeze.T_base_tip, scene[wanted], squeeze.begin_m)
         miss = found if isinstance(found, Miss) else miss
@@ -90,7 +90,7 @@ def _met(squeeze: Squeeze, mover: Mover) -> Closing:
         squeeze.agree(mover, found)
         return _ended(squeeze, body=mover.name, grasp=found)
     if not isinstance(found, Miss) or found.kind is MissKind.NOTHING:
-        text = f"the fingers touch {mover.name} beside their pads"
+        text = f"the fingers touch {mover.name} outside of their pads"
         found = Miss(MissKind.EDGE, text, mover.name, 0.0)
     return _ended(squeeze, miss=found)
 

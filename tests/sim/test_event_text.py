@@ -25,10 +25,11 @@ def push(by: str) -> Push:
 
 
 def test_a_grasp_tells_the_width_and_near_an_edge_how_near() -> None:
-    plain = "b grasped, 50.0 mm between the pads (82 % open)"
+    plain = "b grasped, 50.0 mm between the finger pads (82 % open)"
     assert event_text.of_grasp("b", grasp(is_near_edge=False), 82.0) == plain
     assert event_text.of_grasp("b", grasp(is_near_edge=True), 82.0) == (
-        f"{plain}, near an edge: only 4.2 mm of a pad on it, its centre 18.0 mm off the pads"
+        f"{plain}, near an edge: only 4.2 mm of a finger pad on it, its centre 18.0 mm outside of "
+        "them"
     )
 
 
@@ -65,4 +66,6 @@ def test_coming_to_rest_tells_what_it_tipped_off_and_whether_it_leans() -> None:
     tipped = Rest(ORIGIN, "floor", 0.1, fell_off=("red", "table"))
     assert event_text.of_rest("b", tipped) == "b at rest on floor; it tipped off red and table"
     leaning = Rest(ORIGIN, "red", 0.1, beside_m=0.005)
-    assert event_text.of_rest("b", leaning).endswith("its centre 5.0 mm beside what it stands on")
+    assert event_text.of_rest("b", leaning).endswith(
+        "its centre 5.0 mm outside of what it stands on"
+    )

@@ -63,7 +63,8 @@ class TestMiss:
         assert not outcome.is_success
         assert outcome.failure == (
             "pick: close: missed: the fingers closed fully on block, 15.3 mm apart, and hold "
-            "nothing: block is 395 mm beside the tip and -2 mm ahead of it, not between the pads"
+            "nothing: block is 395 mm to the side of the tip and 2 mm behind it, not "
+            "between the finger pads"
         )
 
     def test_the_gripper_reports_it(self, missed: tuple[Run, Outcome]) -> None:

@@ -196,7 +196,7 @@ class TestCycle:
         assert [event.move for event in started] == list(plan.moves)
         assert {event.side for event in started} == {"left"}
         labels = [event.move.seed_label for event in started if event.move is not None]
-        assert any("Joint Angles, moved by 0." in label for label in labels)
+        assert any("Joint Angles, optimised by 0." in label for label in labels)
 
     def test_a_grasp_and_a_release_say_hand_and_body(self, cycle: tuple[Run, Outcome]) -> None:
         kinds = (EventKind.GRASPED, EventKind.RELEASED)

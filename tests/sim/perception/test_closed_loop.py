@@ -202,7 +202,7 @@ def test_whether_it_holds_is_told_by_the_fingers_alone(bench: Bench) -> None:
             return Sighting(narrow, time_s)
 
     result = bench.run(Wrong(), retries=0)
-    assert "the pads are 50.0 mm apart, so they do not hold block" in str(result.failure)
+    assert "the finger pads are 50.0 mm apart, so they do not hold block" in str(result.failure)
 
 
 def test_the_planner_may_be_replaced(bench: Bench) -> None:

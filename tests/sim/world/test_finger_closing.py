@@ -310,14 +310,14 @@ class TestMisses:
     def test_nothing_there(self, world: World) -> None:
         closing = close(world)
         assert closing.finger_m == 0.0
-        assert str(closing.miss) == "nothing is between the pads"
+        assert str(closing.miss) == "nothing is between the finger pads"
 
     def test_the_wanted_body_is_told_of(self, world: World) -> None:
         world.spawn(standing("b", -0.1))
         miss = close(world, "b").miss
         assert miss is not None
         assert (miss.kind, miss.body) == (MissKind.NOTHING, "b")
-        assert "250 mm beside the tip" in str(miss)
+        assert "250 mm to the side of the tip" in str(miss)
 
     def test_too_low_is_a_miss_with_its_number_and_the_fingers_stop_on_it(
         self, world: World
@@ -337,7 +337,7 @@ class TestMisses:
         closing = close(world)
         assert closing.miss is not None
         assert closing.miss.kind is MissKind.TOO_WIDE
-        assert "60.0 mm across the hand, whose pads are 57.7 mm apart" in str(closing.miss)
+        assert "60.0 mm across the hand, whose finger pads are 57.7 mm apart" in str(closing.miss)
         assert closing.finger_m == begin
         assert closing.pushes == ()
 
@@ -346,7 +346,7 @@ class TestMisses:
         world.place_body("b", world.T_base_tip("left") * at(0.0, 0.0, -0.06))
         closing = close(world)
         assert closing.miss is not None
-        assert str(closing.miss) == "the fingers touch b beside their pads"
+        assert str(closing.miss) == "the fingers touch b outside of their pads"
         assert closing.finger_m == pytest.approx((0.03 - 0.018) / 2, abs=CONTACT_M)
 
     def test_planning_a_close_moves_nothing(self, world: World) -> None:

@@ -1,0 +1,129 @@
+"""`--help` of every command: examples that parse, groups, and lines that fit a terminal."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from baxter_kin.benchmark import options as benchmark
+from planner.verification import command_line as verification
+from sim.demo import arguments as demo
+from sim.ros1 import check, execute, mirror, press
+from sim.ros1.robot import arguments as robot
+
+ROOT = Path(__file__).parents[1]
+PARSERS: dict[str, Callable[[Sequence[str]], object]] = {
+    "baxter_kin.benchmark": benchmark.parse_options,
+    "baxter_kin.demo": demo.parse_options,
+    "planner.verification": verification._options,
+    "sim.ros1.check": lambda argv: check._parser().parse_args(argv),
+    "sim.ros1.execute": lambda argv: execute._parser().parse_args(argv),
+    "sim.ros1.mirror": lambda argv: mirror._parser().parse_args(argv),
+    "sim.ros1.press": lambda argv: press._parser().parse_args(argv),
+    "sim.ros1.robot": robot.parse_options,
+}
+TOLD = ("sim.ros1.master", "examples.three_poses", "examples.tower")
+"""Commands whose parsers are inside their main."""
+
+
+def help_of(module: str, columns: int) -> str:
+    done = subprocess.run(
+        [sys.executable, "-m", module, "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=ROOT,
+        env=dict(os.environ, COLUMNS=str(columns)),
+    )
+    assert done.stderr == ""
+    return done.stdout
+
+
+def examples_in(text: str) -> list[str]:
+    _, _, after = text.partition("\nexamples:\n")
+    return [line.strip() for line in after.split("\n\n")[0].splitlines()]
+
+
+@pytest.mark.parametrize("module", [*PARSERS, *TOLD])
+def test_help_has_examples_that_parse_and_lines_that_fit(
+    module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    wide = help_of(module, 200)
+    found = examples_in(wide)
+    assert 2 <= len(found) <= 4
+    assert max(map(len, wide.splitlines())) <= 100
+    assert max(map(len, help_of(module, 80).splitlines())) <= 90
+    assert "xit status" in wide
+    for line in found:
+        python, _, name, *arguments = shlex.split(line)
+        assert (python, name) == ("python", module)
+        if module in PARSERS:
+            PARSERS[module](arguments)
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments", "near"),
+    [
+        ("baxter_kin.demo", ["--report-file", "r", "--headlss"], "--headless"),
+        ("baxter_kin.demo", ["--add-poses", "1"], "--add-pose"),
+        ("baxter_kin.demo", ["--Hover", "0.1"], "--hover"),
+        ("sim.ros1.check", ["--identfy", "left"], "--identify"),
+        ("sim.ros1.robot", ["--own_master"], "--own-master"),
+    ],
+)
+def test_an_option_that_does_not_exist_is_answered_with_one_that_does(
+    module: str, arguments: list[str], near: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        PARSERS[module](arguments)
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert f"; did you mean {near}?" in said or f"and {near}?" in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments", "words"),
+    [
+        ("baxter_kin.demo", "--limb Left", "; did you mean left?"),
+        ("baxter_kin.demo", "-html a.html", "-html has one dash; write --html"),
+        ("baxter_kin.demo", "--add-pose 0.7, 0.15, -0.129", "and spaces between numbers"),
+        ("baxter_kin.demo", "--speed 50", "not from 0.001 to 1; are these per cent? Give 0.5 then"),
+        ("baxter_kin.demo", "--hover 150", "150 mm is 0.15 m"),
+        ("baxter_kin.benchmark", "--solvers kld", "; did you mean kdl?"),
+        ("sim.ros1.execute", "a --speed 30", "not from 0.01 to 1; are these per cent? Give 0.3"),
+        ("sim.ros1.execute", "a --lag-s 400 420", "are these milliseconds? Give 0.4 s then"),
+        ("sim.ros1.execute", "a --speed 3000", "3000 is not from 0.01 to 1 (--help"),
+        ("sim.ros1.press", "left resett", "; did you mean reset?"),
+    ],
+)
+def test_likely_mistakes_are_answered_with_what_was_meant(
+    module: str, arguments: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        PARSERS[module](arguments.split())
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+
+
+def test_an_option_that_is_like_none_is_answered_without_a_guess(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit):
+        PARSERS["baxter_kin.demo"](["--pose-add"])
+    assert "did you mean" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("script", sorted((ROOT / "scripts").glob("*.py")), ids=lambda s: s.name)
+def test_every_script_reads_its_arguments_before_it_does_anything(script: Path) -> None:
+    text = script.read_text(encoding="utf-8")
+    assert "parse_args(" in text or "parse_known_args(" in text
