@@ -14,11 +14,17 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
-from baxter_kin.errors import ConfigurationError, DescriptionError, FileError, millimetres_hint
+from baxter_kin.errors import (
+    ConfigurationError,
+    DescriptionError,
+    FileError,
+    millimetres_hint,
+    name_hint,
+    nearest_name,
+)
 from baxter_kin.files import Destination
 
 if TYPE_CHECKING:
@@ -36,8 +42,8 @@ EXIT_INTERRUPTED = 130
 EXIT_TERMINATED = 143
 """The same of SIGTERM."""
 
-NEAR, NEAR_CHOICE = 0.7, 0.6
-"""How alike names are that may have been meant, by difflib: of options, and of choices."""
+ALIKE_OPTIONS = 0.7
+"""How alike options are of which one may have been meant, by difflib's ratio."""
 
 WIDEST = 100
 """Columns of a help text, however wide the terminal is."""
@@ -93,18 +99,14 @@ class OneSentenceParser(argparse.ArgumentParser):
         try:
             super()._check_value(action, value)
         except argparse.ArgumentError as cause:
-            choices = [str(choice) for choice in action.choices or ()]
-            near = get_close_matches(str(value).lower(), choices, 1, NEAR_CHOICE)
-            cause.message += f"; did you mean {near[0]}?" if near else ""
+            cause.message += name_hint(str(value), map(str, action.choices or ()))
             raise
 
     def _near(self, unknown: Sequence[str]) -> str:
         """Which option may have been meant by each that does not exist."""
         known = [name for name in self._option_string_actions if name.startswith("--")]
         asked = [text.partition("=")[0] for text in unknown if text.startswith("--")]
-        near = [
-            match for each in asked for match in get_close_matches(each.lower(), known, 1, NEAR)
-        ]
+        near = list(filter(None, (nearest_name(each, known, ALIKE_OPTIONS) for each in asked)))
         return f"; did you mean {' and '.join(near)}?" if near else ""
 
     def error(self, message: str) -> NoReturn:

@@ -17,13 +17,15 @@ Malformed input raises one of these. "No solution" is a result with a reason, ne
 What is valid but probably not meant warns: `QuaternionOrderWarning`.
 
 Where a number would make sense in another unit, the message asks whether it is in that one:
-`millimetres_hint`, `degrees_hint`.
+`millimetres_hint`, `degrees_hint`; where a name is nearly one that exists, whether that was meant:
+`name_hint`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from difflib import SequenceMatcher
 from enum import Enum
 from itertools import islice
 from reprlib import Repr
@@ -53,6 +55,9 @@ long, and what is farther away than 10,000 mm is neither."""
 
 MOST_DEGREES = 360.0
 
+ALIKE = 0.6
+"""How alike a name must be to one that may have been meant, by difflib's ratio."""
+
 
 class BaxterError(Exception):
     """Root of every error the toolkit raises on purpose."""
@@ -79,7 +84,8 @@ class UnknownNameError(BaxterError, ValueError):
         self.name = name
         self.allowed = tuple(allowed)
         shown = quoted(name, LONGEST_NAME)
-        super().__init__(f"unknown {kind} {shown}; use one of: {', '.join(self.allowed)}")
+        hint = name_hint(name, self.allowed)
+        super().__init__(f"unknown {kind} {shown}; use one of: {', '.join(self.allowed)}{hint}")
 
 
 def member_of(choices: type[E], kind: str, name: object) -> E:
@@ -197,6 +203,30 @@ def degrees_hint(*angles_rad: float, least: float = 2.0 * math.pi) -> str:
         f"; are these degrees? Angles are in radians: {largest:.4g} deg is "
         f"{math.radians(largest):.4g} rad"
     )
+
+
+def name_hint(name: object, known: Iterable[str]) -> str:
+    """What a refusal adds where a name that does not exist is nearly one that does, else ""."""
+    near = nearest_name(name, known)
+    return f"; did you mean {near}?" if near else ""
+
+
+def nearest_name(name: object, known: Iterable[str], alike: float = ALIKE) -> str:
+    """The name that may have been meant by one that does not exist; "" where none is near.
+
+    Args:
+        name: what came; whether its letters are large or small counts for nothing.
+        known: the names that exist. Where several are equally near, none is guessed.
+        alike: how alike they must be, by difflib's ratio, 0..1.
+    """
+    if not isinstance(name, str) or len(name) > LONGEST_NAME:
+        return ""
+    matcher, by_ratio = SequenceMatcher(b=name.lower()), dict[float, list[str]]()
+    for each in known:
+        matcher.set_seq1(each.lower())
+        by_ratio.setdefault(matcher.ratio(), []).append(each)
+    best = max(by_ratio, default=0.0)
+    return by_ratio[best][0] if best >= alike and len(by_ratio[best]) == 1 else ""
 
 
 def shown_path(path: object) -> str:
