@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import pose_from_quaternion
-from baxter_kin.errors import quoted
+from baxter_kin.errors import millimetres_hint, quoted
 from baxter_kin.validation import FloatArray, finite_array
 from planner import Body, Scene, load_object
 from planner.errors import SceneError
@@ -69,7 +69,7 @@ def why_beside(T_base_body: pin.SE3, table: Body) -> str:
         return ""
     return (
         f"({x_m:g}, {y_m:g}) m is beside the table, which reaches from x = {x0:.2f} to {x1:.2f} m "
-        f"and from y = {y0:.2f} to {y1:.2f} m"
+        f"and from y = {y0:.2f} to {y1:.2f} m{millimetres_hint(x_m, y_m)}"
     )
 
 

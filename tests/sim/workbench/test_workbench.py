@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -189,6 +190,20 @@ def test_blocks_are_not_put_inside_each_other(bench: Workbench) -> None:
 def test_blocks_are_put_on_the_table(bench: Workbench) -> None:
     with pytest.raises(SceneError, match=r"no room for 'blue': \(0.2, 0\) m is beside the table"):
         bench.add_block("blue", 0.2, 0.0)
+
+
+IN_MILLIMETRES = (
+    r"\(700, 150\) m is beside the table, which reaches from x = 0.54 to 1.46 m and from "
+    r"y = -0.46 to 0.46 m; are these millimetres\? Lengths are in metres: 700 mm is 0.7 m$"
+)
+
+
+def test_a_place_in_millimetres_is_asked_about(bench: Workbench) -> None:
+    with pytest.raises(SceneError, match=f"^no room for 'blue': {IN_MILLIMETRES}"):
+        bench.add_block("blue", 700, 150)
+    for to in ((700, 150), at(700.0, 150.0, -130.0)):
+        task = bench.carry("red", to=to)
+        assert re.fullmatch(f"refused: nothing to stand on, {IN_MILLIMETRES}", task.verdict)
 
 
 @pytest.mark.parametrize("bad", [math.nan, "a", None])
