@@ -82,8 +82,19 @@ def test_tests_without_a_demo_before_are_a_failure(
     assert "nothing to test" in capsys.readouterr().out
 
 
+def test_what_was_skipped_is_told_with_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    python(tmp_path / "3.14" / "bin" / "python", "3 14 0")
+    said = "ssss..\nskipped 4: OMPL has no wheel\n2 passed, 4 skipped in 1.00s\n"
+    monkeypatch.setattr(script, "run", lambda *_: said)
+    assert script.tried((3, 14), Path("/some/python"), tmp_path, "test", "1")
+    told = "test: 2 passed, 4 skipped in 1.00s; skipped 4: OMPL has no wheel ("
+    assert told in capsys.readouterr().out
+
+
 def test_what_it_needs_and_runs_is_there() -> None:
     names = [each.partition(">=")[0] for each in script.requirements()]
     assert names == script.NEEDED.split()
-    for path in (*script.TESTS.split(), script.SEARCHING):
+    for path in script.TESTS.split():
         assert (script.CHECKOUT / path).exists()

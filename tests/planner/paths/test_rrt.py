@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from ompl import util
 
 from baxter_kin import JointLimits
 from baxter_kin.errors import ConfigurationError
 from planner.errors import MotionError
-from planner.paths.rrt import EDGE_STEP_RAD, LONGEST_EDGE_RAD, search_corners
+from planner.paths.rrt import EDGE_STEP_RAD, LONGEST_EDGE_RAD, NEWEST_PYTHON, search_corners
 from tests.planner.toy_world import (
     AROUND_DISC,
     DISC,
@@ -31,6 +31,12 @@ from tests.planner.toy_world import (
     along,
     least_distance,
 )
+
+pytestmark = pytest.mark.skipif(
+    sys.version_info[:2] > NEWEST_PYTHON and find_spec("ompl") is None,
+    reason="OMPL, which searches need, has no wheel for this Python",
+)
+"""Only there: where it should be and is not, every search fails."""
 
 FloatArray = NDArray[np.float64]
 seeds = st.integers(0, 2**32 - 1)
@@ -204,6 +210,8 @@ def test_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_log_level_of_others_is_put_back() -> None:
+    from ompl import util  # noqa: PLC0415 - not every Python has it
+
     level = util.getLogLevel()
     try:
         util.setLogLevel(util.LogLevel.LOG_ERROR)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -40,6 +42,8 @@ runpy.run_module(sys.argv.pop(1), run_name="__main__", alter_sys=True)
 
 @pytest.fixture
 def without_ompl(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not installed, though it could be."""
+    monkeypatch.setattr(rrt, "NEWEST_PYTHON", sys.version_info[:2])
     monkeypatch.setitem(sys.modules, "ompl", None)
 
 
@@ -119,6 +123,34 @@ def test_a_python_that_is_too_new_is_told_so(monkeypatch: pytest.MonkeyPatch) ->
         MissingLibraryError, match=r"no wheel for this Python yet; use Python 3\.10"
     ):
         rrt._load()
+
+
+TESTS_OF_SEARCHES = """
+import sys, pytest
+sys.modules["ompl"] = None
+from planner.paths import rrt
+rrt.NEWEST_PYTHON = eval(sys.argv[1])
+sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", *sys.argv[2:]]))
+"""
+"""Runs tests without OMPL, as if wheels of it ended with a Python."""
+
+
+@pytest.mark.parametrize(
+    ("newest", "options", "status", "told"),
+    [
+        ((3, 9), (), 0, r"skipped \d\d: OMPL, which searches need, has no wheel for this Python"),
+        ((3, 9), ("--no-skips",), 1, r"skipped \d\d: OMPL"),
+        ((3, 99), ("-x",), 1, r"MissingLibraryError: .* need OMPL, which is not installed"),
+    ],
+)
+def test_tests_of_searches_are_skipped_only_where_it_has_no_wheel(
+    newest: tuple[int, int], options: tuple[str, ...], status: int, told: str
+) -> None:
+    tests = str(Path(__file__).with_name("test_rrt.py"))
+    command = [sys.executable, "-c", TESTS_OF_SEARCHES, str(newest), tests, *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == status, done.stdout
+    assert re.search(told, done.stdout)
 
 
 def test_a_copy_that_does_not_load_is_told_with_its_reason(
