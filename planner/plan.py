@@ -158,6 +158,15 @@ class PlanFailure(Checked, OneLine, error=TaskError):
     contact: ContinuousContact | None = None
     tallies: tuple[CollisionSummary, ...] = ()
 
+    @property
+    def colliding(self) -> frozenset[str]:
+        """The links and bodies that come too close to something in what was tried."""
+        near = None if self.contact is None else self.contact.nearest
+        pairs = [] if near is None else [(near.first, near.second)]
+        for tally in self.tallies:
+            pairs += [(each.first, each.second) for each in tally.collisions]
+        return frozenset().union(*pairs, *(each.colliding for each in self.tried))
+
     def __str__(self) -> str:
         return f"{self.stage}: {self.reason}"
 

@@ -43,6 +43,14 @@ class TaskResult(OneLine):
     def __post_init__(self) -> None:
         check_fields(self, SimulationError)
 
+    @classmethod
+    def refused(
+        cls, block: str, why: str, planning_s: float = 0.0, plan: Plan | None = None
+    ) -> TaskResult:
+        """That a block is not carried, and why."""
+        task, verdict = f"carry {block}", f"refused: {why}"
+        return cls(task, block, "", 0.0, planning_s, None, verdict, False, plan)
+
     def __str__(self) -> str:
         if not self.is_done:
             return f"{self.task}: {self.verdict}"

@@ -44,6 +44,7 @@ from sim.recording.recording import Recording
 from sim.simulation import Simulation
 from sim.view.replay import Replay
 from sim.workbench import tabletop
+from sim.workbench.advice import withdrawal_hint
 from sim.workbench.task_result import TaskResult
 from sim.world.world import World
 
@@ -150,7 +151,10 @@ class Workbench(OneLine):
         T_base_goal = self._goal(body, to, onto)
         sides = tuple(self._arms) if arm is None else (self._side(arm),)
         why = self._why_not(body, T_base_goal)
-        result = _refused(body, why) if why else self._carried(body, T_base_goal, sides)
+        if why:
+            result = TaskResult.refused(body.name, why)
+        else:
+            result = self._carried(body, T_base_goal, sides)
         self.tasks.append(result)
         return result
 
@@ -215,7 +219,7 @@ class Workbench(OneLine):
         expect(plan, Plan, "plan", SimulationError)
         certificate = verify(plan, description=self.robot.description)
         if not certificate.is_valid:
-            return f"refused: {certificate.verdict}", False
+            return f"refused: {certificate.verdict}{withdrawal_hint(plan, self.world)}", False
         outcome = self.simulation.execute(plan, title)
         self.motion_s += plan.motion_time_s
         return outcome.failure or f"verified, {len(certificate.checks)} checks", outcome.is_success
@@ -238,8 +242,11 @@ class Workbench(OneLine):
         planning_s = time.perf_counter() - began
         plan = min(plans, key=lambda plan: (not plan.is_valid, plan.motion_time_s))
         if not plan.is_valid:
-            reasons = "; ".join(f"{plan.limb} arm, {plan.failure}" for plan in plans)
-            return _refused(body, reasons, planning_s, plan)
+            reasons = "; ".join(
+                f"{plan.limb} arm, {plan.failure}{withdrawal_hint(plan, self.world)}"
+                for plan in plans
+            )
+            return TaskResult.refused(body.name, reasons, planning_s, plan)
         verdict, is_done = self.execute(plan, f"{body.name}: {plan.limb} arm, ")
         off_m = self._off_m(body.name, T_base_goal)
         if is_done and off_m > PLACED_WITHIN_M:
@@ -290,8 +297,3 @@ class Workbench(OneLine):
     def _off_m(self, block: str, T_base_goal: pin.SE3) -> float:
         T_base_block = self.world.body(block).T_base_body
         return float(np.linalg.norm(T_base_block.translation - T_base_goal.translation))
-
-
-def _refused(body: Body, why: str, planning_s: float = 0.0, plan: Plan | None = None) -> TaskResult:
-    task, verdict = f"carry {body.name}", f"refused: {why}"
-    return TaskResult(task, body.name, "", 0.0, planning_s, None, verdict, False, plan)

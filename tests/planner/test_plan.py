@@ -11,8 +11,10 @@ import pytest
 from baxter_kin import Arm
 from baxter_kin.errors import ConfigurationError, UnknownNameError
 from planner import Grip, GripperAction, Move, Plan, PlanFailure, Trajectory, plan_joint_move
+from planner.clearance import ContinuousContact
 from planner.collision import Clearance
 from planner.errors import TaskError
+from planner.pick_place.summary import CollisionCount, CollisionSummary
 from planner.plan import Step
 
 
@@ -135,3 +137,13 @@ class TestOpening:
     def test_a_close_ends_where_the_body_is(self) -> None:
         with pytest.raises(TaskError, match="only an open goes to a finger position"):
             Grip("close", GripperAction.CLOSE, "block", opening_m=0.01)
+
+
+def test_a_failure_names_all_that_collides_in_what_was_tried() -> None:
+    contact = ContinuousContact(Clearance(-0.01, "left_wrist", "table", 0.5), 0.0, 1.0, 9, 9)
+    counts = CollisionCount("left_hand", "wall", 3, -0.02), CollisionCount("a", "wall", 1, -0.1)
+    tallies = (CollisionSummary("place: descend", 9, counts),)
+    tried = (PlanFailure("pick: descend", "blocked", contact=contact),)
+    failure = PlanFailure("place: descend", "blocked", tried=tried, tallies=tallies)
+    assert failure.colliding == {"left_wrist", "table", "left_hand", "wall", "a"}
+    assert PlanFailure("open", "no reason").colliding == frozenset()

@@ -223,6 +223,18 @@ def test_an_empty_arm_goes_back(bench: Workbench) -> None:
     assert "it was there already" in str(bench.withdraw("left"))
 
 
+def test_what_an_arm_over_the_table_hinders_is_refused_with_the_way_out(bench: Workbench) -> None:
+    bench.add_block("blue", 0.70, -0.05)
+    bench.carry("red", to=(0.75, 0.12), arm="left")
+    refused = bench.carry("blue", to=(0.75, 0.05), arm="right")
+    assert refused.verdict.endswith(
+        "; the left arm is in the way: withdraw('left') brings it back beside the table"
+    )
+    assert bench.withdraw("left").is_done
+    assert "withdraw(" not in bench.carry("blue", to=(1.40, 0.40), arm="right").verdict
+    assert bench.carry("blue", to=(0.75, 0.05), arm="right").is_done
+
+
 def test_all_of_it_is_recorded_and_can_be_replayed(bench: Workbench) -> None:
     bench.carry("red", to=(0.75, 0.0))
     first = bench.recording()
