@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import html
 import math
+from collections.abc import Collection
 
 from baxter_kin import Baxter
 from baxter_kin.errors import shown_path
@@ -53,6 +54,7 @@ class Replay(OneLine):
         title: str = TITLE,
         body: RobotBody | None = None,
         compare: Recording | Plan | None = None,
+        uncounted: Collection[str] = (),
     ) -> None:
         """Make the page.
 
@@ -64,13 +66,16 @@ class Replay(OneLine):
             title: shown on the page.
             body: what plans are made with, to be seen instead of the meshes, or with them.
             compare: a recording or plan of the same robot, seen as a ghost; both begin at once.
+            uncounted: names of bodies that are drawn only, and are no part of the clearance.
 
         Raises:
             RecordingError: when there is nothing to replay, it is of another robot, a plan is not
                 valid, or the height is not a positive number.
         """
         self.height_px = math.ceil(positive_scalar(height_px, "height_px", RecordingError))
-        self.html = replay_html(recording, robot, title=title, body=body, compare=compare)
+        self.html = replay_html(
+            recording, robot, title=title, body=body, compare=compare, uncounted=uncounted
+        )
 
     def _facts(self) -> tuple[str, ...]:
         return f"page of {len(self.html) / 1e6:.1f} MB", f"{self.height_px} px high"
@@ -120,8 +125,9 @@ def replay_html(
     title: str = TITLE,
     body: RobotBody | None = None,
     compare: Recording | Plan | None = None,
+    uncounted: Collection[str] = (),
 ) -> str:
-    """The replay as the text of a page; arguments as of `write_replay`.
+    """The replay as the text of a page; arguments as of `Replay`.
 
     Raises:
         RecordingError: when there is nothing to replay, it is of another robot, or a plan is not
@@ -131,7 +137,7 @@ def replay_html(
     hint = "; give that robot as robot=..." if robot is None else ""
     happened = _recording(recording, known, body, hint)
     other = None if compare is None else _recording(compare, known, body, hint)
-    data = encoded_content(happened, known, body=body, compare=other)
+    data = encoded_content(happened, known, body=body, compare=other, uncounted=uncounted)
     return page(
         "replay.html",
         title=html.escape(str(title)),

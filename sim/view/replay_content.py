@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
 
 from baxter_kin import Baxter
 from baxter_kin.errors import expect
@@ -38,7 +39,7 @@ from sim.view.overlays import (
 )
 from sim.view.scenegraph import RobotTree, line_command, stage_commands
 from sim.view.telemetry.arms import recorded_arms
-from sim.view.telemetry.clearance import recorded_clearance
+from sim.view.telemetry.clearance import recorded_clearance, why_unmeasured
 from sim.view.telemetry.waypoints import recorded_waypoints
 from sim.view.tip_path import AHEAD_RGB, PATH_RADIUS_M, PathPiece, line_rgb, recorded_paths
 
@@ -52,6 +53,7 @@ def encoded_content(
     *,
     body: RobotBody | None = None,
     compare: Recording | None = None,
+    uncounted: Collection[str] = (),
 ) -> str:
     """All that a page needs to replay a recording: msgpack, then base64, as ASCII.
 
@@ -60,6 +62,7 @@ def encoded_content(
         robot: the robot it happened to.
         body: what plans are made with, to be shown, too.
         compare: another recording of the same robot, shown as a ghost from its own start on.
+        uncounted: names of bodies that are drawn only, and are no part of the clearance.
 
     Raises:
         RecordingError: when there is nothing to replay, or a recording is of another robot.
@@ -69,7 +72,8 @@ def encoded_content(
         check_replayed(compare, robot)
     if body is not None:
         expect(body, RobotBody, "the body", RecordingError)
-    content = _content(recording, robot, body, compare)
+    measured = _measured(_without(recording, uncounted), robot, body)
+    content = _content(recording, robot, body, compare, measured)
     return base64.b64encode(packed(content)).decode("ascii")
 
 
@@ -98,7 +102,11 @@ def check_replayed(shown: Recording | Plan, robot: Baxter, hint: str = "") -> No
 
 
 def _content(
-    recording: Recording, robot: Baxter, body: RobotBody | None, compare: Recording | None
+    recording: Recording,
+    robot: Baxter,
+    body: RobotBody | None,
+    compare: Recording | None,
+    measured: Command,
 ) -> Command:
     """What the page decodes: commands in their order, the geometries they share, and the story."""
     phases = gripper_timelines(recording)
@@ -107,9 +115,8 @@ def _content(
         for number, piece in enumerate(recorded_paths(recording, robot, phases))
     }
     shown = None if body is None else fitted(body, robot.description)
-    clearance = recorded_clearance(recording, robot, body)
     ghost = None if compare is None else ghost_of(compare, recording)
-    scene = _Scene(recording, robot, shown, ghost, has_nearest=clearance is not None)
+    scene = _Scene(recording, robot, shown, ghost, has_nearest=measured["clearance"] is not None)
     lines = [line for path, piece in pieces.items() for line in _lines(path, piece)]
     commands = scene.commands(lines)
     return {
@@ -118,10 +125,29 @@ def _content(
         "duration": scene.duration_s,
         **_story(recording, phases, pieces),
         "arms": recorded_arms(recording, robot),
-        "clearance": clearance,
+        **measured,
         "waypoints": recorded_waypoints(recording, robot),
         "layers": scene.layers(),
     }
+
+
+def _without(recording: Recording, names: Collection[str]) -> Recording:
+    """A recording less some of its bodies."""
+    if not names:
+        return recording
+    kept = [name for name in recording.bodies if name not in names]
+    return replace(
+        recording,
+        bodies={name: recording.bodies[name] for name in kept},
+        body_poses={name: recording.body_poses[name] for name in kept},
+    )
+
+
+def _measured(recording: Recording, robot: Baxter, body: RobotBody | None) -> Command:
+    """The clearance, or why there is none."""
+    clearance = recorded_clearance(recording, robot, body)
+    reason = "" if clearance is not None else why_unmeasured(recording, robot, body)
+    return {"clearance": clearance, "unmeasured": reason}
 
 
 class _Scene:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 import numpy as np
 import pinocchio as pin
@@ -108,6 +108,14 @@ class DrawnScene:
         self._known(name)
         del self._poses[name], self.bodies[name]
         return [delete(body_path(name))]
+
+    def bodies_but(self, told: Collection[str]) -> dict[str, Body]:
+        """The bodies of other names than these, where they are drawn now."""
+        return {
+            name: body.at(pin.XYZQUATToSE3(self._poses[name]))
+            for name, body in self.bodies.items()
+            if name not in told
+        }
 
     def replace_bodies(self, old: Iterable[str], new: Scene) -> list[Command]:
         """Draw bodies in place of others, of which some may be gone; those of neither stay."""

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from baxter_kin import Baxter
-from planner import Situation
+from baxter_kin.value_objects import FrozenMapping
+from planner import Body, Scene, Situation
 from sim.clock import DEFAULT_TICK_S
 from sim.events import Event, EventKind, Snapshot
 from sim.recording.recorder import Recorder
@@ -20,12 +21,15 @@ FRAME_S = 1.0 / 60.0
 KEPT_SNAPSHOTS = 12_000
 """What was shown is kept for the replay at the end: the last two minutes at 100 Hz."""
 
+_NONE: Mapping[str, Body] = FrozenMapping({})
+
 
 class ShownRun:
     """One simulation, from its begin on.
 
     Attributes:
         bodies: those of its world, by name.
+        drawn_only: the names of the others that were drawn meanwhile.
     """
 
     def __init__(self, robot: Baxter, situation: Situation) -> None:
@@ -36,6 +40,7 @@ class ShownRun:
             situation: how its world is when it begins.
         """
         self.bodies = dict(situation.scene.bodies)
+        self.drawn_only: set[str] = set()
         self._recorder = Recorder(robot, keep=KEPT_SNAPSHOTS)
         self._recorder.remember(situation.scene)
         self._telemetry = LiveTelemetry(robot)
@@ -72,12 +77,21 @@ class ShownRun:
             self._seed = "" if event.move.ik is None else event.move.seed_label
             self._seed_until_s = event.time_s + event.move.trajectory.duration
 
-    def see(self, snapshot: Snapshot) -> None:
-        """Take note of how everything is."""
+    def see(self, snapshot: Snapshot, others: Mapping[str, Body] = _NONE) -> None:
+        """Take note of how everything is, and of other bodies that are drawn, where they are."""
+        if others:
+            snapshot = self._with(others, snapshot)
         self._grippers.see({side: state.percent for side, state in snapshot.grippers.items()})
         if self._last is None or snapshot.time_s > self._last.time_s:
             self._recorder.on_snapshot(snapshot)
         self._last = snapshot
+
+    def _with(self, others: Mapping[str, Body], snapshot: Snapshot) -> Snapshot:
+        """A snapshot that has other bodies, too."""
+        self.drawn_only |= others.keys() - snapshot.T_base_bodies.keys()
+        self._recorder.remember(Scene(others))
+        poses = {name: body.T_base_body for name, body in others.items()}
+        return replace(snapshot, T_base_bodies={**poses, **snapshot.T_base_bodies})
 
     def takes_frame(self, time_s: float, speed: float) -> bool:
         """Whether a frame of that time is to be sent, at so much of real time; it then counts."""

@@ -177,7 +177,7 @@ class Viewer(NotCopied, Observer):
         self._begin_run_if_over(snapshot.time_s)
         if self._pacing is not None:
             self._pacing.wait_for(snapshot.time_s)
-        self._run.see(snapshot)
+        self._run.see(snapshot, self._scene.bodies_but(self._run.bodies))
         speed = 1.0 if self._pacing is None else self._pacing.speed
         if self._run.takes_frame(snapshot.time_s, speed):
             self._show_frame(q, snapshot)
@@ -211,7 +211,7 @@ class Viewer(NotCopied, Observer):
         self._draw(configuration, T_base_bodies, caption=caption, seed=seed)
 
     def add_body(self, body: Body) -> None:
-        """Show a body at its pose. One of the same name is replaced.
+        """Show a body at its pose, in place of one of its name; in replays it is no obstacle.
 
         Raises:
             ViewerError: when the view is closed.
@@ -232,12 +232,10 @@ class Viewer(NotCopied, Observer):
         Raises:
             RecordingError: when no simulation was shown.
         """
-        return Replay(self._run.recording(), self._robot)
+        return Replay(self._run.recording(), self._robot, uncounted=self._run.drawn_only)
 
     def close(self, note: str = "") -> None:
-        """Turn pages into replays of what they showed, stop serving and free the port.
-
-        A second call does nothing.
+        """Turn pages into replays of what they showed, stop serving, free the port; once is enough.
 
         Args:
             note: what came of it, such as why the program failed; the last caption.
@@ -254,7 +252,8 @@ class Viewer(NotCopied, Observer):
         """Send the last words, and the replay to who watches, if that is what is shown."""
         news: dict[str, object] = {"caption": note} if note else {}
         if self._is_simulated and self.has_client:
-            news["replay"] = encoded_content(self._run.recording(note), self._robot)
+            told, apart = self._run.recording(note), self._run.drawn_only
+            news["replay"] = encoded_content(told, self._robot, uncounted=apart)
         self._pages.publish([], **news)
 
     def _begin_run_if_over(self, time_s: float) -> None:

@@ -29,6 +29,10 @@ SAMPLES_PER_S = 20.0
 MOST_SAMPLES = 600
 """How often the clearance is measured: so many times a second, fewer in a long recording."""
 
+NO_MOTION, NO_BODY, NO_PAIR = "motion", "body", "pair"
+"""Why there is no clearance: no arm has moved; the robot lacks links of the body that is measured;
+nothing counts that could be near."""
+
 ROWS_COMPARED, LEAST_WAY_M, SAME_PLACE = 16, 0.01, 1e-4
 """A body that no event says to be held is when at so many moments it is in the same place of a
 hand, m and parts of a rotation, that has moved at least so far."""
@@ -76,12 +80,8 @@ def clearance_samples(
 
     Arguments as of `recorded_clearance`.
     """
-    sides = arms_that_move(recording)
     shapes = RobotShapes(robot, body)
-    try:
-        pairs = NearestPairs(shapes, sides, recording.bodies) if sides else None
-    except SceneError:  # a robot without some of the links that the body has
-        pairs = None
+    pairs = _pairs(recording, shapes)
     if pairs is None:
         return []
     found = []
@@ -91,6 +91,25 @@ def clearance_samples(
         if near is not None:
             found.append(ClearanceSample(float(recording.times_s[row]), near))
     return found
+
+
+def why_unmeasured(recording: Recording, robot: Baxter, body: RobotBody | None = None) -> str:
+    """Why a recording has no clearance: `NO_MOTION`, `NO_BODY` or `NO_PAIR`.
+
+    Arguments as of `recorded_clearance`.
+    """
+    if not arms_that_move(recording):
+        return NO_MOTION
+    return NO_BODY if _pairs(recording, RobotShapes(robot, body)) is None else NO_PAIR
+
+
+def _pairs(recording: Recording, shapes: RobotShapes) -> NearestPairs | None:
+    """What is to be measured; None where nothing moves, or the robot lacks links of the body."""
+    sides = arms_that_move(recording)
+    try:
+        return NearestPairs(shapes, sides, recording.bodies) if sides else None
+    except SceneError:
+        return None
 
 
 def sampled_rows(times_s: FloatArray) -> Indices:

@@ -25,6 +25,7 @@ from sim.errors import ViewerError
 from sim.events import Event, EventKind, Snapshot
 from sim.recording.recorded_motion import AGREEMENT_RAD, RecordedMove, recorded_move
 from sim.view.telemetry.arms import MOVED_RAD, limits_of
+from sim.view.telemetry.clearance import NO_BODY, NO_MOTION, NO_PAIR
 from sim.view.telemetry.nearest import NearestPairs
 from sim.view.telemetry.on_purpose import ContactsOnPurpose, Moment
 from sim.view.telemetry.waypoints import waypoint
@@ -119,6 +120,8 @@ class LiveTelemetry(OneLine):
     def see(self, snapshot: Snapshot) -> Topics:
         """What is new of each topic: `arms`, `state`, `clearance` and `waypoints`.
 
+        `unmeasured` says why there is no clearance, "" when there is one.
+
         Raises:
             ViewerError: when it is no snapshot, or one of another robot.
         """
@@ -140,7 +143,7 @@ class LiveTelemetry(OneLine):
         now_s = self._clock()
         if now_s - self._measured_s >= CLEARANCE_PERIOD_S:
             self._measured_s = now_s
-            news["clearance"] = self._clearance(shot.time_s, tuple(moved))
+            news |= self._clearance(shot.time_s, tuple(moved))
         return self._changed(news)
 
     def _changed(self, news: Topics) -> Topics:
@@ -177,22 +180,18 @@ class LiveTelemetry(OneLine):
                 if side == told["side"] or time_s >= end_s:
                     told["end"] = min(time_s, end_s)
 
-    def _clearance(self, time_s: float, sides: tuple[str, ...]) -> Topics | None:
+    def _clearance(self, time_s: float, sides: tuple[str, ...]) -> Topics:
         if not sides or self._moment is None:
-            return None
+            return {"clearance": None, "unmeasured": NO_MOTION}
         contacts, pairs = self._known_contacts(), self._known_pairs(sides)
         if contacts is None or pairs is None:
-            return None
+            return {"clearance": None, "unmeasured": NO_BODY}
         near = pairs.at(self._moment.q, self._moment.T_base_bodies, contacts.at(self._moment))
         if near is None:
-            return None
-        return {
-            "time": time_s,
-            "distance_m": near.distance_m,
-            "first": near.first,
-            "second": near.second,
-            "points": near.points_base.reshape(-1).tolist(),
-        }
+            return {"clearance": None, "unmeasured": NO_PAIR}
+        told = {"time": time_s, "distance_m": near.distance_m, "first": near.first}
+        told |= {"second": near.second, "points": near.points_base.reshape(-1).tolist()}
+        return {"clearance": told, "unmeasured": ""}
 
     def _known_contacts(self) -> ContactsOnPurpose | None:
         if self._contacts is None and self._has_shapes:

@@ -19,6 +19,7 @@ from sim.errors import RecordingError
 from sim.recording.recording import Recording
 from sim.view.replay import write_replay
 from sim.view.replay_content import encoded_content
+from sim.view.telemetry.clearance import NO_MOTION
 from tests.conftest import overhead
 from tests.sim.conftest import Watched, watched_page
 from tests.sim.view.test_replay import MAX_BYTES, MAX_GZIPPED
@@ -88,6 +89,16 @@ def test_what_does_not_move_has_no_clearance(executed: Recording, robot: Baxter)
     still = replace(executed, q=np.tile(executed.q[0], (len(executed.q), 1)), moves=())
     content = decoded(encoded_content(still, robot))
     assert content["clearance"] is None
+    assert content["unmeasured"] == NO_MOTION
+
+
+def test_a_body_that_is_drawn_only_is_no_part_of_the_clearance(
+    executed: Recording, robot: Baxter
+) -> None:
+    names = list(executed.bodies)
+    content = decoded(encoded_content(executed, robot, uncounted=names))
+    assert not set(names) & set(content["clearance"]["names"])
+    assert any(command["path"] == "/bodies/block/0" for command in content["commands"])
     assert content["arms"] == {}
     assert "nearest" not in layers_of(content)
 

@@ -7,12 +7,15 @@ const SHOW = {
   arms: (arms) => { hearArms(arms); listArms(); },
   state: noteState,
   clearance: hearClearance,
+  unmeasured: (reason) => { telemetry.unmeasured = reason; telemetry.version += 1; pointPanel(panelTime()); },
   waypoints: (waypoints) => { telemetry.waypoints = waypoints; listWaypoints(); },
   layers: showLayers,
   clock: showClock,
   replay: becomeReplay,
 };
 const RETRY_MS = 1500;
+const RETRY_GROWTH = 1.5; // each attempt is a line in the browser's console, which no page can prevent
+const LONGEST_RETRY_MS = 30000;
 const FIT_AFTER_MS = 150;
 const LOOK_EVERY_MS = 500;
 const BODY_DEPTH_M = 0.1;
@@ -21,11 +24,14 @@ const SAID_GOODBYE = 1001;
 const url = `${location.protocol.replace("http", "ws")}//${location.host}/scene`;
 const program = { isPaused: false, isRunning: false };
 
-// A program started again on this port finds the page still open.
+// A program started again on this port finds the page still open. A page that nobody sees does not
+// ask; one that comes into sight asks at once.
+let waitMs = RETRY_MS;
 function retry() {
+  if (document.hidden) return document.addEventListener("visibilitychange", retry, { once: true });
   const probe = new WebSocket(url);
   probe.onopen = () => location.reload();
-  probe.onerror = () => setTimeout(retry, RETRY_MS);
+  probe.onerror = () => setTimeout(retry, waitMs = Math.min(waitMs * RETRY_GROWTH, LONGEST_RETRY_MS));
 }
 
 function tellProgram(topic, value) {
@@ -129,7 +135,11 @@ startWith(() => {
   view.points = around([0.5, 0, 0.1], 0.6);
   refit();
   const handle = viewer.handle_command;
-  viewer.handle_command = (command) => { handle(command); fitSoon(command); };
+  viewer.handle_command = (command) => {
+    handle(command);
+    if (command.type === "set_object") applyLayersTo(command.path);
+    fitSoon(command);
+  };
   viewer.connect(url);
   const drawCommand = viewer.connection.onmessage;
   viewer.connection.onmessage = (message) => {

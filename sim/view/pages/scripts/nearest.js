@@ -56,6 +56,12 @@ function layerBox({ id, label, shown }) {
   return make("label", {}, box, ` ${label}`);
 }
 
+// What is drawn anew below a switched layer, or in its place, is as the layer is.
+function applyLayersTo(node) {
+  const isBelow = (path) => node === path || node.startsWith(`${path}/`);
+  layers.list.filter(({ paths }) => paths.some((path) => path !== NEAREST && isBelow(path))).forEach(applyLayer);
+}
+
 function applyLayer({ id, paths }) {
   for (const path of paths) {
     if (path === NEAREST) showNearest(clearanceAt(panelTime()));

@@ -1,5 +1,10 @@
 // The side panel: joints, clearance and waypoints, at the time of the scrubber.
 const QUANTITIES = { q: ["Angle", "rad", 2], v: ["Velocity", "rad/s", 2], a: ["Acceleration", "rad/s²", 2] };
+const UNMEASURED = {
+  motion: "Not measured: no arm has moved.",
+  body: "Not measured: the robot lacks links of the body that clearances are measured with.",
+  pair: "Not measured: nothing is there that counts.",
+};
 const REFRESH_MS = 100;
 const WIDE_PX = 1100;
 const HIGH_PX = 640;
@@ -86,7 +91,8 @@ function drawPanel() {
   panel.drawn = telemetry.version;
   const arm = telemetry.arms[panel.side];
   if (arm) for (const key of Object.keys(QUANTITIES)) panel.plots[key].draw(jointPicture(arm, key));
-  element("clearance-section").hidden = !telemetry.clearance;
+  element("clearance-section").hidden = !telemetry.clearance && !telemetry.unmeasured;
+  element("plot-clearance").hidden = !telemetry.clearance;
   if (telemetry.clearance) panel.clearance.draw(clearancePicture(telemetry.clearance));
   pointPanel(panel.time, { isNow: true });
 }
@@ -159,5 +165,5 @@ function showValue(cell, value, digits, share) {
 }
 
 function showPair(nearest) {
-  write(element("pair"), nearest ? `${millimetres(nearest.distance)} between ${pairText(nearest)}` : "");
+  write(element("pair"), nearest ? `${millimetres(nearest.distance)} between ${pairText(nearest)}` : UNMEASURED[telemetry.unmeasured] || "");
 }

@@ -5,12 +5,13 @@ const MOST_SAMPLES = 4000;
 const SAME_PAIR_WITHIN_S = 0.5;
 const JOINTS = 7;
 
-const telemetry = { arms: {}, clearance: null, waypoints: [], from: 0, to: 1, version: 0 };
+const telemetry = { arms: {}, clearance: null, unmeasured: "", waypoints: [], from: 0, to: 1, version: 0 };
 
 function takeRecorded(content) {
   Object.assign(telemetry, {
     arms: content.arms || {},
     clearance: content.clearance || null,
+    unmeasured: content.unmeasured || "",
     waypoints: content.waypoints || [],
     from: 0,
     to: content.duration || 1,

@@ -286,3 +286,27 @@ def test_joints_waypoints_and_clearance_are_told_beside_the_picture(
         page.told["state"]["arms"]["left"]["q"], manipulator.arm.start, atol=1e-6
     )
     assert page.told["clearance"]["distance_m"] > 0.0
+
+
+def test_a_body_added_by_hand_is_in_the_replay_where_it_was_shown(
+    viewer: Viewer, robot: Baxter, table: Body
+) -> None:
+    viewer.on_event(Event(0.0, EventKind.SPAWNED, "table spawned", body=table))
+    viewer.on_snapshot(snapshot(robot, 0, {"table": table.T_base_body}))
+    viewer.add_body(make_block("marker", at(0.7, 0.1, 0.0)))
+    viewer.on_snapshot(snapshot(robot, 1, {"table": table.T_base_body}))
+    viewer.remove_body("marker")
+    viewer.on_snapshot(snapshot(robot, 2, {"table": table.T_base_body}))
+    poses = viewer._run.recording().body_poses["marker"]
+    assert np.isfinite(poses).all(axis=1).tolist() == [False, True, False]
+    np.testing.assert_allclose(poses[1][:3], [0.7, 0.1, 0.0])
+    assert viewer._run.drawn_only == {"marker"}
+
+
+def test_a_body_added_by_hand_is_there_at_the_end(robot: Baxter) -> None:
+    with Viewer(robot, keeps_time=False) as viewer, page_of(viewer) as page:
+        viewer.add_body(make_block("marker", at(0.7, 0.1, 0.0)))
+        viewer.on_snapshot(snapshot(robot, 0))
+        viewer.close("done")
+        page.wait_until(lambda page: page.is_closed)
+        assert np.isfinite(viewer._run.recording().body_poses["marker"]).all()

@@ -14,10 +14,13 @@ import pytest
 from playwright.sync_api import Browser
 
 from baxter_kin import Arm, Baxter
+from planner import Body
 from sim.recording.recording import Recording
+from sim.view.drawn_bodies import body_commands
 from sim.view.live.broadcast import Broadcast
 from sim.view.live.drawn_scene import DrawnScene
 from sim.view.live.pacing import Pacing
+from sim.view.meshcat_commands import Command, delete
 from sim.view.overlays import nearest_command
 from sim.view.replay_content import encoded_content
 from tests.sim.conftest import SIZE, Watched, watched_page
@@ -75,6 +78,9 @@ class Program:
         commands = [*DrawnScene(robot).commands(), nearest_command()]
         layer = {"id": "nearest", "label": "Nearest pair", "paths": ["/nearest"], "shown": True}
         self._pages.publish(commands, arms={"left": joints}, layers=[layer], waypoints=WAYPOINTS)
+
+    def draw(self, commands: list[Command]) -> None:
+        self._pages.publish(commands)
 
     def tell(self, **news: object) -> None:
         self._pages.publish([], **news)
@@ -190,6 +196,52 @@ def test_time_that_begins_again_empties_the_plots(program: Program, watched: Wat
     watched.page.wait_for_function("telemetry.to === 0.5")
     assert watched.run("telemetry.arms.left.times") == [0.5]
     assert watched.run("telemetry.from") == 0
+
+
+def test_a_clearance_that_is_not_measured_says_why(program: Program, watched: Watched) -> None:
+    program.tell(clearance=None, unmeasured="body")
+    shows(watched, "pair", "Not measured: the robot lacks links")
+    assert watched.page.is_visible("#pair")
+    assert not watched.page.is_visible("#plot-clearance")
+    program.tell(unmeasured="")
+
+
+def test_what_is_drawn_anew_below_a_switched_off_layer_stays_hidden(
+    program: Program, watched: Watched, block: Body
+) -> None:
+    layer = {"id": "goals", "label": "Goals", "paths": ["/bodies/block"], "shown": False}
+    program.tell(layers=[layer], caption="off")
+    shows(watched, "caption", "off")
+    program.draw([delete("/bodies/block"), *body_commands(block)])
+    watched.page.wait_for_function("drawnAt(nodeAt('/bodies/block/0'))")
+    assert not watched.run("nodeAt('/bodies/block').object.visible")
+
+
+PROBES = """
+() => {
+  const [Real, wait, asked, waits] = [WebSocket, setTimeout, [], []];
+  window.WebSocket = class { constructor() { asked.push(this); } };
+  window.setTimeout = (_, ms) => waits.push(ms);
+  Object.defineProperty(document, "hidden", {value: true, configurable: true});
+  retry();
+  const hidden = asked.length;
+  delete document.hidden;
+  document.dispatchEvent(new Event("visibilitychange"));
+  const seen = asked.length;
+  for (let i = 0; i < 20; i++) asked[0].onerror();
+  [window.WebSocket, window.setTimeout, waitMs] = [Real, wait, RETRY_MS];
+  return {hidden, seen, waits};
+}
+"""
+
+
+def test_a_program_that_is_gone_is_looked_for_ever_less_and_only_by_who_sees_it(
+    watched: Watched,
+) -> None:
+    found = watched.run(PROBES)
+    assert (found["hidden"], found["seen"]) == (0, 1)
+    assert found["waits"] == sorted(found["waits"])
+    assert found["waits"][-1] == 30_000
 
 
 def test_unknown_topics_are_passed_over(program: Program, watched: Watched) -> None:

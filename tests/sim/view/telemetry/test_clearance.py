@@ -13,10 +13,12 @@ from sim.recording.planned_recording import planned_recording
 from sim.recording.recording import Recording
 from sim.view.telemetry.clearance import (
     MOST_SAMPLES,
+    NO_MOTION,
     SAMPLES_PER_S,
     clearance_samples,
     recorded_clearance,
     sampled_rows,
+    why_unmeasured,
 )
 from tests.conftest import at
 
@@ -123,6 +125,7 @@ def test_a_file_without_events_and_moves_works(shown: Recording, robot: Baxter) 
 def test_there_is_none_where_nothing_moves(shown: Recording, robot: Baxter) -> None:
     still = replace(shown, q=np.tile(shown.q[0], (len(shown.q), 1)), moves=())
     assert recorded_clearance(still, robot) is None
+    assert why_unmeasured(still, robot) == NO_MOTION
 
 
 def test_what_a_hand_held_before_the_recording_began_is_known(

@@ -164,7 +164,7 @@ def test_a_new_run_begins_with_nothing(shown: Recording, robot: Baxter) -> None:
     retell(shown, page)
     page.told.clear()
     retell(shown, page)
-    assert set(page.told[0]) == {"arms", "state", "clearance", "waypoints"}
+    assert set(page.told[0]) == {"arms", "state", "clearance", "unmeasured", "waypoints"}
     assert len(page.last("waypoints")) == len(shown.moves)
 
 
