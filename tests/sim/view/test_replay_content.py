@@ -90,6 +90,8 @@ def test_what_does_not_move_has_no_clearance(executed: Recording, robot: Baxter)
     content = decoded(encoded_content(still, robot))
     assert content["clearance"] is None
     assert content["unmeasured"] == NO_MOTION
+    assert content["arms"] == {}
+    assert "nearest" not in layers_of(content)
 
 
 def test_a_body_that_is_drawn_only_is_no_part_of_the_clearance(
@@ -99,8 +101,6 @@ def test_a_body_that_is_drawn_only_is_no_part_of_the_clearance(
     content = decoded(encoded_content(executed, robot, uncounted=names))
     assert not set(names) & set(content["clearance"]["names"])
     assert any(command["path"] == "/bodies/block/0" for command in content["commands"])
-    assert content["arms"] == {}
-    assert "nearest" not in layers_of(content)
 
 
 def test_arrays_of_an_arm_have_as_many_rows_as_times(content: dict[str, Any]) -> None:
