@@ -8,7 +8,13 @@ from dataclasses import dataclass
 import pinocchio as pin
 
 from baxter_kin.description import HandMount, RobotDescription, UrdfSource
-from baxter_kin.errors import ConfigurationError, DescriptionError, UnknownNameError, expect
+from baxter_kin.errors import (
+    BaxterError,
+    ConfigurationError,
+    DescriptionError,
+    UnknownNameError,
+    expect,
+)
 from baxter_kin.kinematics.arm import LIMBS, Arm, known_limb
 from baxter_kin.validation import Checked, FloatArray, finite_array
 from baxter_kin.value_objects import FrozenMapping, OneLine, count
@@ -104,3 +110,12 @@ class Baxter(Checked, OneLine, error=DescriptionError):
 
     def _facts(self) -> tuple[str, ...]:
         return f"arms {' and '.join(self.arms)}", count(len(self.joint_names), "joint")
+
+
+def given_or_stock(robot: Baxter | None, error: type[BaxterError]) -> Baxter:
+    """The robot that was given, or the stock robot.
+
+    Raises:
+        BaxterError: of class `error`, when it is of another class.
+    """
+    return Baxter.load() if robot is None else expect(robot, Baxter, "robot", error)

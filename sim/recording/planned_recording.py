@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from baxter_kin import Baxter
 from baxter_kin.errors import expect
+from baxter_kin.model import given_or_stock
 from planner import Plan, RobotBody
 from planner.situation import Situation
 from sim.errors import RecordingError
@@ -34,7 +35,7 @@ def planned_recording(
     expect(plan, Plan, "plan", RecordingError)
     if plan.failure is not None:
         raise RecordingError(f"an invalid plan has nothing to show: {plan.failure}")
-    known = Baxter.load() if robot is None else expect(robot, Baxter, "robot", RecordingError)
+    known = given_or_stock(robot, RecordingError)
     difference = "" if plan.robot is None else known.description.identity.difference(plan.robot)
     if difference:
         raise RecordingError(f"the plan is for another robot: {difference}; give that one")

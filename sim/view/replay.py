@@ -14,6 +14,7 @@ from collections.abc import Collection
 from baxter_kin import Baxter
 from baxter_kin.errors import shown_path
 from baxter_kin.files import PathLike, replace_file
+from baxter_kin.model import given_or_stock
 from baxter_kin.validation import positive_scalar
 from baxter_kin.value_objects import OneLine
 from planner import Plan
@@ -133,7 +134,7 @@ def replay_html(
         RecordingError: when there is nothing to replay, it is of another robot, or a plan is not
             valid.
     """
-    known = Baxter.load() if robot is None else robot
+    known = given_or_stock(robot, RecordingError)
     hint = "; give that robot as robot=..." if robot is None else ""
     happened = _recording(recording, known, body, hint)
     other = None if compare is None else _recording(compare, known, body, hint)

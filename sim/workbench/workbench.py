@@ -23,6 +23,7 @@ import pinocchio as pin
 from baxter_kin import Baxter
 from baxter_kin.errors import expect, expect_all, quoted
 from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.model import given_or_stock
 from baxter_kin.validation import finite_scalar, positive_scalar
 from baxter_kin.value_objects import OneLine, count, listing
 from planner import (
@@ -77,7 +78,7 @@ class Workbench(OneLine):
         Raises:
             SimulationError: when an argument is of another class.
         """
-        known = Baxter.load() if robot is None else expect(robot, Baxter, "robot", SimulationError)
+        known = given_or_stock(robot, SimulationError)
         watching = expect_all(observers, Observer, "the observers", SimulationError)
         self.robot = known
         self.world = World(known)

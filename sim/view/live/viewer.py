@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
 from baxter_kin.errors import expect, quoted
+from baxter_kin.model import given_or_stock
 from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
 from baxter_kin.value_objects import NotCopied
 from planner import Body, Scene, Situation
@@ -71,9 +72,7 @@ class Viewer(NotCopied, Observer):
                 is of another class.
         """
         keeps = expect(keeps_time, bool, "keeps_time", ViewerError)
-        self._robot = (
-            Baxter.load() if robot is None else expect(robot, Baxter, "robot", ViewerError)
-        )
+        self._robot = given_or_stock(robot, ViewerError)
         self._pacing = Pacing() if keeps else None
         self._scene = DrawnScene(self._robot)
         self._grippers: dict[str, GripperPhase] = {}
