@@ -7,13 +7,13 @@ in headless Chromium, larger than needed, so that edges come out smooth.
 from __future__ import annotations
 
 import io
-import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from chromium import FLAGS, chromium_on_path
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
@@ -28,7 +28,6 @@ WIDTH_PX = 1000
 FRAMES_PER_S = 12.5
 QUALITY = 80
 LARGEST_BYTES = 3_000_000
-FLAGS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 FIRST_CYCLE_ENDS = """
 (recording.captions.find(([, text]) => text.startsWith("cycle 2")) || [replay.duration])[0]
@@ -75,7 +74,7 @@ def main() -> None:
 def _frames(page: Path) -> list[Image.Image]:
     width, height = PAGE_PX
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        browser = playwright.chromium.launch(executable_path=chromium_on_path(), args=list(FLAGS))
         tab = browser.new_page(
             viewport={"width": width, "height": height}, device_scale_factor=PIXEL_RATIO
         )

@@ -11,7 +11,6 @@ import base64
 import html
 import io
 import re
-import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -19,6 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from chromium import FLAGS, chromium_on_path
 from nbformat import NotebookNode
 from nbformat.v4 import new_output
 from PIL import Image
@@ -26,10 +26,6 @@ from playwright.async_api import Browser, Page, ViewportSize, async_playwright
 
 SIZE: ViewportSize = {"width": 960, "height": 540}
 PIXEL_RATIO = 1.5
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-"""Looked for on PATH; Playwright's own where there is none."""
-
-FLAGS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WITHIN_MS = 300_000.0
 
 ROBOT_RED_PIXELS = 5000
@@ -70,7 +66,7 @@ FRAME = re.compile(r'<iframe [^>]*?(?P<kind>srcdoc|src)="(?P<what>[^"]*)"')
 async def photographer() -> AsyncIterator[Photographer]:
     """One with a browser, until the end."""
     async with async_playwright() as playwright:
-        path = next(filter(None, map(shutil.which, BROWSERS)), None)
+        path = chromium_on_path()
         browser = await playwright.chromium.launch(executable_path=path, args=list(FLAGS))
         yield Photographer(browser)
         await browser.close()
