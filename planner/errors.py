@@ -70,3 +70,7 @@ class PlanFileError(PlannerError, ValueError):
 
 class BodyFileError(PlannerError, ValueError):
     """The data file of the robot's body is missing, unreadable or of another version."""
+
+
+class AtlasError(PlannerError, ValueError):
+    """A map that cannot be built, read or asked: its grid, its files, or what is asked of it."""

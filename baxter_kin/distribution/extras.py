@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
+        "atlas": ("dask", "distributed", "zarr"),
         "mcap": ("mcap", "rosbags"),
         "plot": ("matplotlib",),
         "ros1": ("rosbags",),

@@ -94,7 +94,12 @@ class PoseSweep:
         self._margin_rad = MARGIN_RAD + linkage.deviation.axis
 
     def excludes(
-        self, target: FloatArray, radius_m: float, most_survivors: int = MOST_SURVIVORS
+        self,
+        target: FloatArray,
+        radius_m: float,
+        most_survivors: int = MOST_SURVIVORS,
+        *,
+        any_roll: bool = False,
     ) -> bool:
         """Whether no pose of that orientation so near to a target is within reach.
 
@@ -102,6 +107,8 @@ class PoseSweep:
             target: one of `Linkage.targets`, finite, shape (4, 4).
             radius_m: how far from its position, m.
             most_survivors: how many cells may remain; more of them prove more, and take longer.
+            any_roll: whether that is asked for the tool turned about its z axis by any angle: the
+                limits of w2 do not count then.
         """
         half = self._half[[0, 4]] / FIRST_CELLS
         middles = (
@@ -112,13 +119,15 @@ class PoseSweep:
         s0, w0, e1_sign, s1_sign = (grid.ravel() for grid in grids)
         cells = _Cells(s0, w0, e1_sign, s1_sign, (float(half[0]), float(half[1])))
         for _ in range(LEVELS):
-            cells = self._survivors(target, radius_m, cells)
+            cells = self._survivors(target, radius_m, cells, any_roll)
             if cells.s0.size == 0 or cells.s0.size > most_survivors:
                 return cells.s0.size == 0
             cells = cells.split()
         return False
 
-    def _survivors(self, target: FloatArray, radius_m: float, cells: _Cells) -> _Cells:
+    def _survivors(
+        self, target: FloatArray, radius_m: float, cells: _Cells, any_roll: bool
+    ) -> _Cells:
         """The cells that may hold a solution."""
         wobble_m, half_s0 = radius_m + self._margin_m, cells.half[0]
         x, y, up = target[:3, 3].tolist()
@@ -141,22 +150,27 @@ class PoseSweep:
         which = is_seen & (misfit <= beside.slack + across.slack)
         which = which & self._allows(1, s1) & self._allows(2, e0)
         cells, *angles = cells.part(which), *(angle.part(which) for angle in (s1, e0, e1))
-        return cells.part(self._holds_hand(target, cells, *angles))
+        return cells.part(self._holds_hand(target, cells, any_roll, *angles))
 
     def _holds_hand(
-        self,
-        target: FloatArray,
-        cells: _Cells,
-        s1: UncertainAngle,
-        e0: UncertainAngle,
-        e1: UncertainAngle,
+        self, target: FloatArray, cells: _Cells, any_roll: bool, *angles: UncertainAngle
     ) -> Flags:
-        """Where w1 and w2 may turn the hand as the target asks for."""
+        """Where w1 and w2, or w1 alone for any roll, may turn the hand as the target asks for.
+
+        Args:
+            target: one of `Linkage.targets`.
+            cells: which.
+            any_roll: as for `excludes`.
+            angles: s1, e0 and e1 at the middles of the cells.
+        """
+        s1, e0, e1 = angles
         off = self._margin_rad + sum(cells.half) + s1.slack + e0.slack + e1.slack
         seen = _Seen(cells.s0, s1.middle, e0.middle, e1.middle, cells.w0)
         ahead, sinking, aside = seen.of(target[:3, 2])
         w1 = UncertainVector(ahead, sinking, off).angle
-        fits = (np.abs(aside) <= off) & self._allows(5, w1)
+        fits: Flags = (np.abs(aside) <= off) & self._allows(5, w1)
+        if any_roll:
+            return fits
         ahead, sinking, aside = seen.of(target[:3, 0])
         bent = np.cos(w1.middle) * sinking - np.sin(w1.middle) * ahead
         w2 = UncertainVector(bent, aside, off + w1.slack).angle

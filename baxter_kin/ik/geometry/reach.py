@@ -148,19 +148,26 @@ class ReachBound:
         proven[~proven] = self._sweep.exclusions(left, radii_m, levels).is_proven
         return proven
 
-    def are_beyond_limits(self, Ts: FloatArray) -> Flags:
+    def are_beyond_limits(
+        self, Ts: FloatArray, *, any_roll: bool = False, is_thorough: bool = False
+    ) -> Flags:
         """Which poses are out of reach by the bound "limits": some milliseconds for each.
 
         Args:
             Ts: finite poses as matrices, shape (m, 4, 4).
+            any_roll: whether they are so however the gripper is turned about the last joint's axis.
+            is_thorough: whether each may take half a second.
 
         Returns:
             Shape (m,).
         """
         if not self._is_fixed or self._is_roll_free:
             return _nowhere(Ts)
-        radius_m = float(RADII_M[0])
-        excluded = [self._pose_sweep.excludes(T, radius_m) for T in self._targets(Ts)]
+        radius_m, most = float(RADII_M[0]), MANY_SURVIVORS if is_thorough else MOST_SURVIVORS
+        excluded = [
+            self._pose_sweep.excludes(T, radius_m, most, any_roll=any_roll)
+            for T in self._targets(Ts)
+        ]
         return np.array(excluded, np.bool_)
 
     @property

@@ -1,0 +1,159 @@
+"""Builds reach maps: what is missing of them, block by block, on any engine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from baxter_kin import Baxter, IKService
+from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.parallel import Engine, LocalPool
+from planner.atlas.map_files import Block, remove_leftovers
+from planner.atlas.positions import PositionGrid
+from planner.atlas.reach_map import ReachMap
+from planner.atlas.reach_search import UNDECIDED, UNREACHABLE, ReachSearch
+from planner.atlas.rotations import RotationGrid
+from planner.errors import AtlasError
+
+MOST_CELLS = 10**10
+"""More than the finest grids that a group of machines computes in days; more must be asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class BlockReport:
+    """What became of a block.
+
+    Attributes:
+        reachable: how many cells have a witness.
+        unreachable: how many are proven so.
+        undecided: how many are neither.
+        time_s: processor time that it took.
+    """
+
+    reachable: int
+    unreachable: int
+    undecided: int
+    time_s: float
+
+
+def build_reach_map(
+    path: str | Path,
+    robot: Baxter | None = None,
+    positions: PositionGrid | None = None,
+    rotations: RotationGrid | None = None,
+    arms: tuple[str, ...] = LIMBS,
+    *,
+    engine: Engine | None = None,
+    most_cells: int = MOST_CELLS,
+    progress: Callable[[int, int, BlockReport], object] | None = None,
+) -> ReachMap:
+    """Compute a map, or what is missing of it.
+
+    Calling it again with the same arguments goes on where it was stopped, whatever stopped it.
+
+    Args:
+        path: a folder; for a cluster one that all its machines see.
+        robot: whose map; the stock robot when not given.
+        positions: all that a tip can get to, 2.5 cm apart, when not given.
+        rotations: 576 Hopf rotations when not given.
+        arms: which.
+        engine: where; on all cores of this machine when not given.
+        most_cells: what a map may have at most.
+        progress: called for each block with how many are done, how many there are, and its report.
+
+    Raises:
+        AtlasError: when the map at that path is another one, has too many cells, or cannot be
+            written.
+        EngineError: when the engine is lost; the blocks that are stored stay.
+        MissingLibraryError: when Zarr is not installed.
+    """
+    robot = Baxter.load() if robot is None else robot
+    positions = PositionGrid.around(robot) if positions is None else positions
+    rotations = RotationGrid.hopf() if rotations is None else rotations
+    _check_size(len(arms) * len(positions) * len(rotations), most_cells)
+    found = _opened(Path(path), robot, positions, rotations, arms)
+    remove_leftovers(found.path)
+    engine = LocalPool() if engine is None else engine
+    missing, total = found.missing_blocks(), len(found.blocks)
+    done = total - len(missing)
+    tasks = [(str(found.path.resolve()), block) for block in missing]
+    for _, report in engine.run(compute_block, tasks):
+        done += 1
+        if progress is not None:
+            progress(done, total, report)
+    return found
+
+
+def compute_block(task: tuple[str, Block]) -> BlockReport:
+    """Compute one block of a map and store it: what workers do.
+
+    Args:
+        task: the map's folder, and which block.
+    """
+    path, block = task
+    found, searches = _open_for_work(path)
+    begun = time.process_time()
+    points = found.positions.points(found.positions.block_slices(block[1:])).reshape(-1, 3)
+    cells = searches[block[0]].search(points)
+    found.write_block(block, cells)
+    codes = cells.margins
+    return BlockReport(
+        int((codes >= 0).sum()),
+        int((codes == UNREACHABLE).sum()),
+        int((codes == UNDECIDED).sum()),
+        time.process_time() - begun,
+    )
+
+
+@lru_cache(maxsize=2)
+def _open_for_work(path: str) -> tuple[ReachMap, tuple[ReachSearch, ...]]:
+    found = ReachMap(path)
+    return found, tuple(ReachSearch(found.robot.arm(side), found.rotations) for side in found.arms)
+
+
+def _check_size(cells: int, most_cells: int) -> None:
+    if cells > most_cells:
+        raise AtlasError(
+            f"the map would have {cells:.3g} cells, and at most {most_cells:.3g} are allowed; take "
+            "a larger step, fewer rotations or one arm, or raise most_cells"
+        )
+
+
+def _opened(
+    path: Path,
+    robot: Baxter,
+    positions: PositionGrid,
+    rotations: RotationGrid,
+    arms: tuple[str, ...],
+) -> ReachMap:
+    """The map at a path, which must be this one, or a new one."""
+    if not (path / "zarr.json").exists():
+        backend = IKService(robot.arm(arms[0])).backend.value if arms else ""
+        return ReachMap.create(path, robot, positions, rotations, arms, backend=backend)
+    found = ReachMap(path)
+    other = [
+        what
+        for what, is_same in {
+            "robot": found.digest == robot.digest,
+            "grid of positions": found.positions == positions,
+            "set of rotations": _are_same(found.rotations, rotations),
+            "choice of arms": found.arms == tuple(arms),
+        }.items()
+        if not is_same
+    ]
+    if other:
+        raise AtlasError(
+            f"the map at {path} is of another {' and another '.join(other)}; nothing was changed; "
+            "choose another path"
+        )
+    return found
+
+
+def _are_same(a: RotationGrid, b: RotationGrid) -> bool:
+    same = np.array_equal(a.R_base_tips, b.R_base_tips) and np.array_equal(a.rolls, b.rolls)
+    return bool(same)

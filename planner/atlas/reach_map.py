@@ -1,0 +1,254 @@
+"""ReachMap: for poses on a grid and each arm, a witness that it is reached, or that it is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import Baxter
+from baxter_kin.distribution.version import version
+from baxter_kin.errors import UnknownNameError, shown_path
+from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import FloatArray
+from baxter_kin.value_objects import OneLine
+from planner.atlas.map_files import (
+    FORMAT,
+    VERSION,
+    Block,
+    blocks_stored,
+    create_group,
+    explained,
+    kind_of_machine,
+    open_group,
+    remove_block,
+)
+from planner.atlas.positions import PositionGrid
+from planner.atlas.reach_search import (
+    NOT_COMPUTED,
+    RAD_PER_MARGIN,
+    RAD_PER_STEP,
+    UNDECIDED,
+    UNREACHABLE,
+    Cells,
+    Codes,
+)
+from planner.atlas.rotations import RotationGrid
+from planner.errors import AtlasError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cell:
+    """What a map knows of one pose of its grid.
+
+    Attributes:
+        side: of the arm.
+        T_base_tip: the pose.
+        status: "reachable", "unreachable", "undecided" or "not computed".
+        margin_rad: of the witness to the nearest joint limit, rounded down; None without one.
+        q: the witness, shape (7,), rad; None without one.
+    """
+
+    side: str
+    T_base_tip: pin.SE3
+    status: str
+    margin_rad: float | None
+    q: FloatArray | None
+
+
+class ReachMap(OneLine):
+    """A map on disk.
+
+    Attributes:
+        path: its folder.
+        positions: the grid.
+        rotations: of the tip, at every position.
+        arms: whose, such as ("left", "right").
+        digest: that of the robot it was made for.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Open one.
+
+        Raises:
+            AtlasError: when there is none, or none that this toolkit reads.
+            MissingLibraryError: when Zarr is not installed.
+        """
+        self.path = Path(path)
+        self._group = open_group(self.path)
+        facts: dict[str, Any] = dict(self._group.attrs)
+        with explained(self.path):
+            self.positions = PositionGrid(
+                float(facts["step_m"]), tuple(facts["first"]), tuple(facts["shape"])
+            )
+            self.arms: tuple[str, ...] = tuple(facts["arms"])
+            self.digest = str(facts["robot_digest"])
+            self.machine = str(facts["machine"])
+            self.made_by = str(facts["baxter_kin"])
+            self._urdf = str(facts["robot_urdf"])
+            self.rotations = RotationGrid(self._group["directions"][...], self._group["rolls"][...])
+            self._margins, self._witnesses = self._group["margins"], self._group["witnesses"]
+
+    @classmethod
+    def create(
+        cls,
+        path: str | Path,
+        robot: Baxter,
+        positions: PositionGrid,
+        rotations: RotationGrid,
+        arms: tuple[str, ...] = LIMBS,
+        *,
+        backend: str,
+    ) -> ReachMap:
+        """A new map with nothing computed.
+
+        Raises:
+            AtlasError: when there is something else at that path, or no arm.
+        """
+        if not arms or len(set(arms)) < len(arms):
+            raise AtlasError(f"arms must be some of {', '.join(LIMBS)}, each once, got {arms}")
+        for side in arms:
+            robot.arm(side)
+        attributes = {
+            "format": FORMAT,
+            "version": VERSION,
+            "baxter_kin": version(),
+            "machine": kind_of_machine(backend),
+            "robot_digest": robot.digest,
+            "robot_urdf": robot.description.text,
+            "step_m": positions.step_m,
+            "first": list(positions.first),
+            "shape": list(positions.shape),
+            "arms": list(arms),
+            "rad_per_margin": RAD_PER_MARGIN,
+            "rad_per_step": RAD_PER_STEP,
+            "codes": {
+                "unreachable": UNREACHABLE,
+                "undecided": UNDECIDED,
+                "not computed": NOT_COMPUTED,
+            },
+        }
+        shape = (len(arms), *positions.shape)
+        create_group(Path(path), attributes, rotations.R_base_tips, rotations.rolls, shape)
+        return cls(path)
+
+    @cached_property
+    def robot(self) -> Baxter:
+        """The robot that the map is of.
+
+        Raises:
+            AtlasError: when what is stored is not the robot that it is said to be.
+        """
+        robot = Baxter.load(self._urdf)
+        if robot.digest != self.digest:
+            raise AtlasError(f"the robot stored in {shown_path(self.path)} is damaged")
+        return robot
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """All of them, in the order in which they are computed."""
+        nx, ny, nz = self.positions.blocks
+        return tuple(
+            (arm, x, y, z)
+            for arm in range(len(self.arms))
+            for x in range(nx)
+            for y in range(ny)
+            for z in range(nz)
+        )
+
+    def missing_blocks(self) -> tuple[Block, ...]:
+        """Those that are not computed."""
+        stored = set(blocks_stored(self.path, len(self.arms), self.positions.blocks))
+        return tuple(block for block in self.blocks if block not in stored)
+
+    def __len__(self) -> int:
+        """How many cells there are."""
+        return len(self.arms) * len(self.positions) * len(self.rotations)
+
+    def read_block(self, block: Block) -> Cells | None:
+        """The cells of a block, positions in a row; None when it is not computed.
+
+        Raises:
+            AtlasError: when it is damaged.
+        """
+        where = block[0], *self.positions.block_slices(block[1:])
+        with explained(self.path, f"block {block} of the map"):
+            margins: Codes = self._margins[where]
+            if (margins == NOT_COMPUTED).any():
+                return None
+            witnesses = self._witnesses[where]
+        rotations = len(self.rotations)
+        return Cells(margins.reshape(-1, rotations), witnesses.reshape(-1, 7, rotations))
+
+    def write_block(self, block: Block, cells: Cells) -> None:
+        """Store a block.
+
+        Raises:
+            AtlasError: when it cannot be written.
+        """
+        pieces = self.positions.block_slices(block[1:])
+        where = block[0], *pieces
+        sizes = tuple(piece.stop - piece.start for piece in pieces)
+        with explained(self.path):
+            self._witnesses[where] = cells.witnesses.reshape(*sizes, 7, -1)
+            self._margins[where] = cells.margins.reshape(*sizes, -1)
+
+    def discard_block(self, block: Block) -> None:
+        """Forget a block, so that the next build computes it."""
+        remove_block(self.path, block)
+
+    def margins(self, side: str) -> Codes:
+        """Margins and codes of one arm, shape (nx, ny, nz, rotations): all in memory.
+
+        Raises:
+            UnknownNameError: when the map has no such arm.
+            AtlasError: when a block is damaged.
+        """
+        with explained(self.path):
+            return np.asarray(self._margins[self._arm_index(side)])
+
+    def cell(self, side: str, position: tuple[int, ...], rotation: int) -> Cell:
+        """What is known of one pose of the grid, by its indices."""
+        where = (self._arm_index(side), *position)
+        with explained(self.path):
+            code = int(self._margins[(*where, rotation)])
+            steps = self._witnesses[(*where, slice(None), rotation)]
+        p = self.positions.step_m * (np.array(self.positions.first) + np.array(position, float))
+        T = pin.SE3(self.rotations.matrices[rotation], p)
+        if code < 0:
+            return Cell(side, T, STATUSES[code], None, None)
+        return Cell(side, T, "reachable", code * RAD_PER_MARGIN, steps * RAD_PER_STEP)
+
+    def nearest_cell(self, side: str, T_base_tip: PoseLike) -> Cell:
+        """The cell of the nearest point and, there, the nearest rotation.
+
+        Raises:
+            PoseError: when the pose is not a valid one.
+            AtlasError: when its position lies outside of the grid.
+        """
+        T = checked_pose(T_base_tip)
+        position = self.positions.nearest(T.translation)
+        if position is None:
+            raise AtlasError(
+                f"({', '.join(f'{x:.3f}' for x in T.translation)}) m lies outside of the map, "
+                f"which goes from {self.positions.low_m} to {self.positions.high_m} m"
+            )
+        return self.cell(side, position, self.rotations.nearest(T.rotation))
+
+    def _arm_index(self, side: str) -> int:
+        if side not in self.arms:
+            raise UnknownNameError("arm of this map", side, self.arms)
+        return self.arms.index(side)
+
+    def _facts(self) -> tuple[str, ...]:
+        sides = " and ".join(self.arms)
+        return sides, repr(self.positions), repr(self.rotations)
+
+
+STATUSES = {UNREACHABLE: "unreachable", UNDECIDED: "undecided", NOT_COMPUTED: "not computed"}
+"""Of codes."""

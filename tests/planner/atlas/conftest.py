@@ -1,0 +1,28 @@
+"""Small maps that tests of atlases share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from baxter_kin import Baxter
+from baxter_kin.parallel import Serial
+from planner.atlas import PositionGrid, ReachMap, RotationGrid, build_reach_map
+
+pytest.importorskip("zarr", reason="maps need zarr, and it Python 3.11", exc_type=ImportError)
+
+
+@pytest.fixture(scope="session")
+def small_grid() -> PositionGrid:
+    """Positions at the edge of what the left arm reaches, in two blocks."""
+    return PositionGrid.within([0.5, 0.0, 0.0], [0.8, 0.9, 0.2], 0.1)
+
+
+@pytest.fixture(scope="session")
+def small_map(
+    robot: Baxter, small_grid: PositionGrid, tmp_path_factory: pytest.TempPathFactory
+) -> ReachMap:
+    """A map of both arms with 72 rotations; not to be changed."""
+    path: Path = tmp_path_factory.mktemp("maps") / "small.zarr"
+    return build_reach_map(path, robot, small_grid, RotationGrid.hopf(0), engine=Serial())

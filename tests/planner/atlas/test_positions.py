@@ -1,0 +1,61 @@
+"""Grids of positions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from baxter_kin import Baxter
+from planner.atlas import PositionGrid
+from planner.errors import AtlasError
+
+
+def test_points_are_multiples_of_the_step() -> None:
+    grid = PositionGrid.within([-0.06, 0.0, 0.31], [0.1, 0.2, 0.4], 0.05)
+    assert grid.first == (-1, 0, 7)
+    assert grid.shape == (4, 5, 2)
+    assert np.allclose(grid.points()[1, 2, 1], [0.0, 0.1, 0.4])
+    assert np.allclose(grid.low_m, grid.points()[0, 0, 0])
+    assert np.allclose(grid.high_m, grid.points()[-1, -1, -1])
+
+
+def test_blocks_hold_every_point_once() -> None:
+    grid = PositionGrid(0.1, (-3, 2, 0), (9, 17, 8))
+    seen = np.zeros(grid.shape, int)
+    for block in np.ndindex(*grid.blocks):
+        seen[grid.block_slices(block)] += 1
+    assert (seen == 1).all()
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=40)
+def test_no_tip_gets_out_of_the_grid_around_a_robot(robot: Baxter, seed: int) -> None:
+    grid, rng = PositionGrid.around(robot, 0.1), np.random.default_rng(seed)
+    for arm in robot.arms.values():
+        p = arm.T_base_tip(rng.uniform(arm.limits.q_min, arm.limits.q_max)).translation
+        assert (p > grid.low_m - 0.1).all()
+        assert (p < grid.high_m + 0.1).all()
+
+
+def test_the_nearest_point_of_what_is_outside_is_none() -> None:
+    grid = PositionGrid(0.1, (0, 0, 0), (3, 3, 3))
+    assert grid.nearest([0.12, 0.0, 0.19]) == (1, 0, 2)
+    assert grid.nearest([0.26, 0.0, 0.0]) is None
+
+
+@pytest.mark.parametrize(
+    ("step_m", "low", "high", "said"),
+    [
+        (0.0, 0.0, 1.0, "step_m must be above zero"),
+        (0.1, 0.01, 0.09, "no point of a grid of 0.1 m lies between"),
+        (1e-5, 0.0, 1.0, "points along each side must be a whole number from 1 to 10000"),
+        (np.nan, 0.0, 1.0, "step_m must be a finite number"),
+    ],
+)
+def test_grids_of_no_or_too_many_points_are_refused(
+    step_m: float, low: float, high: float, said: str
+) -> None:
+    with pytest.raises(AtlasError, match=said):
+        PositionGrid.within([low] * 3, [high] * 3, step_m)
