@@ -13,6 +13,7 @@ const SHARES = [0, 0.25, 0.5, 0.75, 1];
 const HEAD_BEFORE_PAN_M = 0.08;
 const HEAD_RADIUS_M = 0.16;
 const WRIST_TO_TIP_M = 0.2;
+const LINK_RADIUS_M = 0.1;
 const ZOOM_PER_PIXEL = 0.0012;
 const NEAREST_EYE_M = 0.15;
 const FARTHEST_EYE_M = 9;
@@ -166,7 +167,7 @@ function followHand() {
   view.last = now;
 }
 
-// Everything that the action reaches: moved bodies, and the arms' joints and tips.
+// Everything that the action reaches: moved bodies, and the arms around their joints and tips.
 function pointsNow(sides, paths) {
   viewer.scene.updateMatrixWorld();
   const points = [...paths.flatMap(cornersOf), ...sides.flatMap(armPoints)];
@@ -191,9 +192,9 @@ function headPoints() {
 function armPoints(side) {
   const points = [];
   const shoulder = viewer.scene.getObjectByName(`${side}_s0`);
-  if (shoulder) shoulder.traverse((node) => { if (/_[sew]\d$/.test(node.name)) points.push(toBase(node.getWorldPosition(new MeshCat.THREE.Vector3()))); });
+  if (shoulder) shoulder.traverse((node) => { if (/_[sew]\d$/.test(node.name)) points.push(...around(toBase(node.getWorldPosition(new MeshCat.THREE.Vector3())), LINK_RADIUS_M)); });
   view.side = side;
-  return shoulder ? [...points, handPoint()] : [];
+  return shoulder ? [...points, ...around(handPoint(), LINK_RADIUS_M)] : [];
 }
 
 function zoomToCursor(event) {

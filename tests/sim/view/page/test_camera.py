@@ -18,6 +18,25 @@ SEEN = """
   });
 }
 """
+WRIST = """
+(share) => {
+  const { Vector3 } = MeshCat.THREE;
+  replay.seek(share * replay.duration);
+  viewer.scene.updateMatrixWorld();
+  viewer.camera.updateMatrixWorld();
+  const columns = [];
+  viewer.scene.getObjectByName(`${view.side}_w0`).traverse((mesh) => {
+    const corners = mesh.geometry && mesh.geometry.attributes.position;
+    for (let k = 0; corners && k < corners.count; k++) {
+      const seen = new Vector3().fromBufferAttribute(corners, k).applyMatrix4(mesh.matrixWorld);
+      columns.push((seen.project(viewer.camera).x + 1) / 2 * innerWidth);
+    }
+  });
+  columns.sort((a, b) => a - b);
+  return [columns.length, columns[0], columns[columns.length - 1]];
+}
+"""
+"""How many corners the wrist and hand have, and from which column to which they are seen."""
 EYE = "toBase(viewer.camera.position)"
 TARGET = "toBase(viewer.controls.target)"
 
@@ -53,6 +72,18 @@ def test_all_of_the_action_is_seen_beside_card_panel_and_controls(
         assert x.max() <= size[0]
     else:
         assert x.max() <= panel["x"] + 1.0 or y.max() <= panel["y"] + 1.0
+
+
+def test_neither_wrist_nor_hand_is_cut_by_the_panel(story: Watched) -> None:
+    story.page.set_viewport_size({"width": 1100, "height": 700})
+    story.run("openPanel(true); showView('fitted', {flies: false})")
+    panel = story.page.locator("#panel").bounding_box()
+    assert panel is not None
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        corners, left, right = story.run(WRIST, share)
+        assert corners > 100
+        assert left >= 0.0
+        assert right <= panel["x"]
 
 
 def test_it_is_as_near_as_it_can_be(story: Watched) -> None:
