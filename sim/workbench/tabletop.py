@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import pose_from_quaternion
-from baxter_kin.errors import millimetres_hint, quoted
-from baxter_kin.validation import FloatArray, finite_array
+from baxter_kin.errors import degrees_hint, millimetres_hint, quoted
+from baxter_kin.validation import FloatArray, finite_array, finite_scalar
 from planner import Body, Scene, load_object
 from planner.errors import SceneError
 from planner.scene.contact import PRESSING_TOLERANCE_M
@@ -18,6 +18,9 @@ from planner.scene.contact import PRESSING_TOLERANCE_M
 TABLE = "table"
 TABLE_Z_M = -0.155
 """The table's top, in base."""
+
+LEAST_CENTIMETRES, LEAST_MILLIMETRES = 2.5, 150.0
+"""From where on a length on the table seems to be in centimetres, or in millimetres."""
 
 _UP = (0.0, 0.0, 1.0)
 
@@ -30,6 +33,19 @@ def table() -> Body:
 def on_table(x_m: float, y_m: float, edge_m: float, *, above_m: float = 0.0) -> pin.SE3:
     """Where the centre of a cube on the table is, or of one so far above it; seen from base."""
     return pin.SE3(np.eye(3), np.array([x_m, y_m, TABLE_Z_M + above_m + edge_m / 2]))
+
+
+def turned_on_table(x_m: object, y_m: object, yaw_rad: object, *, height_m: float) -> pin.SE3:
+    """Where the centre of a box on the table is that is turned about the vertical; seen from base.
+
+    Raises:
+        SceneError: when one of them is not a finite number, or the angle more than a turn.
+    """
+    x, y = (finite_scalar(v, name, SceneError) for v, name in ((x_m, "x_m"), (y_m, "y_m")))
+    yaw = finite_scalar(yaw_rad, "yaw_rad", SceneError)
+    if abs(yaw) > 2.0 * math.pi:
+        raise SceneError(f"yaw_rad is at most a whole turn, got {yaw:g}{degrees_hint(yaw)}")
+    return pin.SE3(pin.utils.rotate("z", yaw), on_table(x, y, height_m).translation)
 
 
 def standing(body: Body, x_m: float, y_m: float) -> pin.SE3:
@@ -61,6 +77,24 @@ def checked_place(to: object) -> tuple[float, float]:
     return x, y
 
 
+def checked_size(size_m: object) -> tuple[float, float, float]:
+    """The three edges of a box.
+
+    Raises:
+        SceneError: when they are not three finite numbers above zero.
+    """
+    try:
+        x, y, z = finite_array(size_m, (3,), "size_m", SceneError).tolist()  # type: ignore[arg-type]
+    except SceneError as cause:
+        raise SceneError(
+            "size_m is three edges along x, y and z in m, such as (0.3, 0.02, 0.2), got "
+            f"{quoted(size_m)}"
+        ) from cause
+    if min(x, y, z) <= 0.0:
+        raise SceneError(f"every edge of size_m must be above zero, got {quoted(size_m)}")
+    return x, y, z
+
+
 def why_beside(T_base_body: pin.SE3, table: Body) -> str:
     """Why nothing can stand there: it is beside the table; empty where it is on it."""
     x_m, y_m, _ = T_base_body.translation.tolist()
@@ -69,7 +103,7 @@ def why_beside(T_base_body: pin.SE3, table: Body) -> str:
         return ""
     return (
         f"({x_m:g}, {y_m:g}) m is beside the table, which reaches from x = {x0:.2f} to {x1:.2f} m "
-        f"and from y = {y0:.2f} to {y1:.2f} m{millimetres_hint(x_m, y_m)}"
+        f"and from y = {y0:.2f} to {y1:.2f} m{_unit_hint(x_m, y_m)}"
     )
 
 
@@ -77,8 +111,11 @@ def check_room(block: Body, scene: Scene) -> None:
     """Raise when a block that is to be put on the table has no room there.
 
     Raises:
-        SceneError: when it is beside the table, or where something stands.
+        SceneError: when it is wider than the table, beside it, or where something stands.
     """
+    too_wide = _why_too_wide(block, scene[TABLE])
+    if too_wide:
+        raise SceneError(f"no room for {quoted(block.name)}: {too_wide}")
     x, y, _ = block.T_base_body.translation.tolist()
     beside = why_beside(block.T_base_body, scene[TABLE])
     if beside:
@@ -89,6 +126,27 @@ def check_room(block: Body, scene: Scene) -> None:
                 f"no room for {quoted(block.name)} at ({x:g}, {y:g}) m: {quoted(other.name)} "
                 "stands there"
             )
+
+
+def _why_too_wide(block: Body, table: Body) -> str:
+    for axis, name in zip(np.eye(3)[:2], "xy", strict=True):
+        (low, high), (least, most) = block.extent_m(axis), table.extent_m(axis)
+        if high - low > most - least:
+            return (
+                f"it is {high - low:g} m wide along {name}, the table {most - least:.2f} m"
+                f"{_unit_hint(high - low)}"
+            )
+    return ""
+
+
+def _unit_hint(*lengths_m: float) -> str:
+    """What a refusal adds where lengths make no sense in metres: the table is a metre wide."""
+    longest = max(map(abs, lengths_m))
+    if longest < LEAST_CENTIMETRES:
+        return ""
+    return millimetres_hint(longest, least=LEAST_MILLIMETRES) or (
+        f"; are these centimetres? Lengths are in metres: {longest:g} cm is {longest / 100:g} m"
+    )
 
 
 def _overlap(one: Body, other: Body) -> bool:

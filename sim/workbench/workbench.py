@@ -14,17 +14,17 @@ block ended.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect, expect_all, quoted
+from baxter_kin.errors import expect, expect_all
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.model import given_or_stock
-from baxter_kin.validation import finite_scalar, positive_scalar
+from baxter_kin.validation import positive_scalar
 from baxter_kin.value_objects import OneLine, count, listing
 from planner import (
     Body,
@@ -44,7 +44,7 @@ from sim.recording.recorder import Recorder
 from sim.recording.recording import Recording
 from sim.simulation import Simulation
 from sim.view.replay import Replay
-from sim.workbench import tabletop
+from sim.workbench import requests, tabletop
 from sim.workbench.advice import withdrawal_hint
 from sim.workbench.task_result import TaskResult
 from sim.world.world import World
@@ -113,14 +113,34 @@ class Workbench(OneLine):
             SceneError: when the name is taken or not allowed, a number is not finite, there is no
                 such colour, or no room: beside the table, or where something stands.
         """
-        edge_m = positive_scalar(edge_m, "edge_m", SceneError)
-        x, y = (finite_scalar(v, name, SceneError) for v, name in ((x_m, "x_m"), (y_m, "y_m")))
-        yaw = finite_scalar(yaw_rad, "yaw_rad", SceneError)
-        middle = tabletop.on_table(x, y, edge_m).translation
-        T_base_block = pin.SE3(pin.utils.rotate("z", yaw), middle)
-        block = make_block(name, T_base_block, edge_m=edge_m, colour=colour)
-        tabletop.check_room(block, self.world.scene)
-        self.simulation.spawn(block)
+        edge = positive_scalar(edge_m, "edge_m", SceneError)
+        self._put(name, (x_m, y_m, yaw_rad), (edge, edge, edge), colour, is_movable=True)
+
+    def add_obstacle(
+        self,
+        name: str,
+        x_m: float,
+        y_m: float,
+        *,
+        size_m: Sequence[float],
+        colour: str | None = None,
+        yaw_rad: float = 0.0,
+    ) -> None:
+        """Put a box on the table that stays there, such as a wall; arms go around it.
+
+        Args:
+            name: its name, such as "wall".
+            x_m: where its middle is, in base.
+            y_m: the same along y.
+            size_m: its edges along x, y and z, before it is turned.
+            colour: such as "red"; the colour of its name when not given, or grey.
+            yaw_rad: how far it is turned about the vertical.
+
+        Raises:
+            SceneError: as for a block, or when the size is not three lengths above zero.
+        """
+        size = tabletop.checked_size(size_m)
+        self._put(name, (x_m, y_m, yaw_rad), size, colour, is_movable=False)
 
     def carry(
         self,
@@ -148,14 +168,12 @@ class Workbench(OneLine):
             UnknownNameError: when there is no such arm.
             SimulationError: when not one of `to` and `onto` is given, or the arm has no fingers.
         """
-        body = self._movable(block)
-        T_base_goal = self._goal(body, to, onto)
+        body = requests.movable(self.world, block)
+        T_base_goal = requests.goal(self.world, body, to, onto)
         sides = tuple(self._arms) if arm is None else (self._side(arm),)
-        why = self._why_not(body, T_base_goal)
-        if why:
-            result = TaskResult.refused(body.name, why)
-        else:
-            result = self._carried(body, T_base_goal, sides)
+        why = requests.why_not(self.world, body, T_base_goal)
+        refused = TaskResult.refused(body.name, why) if why else None
+        result = refused or self._carried(body, T_base_goal, sides)
         self.tasks.append(result)
         return result
 
@@ -199,7 +217,7 @@ class Workbench(OneLine):
             UnknownNameError: when there is no such arm.
             SimulationError: when it has no fingers.
         """
-        arm, body = self.arm(side), self._movable(block)
+        arm, body = self.arm(side), requests.movable(self.world, block)
         pick = overhead_grasp(arm.hand, body)
         place = checked_pose(T_base_goal) * body.T_base_body.inverse() * pick
         task = PickAndPlace(block, pick, place)
@@ -237,6 +255,20 @@ class Workbench(OneLine):
     def _facts(self) -> tuple[str, ...]:
         return listing(self.world.scene.bodies, "body"), count(len(self.tasks), "task")
 
+    def _put(
+        self,
+        name: str,
+        where: tuple[float, float, float],
+        size_m: tuple[float, float, float],
+        colour: str | None,
+        *,
+        is_movable: bool,
+    ) -> None:
+        T_base_body = tabletop.turned_on_table(*where, height_m=size_m[2])
+        body = make_block(name, T_base_body, edge_m=size_m, colour=colour, is_movable=is_movable)
+        tabletop.check_room(body, self.world.scene)
+        self.simulation.spawn(body)
+
     def _carried(self, body: Body, T_base_goal: pin.SE3, sides: tuple[str, ...]) -> TaskResult:
         task, began = f"carry {body.name}", time.perf_counter()
         plans = [self.plan(side, body.name, T_base_goal) for side in sides]
@@ -256,39 +288,6 @@ class Workbench(OneLine):
         return TaskResult(
             task, body.name, plan.limb, motion_s, planning_s, off_m, verdict, is_done, plan
         )
-
-    def _goal(
-        self, body: Body, to: tuple[float, float] | PoseLike | None, onto: str | None
-    ) -> pin.SE3:
-        if (to is None) == (onto is None):
-            raise SimulationError(
-                "say where the block goes: to=(x, y), to=pose or onto='name', one of them"
-            )
-        if onto is not None:
-            below = self.world.body(onto)
-            if below.name == body.name:
-                raise SceneError(f"{quoted(onto)} cannot stand on itself")
-            return tabletop.stacked(body, below)
-        if isinstance(to, pin.SE3):
-            return checked_pose(to)
-        return tabletop.standing(body, *tabletop.checked_place(to))
-
-    def _why_not(self, body: Body, T_base_goal: pin.SE3) -> str:
-        """Why there is no need to plan at all; empty otherwise."""
-        riders = self.world.riders(body.name)
-        if riders:
-            return f"{riders[0]} stands on {body.name}; carry that away first"
-        beside = tabletop.why_beside(T_base_goal, self.world.body(tabletop.TABLE))
-        return f"nothing to stand on, {beside}" if beside else ""
-
-    def _movable(self, name: str) -> Body:
-        body = self.world.body(name)
-        if not body.is_movable:
-            movable = ", ".join(each.name for each in self.world.scene if each.is_movable)
-            raise SceneError(
-                f"{quoted(name)} is not a block to carry; there are: {movable or 'none yet'}"
-            )
-        return body
 
     def _side(self, arm: str) -> str:
         side = self.robot.arm(arm).side
