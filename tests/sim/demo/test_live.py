@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 import webbrowser
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -147,7 +148,7 @@ def ended(process: subprocess.Popen[str], page: Page) -> tuple[int, str]:
 
 def content_of(page: Page) -> dict[str, Any]:
     """The replay that the page got."""
-    found: dict[str, Any] = umsgpack.unpackb(base64.b64decode(page.told["replay"]))
+    found: dict[str, Any] = umsgpack.unpackb(zlib.decompress(base64.b64decode(page.told["replay"])))
     return found
 
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import base64
 import gzip
+import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +34,7 @@ def decoded(text: str) -> dict[str, Any]:
         code: (lambda ext, kind=kind: np.frombuffer(ext.data, kind))
         for code, kind in _TYPES.items()
     }
-    return dict(umsgpack.unpackb(base64.b64decode(text), ext_handlers=handlers))
+    return dict(umsgpack.unpackb(zlib.decompress(base64.b64decode(text)), ext_handlers=handlers))
 
 
 def layers_of(content: dict[str, Any]) -> dict[str, dict[str, Any]]:

@@ -111,15 +111,20 @@ function keepInView() {
 }
 
 // The program has sent what it showed; from here on the page needs it no more.
+let unpacking = Promise.resolve();
 function becomeReplay(base64) {
+  unpacking = decode(base64).then(playAgain).catch((error) => showStatus(`The replay cannot be shown: ${error.message}`));
+}
+
+function playAgain(content) {
   if (document.body.dataset.mode === "replay") return;
-  const content = decode(base64);
   element("loop").checked = false;
   element("play").disabled = element("speed").disabled = false;
   startReplay(content, { time: content.duration });
 }
 
-function endShow({ code }) {
+async function endShow({ code }) {
+  await unpacking;
   const isReplay = document.body.dataset.mode === "replay";
   const ended = code === SAID_GOODBYE || isReplay;
   showStatus(ended

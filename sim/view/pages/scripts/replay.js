@@ -1,5 +1,5 @@
-startWith(() => {
+startWith(async () => {
   startPage();
-  startReplay(decode(element("data").textContent));
+  startReplay(await decode(element("data").textContent));
   if (!prefersStill.matches) replay.play();
 });

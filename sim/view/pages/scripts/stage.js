@@ -48,9 +48,9 @@ function paintStage(made) {
 
 // Start once "Loading" can be read, and say so when the browser cannot draw.
 function startWith(start) {
-  const attempt = () => {
+  const attempt = async () => {
     if (!canDraw()) return showProblem("This page draws in 3D with WebGL, which is switched off or missing in this browser. Try another browser, or turn on its hardware acceleration.");
-    try { start(); } catch (error) { showProblem(`This page cannot be shown: ${error.message}`); throw error; }
+    try { await start(); } catch (error) { showProblem(`This page cannot be shown: ${error.message}`); throw error; }
   };
   requestAnimationFrame(() => setTimeout(attempt));
 }
