@@ -41,6 +41,19 @@ SIZE: ViewportSize = {"width": 960, "height": 600}
 DEADLINE_S = 300.0
 """A frame without a graphics card takes 1.5 s on two quiet cores; how long else is not tested."""
 
+DRAW_ONLY_PICTURES = """
+() => {
+  const renderer = viewer.renderer;
+  const draw = renderer.render.bind(renderer), capture = viewer.capture_image.bind(viewer);
+  const place = (scene, camera) => { scene.updateMatrixWorld(); camera.updateMatrixWorld(); };
+  viewer.capture_image = () => {
+    renderer.render = draw;
+    try { return capture(); } finally { renderer.render = place; }
+  };
+  renderer.render = place;
+}
+"""
+
 GREEN = (0.05, 0.95, 0.05, 1.0)
 BLOCK_AT_START = (0.70, 0.25, -0.13)
 BLOCK_AT_END = (0.70, -0.15, -0.13)
@@ -61,6 +74,10 @@ class Watched:
         data = self.page.evaluate("viewer.capture_image()").split(",", 1)[1]
         picture = Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")
         return np.asarray(picture, dtype=np.int16)
+
+    def draw_only_pictures(self) -> None:
+        """From now on, draw for `picture` alone: all other frames place things and draw nothing."""
+        self.page.evaluate(DRAW_ONLY_PICTURES)
 
     def run(self, script: str, argument: object = None) -> Any:
         """What a script returns."""

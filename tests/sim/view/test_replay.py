@@ -53,6 +53,7 @@ def loaded(browser: Browser, replay_file: Path) -> Iterator[Watched]:
     with watched_page(browser) as watched:
         watched.page.goto(replay_file.as_uri())
         watched.page.wait_for_function("replay.ready")
+        watched.draw_only_pictures()
         yield watched
 
 

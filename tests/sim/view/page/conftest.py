@@ -42,6 +42,7 @@ def loaded(browser: Browser, story_file: Path) -> Iterator[Watched]:
     with watched_page(browser) as watched:
         watched.page.goto(story_file.as_uri())
         watched.page.wait_for_function("replay.ready")
+        watched.draw_only_pictures()
         yield watched
 
 
