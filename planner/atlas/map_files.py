@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import platform
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
@@ -104,6 +104,18 @@ def create_group(
             )
         group.attrs.put(attributes)  # last: without them it is no map
     return group
+
+
+def stored_bytes(parts: Iterable[Any]) -> int:
+    """What arrays take on disk."""
+    zarr = zarr_library()
+    stored = 0
+    for part in parts:
+        made = zarr.create_array(
+            zarr.storage.MemoryStore(), data=part, chunks=part.shape, compressors=_checked(zarr)
+        )
+        stored += int(made.nbytes_stored())
+    return stored
 
 
 def open_group(path: Path) -> Any:

@@ -202,15 +202,19 @@ class ReachMap(OneLine):
         """Forget a block, so that the next build computes it."""
         remove_block(self.path, block)
 
-    def margins(self, side: str) -> Codes:
-        """Margins and codes of one arm, shape (nx, ny, nz, rotations): all in memory.
+    def margins(self, side: str, part: tuple[slice, ...] = (slice(None),) * 3) -> Codes:
+        """Margins and codes of one arm, shape (nx, ny, nz, rotations).
+
+        Args:
+            side: of the arm.
+            part: of the positions, by their indices; all of them, in memory, when not given.
 
         Raises:
             UnknownNameError: when the map has no such arm.
             AtlasError: when a block is damaged.
         """
         with explained(self.path):
-            return np.asarray(self._margins[self._arm_index(side)])
+            return np.asarray(self._margins[(self._arm_index(side), *part)])
 
     def cell(self, side: str, position: tuple[int, ...], rotation: int) -> Cell:
         """What is known of one pose of the grid, by its indices."""
