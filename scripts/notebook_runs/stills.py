@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from chromium import FLAGS, chromium_on_path
+from notebook_runs.chromium import FLAGS, chromium_on_path
 from nbformat import NotebookNode
 from nbformat.v4 import new_output
 from PIL import Image
