@@ -18,11 +18,12 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from notebook_runs.chromium import FLAGS, chromium_on_path
 from nbformat import NotebookNode
 from nbformat.v4 import new_output
 from PIL import Image
 from playwright.async_api import Browser, Page, ViewportSize, async_playwright
+
+from notebook_runs.chromium import FLAGS, chromium_on_path
 
 SIZE: ViewportSize = {"width": 960, "height": 540}
 PIXEL_RATIO = 1.5
