@@ -14,6 +14,7 @@ PYTHON = "/usr/bin/python3"
 PACKAGES = (
     "python3-rosmaster python3-rospy python3-rostopic python3-rosservice python3-genpy"
     " python3-actionlib python3-std-msgs python3-sensor-msgs python3-geometry-msgs ros-std-msgs"
+    " python3-trajectory-msgs"
     " ros-sensor-msgs ros-geometry-msgs ros-trajectory-msgs ros-actionlib-msgs"
 )
 """What the tests need of them."""
