@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 OWN = """
@@ -27,6 +29,21 @@ def find_chromium() -> str | None:
         return None
     on_path = filter(None, map(shutil.which, NAMES))
     return next((path for path in (*on_path, own) if _says(path, "--version") is not None), None)
+
+
+def at_usual_priority(path: str, folder: Path) -> str:
+    """A program in that folder that starts a Chromium which cannot raise its own priority.
+
+    Where it may, as root, its drawing goes before all else on the machine, and tests in real time
+    that run beside it come late. Without `setpriv`, of util-linux, the path as it is.
+    """
+    if os.geteuid() != 0 or shutil.which("setpriv") is None:
+        return path
+    starter = folder / "chromium"
+    kept = "setpriv --bounding-set=-sys_nice --inh-caps=-sys_nice --"
+    starter.write_text(f'#!/bin/sh\nexec {kept} "{path}" "$@"\n', "utf-8")
+    starter.chmod(0o755)
+    return str(starter)
 
 
 def playwrights_own() -> str | None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tests.chromium import find_chromium
+from tests.chromium import at_usual_priority, find_chromium
 
 
 def program(path: Path, status: int = 0, says: object = "1.0") -> str:
@@ -53,3 +55,15 @@ def test_one_that_does_not_start_is_passed_over(tmp_path: Path) -> None:
     assert find_chromium() is None
     path = program(tmp_path / "bin" / "chromium-browser")
     assert find_chromium() == path
+
+
+def test_what_is_started_cannot_raise_its_priority(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", os.defpath)
+    raises = tmp_path / "raises"
+    raises.write_text("#!/bin/sh\nrenice -n -5 -p $$ >/dev/null 2>&1; nice\n")
+    raises.chmod(0o755)
+    starter = at_usual_priority(str(raises), tmp_path)
+    said = subprocess.run([starter], check=True, capture_output=True, text=True).stdout
+    assert int(said) == os.nice(0)

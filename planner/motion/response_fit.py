@@ -25,7 +25,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.validation import FloatArray, finite_array, float_array
 from planner.errors import ResponseError
@@ -39,6 +39,9 @@ from planner.motion.response import (
 
 LEAST_SAMPLES, LONGEST_GAP_S = 50, 0.25
 """Of a recording: set-points come at 100 Hz; longer gaps leave open what was sent and done."""
+
+LEAST_RECORDED = 0.5
+"""Share of the time that a recording must tell of."""
 
 LEAST_TRAVEL_RAD = 0.02
 """Joints that were commanded to go less far say nothing of their lag."""
@@ -76,7 +79,7 @@ def fit_response(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) ->
 
     Raises:
         ResponseError: when arrays do not fit, a number is not finite, times do not increase or
-            leave gaps, or a joint did not move enough, or not as one that follows; says which.
+            are mostly gaps, or a joint did not move enough, or not as one that follows; says which.
     """
     data = _checked(t, q_commanded, q_measured)
     lag_s = _lags(data)
@@ -93,11 +96,24 @@ def fit_response(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) ->
 
 
 class _Data(NamedTuple):
-    """A recording: times (k,), commands and measurements (k, 7)."""
+    """A recording: times (k,), commands and measurements (k, 7); whether a part begins there."""
 
     t: FloatArray
     u: FloatArray
     q: FloatArray
+    begins: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, t: FloatArray, u: FloatArray, q: FloatArray) -> _Data:
+        """Parts are what lies between gaps."""
+        return cls(t, u, q, np.diff(t, prepend=-np.inf) > LONGEST_GAP_S)
+
+    @property
+    def since_s(self) -> FloatArray:
+        """Time since its part began, shape (k,)."""
+        first = np.flatnonzero(self.begins)
+        since_s: FloatArray = self.t - self.t[first[np.cumsum(self.begins) - 1]]
+        return since_s
 
 
 def _checked(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) -> _Data:
@@ -113,7 +129,7 @@ def _checked(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) -> _Da
                 f"joint {int(travel.argmin())} was {what} over {travel.min():.3g} rad only; every "
                 f"joint must go {LEAST_TRAVEL_RAD:g} rad to tell its lag"
             )
-    return _Data(times, u, q)
+    return _Data.of(times, u, q)
 
 
 def _check_times(times: FloatArray) -> None:
@@ -125,29 +141,40 @@ def _check_times(times: FloatArray) -> None:
         raise ResponseError(
             f"times must increase, but {times[at]:g} s comes before {times[at + 1]:g} s"
         )
-    if float(gaps.max()) > LONGEST_GAP_S:
-        at = int(gaps.argmax())
+    missing_s = float(gaps[gaps > LONGEST_GAP_S].sum())
+    if missing_s > (1.0 - LEAST_RECORDED) * float(gaps.sum()):
         raise ResponseError(
-            f"nothing is recorded for {gaps[at]:.3g} s after {times[at]:g} s; samples may be "
-            f"{LONGEST_GAP_S:g} s apart"
+            f"nothing is recorded for {missing_s:.3g} of {gaps.sum():.3g} s, in gaps longer than "
+            f"{LONGEST_GAP_S:g} s; record at 100 Hz, and give times in seconds"
         )
 
 
-def _answers(data: _Data, lags_s: FloatArray, start: FloatArray) -> FloatArray:
-    """Answers to the commands with lags of shape (..., 7), from a start: shape (k, ..., 7)."""
+def _answers(data: _Data, lags_s: FloatArray) -> FloatArray:
+    """Answers with lags of shape (..., 7), from the start of each part on: shape (k, ..., 7)."""
     found = np.empty((len(data.t), *lags_s.shape))
-    found[0] = y = np.broadcast_to(start, lags_s.shape)
+    found[0] = y = np.broadcast_to(data.q[0], lags_s.shape)
     for number, step_s in enumerate(np.diff(data.t).tolist()):
-        y = data.u[number] + (y - data.u[number]) * left_over(step_s, lags_s)
+        if data.begins[number + 1]:
+            y = np.broadcast_to(data.q[number + 1], lags_s.shape)
+        else:
+            y = data.u[number] + (y - data.u[number]) * left_over(step_s, lags_s)
         found[number + 1] = y
     return found
 
 
+def _speeds(data: _Data, lags_s: FloatArray) -> FloatArray:
+    """Of these answers, shape (k, 7), rad/s; zero on both sides of a gap."""
+    speeds = np.gradient(_answers(data, lags_s), data.t, axis=0)
+    gaps = data.begins[1:]
+    speeds[1:][gaps] = speeds[:-1][gaps] = 0.0
+    return speeds
+
+
 def _off(data: _Data, lags_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Measured less answered, and how an offset of 1 shows there, shape (k, ..., 7) both."""
-    since_s = (data.t - data.t[0]).reshape(-1, *(1,) * lags_s.ndim)
+    since_s = data.since_s.reshape(-1, *(1,) * lags_s.ndim)
     measured = data.q.reshape(len(data.t), *(1,) * (lags_s.ndim - 1), JOINTS)
-    return measured - _answers(data, lags_s, data.q[0]), 1.0 - left_over(since_s, lags_s)
+    return measured - _answers(data, lags_s), 1.0 - left_over(since_s, lags_s)
 
 
 def _misfit(data: _Data, lags_s: FloatArray, *, has_offset: bool) -> FloatArray:
@@ -202,8 +229,7 @@ def _offsets(data: _Data, lag_s: FloatArray) -> FloatArray:
 
 def _intervals(data: _Data, lag_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Least and greatest lag of each joint, shape (7,) both, s."""
-    answers = _answers(data, lag_s, data.q[0])
-    speeds = np.gradient(answers, data.t, axis=0)
+    speeds = _speeds(data, lag_s)
     usual = np.sqrt((speeds**2).mean(axis=0))
     if float(usual.min()) < LEAST_SPEED:
         raise ResponseError(
@@ -232,7 +258,7 @@ def _pieces(data: _Data, lag_s: FloatArray, speeds: FloatArray) -> FloatArray:
     ends = np.linspace(0, len(data.t), count + 1).astype(np.intp)
     found = []
     for first, last in pairwise(ends.tolist()):
-        piece = _Data(*(values[first:last] for values in data))
+        piece = _Data.of(*(values[first:last] for values in (data.t, data.u, data.q)))
         tells = np.sqrt((speeds[first:last] ** 2).mean(axis=0)) >= LEAST_SPEED
         found.append(np.where(tells, _best(piece, has_offset=False), lag_s))
     return np.array(found)
@@ -243,10 +269,13 @@ def _outside(data: _Data, low_s: FloatArray, high_s: FloatArray, offsets: FloatA
     high = low = data.q[0] - offsets
     farthest = np.abs(offsets)
     for number, step_s in enumerate(np.diff(data.t).tolist()):
+        measured = data.q[number + 1]
+        if data.begins[number + 1]:
+            high = low = measured - offsets
+            continue
         least, most = left_over(step_s, low_s), left_over(step_s, high_s)
         aim = data.u[number]
         high = aim + (high - aim) * np.where(high < aim, least, most)
         low = aim + (low - aim) * np.where(low > aim, least, most)
-        measured = data.q[number + 1]
         farthest = np.maximum(farthest, np.maximum(measured - high, low - measured))
     return farthest

@@ -21,7 +21,7 @@ from planner.scene.bodies import Box, Part
 from sim import Event, Outcome, Recorder, Simulation, World
 from sim.recording.recording import Recording
 from sim.view.tip_path import HOLDING_RGB
-from tests.chromium import find_chromium
+from tests.chromium import at_usual_priority, find_chromium
 from tests.conftest import at, overhead
 from tests.sim.runs import Run
 
@@ -85,13 +85,14 @@ class Watched:
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     path = find_chromium()
     if path is None:
         pytest.skip(
             "no Chromium on PATH or in Playwright's cache that Playwright can start; "
             "apt-get install chromium libatomic1"
         )
+    path = at_usual_priority(path, tmp_path_factory.mktemp("chromium"))
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=list(SWITCHES))
         yield browser

@@ -68,6 +68,20 @@ def test_the_tube_holds_what_was_measured(move: Trajectory, seed: int) -> None:
     assert (q[inside] <= np.maximum(tube.highest[cell], tube.highest[cell + 1])).all()
 
 
+@pytest.mark.parametrize("gap_s", [0.26, 0.9])
+def test_a_gap_in_the_recording_changes_nothing_but_what_is_recorded(
+    move: Trajectory, gap_s: float
+) -> None:
+    t, u, q = recorded(move, TRUE_S, noise_rad=0.0)
+    kept = ~((t > 0.8) & (t < 0.8 + gap_s))  # within a motion: the commands change meanwhile
+    offset = 0.003
+    found = fit_response(t[kept], u[kept], q[kept] + offset)
+    assert np.allclose(found.lag_s.mean(axis=1), TRUE_S, atol=5e-3)
+    assert float(np.diff(found.lag_s, axis=1).max()) < 0.03
+    assert (found.settled_error_rad >= offset).all()
+    assert float(found.settled_error_rad.max()) < 2.0 * offset
+
+
 def test_a_lag_that_changes_makes_a_wider_interval(move: Trajectory) -> None:
     t, u, _ = recorded(joined([move] * 3), TRUE_S)
     y, q = np.array(u[0]), []
@@ -108,7 +122,9 @@ def test_refuses_what_tells_nothing(move: Trajectory) -> None:
     with pytest.raises(ResponseError, match="50"):
         fit_response(t[:20], u[:20], q[:20])
     with pytest.raises(ResponseError, match="nothing is recorded"):
-        fit_response(np.where(t > 1.0, t + 1.0, t), u, q)
+        fit_response(np.where(t > 1.0, t + 2.0 * t[-1], t), u, q)
+    with pytest.raises(ResponseError, match="times in seconds"):
+        fit_response(1000.0 * t, u, q)
     with pytest.raises(ResponseError, match="shape"):
         fit_response(t, u[:, :6], q)
     with pytest.raises(ResponseError, match="real numbers"):

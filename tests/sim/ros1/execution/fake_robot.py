@@ -148,30 +148,32 @@ class FakeRobot:
             self.gripping = False
 
     def _run(self) -> None:
-        due = time.monotonic()
+        due = moved_s = time.monotonic()
         while not self._stop.is_set():
-            self._move_arms()
-            self._move_fingers()
+            passed_s, moved_s = time.monotonic() - moved_s, time.monotonic()
+            self._move_arms(passed_s)
+            self._move_fingers(passed_s)
             self._publish()
             due = max(due + TICK_S, time.monotonic())
             time.sleep(max(0.0, due - time.monotonic()))
 
-    def _move_arms(self) -> None:
+    def _move_arms(self, passed_s: float) -> None:
+        """Arms move on while the computer is busy with something else, as real ones do."""
         ratio = self.ratios[-1] if self.ratios else 0.3
         for name in NAMES:
             before = self.q[name]
             step = self.goal[name] - before
             if self.lag_s:
-                step *= 1.0 - math.exp(-TICK_S / self.lag_s)
-            most = CAPS[name.split("_")[1]] * ratio * TICK_S
+                step *= 1.0 - math.exp(-passed_s / self.lag_s)
+            most = CAPS[name.split("_")[1]] * ratio * passed_s
             step = 0.0 if self.faults.stuck else max(-most, min(most, step))
-            self.q[name] = before + step + TICK_S * self.faults.push.get(name, 0.0)
-            self.v[name] = (self.q[name] - before) / TICK_S
+            self.q[name] = before + step + passed_s * self.faults.push.get(name, 0.0)
+            self.v[name] = (self.q[name] - before) / max(passed_s, 1e-6)
 
-    def _move_fingers(self) -> None:
+    def _move_fingers(self, passed_s: float) -> None:
         if not self.moving:
             return
-        step = FINGER_PERCENT_S * TICK_S
+        step = FINGER_PERCENT_S * passed_s
         goal, block = self.finger_goal, self.faults.block_percent
         if block is not None and goal < block <= self.percent:
             goal = block
