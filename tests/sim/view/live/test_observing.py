@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -248,6 +249,15 @@ def test_a_simulation_waits_for_real_time(robot: Baxter, monkeypatch: pytest.Mon
     assert waited == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04, 0.05])
 
 
+@pytest.fixture
+def minds_ctrl_c() -> Iterator[None]:
+    """Python's own handler of it, which is not there where a shell started the tests by `&`."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("minds_ctrl_c")
 def test_ctrl_c_ends_a_pause_at_once(robot: Baxter) -> None:
     """As Python raises it in the main thread, wherever that waits."""
     with Viewer(robot) as viewer, page_of(viewer) as page:
