@@ -24,14 +24,8 @@ _PACKAGES = ("baxter_kin", "planner", "sim")
 
 @lru_cache(maxsize=1)
 def versions() -> Mapping[str, str]:
-    """Versions by name: of this toolkit, of Python and of the libraries."""
-    return MappingProxyType(
-        {
-            NAME: version(),
-            "Python": ".".join(map(str, sys.version_info[:2])),
-            **{name: _installed(name) for name in LIBRARIES},
-        }
-    )
+    """Versions by name: of this toolkit and of the libraries."""
+    return MappingProxyType({NAME: version(), **{name: _installed(name) for name in LIBRARIES}})
 
 
 @lru_cache(maxsize=1)
@@ -47,8 +41,9 @@ def code_digest() -> str:
 
 
 def software() -> dict[str, str]:
-    """Versions and, as "code", the digest of the toolkit's modules."""
-    return {**versions(), "code": code_digest()}
+    """Versions, that of Python, too, and as "code" the digest of the toolkit's modules."""
+    python = ".".join(map(str, sys.version_info[:2]))
+    return {**versions(), "Python": python, "code": code_digest()}
 
 
 def difference(there: Mapping[str, str], here: Mapping[str, str]) -> str:
