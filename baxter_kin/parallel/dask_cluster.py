@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.errors import MissingLibraryError, RequestError, shortened
-from baxter_kin.parallel.engine import MOST_LOSSES, Answer, EngineError, Item
+from baxter_kin.parallel.engine import MOST_LOSSES, Answer, Backlog, EngineError, Item
 from baxter_kin.validation import positive_scalar
 from baxter_kin.value_objects import OneLine, count
 
@@ -96,11 +96,11 @@ class DaskCluster(OneLine):
         ended: SimpleQueue[Any] = SimpleQueue()
         submitted: dict[Any, int] = {}
         losses: Counter[int] = Counter()
-        left = list(range(len(items)))[::-1]
+        left = Backlog(len(items))
         try:
             while left or submitted:
                 while left and len(submitted) < max(AHEAD * self.workers, LEAST_AHEAD):
-                    at = left.pop()
+                    at = left.take()
                     future = self._client.submit(partial(_alone, task), items[at], pure=False)
                     submitted[future] = at
                     future.add_done_callback(ended.put)
@@ -109,7 +109,7 @@ class DaskCluster(OneLine):
                 if self._has_answer(future, at, losses):
                     yield items[at], future.result()
                 else:
-                    left.append(at)
+                    left.give_back(at)
         finally:
             if self._client.status == "running":
                 self._client.cancel(list(submitted))

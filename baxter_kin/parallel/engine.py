@@ -3,6 +3,9 @@
 A task is a function of a module, called with one item; function, items and results are pickled. It
 may be run more than once, where a worker is lost before it has answered: so it has to be such that
 a second run does no harm.
+
+There may be millions of items: an engine takes one when its turn comes, from a sequence that need
+not hold them.
 """
 
 from __future__ import annotations
@@ -56,3 +59,25 @@ class Serial:
         """Items and what the task returned for each, in their order."""
         for item in items:
             yield item, task(item)
+
+
+class Backlog:
+    """Numbers of the items that wait: those given back first, then the others in their order."""
+
+    def __init__(self, items: int) -> None:
+        self._given_back: list[int] = []
+        self._next, self._end = 0, items
+
+    def __bool__(self) -> bool:
+        return bool(self._given_back) or self._next < self._end
+
+    def take(self) -> int:
+        """The next one."""
+        if self._given_back:
+            return self._given_back.pop()
+        self._next += 1
+        return self._next - 1
+
+    def give_back(self, number: int) -> None:
+        """Let one wait again, as its worker was lost."""
+        self._given_back.append(number)

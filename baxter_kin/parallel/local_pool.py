@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.process import BaseProcess
+from threading import Thread
 
 from baxter_kin.errors import RequestError
-from baxter_kin.parallel.engine import MOST_LOSSES, Answer, EngineError, Item
+from baxter_kin.parallel.engine import MOST_LOSSES, Answer, Backlog, EngineError, Item
 from baxter_kin.validation import whole_scalar
 from baxter_kin.value_objects import OneLine, count
 
@@ -24,8 +27,8 @@ class LocalPool(OneLine):
     """Worker processes of this machine.
 
     A worker that dies takes the others of its pool with it, and a new pool begins: what had no
-    answer yet is run again. Workers are new processes, so that a script that uses a pool begins
-    below `if __name__ == "__main__":`.
+    answer yet is run again. When this process ends, by whatever, its workers end, too. Workers are
+    new processes, so that a script that uses a pool begins below `if __name__ == "__main__":`.
 
     Attributes:
         workers: how many.
@@ -50,15 +53,17 @@ class LocalPool(OneLine):
             Exception: what a task raises.
         """
         losses: Counter[int] = Counter()
-        left = list(range(len(items)))[::-1]
+        left = Backlog(len(items))
         while left:
             running: dict[Future[Answer], int] = {}
-            pool = ProcessPoolExecutor(self.workers, multiprocessing.get_context("spawn"))
+            context = multiprocessing.get_context("spawn")
+            pool = ProcessPoolExecutor(self.workers, context, initializer=_begin)
             try:
                 yield from self._answers(pool, task, items, left, running)
             except BrokenProcessPool:
                 lost = sorted(running.values(), reverse=True)
-                left += lost
+                for at in lost:
+                    left.give_back(at)
                 losses.update(lost[-self.workers :])
                 _check(losses)
             finally:
@@ -69,17 +74,17 @@ class LocalPool(OneLine):
         pool: ProcessPoolExecutor,
         task: Callable[[Item], Answer],
         items: Sequence[Item],
-        left: list[int],
+        left: Backlog,
         running: dict[Future[Answer], int],
     ) -> Iterator[tuple[Item, Answer]]:
         """Those of one pool: `left` and `running` tell what had none when it breaks."""
         while left or running:
             while left and len(running) < AHEAD * self.workers:
-                at = left.pop()
+                at = left.take()
                 try:
                     running[pool.submit(task, items[at])] = at
                 except BrokenProcessPool:
-                    left.append(at)
+                    left.give_back(at)
                     raise
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 answer = future.result()
@@ -87,6 +92,19 @@ class LocalPool(OneLine):
 
     def _facts(self) -> tuple[str, ...]:
         return (count(self.workers, "worker"),)
+
+
+def _begin() -> None:
+    """Leave Ctrl-C to the process that began this one, and end when that one is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    begun_by = multiprocessing.parent_process()
+    if begun_by is not None:
+        Thread(target=_end_after, args=(begun_by,), daemon=True).start()
+
+
+def _end_after(process: BaseProcess) -> None:
+    process.join()
+    os._exit(1)
 
 
 def _check(losses: Counter[int]) -> None:

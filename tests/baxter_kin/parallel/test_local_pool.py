@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -59,3 +62,37 @@ def test_what_a_task_raises_arrives() -> None:
 def test_a_pool_has_workers(workers: int) -> None:
     with pytest.raises(RequestError, match="workers must be a whole number from 1 to 1024"):
         LocalPool(workers)
+
+
+LIVES = """
+import os, time
+from baxter_kin.parallel import LocalPool
+from tests.baxter_kin.parallel.test_local_pool import naps
+if __name__ == "__main__":
+    for number, worker in LocalPool(1).run(naps, range(10_000)):
+        print(worker, flush=True)
+"""
+
+
+def naps(number: int) -> int:
+    time.sleep(0.01)
+    return os.getpid()
+
+
+def test_workers_end_when_the_process_that_began_them_is_killed(tmp_path: Path) -> None:
+    script = tmp_path / "lives.py"
+    script.write_text(LIVES)
+    environment = dict(os.environ, PYTHONPATH=str(Path(__file__).parents[3]))
+    command = [sys.executable, str(script)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as client:
+        assert client.stdout is not None
+        worker = int(client.stdout.readline())
+        os.kill(worker, signal.SIGINT)  # as Ctrl-C sends it to all: the client alone answers it
+        assert int(client.stdout.readline()) == worker
+        client.kill()
+    for _ in range(1000):
+        if not Path(f"/proc/{worker}/stat").exists():
+            return
+        time.sleep(0.01)
+    os.kill(worker, signal.SIGKILL)
+    pytest.fail("the worker lived on for 10 s")
