@@ -13,9 +13,10 @@ import numpy as np
 from baxter_kin import Baxter, IKService
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.parallel import Engine, LocalPool
-from planner.atlas.map_files import Block, remove_leftovers
+from planner.atlas.blocks import Block, BlockTask, BlockTasks
+from planner.atlas.map_files import is_map, remove_leftovers
 from planner.atlas.positions import PositionGrid
-from planner.atlas.reach_map import ReachMap
+from planner.atlas.reach_map import ReachMap, opened_for_work
 from planner.atlas.reach_search import UNDECIDED, UNREACHABLE, ReachSearch
 from planner.atlas.rotations import RotationGrid
 from planner.errors import AtlasError
@@ -29,12 +30,14 @@ class BlockReport:
     """What became of a block.
 
     Attributes:
+        block: which.
         reachable: how many cells have a witness.
         unreachable: how many are proven so.
         undecided: how many are neither.
         time_s: processor time that it took.
     """
 
+    block: Block
     reachable: int
     unreachable: int
     undecided: int
@@ -81,28 +84,28 @@ def build_reach_map(
     engine = LocalPool() if engine is None else engine
     missing, total = found.missing_blocks(), len(found.blocks)
     done = total - len(missing)
-    tasks = [(str(found.path.resolve()), block) for block in missing]
-    for _, report in engine.run(compute_block, tasks):
+    for _, report in engine.run(compute_block, BlockTasks(found.path, found.identity, missing)):
         done += 1
         if progress is not None:
             progress(done, total, report)
     return found
 
 
-def compute_block(task: tuple[str, Block]) -> BlockReport:
+def compute_block(task: BlockTask) -> BlockReport:
     """Compute one block of a map and store it: what workers do.
 
-    Args:
-        task: the map's folder, and which block.
+    Raises:
+        AtlasError: when there is another map now, or it cannot be written.
     """
-    path, block = task
-    found, searches = _open_for_work(path)
+    path, block, identity = task
+    found, searches = _opened_with_searches(path, identity)
     begun = time.process_time()
     points = found.positions.points(found.positions.block_slices(block[1:])).reshape(-1, 3)
     cells = searches[block[0]].search(points)
     found.write_block(block, cells)
     codes = cells.margins
     return BlockReport(
+        block,
         int((codes >= 0).sum()),
         int((codes == UNREACHABLE).sum()),
         int((codes == UNDECIDED).sum()),
@@ -110,9 +113,9 @@ def compute_block(task: tuple[str, Block]) -> BlockReport:
     )
 
 
-@lru_cache(maxsize=2)
-def _open_for_work(path: str) -> tuple[ReachMap, tuple[ReachSearch, ...]]:
-    found = ReachMap(path)
+@lru_cache(maxsize=1)
+def _opened_with_searches(path: str, identity: str) -> tuple[ReachMap, tuple[ReachSearch, ...]]:
+    found = opened_for_work(path, identity)
     return found, tuple(ReachSearch(found.robot.arm(side), found.rotations) for side in found.arms)
 
 
@@ -132,7 +135,7 @@ def _opened(
     arms: tuple[str, ...],
 ) -> ReachMap:
     """The map at a path, which must be this one, or a new one."""
-    if not (path / "zarr.json").exists():
+    if not is_map(path):
         backend = IKService(robot.arm(arms[0])).backend.value if arms else ""
         return ReachMap.create(path, robot, positions, rotations, arms, backend=backend)
     found = ReachMap(path)
