@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,10 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from baxter_kin import Baxter, IKService
+from baxter_kin.distribution.software import difference, versions
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.parallel import Engine, LocalPool
 from planner.atlas.blocks import Block, BlockTask, BlockTasks
-from planner.atlas.map_files import is_map, remove_leftovers
+from planner.atlas.map_files import is_map, kind_of_machine, remove_leftovers
 from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_map import ReachMap, opened_for_work
 from planner.atlas.reach_search import UNDECIDED, UNREACHABLE, ReachSearch
@@ -23,6 +25,13 @@ from planner.errors import AtlasError
 
 MOST_CELLS = 10**10
 """More than the finest grids that a group of machines computes in days; more must be asked for."""
+
+
+_LOG = logging.getLogger(__name__)
+_OTHER_MACHINE = (
+    "a block of %s was computed on another kind of machine (%s) than it was begun with (%s): it is "
+    "as right, but its last bits may differ"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +44,7 @@ class BlockReport:
         unreachable: how many are proven so.
         undecided: how many are neither.
         time_s: processor time that it took.
+        machine: the kind of machine and backend that computed it.
     """
 
     block: Block
@@ -42,6 +52,7 @@ class BlockReport:
     unreachable: int
     undecided: int
     time_s: float
+    machine: str
 
 
 def build_reach_map(
@@ -70,9 +81,10 @@ def build_reach_map(
         progress: called for each block with how many are done, how many there are, and its report.
 
     Raises:
-        AtlasError: when the map at that path is another one, has too many cells, or cannot be
-            written.
-        EngineError: when the engine is lost; the blocks that are stored stay.
+        AtlasError: when the map at that path is another one or was begun with other software, has
+            too many cells, or cannot be written.
+        EngineError: when the engine is lost, or has workers with other software; the blocks that
+            are stored stay.
         MissingLibraryError: when Zarr is not installed.
     """
     robot = Baxter.load() if robot is None else robot
@@ -86,8 +98,11 @@ def build_reach_map(
     done = total - len(missing)
     for _, report in engine.run(compute_block, BlockTasks(found.path, found.identity, missing)):
         done += 1
+        if found.note_machine(report.machine):
+            _LOG.warning(_OTHER_MACHINE, found.path, report.machine, found.machine)
         if progress is not None:
             progress(done, total, report)
+    remove_leftovers(found.path)
     return found
 
 
@@ -110,6 +125,7 @@ def compute_block(task: BlockTask) -> BlockReport:
         int((codes == UNREACHABLE).sum()),
         int((codes == UNDECIDED).sum()),
         time.process_time() - begun,
+        kind_of_machine(searches[block[0]].backend),
     )
 
 
@@ -153,6 +169,12 @@ def _opened(
         raise AtlasError(
             f"the map at {path} is of another {' and another '.join(other)}; nothing was changed; "
             "choose another path"
+        )
+    differs = difference(found.software, versions())
+    if differs:
+        raise AtlasError(
+            f"the map at {path} was begun with other software: {differs}; nothing was changed; "
+            "install that to go on, or choose another path"
         )
     return found
 

@@ -11,7 +11,9 @@ witnesses            int32, (arm, x, y, z, joint, rotation): steps of RAD_PER_ST
 A block of positions is one chunk of both arrays. One task computes and writes it whole, and each
 file is put in place at once; the margins come last, so that a block that has them is complete. A
 chunk ends with its checksum (CRC-32C) and is not read without. Nothing else is written while a map
-is computed: the same block has the same bytes whoever computes it, on the same kind of machine.
+is computed, but which kinds of machines compute blocks, if there are several: the same block has
+the same bytes whoever computes it, on the same kind of machine. `zarr.json` comes last when a map
+is made: without it the folder is no map yet.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import platform
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +39,8 @@ FORMAT, VERSION = "baxter-kin reach map", 1
 
 COMPRESSION = 3
 """Level of Zstandard: a third of the bytes; higher levels save little and take longer."""
+
+_ARRAYS = ("directions", "rolls", "margins", "witnesses")
 
 
 def zarr_library() -> Any:
@@ -57,6 +62,7 @@ def zarr_library() -> Any:
     return zarr
 
 
+@lru_cache
 def kind_of_machine(backend: str) -> str:
     """What the last bits of a result depend on: processor, NumPy, and where searches run."""
     config: Any = np.show_config(mode="dicts")
@@ -72,11 +78,12 @@ def create_group(
     shape: tuple[int, ...],
     *,
     block_edge: int,
-) -> Any:
+) -> None:
     """A group for a new map, with nothing computed.
 
     Args:
-        path: a folder that does not exist, or is empty.
+        path: a folder that does not exist, is empty, or has what is left of such a call that was
+            killed.
         attributes: what the group says of itself.
         directions: shape (d, 3, 3).
         rolls: shape (k,).
@@ -87,29 +94,33 @@ def create_group(
         AtlasError: when there is something at that path, or it cannot be written.
     """
     with explained(path):
-        is_taken = path.exists() and (not path.is_dir() or any(path.iterdir()))
+        is_taken = path.exists() and (not path.is_dir() or not _is_ours(path))
     if is_taken:
         raise AtlasError(f"{shown_path(path)} exists and is no map; choose another path")
     zarr, rotations = zarr_library(), len(directions) * len(rolls)
     with explained(path):
-        group = zarr.create_group(str(path), zarr_format=3)
         for name, values in (("directions", directions), ("rolls", rolls)):
-            group.create_array(name, data=np.array(values), compressors=_checked(zarr))
+            zarr.create_array(
+                str(path / name),
+                data=np.array(values),
+                compressors=_checked(zarr),
+                overwrite=True,
+            )
         for name, dtype, fill, inner in (
             ("margins", "int16", NOT_COMPUTED, {"rotation": rotations}),
             ("witnesses", "int32", 0, {"joint": 7, "rotation": rotations}),
         ):
-            group.create_array(
-                name,
+            zarr.create_array(
+                str(path / name),
                 shape=(*shape, *inner.values()),
                 chunks=(1, *[block_edge] * 3, *inner.values()),
                 dtype=dtype,
                 fill_value=fill,
                 compressors=_checked(zarr),
                 dimension_names=("arm", "x", "y", "z", *inner),
+                overwrite=True,
             )
-        group.attrs.put(attributes)  # last: without them it is no map
-    return group
+        zarr.create_group(str(path), zarr_format=3, attributes=attributes)
 
 
 def stored_bytes(parts: Iterable[Any]) -> int:
@@ -163,7 +174,7 @@ def blocks_stored(path: Path, shape: tuple[int, ...]) -> Iterator[Block]:
         for x in _numbers(folder / str(arm), shape[1]):
             for y in _numbers(folder / str(arm) / str(x), shape[2]):
                 for z in _numbers(folder / str(arm) / str(x) / str(y), shape[3]):
-                    if _file_of(path, (arm, x, y, z)).is_file():
+                    if _is_written(_file_of(path, (arm, x, y, z))):
                         yield arm, x, y, z
 
 
@@ -224,6 +235,16 @@ def _numbers(folder: Path, end: int) -> list[int]:
     except (FileNotFoundError, NotADirectoryError):
         return []
     return sorted(int(name) for name in names if name.isdecimal() and int(name) < end)
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a folder has nothing but arrays of a map, or parts of them."""
+    return all(each.name in _ARRAYS or each.suffix == ".partial" for each in path.iterdir())
+
+
+def _is_written(file: Path) -> bool:
+    """Whether a file has something in it; where the power was lost there may be empty ones."""
+    return file.is_file() and file.stat().st_size > 0
 
 
 def _file_of(path: Path, block: Block) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -13,13 +12,13 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.distribution.version import version
+from baxter_kin.distribution.software import versions
 from baxter_kin.errors import UnknownNameError, shown_path
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import OneLine
 from planner.atlas.blocks import Block, Blocks
+from planner.atlas.cell import STATUSES, Cell
 from planner.atlas.map_files import (
     FORMAT,
     VERSION,
@@ -44,24 +43,7 @@ from planner.atlas.reach_search import (
 from planner.atlas.rotations import RotationGrid
 from planner.errors import AtlasError
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Cell:
-    """What a map knows of one pose of its grid.
-
-    Attributes:
-        side: of the arm.
-        T_base_tip: the pose.
-        status: "reachable", "unreachable", "undecided" or "not computed".
-        margin_rad: of the witness to the nearest joint limit, rounded down; None without one.
-        q: the witness, shape (7,), rad; None without one.
-    """
-
-    side: str
-    T_base_tip: pin.SE3
-    status: str
-    margin_rad: float | None
-    q: FloatArray | None
+_OTHERS = "other_machines"  # the one attribute that may change while a map is computed
 
 
 class ReachMap(OneLine):
@@ -73,6 +55,9 @@ class ReachMap(OneLine):
         rotations: of the tip, at every position.
         arms: whose, such as ("left", "right").
         digest: that of the robot it was made for.
+        software: the versions that compute its blocks, by name.
+        machine: the kind of machine and backend that it was begun with.
+        other_machines: other kinds that have computed blocks; their last bits may differ.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -89,7 +74,8 @@ class ReachMap(OneLine):
             self.arms: tuple[str, ...] = tuple(facts["arms"])
             self.digest = str(facts["robot_digest"])
             self.machine = str(facts["machine"])
-            self.made_by = str(facts["baxter_kin"])
+            self.software: dict[str, str] = dict(facts.get("software", {}))
+            self.other_machines: tuple[str, ...] = tuple(facts.get(_OTHERS, ()))
             self._urdf = str(facts["robot_urdf"])
             self.rotations = RotationGrid(self._group["directions"][...], self._group["rolls"][...])
             self._margins, self._witnesses = self._group["margins"], self._group["witnesses"]
@@ -123,7 +109,7 @@ class ReachMap(OneLine):
         attributes = {
             "format": FORMAT,
             "version": VERSION,
-            "baxter_kin": version(),
+            "software": dict(versions()),
             "machine": kind_of_machine(backend),
             "robot_digest": robot.digest,
             "robot_urdf": robot.description.text,
@@ -164,7 +150,8 @@ class ReachMap(OneLine):
     @cached_property
     def identity(self) -> str:
         """What tells this map from another one at the same path, 64 hexadecimal digits."""
-        facts = json.dumps(dict(self._group.attrs), sort_keys=True)
+        lasting = {name: fact for name, fact in self._group.attrs.items() if name != _OTHERS}
+        facts = json.dumps(lasting, sort_keys=True)
         rotations = self.rotations.R_base_tips.tobytes() + self.rotations.rolls.tobytes()
         return hashlib.sha256(facts.encode() + rotations).hexdigest()
 
@@ -216,6 +203,19 @@ class ReachMap(OneLine):
         with explained(self.path):
             self._witnesses[where] = cells.witnesses.reshape(*sizes, 7, -1)
             self._margins[where] = cells.margins.reshape(*sizes, -1)
+
+    def note_machine(self, kind: str) -> bool:
+        """Store that a kind of machine has computed blocks; gives whether it is a new one.
+
+        Raises:
+            AtlasError: when it cannot be written.
+        """
+        if kind in (self.machine, *self.other_machines):
+            return False
+        self.other_machines += (kind,)
+        with explained(self.path):
+            self._group.attrs[_OTHERS] = sorted(self.other_machines)
+        return True
 
     def discard_block(self, block: Block) -> None:
         """Forget a block, so that the next build computes it."""
@@ -293,7 +293,3 @@ def opened_for_work(path: str, identity: str) -> ReachMap:
     if found.identity != identity:
         raise AtlasError(f"the map at {shown_path(found.path)} was replaced by another one")
     return found
-
-
-STATUSES = {UNREACHABLE: "unreachable", UNDECIDED: "undecided", NOT_COMPUTED: "not computed"}
-"""Of codes."""
