@@ -10,7 +10,7 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.errors import MissingLibraryError, RequestError, shortened
 from baxter_kin.parallel.engine import MOST_LOSSES, Answer, Backlog, EngineError, Item
+from baxter_kin.parallel.local_cluster import local_cluster
 from baxter_kin.parallel.local_pool import MOST_WORKERS
 from baxter_kin.parallel.parcels import Dump, carried_out, described, opened, packed
 from baxter_kin.validation import positive_scalar, whole_scalar
@@ -26,9 +27,7 @@ from baxter_kin.value_objects import OneLine, count
 if TYPE_CHECKING:
     from distributed import Client
 
-LOOPBACK = "127.0.0.1"
-
-CONNECT_S, COUNT_AGAIN_S = 10.0, 5.0
+CONNECT_S, START_S, COUNT_AGAIN_S = 10.0, 60.0, 5.0
 
 PATIENCE_S = 600.0
 """How long a run waits for new workers: those of a cluster may stand in a queue."""
@@ -104,23 +103,13 @@ class DaskCluster(OneLine):
         """
         whole_scalar(workers, "workers", RequestError, least=1, most=MOST_WORKERS)
         distributed = _distributed()
-        with ExitStack() as opened_here:
-            try:
-                cluster = opened_here.enter_context(
-                    distributed.LocalCluster(
-                        n_workers=workers,
-                        threads_per_worker=1,
-                        processes=True,
-                        host=LOOPBACK,
-                        dashboard_address=f"{LOOPBACK}:0",  # without, all interfaces would do
-                    )
-                )
-            except (OSError, RuntimeError) as cause:
-                raise EngineError(
-                    f"no workers can be started on this machine: {described(cause)}"
-                ) from cause
-            client = distributed.Client(cluster, set_as_default=False)
-            yield cls(opened_here.enter_context(client), patience_s=patience_s)
+        with (
+            local_cluster(distributed, workers) as cluster,
+            distributed.Client(cluster, set_as_default=False) as client,
+        ):
+            with suppress(TimeoutError):  # others may come later; without any it ends here
+                client.wait_for_workers(workers, timeout=START_S)
+            yield cls(client, patience_s=patience_s)
 
     def __enter__(self) -> DaskCluster:
         return self

@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from baxter_kin.parallel.dask_cluster import LOOPBACK, DaskCluster
+from baxter_kin.parallel.dask_cluster import DaskCluster
+from baxter_kin.parallel.local_cluster import LOOPBACK
 
 ROOT = Path(__file__).parents[3]
 

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import psutil
 import pytest
 
 from baxter_kin.errors import RequestError
-from baxter_kin.parallel import EngineError, dask_cluster
+from baxter_kin.parallel import EngineError, dask_cluster, local_cluster
 from baxter_kin.parallel.dask_cluster import DaskCluster
 from tests.baxter_kin.parallel import tasks
 from tests.baxter_kin.parallel.conftest import ROOT
@@ -44,6 +45,12 @@ def other_process() -> Iterator[subprocess.Popen[str]]:
     process.communicate()
 
 
+def computing() -> set[int]:
+    """Ids of the processes that multiprocessing has begun for this one."""
+    found = psutil.Process().children(recursive=True)
+    return {process.pid for process in found if "spawn_main" in "".join(process.cmdline())}
+
+
 def wait_for_workers(address: str, number: int) -> None:
     with distributed.Client(address, set_as_default=False) as watching:
         watching.wait_for_workers(number, timeout=120)
@@ -70,6 +77,17 @@ def test_a_local_cluster_listens_on_loopback_alone(cluster: DaskCluster) -> None
         if connection.status == psutil.CONN_LISTEN
     ]
     assert set(listening) == {"127.0.0.1"}
+
+
+def test_a_local_cluster_keeps_its_number_of_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_cluster, "LOOK_MS", 50.0)
+    before = computing()
+    with local_cluster.local_cluster(distributed, 1) as cluster:
+        while not computing() - before:
+            time.sleep(0.01)
+        os.kill((computing() - before).pop(), signal.SIGKILL)  # Dask alone would give it up
+        with distributed.Client(cluster, set_as_default=False) as client:
+            client.wait_for_workers(1, timeout=120)
 
 
 def test_what_dead_workers_had_is_run_again(cluster: DaskCluster, tmp_path: Path) -> None:
