@@ -8,7 +8,7 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -47,9 +47,9 @@ def running(command: Sequence[str], folder: Path) -> Iterator[None]:
         process.wait()
 
 
-def here(command: str, *more: str, **instead: str) -> list[str]:
+def here(command: str, instead: Mapping[str, str], *more: str) -> list[str]:
     """A command of the page on loopback, with the Python that runs."""
-    for shown, used in instead.values():
+    for shown, used in instead.items():
         assert shown in command
         command = command.replace(shown, used)
     _, *words = shlex.split(command)
@@ -62,14 +62,14 @@ def test_workers_of_page_and_job_script_make_the_bytes_of_one_process(
     scheduler_command, worker_command = COMMANDS
     found = tmp_path / "scheduler.json"
     with ExitStack() as begun:
-        loopback = {"host": ("10.0.0.1 --port 8786", "127.0.0.1 --port 0")}
-        words = here(scheduler_command, f"--scheduler-file={found}", **loopback)
+        loopback = {"10.0.0.1 --port 8786": "127.0.0.1 --port 0"}
+        words = here(scheduler_command, loopback, f"--scheduler-file={found}")
         begun.enter_context(running(words, tmp_path))
         while not found.exists():
             time.sleep(0.02)
         address = yaml.safe_load(found.read_text())["address"]
-        one = {"address": (SHOWN, address), "number": ("--nworkers -1", "--nworkers 1")}
-        begun.enter_context(running(here(worker_command, **one), tmp_path))
+        one = {SHOWN: address, "--nworkers -1": "--nworkers 1"}
+        begun.enter_context(running(here(worker_command, one), tmp_path))
         script = tmp_path / "worker.slurm"
         script.write_text(
             JOB_SCRIPT.replace(
