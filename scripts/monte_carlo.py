@@ -1,11 +1,11 @@
 """How often a pick and place succeeds when the block is seen with noise, open and closed loop.
 
-`python scripts/monte_carlo.py [--runs N] [--noise-mm MM ...] [--plot FILE]`
+`python scripts/monte_carlo.py [--runs N] [--noise-mm MM ...] [--plot FILE] [--scheduler ADDRESS]`
 
 Every run is the demo's first cycle with a seed of its own: a true block on the table, eyes that
 see it displaced, and up to as many retries as allowed. Open loop is the same run without retries:
 its first attempt. A run succeeds when the block really ends within 10 mm of its place. Runs are
-spread over all cores; the same seeds give the same table.
+spread over all cores, or over a Dask cluster; the same seeds give the same table.
 """
 
 from __future__ import annotations
@@ -14,58 +14,31 @@ import argparse
 import io
 import json
 import math
-import os
 import sys
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-from baxter_kin import Baxter
 from baxter_kin.command_line import (
     OneSentenceParser,
     file_to_write,
     number_within,
     whole_number,
 )
+from baxter_kin.errors import MissingLibraryError
 from baxter_kin.files import replace_file
-from planner import Manipulator
-from sim import ClosedLoop, Noise, NoisyPoses, Simulation, Transfer, TruePoses, World
-from sim.demo.options import DEFAULT_POSES_M
-from sim.demo.scene import BLOCK, centred_below, demo_bodies, overhead
-
-PLACED_WITHIN_M = 0.010
-"""How far from its place the block may end; errors along the pads, which push nothing, remain."""
+from baxter_kin.parallel import Engine, EngineError
+from baxter_kin.parallel.engine_options import add_engine_options, engine_of
+from baxter_kin.value_objects import count
+from sim import Noise
+from sim.demo.noisy_runs import NoisyResult, NoisyRun, result_of
 
 Z_95 = 1.96
 """Of a normal distribution, for intervals of 95 %."""
-
-
-@dataclass(frozen=True, slots=True)
-class Run:
-    """What came of one run.
-
-    Attributes:
-        attempts: how many there were.
-        is_placed: whether the block really ends where it should.
-        off_m: how far from there it really ends.
-        failure: why the loop gave up, or None.
-    """
-
-    attempts: int
-    is_placed: bool
-    off_m: float
-    failure: str | None
-
-    @property
-    def is_open_success(self) -> bool:
-        """Whether the first attempt was enough."""
-        return self.is_placed and self.attempts == 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +62,7 @@ class Level:
     worst_mm: float
 
     @classmethod
-    def of(cls, noise_mm: float, runs: Sequence[Run]) -> Level:
+    def of(cls, noise_mm: float, runs: Sequence[NoisyResult]) -> Level:
         """Counted."""
         return cls(
             noise_mm,
@@ -105,21 +78,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run, count, print, plot."""
     options = _parser().parse_args(argv)
     started = time.perf_counter()
-    levels = []
-    with ProcessPoolExecutor(options.processes) as pool:
-        total = options.runs * len(options.noise_mm)
-        with tqdm(total=total, unit="run", disable=None) as bar:
-            for noise_mm in options.noise_mm:
-                noise = Noise(noise_mm / 1e3, math.radians(options.noise_deg))
-                one = partial(run_once, noise=noise, retries=options.retries)
-                seeds = range(options.seed, options.seed + options.runs)
-                runs = []
-                for run in pool.map(one, seeds):
-                    runs.append(run)
-                    bar.update()
-                levels.append(Level.of(noise_mm, runs))
+    try:
+        with engine_of(options) as engine:
+            levels, workers = _levels(options, engine), engine.workers
+    except (EngineError, MissingLibraryError) as cause:
+        print(f"monte_carlo: {cause}", file=sys.stderr)
+        return 1
     _print(levels, options.retries)
-    print(f"{total} runs in {time.perf_counter() - started:.0f} s on {options.processes} processes")
+    total, took_s = sum(level.runs for level in levels), time.perf_counter() - started
+    print(f"{total} runs in {took_s:.0f} s on {count(workers, 'worker')}")
     if options.json is not None:
         text = json.dumps([asdict(level) for level in levels], indent=1) + "\n"
         replace_file(options.json, text.encode())
@@ -128,51 +95,36 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def run_once(seed: int, noise: Noise, retries: int) -> Run:
-    """The demo's first cycle with noisy eyes."""
-    manipulator = _manipulator()
-    world = World(manipulator.robot)
-    world.move_arm("left", manipulator.arm.start)
-    truth = TruePoses(world)
-    simulation = Simulation(world, [truth])
-    for body in demo_bodies("left"):
-        simulation.spawn(body)
-    block, (pick, place) = world.body(BLOCK), map(overhead, DEFAULT_POSES_M)
-    goal = centred_below(block, place)
-    transfer = Transfer(BLOCK, centred_below(block, pick).inverse() * pick, goal)
-    eyes = NoisyPoses(truth, noise, np.random.default_rng(seed))
-    loop = ClosedLoop(simulation, manipulator, eyes, retries=retries)
-    result = loop.pick_and_place(transfer)
-    off = world.body(BLOCK).centre_base - block.at(goal).centre_base
-    off_m = float(np.linalg.norm(off))
-    is_placed = result.is_success and off_m <= PLACED_WITHIN_M
-    return Run(len(result.attempts), is_placed, off_m, result.failure)
-
-
-@cache
-def _manipulator() -> Manipulator:
-    """Loaded once in each process."""
-    return Manipulator.of(Baxter.load(), "left")
+def _levels(options: argparse.Namespace, engine: Engine) -> list[Level]:
+    """What came of all runs, noise by noise; each in the order of its seeds, whoever ran it."""
+    noises = [Noise(mm / 1e3, math.radians(options.noise_deg)) for mm in options.noise_mm]
+    seeds = range(options.seed, options.seed + options.runs)
+    asked = [NoisyRun(seed, noise, options.retries) for noise in noises for seed in seeds]
+    answers = dict(tqdm(engine.run(result_of, asked), total=len(asked), unit="run", disable=None))
+    return [
+        Level.of(mm, [answers[NoisyRun(seed, noise, options.retries)] for seed in seeds])
+        for mm, noise in zip(options.noise_mm, noises, strict=True)
+    ]
 
 
 def _print(levels: Sequence[Level], retries: int) -> None:
     print(f"noise  runs  open loop             {retries} retries             attempts  worst place")
     for level in levels:
-        rates = [_rate(count, level.runs) for count in (level.open_loop, level.closed_loop)]
+        rates = [_rate(number, level.runs) for number in (level.open_loop, level.closed_loop)]
         print(
             f"{level.noise_mm:g} mm  {level.runs:5}  {rates[0]}  {rates[1]}  "
             f"{level.attempts:8.2f}  {level.worst_mm:.1f} mm"
         )
 
 
-def _rate(count: int, runs: int) -> str:
-    low, high = wilson(count, runs)
-    return f"{100 * count / runs:5.1f} % ({100 * low:4.1f} .. {100 * high:5.1f})"
+def _rate(number: int, runs: int) -> str:
+    low, high = wilson(number, runs)
+    return f"{100 * number / runs:5.1f} % ({100 * low:4.1f} .. {100 * high:5.1f})"
 
 
-def wilson(count: int, runs: int) -> tuple[float, float]:
+def wilson(number: int, runs: int) -> tuple[float, float]:
     """The 95 % interval of a probability (Wilson, JASA 22(158), 1927)."""
-    share, z2 = count / runs, Z_95**2 / runs
+    share, z2 = number / runs, Z_95**2 / runs
     middle = share + z2 / 2
     half = Z_95 * math.sqrt(share * (1.0 - share) / runs + z2 / (4 * runs))
     low, high = (middle - half) / (1.0 + z2), (middle + half) / (1.0 + z2)
@@ -224,7 +176,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--noise-deg", type=degrees, default=0.0, metavar="DEG", help="of the yaw")
     parser.add_argument("--retries", type=any_number, default=3, help="(default 3)")
     parser.add_argument("--seed", type=any_number, default=0, help="of the first run (default 0)")
-    parser.add_argument("--processes", type=some, default=os.cpu_count() or 1)
+    add_engine_options(parser, needs="its machines need this toolkit")
     parser.add_argument("--plot", type=file_to_write, metavar="FILE", help="draw the success rates")
     parser.add_argument("--json", type=file_to_write, metavar="FILE", help="write all counts")
     return parser

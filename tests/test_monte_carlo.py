@@ -5,12 +5,15 @@ from __future__ import annotations
 import importlib.util
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
+from baxter_kin.parallel import Serial
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "monte_carlo.py"
 
@@ -31,7 +34,7 @@ def test_it_counts_prints_and_draws(
     script: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     numbers, picture = tmp_path / "rates.json", tmp_path / "rates.png"
-    outputs = ["--json", str(numbers), "--plot", str(picture), "--processes", "1"]
+    outputs = ["--json", str(numbers), "--plot", str(picture), "--jobs", "1"]
     assert script.main(["--runs", "4", "--noise-mm", "0", "4", *outputs]) == 0
     exact, noisy = json.loads(numbers.read_text())
     assert (exact["runs"], exact["open_loop"], exact["closed_loop"]) == (4, 4, 4)
@@ -43,15 +46,26 @@ def test_it_counts_prints_and_draws(
     said = capsys.readouterr().out
     assert "0 mm      4  100.0 %" in said
     assert "8 runs in" in said
+    assert " on 1 worker" in said
 
 
-def test_a_run_depends_on_its_seed_alone(script: Any) -> None:
-    noise = script.Noise(0.0005)  # no miss; what it is off along the pads remains
-    first, again, other = (script.run_once(seed, noise, 1) for seed in (3, 3, 5))
-    assert first == again
-    assert first.is_placed
-    assert other.is_placed
-    assert first.off_m != other.off_m
+def test_the_same_seeds_give_the_same_counts_on_any_engine(
+    script: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("distributed", reason="Dask needs Python 3.11")
+    numbers = tmp_path / "rates.json"
+    words = ["--runs", "1", "--noise-mm", "4", "0", "--local-cluster", "1"]
+    assert script.main([*words, "--json", str(numbers)]) == 0
+    assert " on 1 worker" in capsys.readouterr().out
+    alone = script._levels(script._parser().parse_args(words), Serial())
+    assert json.loads(numbers.read_text()) == [asdict(level) for level in alone]
+
+
+def test_a_lost_engine_is_one_sentence(script: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert script.main(["--scheduler", "nonsense"]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("monte_carlo: no scheduler answers at 'nonsense'")
+    assert said.count("\n") == 1
 
 
 @given(st.integers(1, 1000), st.floats(0.0, 1.0))
@@ -68,7 +82,9 @@ def test_more_runs_make_the_interval_smaller(script: Any) -> None:
     assert script.wilson(500, 1000) == pytest.approx((0.469, 0.531), abs=5e-4)
 
 
-@pytest.mark.parametrize("bad", ["--runs 0", "--noise-mm -1", "--retries x", "--plot /no/such/x"])
+@pytest.mark.parametrize(
+    "bad", ["--runs 0", "--noise-mm -1", "--retries x", "--jobs 0", "--plot /no/such/x"]
+)
 def test_wrong_usage_is_status_2(script: Any, bad: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
         script.main(bad.split())

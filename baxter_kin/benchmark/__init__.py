@@ -4,9 +4,9 @@ How often, and how fast, do IK solvers find joint angles for this arm? Our own a
 is installed solve the same poses in one process, in turns, with the numerical libraries held to one
 thread. Every answer is checked by Pinocchio on the whole robot's URDF, whatever its solver says.
 
-Exit status: 0 measured; 1 a file could not be written, or a library is missing; 2 wrong usage; 130
-stopped by Ctrl-C. NumPy must not be loaded before `__main__` has limited its threads, so nothing is
-imported here that would load it.
+Exit status: 0 measured; 1 a file could not be written, a library is missing, or workers are lost;
+2 wrong usage; 130 stopped by Ctrl-C. NumPy must not be loaded before `__main__` has limited its
+threads, so nothing is imported here that would load it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import sys
 from collections.abc import Sequence
 
 from baxter_kin.command_line import EXIT_INTERRUPTED
-from baxter_kin.errors import FileError, MissingLibraryError
+from baxter_kin.errors import BaxterError
 
 __all__ = ["EXIT_INTERRUPTED", "are_threads_limited", "limit_threads", "main"]
 
@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         from baxter_kin.benchmark.run import run_benchmark  # noqa: PLC0415 - loads every library
 
         run_benchmark(parse_options(argv))
-    except (FileError, MissingLibraryError) as error:
+    except BaxterError as error:
         print(f"baxter_kin.benchmark: {error}", file=sys.stderr)
         return EXIT_FAILED
     except KeyboardInterrupt:

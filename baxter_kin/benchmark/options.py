@@ -20,6 +20,7 @@ from baxter_kin.command_line import (
 )
 from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.parallel.engine_options import add_engine_options
 
 DEFAULT_COUNT = 1000
 
@@ -39,6 +40,8 @@ class BenchmarkOptions:
         plot: where to draw the distribution of times, or None.
         is_quiet: show no progress.
         urdf: the robot's own description, or None for the stock robot.
+        engine: where solve rates alone are measured, as `engine_of` reads it; None to measure
+            times, too, which is done in this process.
     """
 
     limbs: tuple[str, ...]
@@ -51,6 +54,7 @@ class BenchmarkOptions:
     plot: Path | None = None
     is_quiet: bool = False
     urdf: Path | None = None
+    engine: argparse.Namespace | None = None
 
 
 def parse_options(argv: Sequence[str] | None = None) -> BenchmarkOptions:
@@ -61,6 +65,7 @@ def parse_options(argv: Sequence[str] | None = None) -> BenchmarkOptions:
         _check_plot(parser, raw.plot)
         if raw.json is not None and raw.json.absolute() == raw.plot.absolute():
             parser.error("--json and --plot name the same file; give two")
+    _check_rates(parser, raw)
     return BenchmarkOptions(
         limbs=LIMBS if raw.limb == "both" else (raw.limb,),
         scenarios=tuple(dict.fromkeys(Scenario(name) for name in raw.scenario)),
@@ -72,6 +77,7 @@ def parse_options(argv: Sequence[str] | None = None) -> BenchmarkOptions:
         plot=raw.plot,
         is_quiet=raw.quiet,
         urdf=raw.urdf,
+        engine=raw if raw.rates_only else None,
     )
 
 
@@ -84,11 +90,19 @@ def _parser() -> argparse.ArgumentParser:
             "python -m baxter_kin.benchmark",
             "python -m baxter_kin.benchmark --limb both --scenario near at-limits --count 200",
             "python -m baxter_kin.benchmark --solvers baxter-kin kdl --json ik.json --plot ik.png",
+            "python -m baxter_kin.benchmark --rates-only --count 100000 --jobs 2",
             end="Exit status: 0 measured; 2 wrong usage; 130 stopped by Ctrl-C. Solvers that are "
             "not installed are listed with the command that installs them.",
         ),
     )
     _add_what_to_measure(parser.add_argument_group("what is measured"))
+    rates = parser.add_argument_group("solve rates on many cores")
+    rates.add_argument(
+        "--rates-only",
+        action="store_true",
+        help="measure no times, which a machine at work would spoil; poses are spread over workers",
+    )
+    add_engine_options(rates, needs="its machines need this toolkit and the solvers")
     _add_outputs(parser.add_argument_group("output"))
     return parser
 
@@ -142,6 +156,15 @@ def _add_outputs(parser: Options) -> None:
         help="draw time against solve rate (png, svg, pdf)",
     )
     parser.add_argument("-q", "--quiet", action="store_true", help="show no progress")
+
+
+def _check_rates(parser: argparse.ArgumentParser, raw: argparse.Namespace) -> None:
+    if raw.rates_only:
+        for option, is_given in (("--plot", raw.plot is not None), ("--batch", raw.batch)):
+            if is_given:
+                parser.error(f"{option} needs times, which --rates-only does not measure")
+    elif (raw.jobs, raw.scheduler, raw.local_cluster) != (None, None, None):
+        parser.error("times are measured in one process; give --rates-only for more workers")
 
 
 def _check_plot(parser: argparse.ArgumentParser, path: Path) -> None:

@@ -149,17 +149,23 @@ def _measurement(row: Measurement) -> dict[str, Any]:
         "solve_rate": row.solve_rate,
         "loose_solve_rate": row.loose_solve_rate,
         "wrong_claims": row.wrong_claims,
-        "mean_ms": row.mean_ms,
-        "median_ms": row.median_ms,
-        "p99_ms": row.p99_ms,
-        "max_ms": row.max_ms,
+        **(_times(row) if row.times_ns else {}),
         "errors": row.errors,
-        "times_ms": row.times_ms.tolist(),
         "is_solved": list(row.is_solved),
         "position_errors_m": [_finite(verdict.position_error_m) for verdict in row.verdicts],
         "orientation_errors_rad": [
             _finite(verdict.orientation_error_rad) for verdict in row.verdicts
         ],
+    }
+
+
+def _times(row: Measurement) -> dict[str, Any]:
+    return {
+        "mean_ms": row.mean_ms,
+        "median_ms": row.median_ms,
+        "p99_ms": row.p99_ms,
+        "max_ms": row.max_ms,
+        "times_ms": row.times_ms.tolist(),
     }
 
 
@@ -176,6 +182,7 @@ COLUMNS = (
     "p99 ms",
     "max ms",
 )
+RATE_COLUMNS = COLUMNS[:3]
 BATCH_COLUMNS = ("solver", "batch", "solved (1e-6)", "poses/s, one core", "poses/s, all cores")
 
 
@@ -194,11 +201,14 @@ def _tables(outcome: BenchmarkOutcome) -> Iterable[str]:
         groups.setdefault((row.limb, row.scenario.caption), []).append(row)
     for (limb, caption), rows in groups.items():
         title = f"**{limb.capitalize()} arm, {caption}** ({len(rows[0].verdicts)} poses)"
-        yield title + "\n\n" + _table(COLUMNS, [_cells(row) for row in rows])
+        columns = COLUMNS if outcome.options.engine is None else RATE_COLUMNS
+        cells = [_cells(row)[: len(columns)] for row in rows]
+        yield title + "\n\n" + _table(columns, cells)
 
 
 def _cells(row: Measurement) -> tuple[str, ...]:
-    times = (row.mean_ms, row.median_ms, row.p99_ms, row.max_ms)
+    is_timed = bool(row.times_ns)
+    times = (row.mean_ms, row.median_ms, row.p99_ms, row.max_ms) if is_timed else ()
     rates = (row.solve_rate, row.loose_solve_rate)
     return (row.contestant.name, *map(percent, rates), *map(three_digits, times))
 
@@ -233,6 +243,8 @@ def _notes(outcome: BenchmarkOutcome) -> Iterable[str]:
     yield (
         "Times: of every call, solved or not, around the solver's public call only. All solve the "
         "same poses in one process, in turns."
+        if outcome.options.engine is None
+        else "No times were measured; poses were spread over workers."
     )
     for key, contestant in outcome.contestants.items():
         yield f"{contestant.name} (`{key}`, {contestant.version}): {contestant.settings}."

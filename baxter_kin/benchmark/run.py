@@ -12,10 +12,13 @@ from baxter_kin.benchmark.measurement import BatchMeasurement, Measurement, meas
 from baxter_kin.benchmark.options import BenchmarkOptions
 from baxter_kin.benchmark.poses import draw_poses
 from baxter_kin.benchmark.report import BenchmarkOutcome, Machine, markdown
+from baxter_kin.benchmark.solve_rates import measure_rates
 from baxter_kin.benchmark.verification import Verifier
 from baxter_kin.command_line import log_told
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.model import Baxter
+from baxter_kin.parallel import Engine
+from baxter_kin.parallel.engine_options import engine_of
 
 
 def run_benchmark(options: BenchmarkOptions) -> BenchmarkOutcome:
@@ -38,6 +41,13 @@ def _tell(text: str) -> None:
 
 
 def _measure(options: BenchmarkOptions) -> BenchmarkOutcome:
+    if options.engine is None:
+        return _measured(options, None)
+    with engine_of(options.engine) as engine:
+        return _measured(options, engine)
+
+
+def _measured(options: BenchmarkOptions, engine: Engine | None) -> BenchmarkOutcome:
     robot = Baxter.load(options.urdf)
     contestants: dict[str, Contestant] = {}
     absences: dict[Absence, None] = {}
@@ -48,7 +58,7 @@ def _measure(options: BenchmarkOptions) -> BenchmarkOutcome:
         present, absent = _enter(options, arm)
         contestants = present | contestants
         absences.update(dict.fromkeys(absent))
-        rows += _rows(options, arm, Verifier(robot, arm), present)
+        rows += _rows(options, robot, arm, present, engine)
         if options.with_batch:
             batches += _batches(options, arm, Verifier(robot, arm), present)
     return BenchmarkOutcome(options, Machine.this(), contestants, tuple(absences), rows, batches)
@@ -61,14 +71,21 @@ def _enter(options: BenchmarkOptions, arm: Arm) -> tuple[dict[str, Contestant], 
 
 
 def _rows(
-    options: BenchmarkOptions, arm: Arm, verifier: Verifier, contestants: dict[str, Contestant]
+    options: BenchmarkOptions,
+    robot: Baxter,
+    arm: Arm,
+    contestants: dict[str, Contestant],
+    engine: Engine | None,
 ) -> list[Measurement]:
-    rows = []
+    rows, verifier = [], Verifier(robot, arm)
     for scenario in options.scenarios:
         poses = draw_poses(arm, scenario, count=options.count, seed=options.seed)
         title = f"{arm.side}, {scenario.value}"
         with _progress(title, len(poses) * len(contestants), options) as tick:
-            rows += measure(contestants, poses, verifier, tick)
+            if engine is None:
+                rows += measure(contestants, poses, verifier, tick)
+            else:
+                rows += measure_rates(robot, contestants, poses, engine, tick)
     return rows
 
 

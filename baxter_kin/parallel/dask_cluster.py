@@ -10,24 +10,31 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.errors import MissingLibraryError, RequestError, shortened
-from baxter_kin.parallel.engine import MOST_LOSSES, Answer, EngineError, Item
-from baxter_kin.validation import positive_scalar
+from baxter_kin.parallel.engine import MOST_LOSSES, Answer, Backlog, EngineError, Item
+from baxter_kin.parallel.local_cluster import local_cluster
+from baxter_kin.parallel.local_pool import MOST_WORKERS
+from baxter_kin.parallel.parcels import Dump, carried_out, described, opened, packed
+from baxter_kin.validation import positive_scalar, whole_scalar
 from baxter_kin.value_objects import OneLine, count
 
 if TYPE_CHECKING:
     from distributed import Client
 
-CONNECT_S, COUNT_AGAIN_S = 10.0, 5.0
+CONNECT_S, START_S, COUNT_AGAIN_S = 10.0, 60.0, 5.0
 
 PATIENCE_S = 600.0
 """How long a run waits for new workers: those of a cluster may stand in a queue."""
+
+FETCHES_S = (1.0, 3.0, 10.0, 60.0)
+"""How long each attempt may take to fetch an answer from a worker that has said that it has one; a
+worker that was lost meanwhile is noticed between them."""
 
 AHEAD, LEAST_AHEAD = 4, 64
 """Tasks that the scheduler has for each worker, and altogether while the workers are few: where
@@ -43,7 +50,8 @@ _ONE_AT_A_TIME = Lock()
 class DaskCluster(OneLine):
     """The workers of a scheduler.
 
-    A worker with several threads runs one task at a time nevertheless, as tasks expect it.
+    A worker with several threads runs one task at a time nevertheless, as tasks expect it. As a
+    context manager it is left at the end.
 
     Attributes:
         workers: how many there were when last counted.
@@ -76,6 +84,39 @@ class DaskCluster(OneLine):
                 f"{self._address} --nthreads 1"
             )
 
+    @classmethod
+    @contextmanager
+    def local(cls, workers: int, *, patience_s: float = PATIENCE_S) -> Iterator[DaskCluster]:
+        """A scheduler of this process and workers on this machine, until the end of the block.
+
+        Workers that die are replaced. They are new processes, so that a script that uses them
+        begins below `if __name__ == "__main__":`.
+
+        Args:
+            workers: how many.
+            patience_s: how long a run goes on without any worker.
+
+        Raises:
+            MissingLibraryError: when Dask is not installed.
+            RequestError: when there is not a whole number of workers, at least one.
+            EngineError: when they cannot be started.
+        """
+        whole_scalar(workers, "workers", RequestError, least=1, most=MOST_WORKERS)
+        distributed = _distributed()
+        with (
+            local_cluster(distributed, workers) as cluster,
+            distributed.Client(cluster, set_as_default=False) as client,
+        ):
+            with suppress(TimeoutError):  # others may come later; without any it ends here
+                client.wait_for_workers(workers, timeout=START_S)
+            yield cls(client, patience_s=patience_s)
+
+    def __enter__(self) -> DaskCluster:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def close(self) -> None:
         """Leave it; a client that was given stays open."""
         if self._is_ours:
@@ -89,30 +130,37 @@ class DaskCluster(OneLine):
         When all workers are lost it logs a warning and waits for new ones.
 
         Raises:
-            EngineError: when the scheduler is lost, an item with `MOST_LOSSES` workers, or all
-                workers for good.
+            EngineError: when the scheduler is lost, an item with `MOST_LOSSES` workers, all
+                workers for good, or when one has other software than this process.
             Exception: what a task raises.
         """
         ended: SimpleQueue[Any] = SimpleQueue()
         submitted: dict[Any, int] = {}
         losses: Counter[int] = Counter()
-        left = list(range(len(items)))[::-1]
+        left, dump = Backlog(len(items)), _dump()
         try:
             while left or submitted:
                 while left and len(submitted) < max(AHEAD * self.workers, LEAST_AHEAD):
-                    at = left.pop()
-                    future = self._client.submit(partial(_alone, task), items[at], pure=False)
+                    at = left.take()
+                    future = self._submitted(packed(task, items[at], dump))
                     submitted[future] = at
                     future.add_done_callback(ended.put)
                 future = self._next(ended)
                 at = submitted.pop(future)
-                if self._has_answer(future, at, losses):
-                    yield items[at], future.result()
+                report = self._report(future, at, losses)
+                if report is None:
+                    left.give_back(at)
                 else:
-                    left.append(at)
+                    yield items[at], opened(report)
         finally:
             if self._client.status == "running":
                 self._client.cancel(list(submitted))
+
+    def _submitted(self, parcel: bytes) -> Any:
+        try:
+            return self._client.submit(carried_out_alone, parcel, pure=False)
+        except Exception as cause:  # Dask raises a bare Exception when its client is closed
+            raise self._gone() from cause
 
     def _next(self, ended: SimpleQueue[Any]) -> Any:
         """The next task that ends, however long it takes while there are workers."""
@@ -142,25 +190,45 @@ class DaskCluster(OneLine):
         """How many workers there are."""
         return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
-    def _has_answer(self, future: Any, at: int, losses: Counter[int]) -> bool:
-        """Whether a task has ended well; false when its workers were lost."""
-        if future.status == "finished":
-            return True
-        if future.status != "error":
-            raise EngineError(
-                f"the scheduler {self._address} is gone; what was stored stays, and the same call "
-                "goes on from there"
-            )
-        cause = future.exception()
+    def _report(self, future: Any, at: int, losses: Counter[int]) -> bytes | None:
+        """What a worker has sent for a task; None when it is lost, and the task has to run again.
+
+        Raises:
+            EngineError: when the scheduler is gone, or what the task is lost with is no accident.
+        """
+        for fetch_s in FETCHES_S:
+            if future.status == "lost":
+                return None
+            try:
+                report: bytes = future.result(timeout=fetch_s)
+            except self._distributed.TimeoutError:
+                continue
+            except Exception as cause:  # Dask's several ways to say that its client is closed
+                if future.status != "error":
+                    raise self._gone() from cause
+                self._note_loss(cause, at, losses)
+                return None
+            return report
+        return None
+
+    def _note_loss(self, cause: BaseException, at: int, losses: Counter[int]) -> None:
         if not isinstance(cause, self._distributed.KilledWorker):
-            raise cause
+            raise EngineError(
+                f"a worker of {self._address} cannot run tasks of this toolkit "
+                f"({described(cause)}); install the same baxter-kin there as here"
+            ) from cause
         losses[at] += cause.allowed_failures + 1
         if losses[at] >= MOST_LOSSES:
             raise EngineError(
                 f"{losses[at]} workers were lost while task {at} ran; look into their logs for "
                 "what ends them, such as memory"
             ) from cause
-        return False
+
+    def _gone(self) -> EngineError:
+        return EngineError(
+            f"the scheduler {self._address} is gone; what was stored stays, and the same call goes "
+            "on from there"
+        )
 
     def _joined(self, address: str) -> Any:
         try:
@@ -175,10 +243,17 @@ class DaskCluster(OneLine):
         return self._address, count(self.workers, "worker")
 
 
-def _alone(task: Callable[[Item], Answer], item: Item) -> Answer:
-    """Run a task while no other runs in this process."""
+def carried_out_alone(parcel: bytes) -> bytes:
+    """Run a task while no other runs in this process: what workers of a cluster do."""
     with _ONE_AT_A_TIME:
-        return task(item)
+        return carried_out(parcel, _dump())
+
+
+def _dump() -> Dump:
+    """How Dask pickles: what is of `__main__`, such as a notebook's functions, by its code."""
+    from distributed.protocol.pickle import dumps  # noqa: PLC0415 - only who has a cluster needs it
+
+    return dumps
 
 
 def _distributed() -> Any:

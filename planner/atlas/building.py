@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,11 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from baxter_kin import Baxter, IKService
+from baxter_kin.distribution.software import difference, versions
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.parallel import Engine, LocalPool
-from planner.atlas.map_files import Block, remove_leftovers
+from planner.atlas.blocks import Block, BlockTask, BlockTasks
+from planner.atlas.map_files import is_map, kind_of_machine, remove_leftovers
 from planner.atlas.positions import PositionGrid
-from planner.atlas.reach_map import ReachMap
+from planner.atlas.reach_map import ReachMap, opened_for_work
 from planner.atlas.reach_search import UNDECIDED, UNREACHABLE, ReachSearch
 from planner.atlas.rotations import RotationGrid
 from planner.errors import AtlasError
@@ -24,21 +27,32 @@ MOST_CELLS = 10**10
 """More than the finest grids that a group of machines computes in days; more must be asked for."""
 
 
+_LOG = logging.getLogger(__name__)
+_OTHER_MACHINE = (
+    "a block of %s was computed on another kind of machine (%s) than it was begun with (%s): it is "
+    "as right, but its last bits may differ"
+)
+
+
 @dataclass(frozen=True, slots=True)
 class BlockReport:
     """What became of a block.
 
     Attributes:
+        block: which.
         reachable: how many cells have a witness.
         unreachable: how many are proven so.
         undecided: how many are neither.
         time_s: processor time that it took.
+        machine: the kind of machine and backend that computed it.
     """
 
+    block: Block
     reachable: int
     unreachable: int
     undecided: int
     time_s: float
+    machine: str
 
 
 def build_reach_map(
@@ -67,9 +81,10 @@ def build_reach_map(
         progress: called for each block with how many are done, how many there are, and its report.
 
     Raises:
-        AtlasError: when the map at that path is another one, has too many cells, or cannot be
-            written.
-        EngineError: when the engine is lost; the blocks that are stored stay.
+        AtlasError: when the map at that path is another one or was begun with other software, has
+            too many cells, or cannot be written.
+        EngineError: when the engine is lost, or has workers with other software; the blocks that
+            are stored stay.
         MissingLibraryError: when Zarr is not installed.
     """
     robot = Baxter.load() if robot is None else robot
@@ -81,38 +96,42 @@ def build_reach_map(
     engine = LocalPool() if engine is None else engine
     missing, total = found.missing_blocks(), len(found.blocks)
     done = total - len(missing)
-    tasks = [(str(found.path.resolve()), block) for block in missing]
-    for _, report in engine.run(compute_block, tasks):
+    for _, report in engine.run(compute_block, BlockTasks(found.path, found.identity, missing)):
         done += 1
+        if found.note_machine(report.machine):
+            _LOG.warning(_OTHER_MACHINE, found.path, report.machine, found.machine)
         if progress is not None:
             progress(done, total, report)
+    remove_leftovers(found.path)
     return found
 
 
-def compute_block(task: tuple[str, Block]) -> BlockReport:
+def compute_block(task: BlockTask) -> BlockReport:
     """Compute one block of a map and store it: what workers do.
 
-    Args:
-        task: the map's folder, and which block.
+    Raises:
+        AtlasError: when there is another map now, or it cannot be written.
     """
-    path, block = task
-    found, searches = _open_for_work(path)
+    path, block, identity = task
+    found, searches = _opened_with_searches(path, identity)
     begun = time.process_time()
     points = found.positions.points(found.positions.block_slices(block[1:])).reshape(-1, 3)
     cells = searches[block[0]].search(points)
     found.write_block(block, cells)
     codes = cells.margins
     return BlockReport(
+        block,
         int((codes >= 0).sum()),
         int((codes == UNREACHABLE).sum()),
         int((codes == UNDECIDED).sum()),
         time.process_time() - begun,
+        kind_of_machine(searches[block[0]].backend),
     )
 
 
-@lru_cache(maxsize=2)
-def _open_for_work(path: str) -> tuple[ReachMap, tuple[ReachSearch, ...]]:
-    found = ReachMap(path)
+@lru_cache(maxsize=1)
+def _opened_with_searches(path: str, identity: str) -> tuple[ReachMap, tuple[ReachSearch, ...]]:
+    found = opened_for_work(path, identity)
     return found, tuple(ReachSearch(found.robot.arm(side), found.rotations) for side in found.arms)
 
 
@@ -132,7 +151,7 @@ def _opened(
     arms: tuple[str, ...],
 ) -> ReachMap:
     """The map at a path, which must be this one, or a new one."""
-    if not (path / "zarr.json").exists():
+    if not is_map(path):
         backend = IKService(robot.arm(arms[0])).backend.value if arms else ""
         return ReachMap.create(path, robot, positions, rotations, arms, backend=backend)
     found = ReachMap(path)
@@ -150,6 +169,12 @@ def _opened(
         raise AtlasError(
             f"the map at {path} is of another {' and another '.join(other)}; nothing was changed; "
             "choose another path"
+        )
+    differs = difference(found.software, versions())
+    if differs:
+        raise AtlasError(
+            f"the map at {path} was begun with other software: {differs}; nothing was changed; "
+            "install that to go on, or choose another path"
         )
     return found
 

@@ -10,30 +10,31 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from baxter_kin import Baxter
-from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.kinematics.arm import LIMBS, Arm
 from baxter_kin.validation import FloatArray, positive_scalar, whole_scalar
 from baxter_kin.value_objects import OneLine, count
-from planner.atlas.map_files import Block, stored_bytes
-from planner.atlas.positions import BLOCK_EDGE, PositionGrid
+from planner.atlas.blocks import Block
+from planner.atlas.map_files import stored_bytes
+from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_search import PAIRS, Cells, ReachSearch
 from planner.atlas.rotations import RotationGrid
+from planner.atlas.shells import SHELLS, Shells
 from planner.errors import AtlasError
-
-SHELLS = 6
-"""Of the same thickness, up to the straight arm's length; what is beyond them is one more."""
 
 DRAWN = 200_000
 """Positions of a grid that are drawn to know how many of them each shell has."""
 
 LEAST = 2
 """Measurements of each shell, so that its spread is known."""
+
+KEPT_CELLS = 200_000
+"""Of each shell, to know what cells take on disk."""
 
 MEASURED_S = 10.0
 
@@ -53,6 +54,7 @@ class Cost(OneLine):
         size_bytes: on disk.
         measured: positions that were searched to know it.
         of_positions: out of how many.
+        shell_s: of each arm and shell, what a position takes of one core.
     """
 
     poses: int
@@ -62,6 +64,7 @@ class Cost(OneLine):
     size_bytes: float
     measured: int
     of_positions: int
+    shell_s: tuple[tuple[float, ...], ...] = ()
 
     @property
     def core_hours(self) -> float:
@@ -83,7 +86,7 @@ def estimate(
     rotations: RotationGrid,
     arms: tuple[str, ...] = LIMBS,
     *,
-    missing: Collection[Block] | None = None,
+    missing: Container[Block] | None = None,
     measure_s: float = MEASURED_S,
     most_positions: int = DRAWN,
     seed: int = 0,
@@ -95,7 +98,7 @@ def estimate(
         positions: its grid.
         rotations: at every position.
         arms: which.
-        missing: blocks that are to be computed; all when not given.
+        missing: blocks of the grid that are to be computed, best as `Blocks`; all when not given.
         measure_s: how long to measure; each shell gets `LEAST` measurements, even if this takes
             longer.
         most_positions: how many positions to search at most.
@@ -125,6 +128,7 @@ def estimate(
         sum(each.size * each.bytes_each() for each in strata if each.measured),
         sum(stratum.measured for stratum in strata),
         of_positions,
+        _by_shell(strata, len(arms)),
     )
 
 
@@ -141,35 +145,46 @@ class _Stratum:
     """Positions of one shell, and what was measured of them.
 
     Attributes:
+        arm: its index in the map.
+        shell: its index.
         search: of the arm.
         left: positions that were drawn and not searched, shape (n, 3).
         size: how many positions of the map it stands for.
         batch: how many are searched at a time.
         times_s: a position, batch by batch.
-        found: what was found, batch by batch.
+        kept: what was found, batch by batch, up to `KEPT_CELLS`.
         measured: positions that were searched.
     """
 
+    arm: int
+    shell: int
     search: ReachSearch
     left: FloatArray
     size: float
     batch: int
     times_s: list[float] = field(default_factory=list)
-    found: list[Cells] = field(default_factory=list)
+    kept: list[Cells] = field(default_factory=list)
     measured: int = 0
 
     def measure(self) -> None:
         """Search the next batch."""
         points, self.left = self.left[: self.batch], self.left[self.batch :]
         begun = time.process_time()
-        self.found.append(self.search.search(points))
+        cells = self.search.search(points)
         self.times_s.append((time.process_time() - begun) / len(points))
+        if sum(each.margins.size for each in self.kept) < KEPT_CELLS:
+            self.kept.append(cells)
         self.measured += len(points)
+
+    @property
+    def mean_s(self) -> float:
+        """Of one of its positions."""
+        return float(np.mean(self.times_s)) if self.times_s else 0.0
 
     @property
     def total_s(self) -> float:
         """Of all its positions."""
-        return self.size * float(np.mean(self.times_s)) if self.times_s else 0.0
+        return self.size * self.mean_s
 
     @property
     def error_s(self) -> float:
@@ -180,9 +195,9 @@ class _Stratum:
 
     def bytes_each(self) -> float:
         """What a position takes on disk."""
-        margins = np.concatenate([cells.margins for cells in self.found])
-        witnesses = np.concatenate([cells.witnesses for cells in self.found])
-        return stored_bytes([margins, witnesses]) / self.measured
+        margins = np.concatenate([cells.margins for cells in self.kept])
+        witnesses = np.concatenate([cells.witnesses for cells in self.kept])
+        return stored_bytes([margins, witnesses]) / len(margins)
 
 
 def _measure(strata: Sequence[_Stratum], measure_s: float, most_positions: int) -> None:
@@ -206,7 +221,7 @@ def _strata(
     index: int,
     positions: PositionGrid,
     rotations: RotationGrid,
-    missing: Collection[Block] | None,
+    missing: Container[Block] | None,
     *,
     rng: np.random.Generator,
 ) -> list[_Stratum]:
@@ -214,18 +229,22 @@ def _strata(
     at = _drawn(positions, rng)
     worth = len(positions) / len(at)
     if missing is not None:
-        wanted = set(missing)
-        is_missing = [(index, *block) in wanted for block in (at // BLOCK_EDGE).tolist()]
-        at = at[np.array(is_missing, dtype=bool)]
+        blocks = (at // positions.block_edge).tolist()
+        at = at[np.array([(index, *block) in missing for block in blocks], dtype=bool)]
     points = positions.step_m * (np.array(positions.first) + at)
-    linkage = Linkage.of(arm)
-    reach_m = linkage.upper_span_m + linkage.tip_distance_m(0.0) + linkage.shoulder_offset_m
-    away = np.linalg.norm(points - linkage.T_base_first.translation, axis=1)
-    shells = np.minimum(away / reach_m * SHELLS, SHELLS).astype(int)
-    search = ReachSearch(arm, rotations)
+    shells, search = Shells(arm).of(points), ReachSearch(arm, rotations)
     batch = -(-2 * PAIRS // len(rotations.R_base_tips))
-    inside = (points[shells == shell] for shell in range(SHELLS + 1))
-    return [_Stratum(search, p, worth * len(p), batch) for p in inside if len(p)]
+    inside = ((shell, points[shells == shell]) for shell in range(SHELLS + 1))
+    return [
+        _Stratum(index, shell, search, p, worth * len(p), batch) for shell, p in inside if len(p)
+    ]
+
+
+def _by_shell(strata: Sequence[_Stratum], arms: int) -> tuple[tuple[float, ...], ...]:
+    means = np.zeros((arms, SHELLS + 1))
+    for stratum in strata:
+        means[stratum.arm, stratum.shell] = stratum.mean_s
+    return tuple(map(tuple, means.tolist()))
 
 
 def _drawn(positions: PositionGrid, rng: np.random.Generator) -> FloatArray:

@@ -11,24 +11,27 @@ witnesses            int32, (arm, x, y, z, joint, rotation): steps of RAD_PER_ST
 A block of positions is one chunk of both arrays. One task computes and writes it whole, and each
 file is put in place at once; the margins come last, so that a block that has them is complete. A
 chunk ends with its checksum (CRC-32C) and is not read without. Nothing else is written while a map
-is computed: the same block has the same bytes whoever computes it, on the same kind of machine.
+is computed, but which kinds of machines compute blocks, if there are several: the same block has
+the same bytes whoever computes it, on the same kind of machine. `zarr.json` comes last when a map
+is made: without it the folder is no map yet.
 """
 
 from __future__ import annotations
 
+import os
 import platform
 import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from itertools import product
+from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.errors import MissingLibraryError, shown_path
-from planner.atlas.positions import BLOCK_EDGE
+from planner.atlas.blocks import Block
 from planner.atlas.reach_search import NOT_COMPUTED
 from planner.errors import AtlasError
 
@@ -37,8 +40,7 @@ FORMAT, VERSION = "baxter-kin reach map", 1
 COMPRESSION = 3
 """Level of Zstandard: a third of the bytes; higher levels save little and take longer."""
 
-Block: TypeAlias = tuple[int, int, int, int]
-"""Index of the arm, then of the block along x, y and z."""
+_ARRAYS = ("directions", "rolls", "margins", "witnesses")
 
 
 def zarr_library() -> Any:
@@ -60,6 +62,7 @@ def zarr_library() -> Any:
     return zarr
 
 
+@lru_cache
 def kind_of_machine(backend: str) -> str:
     """What the last bits of a result depend on: processor, NumPy, and where searches run."""
     config: Any = np.show_config(mode="dicts")
@@ -68,42 +71,56 @@ def kind_of_machine(backend: str) -> str:
 
 
 def create_group(
-    path: Path, attributes: dict[str, Any], directions: Any, rolls: Any, shape: tuple[int, ...]
-) -> Any:
+    path: Path,
+    attributes: dict[str, Any],
+    directions: Any,
+    rolls: Any,
+    shape: tuple[int, ...],
+    *,
+    block_edge: int,
+) -> None:
     """A group for a new map, with nothing computed.
 
     Args:
-        path: a folder that does not exist, or is empty.
+        path: a folder that does not exist, is empty, or has what is left of such a call that was
+            killed.
         attributes: what the group says of itself.
         directions: shape (d, 3, 3).
         rolls: shape (k,).
         shape: how many arms, and positions along x, y and z.
+        block_edge: positions along each side of a chunk.
 
     Raises:
         AtlasError: when there is something at that path, or it cannot be written.
     """
-    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+    with explained(path):
+        is_taken = path.exists() and (not path.is_dir() or not _is_ours(path))
+    if is_taken:
         raise AtlasError(f"{shown_path(path)} exists and is no map; choose another path")
     zarr, rotations = zarr_library(), len(directions) * len(rolls)
     with explained(path):
-        group = zarr.create_group(str(path), zarr_format=3)
         for name, values in (("directions", directions), ("rolls", rolls)):
-            group.create_array(name, data=np.array(values), compressors=_checked(zarr))
+            zarr.create_array(
+                str(path / name),
+                data=np.array(values),
+                compressors=_checked(zarr),
+                overwrite=True,
+            )
         for name, dtype, fill, inner in (
             ("margins", "int16", NOT_COMPUTED, {"rotation": rotations}),
             ("witnesses", "int32", 0, {"joint": 7, "rotation": rotations}),
         ):
-            group.create_array(
-                name,
+            zarr.create_array(
+                str(path / name),
                 shape=(*shape, *inner.values()),
-                chunks=(1, *[BLOCK_EDGE] * 3, *inner.values()),
+                chunks=(1, *[block_edge] * 3, *inner.values()),
                 dtype=dtype,
                 fill_value=fill,
                 compressors=_checked(zarr),
                 dimension_names=("arm", "x", "y", "z", *inner),
+                overwrite=True,
             )
-        group.attrs.put(attributes)  # last: without them it is no map
-    return group
+        zarr.create_group(str(path), zarr_format=3, attributes=attributes)
 
 
 def stored_bytes(parts: Iterable[Any]) -> int:
@@ -118,6 +135,16 @@ def stored_bytes(parts: Iterable[Any]) -> int:
     return stored
 
 
+def is_map(path: Path) -> bool:
+    """Whether there is a map at that path, or at least what may be one.
+
+    Raises:
+        AtlasError: when the path cannot be looked at.
+    """
+    with explained(path):
+        return (path / "zarr.json").exists()
+
+
 def open_group(path: Path) -> Any:
     """The group of a map that exists.
 
@@ -125,7 +152,7 @@ def open_group(path: Path) -> Any:
         AtlasError: when there is none, or it is of another format or version.
     """
     zarr = zarr_library()
-    if not (path / "zarr.json").is_file():
+    if not is_map(path):
         raise AtlasError(f"there is no map at {shown_path(path)}; build one there first")
     with explained(path):
         group = zarr.open_group(str(path), mode="r+", zarr_format=3)
@@ -140,11 +167,20 @@ def open_group(path: Path) -> Any:
     return group
 
 
-def blocks_stored(path: Path, arms: int, blocks: tuple[int, ...]) -> Iterator[Block]:
-    """Blocks whose margins are there."""
-    for arm, x, y, z in product(range(arms), *map(range, blocks)):
-        if _file_of(path, (arm, x, y, z)).is_file():
-            yield arm, x, y, z
+def blocks_stored(path: Path, shape: tuple[int, ...]) -> Iterator[Block]:
+    """Blocks whose margins are there, of so many along each axis; takes no longer than they are."""
+    folder = path / "margins" / "c"
+    for arm in _numbers(folder, shape[0]):
+        for x in _numbers(folder / str(arm), shape[1]):
+            for y in _numbers(folder / str(arm) / str(x), shape[2]):
+                for z in _numbers(folder / str(arm) / str(x) / str(y), shape[3]):
+                    if _is_written(_file_of(path, (arm, x, y, z))):
+                        yield arm, x, y, z
+
+
+def has_witnesses(path: Path, block: Block) -> bool:
+    """Whether the witnesses of a block are there; they are not where nothing of it is reachable."""
+    return path.joinpath("witnesses", "c", *map(str, block), "0", "0").is_file()
 
 
 def remove_block(path: Path, block: Block) -> None:
@@ -154,8 +190,20 @@ def remove_block(path: Path, block: Block) -> None:
 
 def remove_leftovers(path: Path) -> None:
     """Remove what processes that were killed had not put in place yet."""
-    for left in path.glob("*/**/*.partial"):
-        left.unlink(missing_ok=True)
+    for folder, _, names in os.walk(path):
+        for name in names:
+            if name.endswith(".partial"):
+                Path(folder, name).unlink(missing_ok=True)
+
+
+def bytes_on_disk(path: Path) -> int:
+    """Of all files of a map."""
+    sizes = 0
+    for folder, _, names in os.walk(path):
+        for name in names:
+            with suppress(FileNotFoundError):  # as when a build puts it in place meanwhile
+                sizes += os.lstat(os.path.join(folder, name)).st_size
+    return sizes
 
 
 @contextmanager
@@ -178,6 +226,25 @@ def explained(path: Path, what: str = "the map") -> Iterator[None]:
         raise AtlasError(
             f"{what} {shown_path(path)} is damaged: {str(cause).splitlines()[0]}"
         ) from cause
+
+
+def _numbers(folder: Path, end: int) -> list[int]:
+    """Names in a folder that are numbers below the end, ascending; none where it is not there."""
+    try:
+        names = os.listdir(folder)
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    return sorted(int(name) for name in names if name.isdecimal() and int(name) < end)
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a folder has nothing but arrays of a map, or parts of them."""
+    return all(each.name in _ARRAYS or each.suffix == ".partial" for each in path.iterdir())
+
+
+def _is_written(file: Path) -> bool:
+    """Whether a file has something in it; where the power was lost there may be empty ones."""
+    return file.is_file() and file.stat().st_size > 0
 
 
 def _file_of(path: Path, block: Block) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,13 @@ from planner.errors import AtlasError
 MOST_A_SIDE = 10_000
 
 BLOCK_EDGE = 8
-"""Positions along each side of a block, which is what one task computes."""
+"""Positions along each side of a block, which is what one task computes, of most grids."""
+
+MOST_CELLS_A_BLOCK = 600_000
+"""Positions times rotations: what a worker holds at once."""
+
+LEAST_BLOCKS = 4096
+"""How many there must be of those that are larger than `BLOCK_EDGE`, so that workers share them."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -37,6 +43,7 @@ class PositionGrid(Frozen, Checked, OneLine, error=AtlasError):
         step_m: between neighbours.
         first: the lowest point in steps, along x, y and z.
         shape: how many along x, y and z.
+        block_edge: positions along each side of a block; it does not tell grids apart.
 
     Raises:
         AtlasError: when the step is not above zero, or a side has no point or more than
@@ -46,6 +53,7 @@ class PositionGrid(Frozen, Checked, OneLine, error=AtlasError):
     step_m: float
     first: tuple[int, ...]
     shape: tuple[int, ...]
+    block_edge: int = field(default=BLOCK_EDGE, compare=False)
 
     def __post_init__(self) -> None:
         positive_scalar(self.step_m, "step_m", AtlasError)
@@ -53,6 +61,7 @@ class PositionGrid(Frozen, Checked, OneLine, error=AtlasError):
             raise AtlasError(f"first and shape have three numbers, got {self.first}, {self.shape}")
         for number in self.shape:
             whole_scalar(number, "points along each side", AtlasError, least=1, most=MOST_A_SIDE)
+        whole_scalar(self.block_edge, "block_edge", AtlasError, least=1, most=MOST_A_SIDE)
 
     @classmethod
     def within(cls, low_m: ArrayLike, high_m: ArrayLike, step_m: float) -> PositionGrid:
@@ -87,6 +96,21 @@ class PositionGrid(Frozen, Checked, OneLine, error=AtlasError):
         high = np.max([box[1] for box in boxes], axis=0)
         return cls.within(low, high, step_m)
 
+    def in_blocks_for(self, rotations: int) -> PositionGrid:
+        """The same grid in blocks as large as a worker may hold them with so many rotations.
+
+        Blocks of many rotations are smaller than `BLOCK_EDGE`; those of few are larger on large
+        grids, so that a map has no more files than it needs.
+        """
+        edge = BLOCK_EDGE
+        while edge > 1 and edge**3 * rotations > MOST_CELLS_A_BLOCK:
+            edge //= 2
+        while (2 * edge) ** 3 * rotations <= MOST_CELLS_A_BLOCK and (
+            len(self) >= LEAST_BLOCKS * (2 * edge) ** 3
+        ):
+            edge *= 2
+        return replace(self, block_edge=edge)
+
     def __len__(self) -> int:
         return math.prod(self.shape)
 
@@ -104,12 +128,12 @@ class PositionGrid(Frozen, Checked, OneLine, error=AtlasError):
     @property
     def blocks(self) -> tuple[int, ...]:
         """How many blocks there are along x, y and z."""
-        return tuple(-(-n // BLOCK_EDGE) for n in self.shape)
+        return tuple(-(-n // self.block_edge) for n in self.shape)
 
     def block_slices(self, block: tuple[int, ...]) -> tuple[slice, ...]:
         """The indices of a block's points; blocks at the end may be smaller."""
         return tuple(
-            slice(b * BLOCK_EDGE, min((b + 1) * BLOCK_EDGE, n))
+            slice(b * self.block_edge, min((b + 1) * self.block_edge, n))
             for b, n in zip(block, self.shape, strict=True)
         )
 

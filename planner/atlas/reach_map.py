@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+import hashlib
+import json
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +12,20 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.distribution.version import version
+from baxter_kin.distribution.software import versions
 from baxter_kin.errors import UnknownNameError, shown_path
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import OneLine
+from planner.atlas.blocks import Block, Blocks
+from planner.atlas.cell import STATUSES, Cell
 from planner.atlas.map_files import (
     FORMAT,
     VERSION,
-    Block,
     blocks_stored,
     create_group,
     explained,
+    has_witnesses,
     kind_of_machine,
     open_group,
     remove_block,
@@ -41,24 +43,7 @@ from planner.atlas.reach_search import (
 from planner.atlas.rotations import RotationGrid
 from planner.errors import AtlasError
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Cell:
-    """What a map knows of one pose of its grid.
-
-    Attributes:
-        side: of the arm.
-        T_base_tip: the pose.
-        status: "reachable", "unreachable", "undecided" or "not computed".
-        margin_rad: of the witness to the nearest joint limit, rounded down; None without one.
-        q: the witness, shape (7,), rad; None without one.
-    """
-
-    side: str
-    T_base_tip: pin.SE3
-    status: str
-    margin_rad: float | None
-    q: FloatArray | None
+_OTHERS = "other_machines"  # the one attribute that may change while a map is computed
 
 
 class ReachMap(OneLine):
@@ -70,6 +55,9 @@ class ReachMap(OneLine):
         rotations: of the tip, at every position.
         arms: whose, such as ("left", "right").
         digest: that of the robot it was made for.
+        software: the versions that compute its blocks, by name.
+        machine: the kind of machine and backend that it was begun with.
+        other_machines: other kinds that have computed blocks; their last bits may differ.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -83,16 +71,20 @@ class ReachMap(OneLine):
         self._group = open_group(self.path)
         facts: dict[str, Any] = dict(self._group.attrs)
         with explained(self.path):
-            self.positions = PositionGrid(
-                float(facts["step_m"]), tuple(facts["first"]), tuple(facts["shape"])
-            )
             self.arms: tuple[str, ...] = tuple(facts["arms"])
             self.digest = str(facts["robot_digest"])
             self.machine = str(facts["machine"])
-            self.made_by = str(facts["baxter_kin"])
+            self.software: dict[str, str] = dict(facts.get("software", {}))
+            self.other_machines: tuple[str, ...] = tuple(facts.get(_OTHERS, ()))
             self._urdf = str(facts["robot_urdf"])
             self.rotations = RotationGrid(self._group["directions"][...], self._group["rolls"][...])
             self._margins, self._witnesses = self._group["margins"], self._group["witnesses"]
+            self.positions = PositionGrid(
+                float(facts["step_m"]),
+                tuple(facts["first"]),
+                tuple(facts["shape"]),
+                int(self._margins.chunks[1]),
+            )
 
     @classmethod
     def create(
@@ -117,7 +109,7 @@ class ReachMap(OneLine):
         attributes = {
             "format": FORMAT,
             "version": VERSION,
-            "baxter_kin": version(),
+            "software": dict(versions()),
             "machine": kind_of_machine(backend),
             "robot_digest": robot.digest,
             "robot_urdf": robot.description.text,
@@ -133,8 +125,14 @@ class ReachMap(OneLine):
                 "not computed": NOT_COMPUTED,
             },
         }
-        shape = (len(arms), *positions.shape)
-        create_group(Path(path), attributes, rotations.R_base_tips, rotations.rolls, shape)
+        create_group(
+            Path(path),
+            attributes,
+            rotations.R_base_tips,
+            rotations.rolls,
+            (len(arms), *positions.shape),
+            block_edge=positions.in_blocks_for(len(rotations)).block_edge,
+        )
         return cls(path)
 
     @cached_property
@@ -149,22 +147,28 @@ class ReachMap(OneLine):
             raise AtlasError(f"the robot stored in {shown_path(self.path)} is damaged")
         return robot
 
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """All of them, in the order in which they are computed."""
-        nx, ny, nz = self.positions.blocks
-        return tuple(
-            (arm, x, y, z)
-            for arm in range(len(self.arms))
-            for x in range(nx)
-            for y in range(ny)
-            for z in range(nz)
-        )
+    @cached_property
+    def identity(self) -> str:
+        """What tells this map from another one at the same path, 64 hexadecimal digits."""
+        lasting = {name: fact for name, fact in self._group.attrs.items() if name != _OTHERS}
+        facts = json.dumps(lasting, sort_keys=True)
+        rotations = self.rotations.R_base_tips.tobytes() + self.rotations.rolls.tobytes()
+        return hashlib.sha256(facts.encode() + rotations).hexdigest()
 
-    def missing_blocks(self) -> tuple[Block, ...]:
-        """Those that are not computed."""
-        stored = set(blocks_stored(self.path, len(self.arms), self.positions.blocks))
-        return tuple(block for block in self.blocks if block not in stored)
+    @property
+    def blocks(self) -> Blocks:
+        """All of them, in the order in which they are computed."""
+        return Blocks((len(self.arms), *self.positions.blocks))
+
+    def computed_blocks(self) -> Blocks:
+        """Those that are stored, as the folder has them now."""
+        shape = self.blocks.shape
+        with explained(self.path):
+            return Blocks.of(shape, blocks_stored(self.path, shape))
+
+    def missing_blocks(self) -> Blocks:
+        """The others."""
+        return self.computed_blocks().others()
 
     def __len__(self) -> int:
         """How many cells there are."""
@@ -181,6 +185,8 @@ class ReachMap(OneLine):
             margins: Codes = self._margins[where]
             if (margins == NOT_COMPUTED).any():
                 return None
+            if (margins >= 0).any() and not has_witnesses(self.path, block):
+                raise ValueError("its witnesses are missing")
             witnesses = self._witnesses[where]
         rotations = len(self.rotations)
         return Cells(margins.reshape(-1, rotations), witnesses.reshape(-1, 7, rotations))
@@ -197,6 +203,19 @@ class ReachMap(OneLine):
         with explained(self.path):
             self._witnesses[where] = cells.witnesses.reshape(*sizes, 7, -1)
             self._margins[where] = cells.margins.reshape(*sizes, -1)
+
+    def note_machine(self, kind: str) -> bool:
+        """Store that a kind of machine has computed blocks; gives whether it is a new one.
+
+        Raises:
+            AtlasError: when it cannot be written.
+        """
+        if kind in (self.machine, *self.other_machines):
+            return False
+        self.other_machines += (kind,)
+        with explained(self.path):
+            self._group.attrs[_OTHERS] = sorted(self.other_machines)
+        return True
 
     def discard_block(self, block: Block) -> None:
         """Forget a block, so that the next build computes it."""
@@ -222,6 +241,8 @@ class ReachMap(OneLine):
         with explained(self.path):
             code = int(self._margins[(*where, rotation)])
             steps = self._witnesses[(*where, slice(None), rotation)]
+            if code >= 0 and not has_witnesses(self.path, self._block_of(side, position)):
+                raise ValueError(f"the witnesses around {position} are missing")
         p = self.positions.step_m * (np.array(self.positions.first) + np.array(position, float))
         T = pin.SE3(self.rotations.matrices[rotation], p)
         if code < 0:
@@ -244,6 +265,13 @@ class ReachMap(OneLine):
             )
         return self.cell(side, position, self.rotations.nearest(T.rotation))
 
+    def _block_of(self, side: str, position: tuple[int, ...]) -> Block:
+        edge = self.positions.block_edge
+        x, y, z = (
+            index % size // edge for index, size in zip(position, self.positions.shape, strict=True)
+        )
+        return self._arm_index(side), x, y, z
+
     def _arm_index(self, side: str) -> int:
         if side not in self.arms:
             raise UnknownNameError("arm of this map", side, self.arms)
@@ -254,5 +282,14 @@ class ReachMap(OneLine):
         return sides, repr(self.positions), repr(self.rotations)
 
 
-STATUSES = {UNREACHABLE: "unreachable", UNDECIDED: "undecided", NOT_COMPUTED: "not computed"}
-"""Of codes."""
+@lru_cache(maxsize=1)
+def opened_for_work(path: str, identity: str) -> ReachMap:
+    """The map that a worker works on, opened once.
+
+    Raises:
+        AtlasError: when there is another map at that path.
+    """
+    found = ReachMap(path)
+    if found.identity != identity:
+        raise AtlasError(f"the map at {shown_path(found.path)} was replaced by another one")
+    return found

@@ -21,6 +21,9 @@ from planner.errors import AtlasError
 FINEST_HOPF = 4
 """294,912 rotations, 3 degrees apart."""
 
+MOST_ROTATIONS = 300_000
+"""Of a map: one position with more does not fit into what a worker may hold."""
+
 _ORTHONORMAL = 1e-6
 
 
@@ -33,7 +36,7 @@ class RotationGrid(Frozen, Checked, OneLine, error=AtlasError):
         rolls: angles about the tip's z axis, shape (k,), rad.
 
     Raises:
-        AtlasError: when there is no rotation, or a matrix is not one.
+        AtlasError: when there is no rotation, more than `MOST_ROTATIONS`, or a matrix is not one.
     """
 
     R_base_tips: FloatArray
@@ -43,6 +46,10 @@ class RotationGrid(Frozen, Checked, OneLine, error=AtlasError):
         Rs, rolls = np.asarray(self.R_base_tips), np.asarray(self.rolls)
         Rs = finite_array(Rs, (max(len(Rs), 1), 3, 3), "R_base_tips", AtlasError)
         rolls = finite_array(rolls, (max(rolls.size, 1),), "rolls", AtlasError)
+        if len(Rs) * len(rolls) > MOST_ROTATIONS:
+            raise AtlasError(
+                f"a map has at most {MOST_ROTATIONS:,} rotations, got {len(Rs) * len(rolls):,}"
+            )
         off = np.abs(Rs @ Rs.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
         if (off > _ORTHONORMAL).any() or (np.linalg.det(Rs) < 0.0).any():
             bad = int(np.argmax((off > _ORTHONORMAL) | (np.linalg.det(Rs) < 0.0)))

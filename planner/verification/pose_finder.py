@@ -1,5 +1,6 @@
 """Looks for a configuration that reaches a pose, by nothing that the solvers of `baxter_kin` use.
 
+The model is read from the text of the URDF by Pinocchio, and so are the joints and their limits.
 Bounded least squares by Levenberg and Marquardt's damping, with joints held at limits that they are
 pushed against (projected Newton; Bertsekas 1982), from many starts at a time: those nearest to the
 pose of many random configurations, then random ones. Whether a configuration counts is decided by
@@ -13,7 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
+from baxter_kin.errors import DescriptionError
 from baxter_kin.validation import FloatArray
+from planner.verification.urdf_robot import read_model
 
 TOLERANCE = 1e-6
 """How near a configuration must come to a pose to reach it, m and rad."""
@@ -40,26 +43,34 @@ class PoseFinder:
         """Prepare it.
 
         Args:
-            robot: whose arm.
+            robot: whose arm; of it the description alone is used.
             side: of the arm.
             seed: of the configurations to start from.
 
         Raises:
-            UnknownNameError: when there is no such arm.
+            DescriptionError: when there is no such arm.
         """
-        self._model, self._frame = robot.model, robot.model.getFrameId(f"{side}_gripper")
+        self._model, tip = read_model(robot.description), f"{side}_gripper"
+        if not self._model.existFrame(tip):
+            raise DescriptionError(f"the URDF is not Baxter's: it lacks the link {tip}")
+        self._frame = self._model.getFrameId(tip)
         self._data, self._full = self._model.createData(), pin.neutral(self._model)
-        ids = [self._model.getJointId(name) for name in robot.arm(side).joint_names]
+        wrist = self._model.frames[self._frame].parentJoint
+        ids = [int(joint) for joint in self._model.supports[wrist]][1:]
         self._at_q = [self._model.joints[i].idx_q for i in ids]
         self._low = self._model.lowerPositionLimit[self._at_q]
         self._high = self._model.upperPositionLimit[self._at_q]
-        tip = self._model.frames[self._frame].placement
         placements = [self._model.jointPlacements[i] for i in ids]
-        self._spans = [(T.rotation.copy(), T.translation.copy()) for T in (*placements, tip)]
+        T_last_tip = self._model.frames[self._frame].placement
+        self._spans = [(T.rotation.copy(), T.translation.copy()) for T in (*placements, T_last_tip)]
         self._T_base_mount = self._mount(ids[0])
-        self._rng = np.random.default_rng(seed)
-        self._library = self._random(LIBRARY)
+        self._seed = seed
+        self._library = self._random(LIBRARY, np.random.default_rng(seed))
         self._library_p, self._library_R, _ = self._tips(self._library)
+
+    def margin_rad(self, q: FloatArray) -> float:
+        """How far a configuration, shape (7,), is inside the limits."""
+        return float(np.minimum(q - self._low, self._high - q).min())
 
     def holds(self, T_base_tip: pin.SE3, q: FloatArray) -> bool:
         """Whether a configuration is inside the limits and reaches a pose.
@@ -68,7 +79,7 @@ class PoseFinder:
             T_base_tip: the pose.
             q: shape (7,), rad.
         """
-        if (q < self._low).any() or (q > self._high).any():
+        if self.margin_rad(q) < 0.0:
             return False
         self._full[self._at_q] = q
         pin.forwardKinematics(self._model, self._data, self._full)
@@ -80,14 +91,18 @@ class PoseFinder:
     def find(self, T_base_tip: pin.SE3) -> FloatArray | None:
         """A configuration inside the limits that reaches a pose, shape (7,); None if none is found.
 
+        The same pose has the same answer, whatever was asked before.
+
         Args:
             T_base_tip: the pose.
         """
+        pose = np.frombuffer(T_base_tip.homogeneous.tobytes(), np.uint32)
+        rng = np.random.default_rng([self._seed, *pose])
         away = np.linalg.norm(self._library_p - T_base_tip.translation, axis=1)
         cosine = (np.einsum("nij,ij->n", self._library_R, T_base_tip.rotation) - 1.0) / 2.0
         away += ROTATION_M * np.arccos(cosine.clip(-1.0, 1.0))
         nearest = self._library[np.argpartition(away, NEAREST)[:NEAREST]]
-        for starts in (nearest, self._random(RANDOM)):
+        for starts in (nearest, self._random(RANDOM, rng)):
             q = self._search(starts, T_base_tip)
             if self.holds(T_base_tip, q):
                 return q
@@ -166,5 +181,5 @@ class PoseFinder:
         carried: pin.SE3 = self._data.oMi[self._model.parents[joint]].copy()
         return carried
 
-    def _random(self, number: int) -> FloatArray:
-        return self._rng.uniform(self._low, self._high, (number, 7))
+    def _random(self, number: int, rng: np.random.Generator) -> FloatArray:
+        return rng.uniform(self._low, self._high, (number, 7))

@@ -2,139 +2,182 @@
 
 from __future__ import annotations
 
-import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from baxter_kin.errors import RequestError
-from baxter_kin.parallel import EngineError, dask_cluster
+from baxter_kin.parallel import EngineError, dask_cluster, local_cluster
 from baxter_kin.parallel.dask_cluster import DaskCluster
-from tests.baxter_kin.parallel.test_local_pool import always_dies, dies_once, fails, squared
+from tests.baxter_kin.parallel import tasks
+from tests.baxter_kin.parallel.conftest import ROOT
 
 distributed: Any = pytest.importorskip("distributed", reason="Dask needs Python 3.11")
 
+SCHEDULER = """
+import time, distributed
+with distributed.LocalCluster(
+    n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://", host="127.0.0.1",
+    dashboard_address="127.0.0.1:0",
+) as cluster:
+    print(cluster.scheduler_address, flush=True)
+    time.sleep(1000.0)
+"""
 
-def squared_slowly(number: int) -> int:
-    time.sleep(0.1)
-    return squared(number)
-
-
-def own_pid(number: int) -> int:
-    time.sleep(0.1)
-    return os.getpid()
-
-
-@pytest.fixture(scope="module")
-def client() -> Iterator[Any]:
-    """Of two workers that are started anew when they die."""
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
-        ) as cluster,
-        distributed.Client(cluster, set_as_default=False) as client,
-    ):
-        yield client
+AddWorker = Callable[..., "subprocess.Popen[bytes]"]
 
 
 @pytest.fixture
-def started(tmp_path: Path) -> Iterator[dict[str, Any]]:
-    """A scheduler and a worker as commands start them: their processes and the address."""
-    found, log = tmp_path / "scheduler.json", tmp_path / "log"
-
-    def dask(*words: str) -> subprocess.Popen[bytes]:
-        with log.open("ab") as told:
-            command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]]
-            return subprocess.Popen([*command, "--no-dashboard"], stdout=told, stderr=told)
-
-    scheduler = dask("scheduler", "--host=127.0.0.1", "--port=0", f"--scheduler-file={found}")
-    processes = [scheduler]
-    try:
-        while not found.exists():
-            assert scheduler.poll() is None, log.read_text()
-            time.sleep(0.05)
-        address = json.loads(found.read_text())["address"]
-
-        def add_worker() -> subprocess.Popen[bytes]:
-            where = f"--local-directory={tmp_path}"
-            processes.append(dask("worker", address, "--nthreads=1", "--no-nanny", where))
-            with distributed.Client(address, set_as_default=False) as watching:
-                watching.wait_for_workers(1, timeout=60)
-            return processes[-1]
-
-        yield {"address": address, "scheduler": scheduler, "add_worker": add_worker}
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
+def other_process() -> Iterator[subprocess.Popen[str]]:
+    """A scheduler and its worker in a process of their own, which may be killed."""
+    process = subprocess.Popen([sys.executable, "-c", SCHEDULER], stdout=subprocess.PIPE, text=True)
+    yield process
+    process.kill()
+    process.communicate()
 
 
-def test_every_item_gets_its_answer(client: Any) -> None:
-    engine = DaskCluster(client)
-    assert dict(engine.run(squared, range(20))) == {n: n * n for n in range(20)}
-    assert repr(engine).endswith(", 2 workers)")
+def computing() -> set[int]:
+    """Ids of the processes that multiprocessing has begun for this one."""
+    found = psutil.Process().children(recursive=True)
+    return {process.pid for process in found if "spawn_main" in "".join(process.cmdline())}
 
 
-def test_what_dead_workers_had_is_run_again(client: Any, tmp_path: Path) -> None:
+def wait_for_workers(address: str, number: int) -> None:
+    with distributed.Client(address, set_as_default=False) as watching:
+        watching.wait_for_workers(number, timeout=120)
+
+
+def test_every_item_gets_its_answer(cluster: DaskCluster) -> None:
+    assert dict(cluster.run(tasks.squared, range(200))) == {n: n * n for n in range(200)}
+    assert not list(cluster.run(tasks.squared, []))
+    assert repr(cluster).endswith(", 2 workers)")
+
+
+def test_functions_of_a_notebook_run(cluster: DaskCluster) -> None:
+    names: dict[str, Any] = {"__name__": "__main__"}
+    exec("offset = 5\ndef moved(number):\n    return number + offset", names)
+    assert dict(cluster.run(names["moved"], [1, 2])) == {1: 6, 2: 7}
+
+
+def test_a_local_cluster_listens_on_loopback_alone(cluster: DaskCluster) -> None:
+    own = psutil.Process()
+    listening = [
+        connection.laddr.ip
+        for process in (own, *own.children(recursive=True))
+        for connection in process.net_connections()
+        if connection.status == psutil.CONN_LISTEN
+    ]
+    assert set(listening) == {"127.0.0.1"}
+
+
+def test_a_local_cluster_keeps_its_number_of_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_cluster, "LOOK_MS", 50.0)
+    before = computing()
+    with local_cluster.local_cluster(distributed, 1) as cluster:
+        while not computing() - before:
+            time.sleep(0.01)
+        os.kill((computing() - before).pop(), signal.SIGKILL)  # Dask alone would give it up
+        with distributed.Client(cluster, set_as_default=False) as client:
+            client.wait_for_workers(1, timeout=120)
+
+
+def test_what_dead_workers_had_is_run_again(cluster: DaskCluster, tmp_path: Path) -> None:
     items = [(str(tmp_path), number) for number in range(3)]
-    assert dict(DaskCluster(client).run(dies_once, items)) == {item: item[1] for item in items}
+    for number in (1, 2):
+        (tmp_path / str(number)).touch()
+    assert dict(cluster.run(tasks.dies_once, items)) == {item: item[1] for item in items}
 
 
-def test_what_a_task_raises_arrives(client: Any) -> None:
-    with pytest.raises(OSError, match="no space for 3"):
-        list(DaskCluster(client).run(fails, [3]))
+@pytest.mark.parametrize(
+    ("task", "error", "words"),
+    [
+        (tasks.fails, OSError, "no space for 3"),
+        (tasks.fails_unreadably, EngineError, "a task raised UnreadableError: no luck with 3"),
+        (tasks.answers_unreadably, EngineError, "what a task has answered cannot be read here"),
+        (tasks.answers_with_an_open_file, TypeError, "cannot pickle"),
+    ],
+    ids=["raises", "raises unreadably", "answers unreadably", "answers a file"],
+)
+def test_what_goes_wrong_with_a_task_arrives_and_the_cluster_stays(
+    cluster: DaskCluster, task: Callable[[int], object], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        list(cluster.run(task, [3]))
+    assert dict(cluster.run(tasks.squared, [3])) == {3: 9}
 
 
-def test_nothing_more_is_begun_when_the_caller_stops(client: Any) -> None:
-    answers = DaskCluster(client).run(squared_slowly, range(10_000))
+def test_nothing_more_is_begun_when_the_caller_stops(cluster: DaskCluster) -> None:
+    answers = cluster.run(tasks.squared_slowly, range(10_000))
     assert next(answers)[1] >= 0
     answers.close()  # type: ignore[attr-defined]
-    assert dict(DaskCluster(client).run(squared, [3])) == {3: 9}
+    assert dict(cluster.run(tasks.squared, [3])) == {3: 9}
 
 
 def test_an_item_that_kills_every_worker_ends_the_run(
-    client: Any, monkeypatch: pytest.MonkeyPatch
+    cluster: DaskCluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dask_cluster, "MOST_LOSSES", 4)  # as Dask counts; ten take long
-    with pytest.raises(EngineError, match="4 workers were lost while task 0 ran"):
-        list(DaskCluster(client).run(always_dies, [7]))
+    monkeypatch.setattr(dask_cluster, "MOST_LOSSES", 2)
+    with pytest.raises(EngineError, match="2 workers were lost while task 0 ran"):
+        list(cluster.run(tasks.always_dies, [7]))
 
 
-def test_a_scheduler_that_dies_ends_the_run(started: dict[str, Any]) -> None:
-    with pytest.raises(EngineError, match="has no worker; start one: dask worker tcp://127"):
-        DaskCluster(started["address"])
-    started["add_worker"]()
-    engine = DaskCluster(started["address"])
-    answers = engine.run(squared_slowly, range(100))
-    next(answers)
-    started["scheduler"].kill()
-    with pytest.raises(EngineError, match="is gone; what was stored stays"):
-        list(answers)
-    engine.close()
+def test_a_scheduler_that_dies_ends_the_run(
+    other_process: subprocess.Popen[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dask_cluster, "CONNECT_S", 1.0)  # as long it tries to come back
+    assert other_process.stdout is not None
+    with DaskCluster(other_process.stdout.readline().strip()) as engine:
+        answers = engine.run(tasks.squared_slowly, range(100))
+        next(answers)
+        other_process.kill()
+        with pytest.raises(EngineError, match="is gone; what was stored stays"):
+            list(answers)
+        with pytest.raises(EngineError, match="is gone; what was stored stays"):
+            list(engine.run(tasks.squared, [1]))
 
 
 def test_a_run_waits_for_new_workers_but_not_for_ever(
-    started: dict[str, Any], caplog: pytest.LogCaptureFixture
+    scheduler: str, add_worker: AddWorker, caplog: pytest.LogCaptureFixture
 ) -> None:
-    started["add_worker"]()
-    engine = DaskCluster(started["address"], patience_s=5.0)
-    answers = engine.run(own_pid, range(1000))
-    first = next(answers)[1]
-    os.kill(first, signal.SIGKILL)
-    started["add_worker"]()
-    second = next(pid for _, pid in answers if pid != first)
-    os.kill(second, signal.SIGKILL)
-    with pytest.raises(EngineError, match="has had no worker for 5 s; what was stored stays"):
-        list(answers)
+    with pytest.raises(EngineError, match="has no worker; start one: dask worker tcp://127"):
+        DaskCluster(scheduler)
+    first = add_worker()
+    wait_for_workers(scheduler, 1)
+    with DaskCluster(scheduler, patience_s=2.0) as engine:
+        answers = engine.run(tasks.own_pid, range(1000))
+        assert next(answers)[1] == first.pid
+        second = add_worker()
+        wait_for_workers(scheduler, 2)
+        first.kill()
+        assert next(pid for _, pid in answers if pid != first.pid) == second.pid
+        os.kill(second.pid, signal.SIGKILL)
+        with pytest.raises(EngineError, match="has had no worker for 2 s; what was stored stays"):
+            list(answers)
     assert "has no worker left; waiting" in caplog.text
-    engine.close()
+
+
+def test_a_worker_with_other_code_does_nothing(
+    scheduler: str, add_worker: AddWorker, tmp_path: Path
+) -> None:
+    shutil.copytree(ROOT / "baxter_kin", tmp_path / "baxter_kin")
+    with (tmp_path / "baxter_kin" / "limits.py").open("a") as module:
+        module.write("# changed\n")
+    add_worker(tmp_path)
+    wait_for_workers(scheduler, 1)
+    with (
+        DaskCluster(scheduler) as engine,
+        pytest.raises(EngineError, match=r"other software .* did none: code .* there and "),
+    ):
+        list(engine.run(tasks.always_dies, [1]))
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", ""])
@@ -146,6 +189,8 @@ def test_where_no_scheduler_answers_one_sentence_says_so(
         DaskCluster(address)
 
 
-def test_patience_is_above_zero(client: Any) -> None:
+def test_patience_and_workers_are_above_zero() -> None:
     with pytest.raises(RequestError, match="patience_s must be above zero"):
-        DaskCluster(client, patience_s=0.0)
+        DaskCluster("tcp://127.0.0.1:9", patience_s=0.0)
+    with pytest.raises(RequestError, match="workers must be a whole number from 1"):
+        DaskCluster.local(0).__enter__()

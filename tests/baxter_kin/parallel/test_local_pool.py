@@ -4,55 +4,128 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
+import psutil
 import pytest
 
 from baxter_kin.errors import RequestError
-from baxter_kin.parallel import EngineError, LocalPool, Serial
+from baxter_kin.parallel import EngineError, LocalPool, Serial, local_pool
+from tests.baxter_kin.parallel import tasks
+
+ROOT = Path(__file__).parents[3]
+
+LONG_RUN = """
+from baxter_kin.parallel import LocalPool
+from tests.baxter_kin.parallel.tasks import own_pid
+if __name__ == "__main__":
+    for _, pid in LocalPool(1).run(own_pid, range(100_000)):
+        print(pid, flush=True)
+"""
+
+UNGUARDED = """
+from baxter_kin.parallel import EngineError, LocalPool
+from tests.baxter_kin.parallel.tasks import squared
+try:
+    list(LocalPool(2).run(squared, [1, 2, 3]))
+except EngineError as told:
+    print(told)
+"""
 
 
-def squared(number: int) -> int:
-    return number * number
+def started(tmp_path: Path, program: str) -> subprocess.Popen[str]:
+    """A script as a process, in a group of its own as a terminal has it."""
+    script = tmp_path / "script.py"
+    script.write_text(program)
+    return subprocess.Popen(
+        [sys.executable, script],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        start_new_session=True,
+    )
 
 
-def dies_once(task: tuple[str, int]) -> int:
-    """Kill the own process the first time that it is called for an item."""
-    folder, number = task
-    mark = Path(folder, str(number))
-    if not mark.exists():
-        mark.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return number
-
-
-def always_dies(number: int) -> int:
-    os.kill(os.getpid(), signal.SIGKILL)
-    return number
-
-
-def fails(number: int) -> int:
-    raise OSError(28, f"no space for {number}")
+def is_gone(pid: int) -> bool:
+    return not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
 
 
 def test_every_item_gets_its_answer() -> None:
     for engine in (Serial(), LocalPool(2)):
-        assert dict(engine.run(squared, range(20))) == {n: n * n for n in range(20)}
+        assert dict(engine.run(tasks.squared, range(20))) == {n: n * n for n in range(20)}
+        assert not list(engine.run(tasks.squared, []))
 
 
-def test_what_dead_workers_had_is_run_again(tmp_path: Path) -> None:
-    items = [(str(tmp_path), number) for number in range(5)]
-    assert dict(LocalPool(2).run(dies_once, items)) == {item: item[1] for item in items}
+def test_what_a_dead_worker_had_is_run_again_and_the_others_go_on(tmp_path: Path) -> None:
+    items = [(str(tmp_path), number) for number in range(4)]
+    (tmp_path / "2").touch()
+    (tmp_path / "3").touch()
+    assert dict(LocalPool(2).run(tasks.dies_once, items)) == {item: item[1] for item in items}
 
 
-def test_an_item_that_kills_every_worker_ends_the_run() -> None:
-    with pytest.raises(EngineError, match="worker processes died 10 times while task"):
-        list(LocalPool(1).run(always_dies, [7]))
+def test_workers_killed_from_outside_are_replaced() -> None:
+    killed, done = set[int](), list[int]()
+    for number, pid in LocalPool(2).run(tasks.own_pid, range(30)):
+        done.append(number)
+        if len(killed) < 3 and pid not in killed:
+            killed.add(pid)
+            os.kill(pid, signal.SIGKILL)
+    assert sorted(done) == list(range(30))
+    assert len(killed) == 3
 
 
-def test_what_a_task_raises_arrives() -> None:
-    with pytest.raises(OSError, match="no space for 3"):
-        list(LocalPool(1).run(fails, [3]))
+def test_an_item_that_kills_every_worker_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_pool, "MOST_LOSSES", 2)
+    with pytest.raises(EngineError, match="worker processes died 2 times while task 0 ran"):
+        list(LocalPool(1).run(tasks.always_dies, [7]))
+
+
+@pytest.mark.parametrize(
+    ("task", "error", "words"),
+    [
+        (tasks.fails, OSError, "no space for 3"),
+        (tasks.fails_unreadably, EngineError, "a task raised UnreadableError: no luck with 3"),
+        (tasks.answers_unreadably, EngineError, "what a task has answered cannot be read here"),
+        (tasks.answers_with_an_open_file, TypeError, "cannot pickle"),
+        (lambda number: number, EngineError, "must be a function of a module"),
+    ],
+    ids=["raises", "raises unreadably", "answers unreadably", "answers a file", "no module"],
+)
+def test_what_goes_wrong_with_a_task_arrives(
+    task: Callable[[int], object], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        list(LocalPool(1).run(task, [3]))
+
+
+def test_a_script_without_a_guard_is_told_so_at_once(tmp_path: Path) -> None:
+    script = started(tmp_path, UNGUARDED)
+    said, _ = script.communicate(timeout=120)
+    assert said.startswith("a worker process ended with status 1 before it began")
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("how", ["kill", "Ctrl-C"])
+def test_workers_end_with_the_process_that_began_them(tmp_path: Path, how: str) -> None:
+    script = started(tmp_path, LONG_RUN)
+    assert script.stdout is not None
+    assert script.stderr is not None
+    worker = int(script.stdout.readline())
+    if how == "kill":
+        script.kill()
+    else:
+        os.killpg(script.pid, signal.SIGINT)
+    _, complaints = script.communicate(timeout=120)
+    deadline_s = time.monotonic() + 60.0
+    while not is_gone(worker) and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    assert is_gone(worker)
+    assert complaints.count("Traceback") == (how == "Ctrl-C")  # its own, and none of a worker
 
 
 @pytest.mark.parametrize("workers", [0, -1, 2.5, 10_000])

@@ -29,14 +29,18 @@ def own_map(small_map: ReachMap, tmp_path: Path) -> ReachMap:
 
 
 def test_a_map_is_right(small_map: ReachMap) -> None:
-    told: list[tuple[int, int]] = []
+    told: list[tuple[int, int, str]] = []
     found = check_map(small_map, cells=CELLS, engine=Serial(), progress=lambda *at: told.append(at))
     assert found.is_valid
     assert found.cells == CELLS
     assert min(found.witnesses, found.proofs) > 50
-    assert min(found.power, found.power_at_boundary) >= 0.99
+    assert found.proofs > found.proofs_at_boundary > 50
+    for power in (found.power, found.power_at_boundary):
+        assert power is not None
+        assert power >= 0.99
     assert found.undecided_share <= 0.002
-    assert told[-1][0] == told[-1][1] == len(told)
+    assert told[: len(small_map.blocks)] == [(i, 4, "blocks") for i in (1, 2, 3, 4)]
+    assert told[-1] == (CELLS, CELLS, "cells")
     assert repr(found).startswith("MapCheck(300 cells, 0 wrong witnesses, 0 false proofs, power ")
 
 

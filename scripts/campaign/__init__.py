@@ -1,0 +1,1 @@
+"""Builds of a small map that are killed at random, for `scripts/atlas_campaign.py`."""

@@ -1,0 +1,125 @@
+"""Builds as processes, and the bytes of what they have made."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+SCRIPTS = Path(__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """Of the map that is built.
+
+    Attributes:
+        step_m: between positions.
+        level: of the Hopf grid of rotations.
+    """
+
+    step_m: float
+    level: int
+
+
+@dataclass(slots=True)
+class Build:
+    """A build that runs.
+
+    Attributes:
+        path: of the map.
+        process: the client.
+    """
+
+    path: Path
+    process: subprocess.Popen[str]
+    _log: Path = field(repr=False)
+
+    @classmethod
+    def begin(cls, path: Path, engine: str, workers: int, size: Size) -> Build:
+        """Start one; what it says goes to a file beside the map."""
+        words = [str(path), engine, str(workers), str(size.step_m), str(size.level)]
+        log = path.with_suffix(".log")
+        roots = os.pathsep.join([str(SCRIPTS), str(SCRIPTS.parent)])
+        with log.open("a") as told:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "campaign.job", *words],
+                stdout=subprocess.PIPE,
+                stderr=told,
+                text=True,
+                env={**os.environ, "PYTHONPATH": roots},
+            )
+        return cls(path, process, log)
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has not ended."""
+        return self.process.poll() is None
+
+    def workers(self) -> list[psutil.Process]:
+        """Processes that compute, as far as they live now."""
+        return [each for each in self._family() if _is_worker(each)]
+
+    def kill(self) -> int:
+        """End client and workers at once; gives how many processes that were."""
+        everyone = [*self._family(), psutil.Process(self.process.pid)]
+        for each in reversed(everyone):
+            with suppress(psutil.NoSuchProcess):
+                each.kill()
+        self.process.communicate()
+        return len(everyone)
+
+    def finished(self) -> dict[str, Any]:
+        """What it says at its end.
+
+        Raises:
+            RuntimeError: when it fails.
+        """
+        said, _ = self.process.communicate()
+        if self.process.returncode != 0:
+            last = self._log.read_text().splitlines()[-30:]
+            raise RuntimeError(f"the build of {self.path} has failed:\n" + "\n".join(last))
+        told: dict[str, Any] = json.loads(said.splitlines()[-1])
+        return told
+
+    def _family(self) -> list[psutil.Process]:
+        try:
+            return psutil.Process(self.process.pid).children(recursive=True)
+        except psutil.NoSuchProcess:
+            return []
+
+
+def blocks_stored(path: Path) -> int:
+    """How many blocks of a map are there."""
+    return sum(file.is_file() for file in path.glob("margins/c/*/*/*/*/0"))
+
+
+def digests(path: Path) -> dict[str, str]:
+    """SHA-256 of every file of a map."""
+    return {
+        str(file.relative_to(path)): hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in sorted(path.rglob("*"))
+        if file.is_file()
+    }
+
+
+def differences(found: Mapping[str, str], wanted: Mapping[str, str]) -> list[str]:
+    """Files that one map has and the other has not, or has with other bytes."""
+    return sorted(name for name in {*found, *wanted} if found.get(name) != wanted.get(name))
+
+
+def _is_worker(process: psutil.Process) -> bool:
+    """Whether a process is one that multiprocessing has begun, and not its resource tracker."""
+    try:
+        return any("spawn_main" in word for word in process.cmdline())
+    except psutil.Error:
+        return False
