@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from baxter_kin.validation import Indices
 from planner.atlas.blocks import Block, Blocks, BlockTask
-from planner.atlas.reach_map import ReachMap, opened_for_work
+from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import UNDECIDED, Codes
+from planner.atlas.workers import opened_for_work
 from planner.errors import AtlasError
 
 Flags: TypeAlias = NDArray[np.bool_]
