@@ -130,13 +130,13 @@ def check_vacant(path: Path) -> None:
     """
     with explained(path):
         is_taken = path.exists() and (not path.is_dir() or any(path.iterdir()))
-        if is_taken:
-            raise AtlasError(f"{shown_path(path)} exists and is no map; choose another path")
         there = nearest_folder(path)
-        if not there.is_dir():
+        if not is_taken and not there.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, f"{shown_path(there)} is no folder")
-        if not os.access(there, os.W_OK | os.X_OK):
+        if not is_taken and not os.access(there, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    if is_taken:
+        raise AtlasError(f"{shown_path(path)} exists and is no map; choose another path")
 
 
 def nearest_folder(path: Path) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from typing import Any
@@ -13,6 +14,13 @@ from baxter_kin.errors import MissingLibraryError
 from baxter_kin.parallel import Engine, LocalPool
 
 LOOPBACK = "127.0.0.1"
+
+BEGIN = """
+import logging, signal
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+logging.getLogger("distributed").setLevel(logging.ERROR)
+"""
+"""What workers of this machine run first: the client answers Ctrl-C and ends them, in silence."""
 
 
 def add_engine_options(parser: Options) -> None:
@@ -56,18 +64,26 @@ def engine_of(arguments: argparse.Namespace) -> Iterator[Engine]:
         with closing(DaskCluster(arguments.scheduler)) as engine:
             yield engine
         return
+    with _local_cluster(arguments.local_cluster) as client, closing(DaskCluster(client)) as engine:
+        yield engine
+
+
+@contextmanager
+def _local_cluster(workers: int) -> Iterator[Any]:
+    """A client of a cluster of this machine, which nobody else can reach."""
     distributed = _distributed()
     with (
         distributed.LocalCluster(
-            n_workers=arguments.local_cluster,
+            n_workers=workers,
             threads_per_worker=1,
             host=LOOPBACK,
             dashboard_address=f"{LOOPBACK}:0",
+            preload=[BEGIN],
+            silence_logs=logging.ERROR,
         ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
-        closing(DaskCluster(client)) as engine,
     ):
-        yield engine
+        yield client
 
 
 def _distributed() -> Any:
