@@ -18,6 +18,12 @@ LOOPBACK = "127.0.0.1"
 LOOK_MS = 1000.0
 """How often workers are counted."""
 
+BEGIN = """
+import signal
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+"""
+"""What its workers run first: the client answers Ctrl-C, and ends them."""
+
 _ENDED = ("failed", "closed")
 
 
@@ -35,6 +41,7 @@ def local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
         processes=True,
         host=LOOPBACK,
         dashboard_address=f"{LOOPBACK}:0",  # without one it listens on all interfaces
+        preload=[BEGIN],
         silence_logs="CRITICAL",  # that workers die is told by whoever waits for them
     ) as cluster:
         cluster.scale(workers)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -180,16 +180,25 @@ class ReachMap(OneLine):
         Raises:
             AtlasError: when it is damaged.
         """
+        margins = self.read_margins(block)
+        if (margins == NOT_COMPUTED).any():
+            return None
         where = block[0], *self.positions.block_slices(block[1:])
         with explained(self.path, f"block {block} of the map"):
-            margins: Codes = self._margins[where]
-            if (margins == NOT_COMPUTED).any():
-                return None
             if (margins >= 0).any() and not has_witnesses(self.path, block):
                 raise ValueError("its witnesses are missing")
             witnesses = self._witnesses[where]
-        rotations = len(self.rotations)
-        return Cells(margins.reshape(-1, rotations), witnesses.reshape(-1, 7, rotations))
+        return Cells(margins, witnesses.reshape(-1, 7, len(self.rotations)))
+
+    def read_margins(self, block: Block) -> Codes:
+        """Margins and codes of a block, positions in a row; witnesses are not read.
+
+        Raises:
+            AtlasError: when it is damaged.
+        """
+        where = block[0], *self.positions.block_slices(block[1:])
+        with explained(self.path, f"block {block} of the map"):
+            return np.reshape(self._margins[where], (-1, len(self.rotations)))
 
     def write_block(self, block: Block, cells: Cells) -> None:
         """Store a block.
@@ -280,16 +289,3 @@ class ReachMap(OneLine):
     def _facts(self) -> tuple[str, ...]:
         sides = " and ".join(self.arms)
         return sides, repr(self.positions), repr(self.rotations)
-
-
-@lru_cache(maxsize=1)
-def opened_for_work(path: str, identity: str) -> ReachMap:
-    """The map that a worker works on, opened once.
-
-    Raises:
-        AtlasError: when there is another map at that path.
-    """
-    found = ReachMap(path)
-    if found.identity != identity:
-        raise AtlasError(f"the map at {shown_path(found.path)} was replaced by another one")
-    return found
