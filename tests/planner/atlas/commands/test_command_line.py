@@ -155,7 +155,7 @@ def test_large_maps_need_a_yes_where_nobody_can_be_asked(
         (["--hopf", "5"], "level must be a whole number from 0 to 4"),
         (["--hopf", "0", "--rotations", "r.csv"], "not allowed with argument --hopf"),
         (["--rotations", "no.csv"], "cannot read no.csv: No such file"),
-        (["--jobs", "0"], "0 is not at least 1"),
+        (["--jobs", "0"], "'0' is not a whole number from 1 to 1024"),
         (["--most-cells", "some"], "'some' is not a number"),
         (["--most-cells", "0.5"], "0.5 is not a whole number from 1 to 1e18"),
         (["--jobs", "1", "--local-cluster", "1"], "not allowed with argument --jobs"),
