@@ -10,7 +10,6 @@ from itertools import count
 import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
-from planner.atlas.map_files import Block
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import NOT_COMPUTED, RAD_PER_STEP, Codes, Steps
 
@@ -100,7 +99,9 @@ def _axes(found: ReachMap, every: int) -> tuple[range, ...]:
     )
 
 
-def _parts(found: ReachMap, every: int) -> Iterator[tuple[Block, Slices, Slices]]:
+def _parts(
+    found: ReachMap, every: int
+) -> Iterator[tuple[tuple[int, int, int, int], Slices, Slices]]:
     """Blocks with positions that are kept: which, inside the block, and where they go."""
     axes = _axes(found, every)
     for block in found.blocks:

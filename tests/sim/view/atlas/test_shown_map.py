@@ -20,6 +20,7 @@ def test_all_cells_are_those_of_the_map(reach_map: ReachMap) -> None:
     for which in rng.choice(len(shown.q), 50, replace=False):
         arm, *position, rotation = (int(i) for i in shown.cells[:, which])
         cell = reach_map.cell(reach_map.arms[arm], tuple(position), rotation)
+        assert cell.q is not None
         assert np.array_equal(cell.q, shown.q[which])
         point = shown.points(shown.cells[:, which, None])[0]
         assert point == pytest.approx(cell.T_base_tip.translation, abs=1e-12)
@@ -37,7 +38,9 @@ def test_a_thinned_map_has_cells_of_the_whole(reach_map: ReachMap, every: int) -
     assert len(shown.q) == (shown.codes >= 0).sum()
     arm, *position, rotation = shown.cells[:, -1]
     in_map = tuple(int(f + every * i) for f, i in zip(first, position, strict=True))
-    assert np.array_equal(reach_map.cell(reach_map.arms[arm], in_map, int(rotation)).q, shown.q[-1])
+    last = reach_map.cell(reach_map.arms[arm], in_map, int(rotation))
+    assert last.q is not None
+    assert np.array_equal(last.q, shown.q[-1])
 
 
 @pytest.mark.parametrize("most", [1, 2000, 9000, 10**7])
