@@ -49,8 +49,9 @@ function createPlane() {
   sheet.renderOrder = 1;
   const edge = flat("#5b6f84");
   const corners = [[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]];
-  plane.add(sheet, ...corners.map((corner, i) => bar(corner, corners[(i + 1) % 4], BAR_M, edge)));
-  plane.add(...labels(0, low, high, low[1] - LABEL_BESIDE_M, "x"), ...labels(1, low, high, high[0] + LABEL_BESIDE_M, "y"));
+  const edges = corners.map((corner, i) => bar(corner, corners[(i + 1) % 4], BAR_M, edge));
+  const scales = [...labels(0, low, high, low[1] - LABEL_BESIDE_M, "x"), ...labels(1, low, high, high[0] + LABEL_BESIDE_M, "y")];
+  plane.add(sheet, ...edges, ...scales);
   return plane;
 }
 
@@ -145,7 +146,7 @@ function drawCells(choice) {
   const { Matrix4, Color } = MeshCat.THREE;
   const [step, T] = [atlas.map.step, new Matrix4()];
   const isDark = prefersDark.matches;
-  Object.assign(drawn, { undecided: new Color(UNDECIDED_COLOUR), no: new Color(isDark ? "#76828f" : "#6a7682"), unknown: new Color("#e07f05") });
+  Object.assign(drawn, { undecided: new Color(UNDECIDED_COLOUR), no: new Color(isDark ? "#76828f" : "#6a7682"), unknown: new Color(UNKNOWN_COLOUR) });
   drawn.boxes = [];
   const height = choice.cell[2];
   for (let place = 0; place < positions(); place++) {

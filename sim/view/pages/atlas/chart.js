@@ -35,7 +35,8 @@ function boxOf(rotation) {
 
 function drawRotation(pen, rotation, level, isShown) {
   const [x, y, width, height] = boxOf(rotation);
-  pen.fillStyle = level >= FIRST_LEVEL ? `#${shadeOf(marginOf(level) / atlas.topMargin).getHexString()}` : level === UNDECIDED ? UNDECIDED_COLOUR : cssColour("--chip");
+  const others = { [UNREACHABLE]: cssColour("--chip"), [UNDECIDED]: UNDECIDED_COLOUR, [NOT_COMPUTED]: UNKNOWN_COLOUR };
+  pen.fillStyle = others[level] || `#${shadeOf(marginOf(level) / atlas.topMargin).getHexString()}`;
   pen.fillRect(x, y, width, height);
   if (!isShown) return;
   pen.strokeStyle = cssColour("--accent");

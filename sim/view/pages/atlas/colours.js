@@ -2,6 +2,7 @@
 // and the same order of lightness to people with colour blindness.
 const VIRIDIS = ["#440154", "#481a6c", "#472f7d", "#414487", "#39568c", "#31688e", "#2a788e", "#23888e", "#1f988b", "#22a884", "#35b779", "#54c568", "#7ad151", "#a5db36", "#d2e21b", "#fde725"];
 const UNDECIDED_COLOUR = "#d81b8c";
+const UNKNOWN_COLOUR = "#e07f05"; // not computed
 
 function colourOf(value) {
   const at = Math.min(Math.max(value, 0), 1) * (VIRIDIS.length - 1);

@@ -44,9 +44,10 @@ def page_file(reach_map: ReachMap, tmp_path_factory: pytest.TempPathFactory) -> 
     return path
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def loaded(browser: Browser, page_file: Path) -> Iterator[Watched]:
     with watched_page(browser) as watched:
+        watched.page.set_viewport_size({"width": 320, "height": 240})  # drawn once or twice
         watched.page.emulate_media(reduced_motion="reduce")
         watched.page.goto(page_file.as_uri())
         watched.page.wait_for_function("atlas && atlas.ready")
