@@ -6,7 +6,7 @@ Meshcat's Python side for it would cost a third of a second, and a server in a p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -22,7 +22,15 @@ Command: TypeAlias = dict[str, Any]
 Rgb: TypeAlias = tuple[float, float, float]
 """Red, green and blue, 0 .. 1, as shown on the screen."""
 
-_EXTENSIONS = {"int8": 0x11, "int16": 0x13, "uint16": 0x14, "uint32": 0x16, "float32": 0x17}
+_EXTENSIONS = {
+    "int8": 0x11,
+    "uint8": 0x12,
+    "int16": 0x13,
+    "uint16": 0x14,
+    "int32": 0x15,
+    "uint32": 0x16,
+    "float32": 0x17,
+}
 """How msgpack-lite, Meshcat's decoder, calls arrays of a NumPy type."""
 
 _BOTH_SIDES = 2
@@ -150,6 +158,17 @@ def compact(faces: NDArray[Any]) -> NDArray[Any]:
 def short_numbers(values: NDArray[Any], step: float) -> NDArray[np.float32]:
     """The values rounded to a step, a power of two: their last bits are 0, which gzip likes."""
     return (np.round(values / step) * step).astype(np.float32)
+
+
+def shared_geometries(commands: Iterable[Command]) -> dict[str, Command]:
+    """The geometries by name, each once; the commands keep the names only."""
+    shared: dict[str, Command] = {}
+    for command in commands:
+        if command["type"] == "set_object":
+            drawn = command["object"]
+            shared.update((geometry["uuid"], geometry) for geometry in drawn["geometries"])
+            drawn["geometries"] = [{"uuid": geometry["uuid"]} for geometry in drawn["geometries"]]
+    return shared
 
 
 def packed(command: object) -> bytes:

@@ -24,7 +24,7 @@ from sim.view.animation import animation_commands, recorded_tracks
 from sim.view.appearance import Appearance
 from sim.view.drawn_bodies import body_commands
 from sim.view.gripper_status import GripperPhase, gripper_timelines
-from sim.view.meshcat_commands import Command, packed
+from sim.view.meshcat_commands import Command, packed, shared_geometries
 from sim.view.overlays import (
     GHOST_PATH,
     GOALS_PATH,
@@ -124,7 +124,7 @@ def _content(
     lines = [line for path, piece in pieces.items() for line in _lines(path, piece)]
     commands = scene.commands(lines)
     return {
-        "geometries": _shared_geometries(commands),
+        "geometries": shared_geometries(commands),
         "commands": commands,
         "duration": scene.duration_s,
         **_story(recording, phases, pieces),
@@ -218,17 +218,6 @@ class _Scene:
                 "nearest": (NEAREST_PATH,) if self._has_nearest else (),
             }
         )
-
-
-def _shared_geometries(commands: Iterable[Command]) -> dict[str, Command]:
-    """The geometries by name, each once; the commands keep the names only."""
-    shared: dict[str, Command] = {}
-    for command in commands:
-        if command["type"] == "set_object":
-            drawn = command["object"]
-            shared.update((geometry["uuid"], geometry) for geometry in drawn["geometries"])
-            drawn["geometries"] = [{"uuid": geometry["uuid"]} for geometry in drawn["geometries"]]
-    return shared
 
 
 def _lines(path: str, piece: PathPiece) -> tuple[Command, Command]:

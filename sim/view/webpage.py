@@ -34,6 +34,12 @@ _PARTS = {
     "controls_script": "scripts/controls.js",
     "live": "scripts/live.js",
     "replay": "scripts/replay.js",
+    "atlas_body": "atlas/body.html",
+    "atlas_style": "atlas/atlas.css",
+    **{
+        f"atlas_{name}": f"atlas/{name}.js"
+        for name in ("map", "kinematics", "colours", "cells", "chart", "words", "choice")
+    },
 }
 """What pages are put together from, by slot."""
 

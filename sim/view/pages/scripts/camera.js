@@ -235,3 +235,41 @@ function turn(sideways, upwards) {
   viewer.camera.position.copy(viewer.controls.target).add(arm.setFromSpherical(round));
   viewer.set_dirty();
 }
+
+// Buttons and keys of the view, the same on every page.
+const VIEW_KEYS = {
+  0: () => showView("fitted"),
+  1: () => showView("front"),
+  2: () => showView("side"),
+  3: () => showView("top"),
+  4: () => showView("hand"),
+  "+": () => zoom(0.85),
+  "-": () => zoom(1 / 0.85),
+  p: () => element("panel-button").click(),
+  v: () => element("view-button").click(),
+  "?": () => element("help").showModal(),
+  Escape: () => openViews(false),
+};
+
+const TURN_KEYS = {
+  ArrowLeft: () => turn(-1, 0),
+  ArrowRight: () => turn(1, 0),
+  ArrowUp: () => turn(0, 1),
+  ArrowDown: () => turn(0, -1),
+};
+
+function openViews(isOpen) {
+  element("views").hidden = !isOpen;
+  element("view-button").setAttribute("aria-expanded", isOpen);
+}
+
+function listenToView() {
+  element("view-button").addEventListener("click", () => openViews(element("views").hidden));
+  element("help-button").addEventListener("click", () => element("help").showModal());
+  for (const button of element("views").querySelectorAll("button")) {
+    button.addEventListener("click", () => showView(button.value));
+  }
+  document.addEventListener("pointerdown", ({ target }) => {
+    if (!target.closest("#views, #view-button")) openViews(false);
+  });
+}

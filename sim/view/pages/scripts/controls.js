@@ -8,27 +8,6 @@ const KEYS = {
   End: () => replay.jump(replay.duration),
 };
 
-const VIEW_KEYS = {
-  0: () => showView("fitted"),
-  1: () => showView("front"),
-  2: () => showView("side"),
-  3: () => showView("top"),
-  4: () => showView("hand"),
-  "+": () => zoom(0.85),
-  "-": () => zoom(1 / 0.85),
-  p: () => element("panel-button").click(),
-  v: () => element("view-button").click(),
-  "?": () => element("help").showModal(),
-  Escape: () => openViews(false),
-};
-
-const TURN_KEYS = {
-  ArrowLeft: () => turn(-1, 0),
-  ArrowRight: () => turn(1, 0),
-  ArrowUp: () => turn(0, 1),
-  ArrowDown: () => turn(0, -1),
-};
-
 const OWN_SPACE = "button, select, summary, a, input:not([type=range])";
 
 function pressPlay() {
@@ -54,11 +33,6 @@ function pressKey(event) {
   event.preventDefault();
 }
 
-function openViews(isOpen) {
-  element("views").hidden = !isOpen;
-  element("view-button").setAttribute("aria-expanded", isOpen);
-}
-
 function chooseSpeed() {
   const speed = Number(element("speed").value);
   if (document.body.dataset.mode === "live") tellProgram("speed", speed);
@@ -69,14 +43,7 @@ function listen() {
   element("play").addEventListener("click", pressPlay);
   element("scrub").addEventListener("input", (event) => replay.jump(Number(event.target.value)));
   element("speed").addEventListener("change", chooseSpeed);
-  element("view-button").addEventListener("click", () => openViews(element("views").hidden));
-  element("help-button").addEventListener("click", () => element("help").showModal());
-  for (const button of element("views").querySelectorAll("button")) {
-    button.addEventListener("click", () => showView(button.value));
-  }
-  document.addEventListener("pointerdown", ({ target }) => {
-    if (!target.closest("#views, #view-button")) openViews(false);
-  });
+  listenToView();
   document.addEventListener("keydown", pressKey);
 }
 

@@ -9,6 +9,8 @@ function paintNearest(made) {
   if (drawn) drawn.material.color.set(cssColour("--nearest"));
 }
 
+painters[NEAREST] = paintNearest;
+
 function showNearest(nearest) {
   const chip = element("nearest-chip");
   write(chip, nearest ? `nearest: ${millimetres(nearest.distance)}` : "");

@@ -12,30 +12,6 @@ const replay = { ready: false, time: 0, duration: 0, playing: false, speed: 1 };
 let recording;
 let lines = [];
 
-// The recording is compressed msgpack; Meshcat's decoder is reached by letting its viewer decode a
-// command and keep the result instead of drawing it.
-async function decode(base64) {
-  if (!window.DecompressionStream) throw new Error("the browser is older than 2023 and cannot unpack it. Try a newer one.");
-  const compressed = new Blob([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))]);
-  const unpacked = compressed.stream().pipeThrough(new DecompressionStream("deflate"));
-  const bytes = new Uint8Array(await new Response(unpacked).arrayBuffer());
-  let decoded;
-  const reader = Object.create(MeshCat.Viewer.prototype);
-  reader.handle_command = (value) => { decoded = value; };
-  reader.handle_command_bytearray(bytes);
-  return decoded;
-}
-
-// Geometries drawn more than once are stored once, by name.
-function draw(commands, geometries) {
-  for (const command of commands) {
-    if (command.type === "set_object") {
-      command.object.geometries = command.object.geometries.map((g) => geometries[g.uuid] || g);
-    }
-    viewer.handle_command(command);
-  }
-}
-
 // The part of a line that is behind the tip, and the one ahead of it.
 function line({ path, times }) {
   const part = (name) => drawnAt(nodeAt(`${path}/${name}`)).geometry;

@@ -4,8 +4,6 @@ const PLOT_RIGHT = 0.6;
 const DASHES = [[], [7, 3], [2, 2.5], [10, 3, 2, 3], [4, 4], [14, 4], [1.5, 4]];
 const STEPS_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600];
 
-const rem = () => parseFloat(getComputedStyle(document.documentElement).fontSize);
-
 // A plot in a figure; what it shows comes with draw().
 function createPlot(figure, seek) {
   const canvas = figure.querySelector("canvas");

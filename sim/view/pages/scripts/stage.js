@@ -8,6 +8,9 @@ const prefersStill = matchMedia("(prefers-reduced-motion: reduce)");
 const BACKGROUND = { light: [[0.95, 0.96, 0.98], [0.78, 0.82, 0.86]], dark: [[0.15, 0.17, 0.20], [0.07, 0.08, 0.10]] };
 const FLOOR = { light: 0xffffff, dark: 0x565d66 }; // multiplies the floor's own grey
 
+// By path, what is done again once a command has changed what is drawn there.
+const painters = { "/floor": paintStage, "/Background": paintStage };
+
 let viewer;
 
 function createViewer() {
@@ -18,8 +21,7 @@ function createViewer() {
   const handle = made.handle_command.bind(made);
   made.handle_command = (command) => {
     handle(command);
-    if (command.path === "/floor" || command.path === "/Background") paintStage(made);
-    if (command.path === NEAREST) paintNearest(made);
+    if (painters[command.path]) painters[command.path](made);
   };
   paintStage(made);
   return made;
@@ -33,6 +35,8 @@ function nodeAt(path) {
 
 const drawnAt = (node) => node && node.children["<object>"] && node.children["<object>"].object;
 
+const rem = () => parseFloat(getComputedStyle(document.documentElement).fontSize);
+
 const cssColour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 function paintStage(made) {
@@ -44,6 +48,30 @@ function paintStage(made) {
   const floor = drawnAt(made.scene_tree.children.floor);
   if (floor) floor.material.color.setHex(FLOOR[prefersDark.matches ? "dark" : "light"]);
   made.set_dirty();
+}
+
+// A page's content is compressed msgpack; Meshcat's decoder is reached by letting its viewer decode a
+// command and keep the result instead of drawing it.
+async function decode(base64) {
+  if (!window.DecompressionStream) throw new Error("the browser is older than 2023 and cannot unpack it. Try a newer one.");
+  const compressed = new Blob([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))]);
+  const unpacked = compressed.stream().pipeThrough(new DecompressionStream("deflate"));
+  const bytes = new Uint8Array(await new Response(unpacked).arrayBuffer());
+  let decoded;
+  const reader = Object.create(MeshCat.Viewer.prototype);
+  reader.handle_command = (value) => { decoded = value; };
+  reader.handle_command_bytearray(bytes);
+  return decoded;
+}
+
+// Geometries drawn more than once are stored once, by name.
+function draw(commands, geometries) {
+  for (const command of commands) {
+    if (command.type === "set_object") {
+      command.object.geometries = command.object.geometries.map((g) => geometries[g.uuid] || g);
+    }
+    viewer.handle_command(command);
+  }
 }
 
 // Start once "Loading" can be read, and say so when the browser cannot draw.

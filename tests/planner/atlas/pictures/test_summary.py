@@ -1,0 +1,136 @@
+"""What is drawn of a map is what the map says."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from baxter_kin import Baxter
+from baxter_kin.errors import UnknownNameError
+from planner.atlas import PositionGrid, ReachMap, RotationGrid
+from planner.atlas.pictures.summary import (
+    combined,
+    difference,
+    layer_at,
+    layers,
+    pointing,
+    profile,
+    summarise,
+)
+from planner.atlas.reach_search import Cells
+from planner.errors import AtlasError
+
+WHOLE = (slice(None),) * 3
+
+
+@pytest.mark.parametrize("arm", ["left", "right", "either", "both"])
+def test_a_summary_counts_cells_one_by_one(small_map: ReachMap, arm: str) -> None:
+    summary = summarise(small_map, arm, WHOLE)
+    rng = np.random.default_rng(2)
+    sides = small_map.arms if arm in ("either", "both") else (arm,)
+    at_least = 2 if arm == "both" else 1
+    for position in rng.integers(small_map.positions.shape, size=(4, 3)).tolist():
+        cells = [[small_map.cell(side, tuple(position), r) for r in range(72)] for side in sides]
+        of_pairs = list(zip(*cells, strict=True))
+        reached = [sum(c.status == "reachable" for c in pair) >= at_least for pair in of_pairs]
+        where = tuple(position)
+        assert summary.reached[where] == sum(reached)
+        assert summary.share[where] == pytest.approx(sum(reached) / 72)
+        choose = min if arm == "both" else max
+        margins = [
+            choose(c.margin_rad for c in pair if c.margin_rad is not None)
+            for pair, is_reached in zip(of_pairs, reached, strict=True)
+            if is_reached
+        ]
+        if margins:
+            assert summary.margin_rad[where] == pytest.approx(max(margins))
+        else:
+            assert np.isnan(summary.margin_rad[where])
+
+
+def test_two_arms_claim_no_more_than_is_proven() -> None:
+    yes, no, open_, unknown = 500, -1, -2, -3
+    for one, other, either, both in (
+        (no, no, no, no),
+        (no, open_, open_, no),
+        (no, unknown, unknown, no),
+        (open_, unknown, open_, unknown),
+        (yes, no, yes, no),
+        (yes, open_, yes, open_),
+        (yes, 300, yes, 300),
+    ):
+        for pair in ((one, other), (other, one)):
+            a, b = (np.array([code], np.int16) for code in pair)
+            assert combined(a, b, is_both=False) == either
+            assert combined(a, b, is_both=True) == both
+
+
+def test_layers_are_the_whole_map(small_map: ReachMap) -> None:
+    shares = [summarise(small_map, "left", part).share for _, part in layers(small_map)]
+    whole = summarise(small_map, "left", WHOLE).share
+    assert np.array_equal(np.concatenate(shares, axis=2), whole)
+
+
+def test_a_profile_counts_area(small_map: ReachMap) -> None:
+    heights, areas = profile(small_map, "right", (0.0, 0.5))
+    share = summarise(small_map, "right", WHOLE).share
+    assert heights == pytest.approx([0.0, 0.1, 0.2])
+    assert areas[0] == pytest.approx(0.01 * (share > 0.0).sum(axis=(0, 1)))
+    assert areas[1] == pytest.approx(0.01 * (share >= 0.5).sum(axis=(0, 1)))
+
+
+def test_the_nearest_direction_is_taken_with_all_its_rolls() -> None:
+    grid = RotationGrid.hopf(0)
+    assert pointing(grid, (0.1, 0.0, -3.0)).tolist() == list(range(6))
+    chosen = pointing(grid, (1.0, 1.0, 1.0))
+    tools = grid.matrices[chosen][:, :, 2]
+    assert np.allclose(tools, tools[0])
+    assert (grid.matrices[:, :, 2].sum(axis=1) <= tools[0].sum() + 1e-9).all()
+    with pytest.raises(AtlasError, match="points nowhere"):
+        pointing(grid, (0, 0, 0))
+
+
+def test_heights_are_those_of_the_nearest_layer(small_map: ReachMap) -> None:
+    assert [layer_at(small_map, height) for height in (-0.04, 0.06, 0.2)] == [0, 1, 2]
+    with pytest.raises(AtlasError, match=r"1 m lies outside of the map, .* from 0 to 0.2 m"):
+        layer_at(small_map, 1.0)
+
+
+def test_a_difference_is_signed_and_of_equal_grids(
+    robot: Baxter, small_map: ReachMap, tmp_path: Path
+) -> None:
+    assert (difference(small_map, small_map, WHOLE, "left") == 0.0).all()
+    other = ReachMap(shutil.copytree(small_map.path, tmp_path / "other"))
+    block = other.blocks[0]
+    cells = other.read_block(block)
+    assert cells is not None
+    margins = cells.margins.copy()
+    margins[:, ::2] = -1
+    other.write_block(block, Cells(margins, cells.witnesses))
+    less = difference(small_map, other, WHOLE, "left")
+    part = small_map.positions.block_slices(block[1:])
+    lost = (cells.margins >= 0).sum(axis=1) - (margins >= 0).sum(axis=1)
+    assert lost.max() > 0
+    assert less[part].reshape(-1) == pytest.approx(-lost / 72)
+    assert np.count_nonzero(less) == np.count_nonzero(lost)
+    few = ReachMap.create(
+        tmp_path / "few", robot, small_map.positions, RotationGrid.of([np.eye(3)]), backend="none"
+    )
+    with pytest.raises(AtlasError, match="have different rotations"):
+        difference(small_map, few, WHOLE, "left")
+
+
+def test_an_arm_that_the_map_lacks_is_refused(small_map: ReachMap) -> None:
+    with pytest.raises(UnknownNameError, match="left, right, either, both"):
+        summarise(small_map, "middle", WHOLE)
+
+
+def test_what_is_not_computed_has_no_share(robot: Baxter, tmp_path: Path) -> None:
+    grid = PositionGrid(0.1, (5, 0, 0), (2, 2, 2))
+    empty = ReachMap.create(tmp_path / "empty", robot, grid, RotationGrid.hopf(0), backend="none")
+    summary = summarise(empty, "either", WHOLE)
+    assert np.isnan(summary.share).all()
+    assert (summary.missing == 72).all()
