@@ -1,4 +1,6 @@
-"""Reach maps on disk: Zarr v3 groups (Zarr enters here).
+"""Maps on disk: Zarr v3 groups (Zarr enters here).
+
+A reach map has
 
 ```
 zarr.json            attributes: format, grid, arms, the robot and its digest, who computed it
@@ -12,17 +14,18 @@ A block of positions is one chunk of both arrays. One task computes and writes i
 file is put in place at once; the margins come last, so that a block that has them is complete. A
 chunk ends with its checksum (CRC-32C) and is not read without. Nothing else is written while a map
 is computed: the same block has the same bytes whoever computes it, on the same kind of machine.
+Other kinds of maps have other arrays (`Layout`), and the same rules.
 """
 
 from __future__ import annotations
 
 import platform
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -33,6 +36,44 @@ from planner.atlas.reach_search import NOT_COMPUTED
 from planner.errors import AtlasError
 
 FORMAT, VERSION = "baxter-kin reach map", 1
+
+
+class Layout(NamedTuple):
+    """A kind of map.
+
+    Attributes:
+        format: what its group says that it is.
+        version: of the format.
+        name: what messages call it.
+        last: the array whose chunk is written last: a block that has it is complete.
+        inner: how many axes that array has beside the arm's and those of positions.
+    """
+
+    format: str
+    version: int
+    name: str
+    last: str
+    inner: int
+
+
+REACH_MAP = Layout(FORMAT, VERSION, "reach map", "margins", 1)
+
+
+class Chunked(NamedTuple):
+    """An array of cells, of which a block of positions is one chunk.
+
+    Attributes:
+        name: its name.
+        dtype: of its numbers.
+        fill: what stands where nothing is computed.
+        inner: names and sizes of the axes beside the arm's and those of positions.
+    """
+
+    name: str
+    dtype: str
+    fill: int
+    inner: dict[str, int]
+
 
 COMPRESSION = 3
 """Level of Zstandard: a third of the bytes; higher levels save little and take longer."""
@@ -70,7 +111,7 @@ def kind_of_machine(backend: str) -> str:
 def create_group(
     path: Path, attributes: dict[str, Any], directions: Any, rolls: Any, shape: tuple[int, ...]
 ) -> Any:
-    """A group for a new map, with nothing computed.
+    """A group for a new reach map, with nothing computed.
 
     Args:
         path: a folder that does not exist, or is empty.
@@ -82,25 +123,53 @@ def create_group(
     Raises:
         AtlasError: when there is something at that path, or it cannot be written.
     """
+    rotations = len(directions) * len(rolls)
+    chunked = (
+        Chunked("margins", "int16", NOT_COMPUTED, {"rotation": rotations}),
+        Chunked("witnesses", "int32", 0, {"joint": 7, "rotation": rotations}),
+    )
+    whole = {"directions": directions, "rolls": rolls}
+    return create_arrays(path, attributes, whole, chunked, shape=shape, block_edge=BLOCK_EDGE)
+
+
+def create_arrays(
+    path: Path,
+    attributes: dict[str, Any],
+    whole: Mapping[str, Any],
+    chunked: Sequence[Chunked],
+    *,
+    shape: tuple[int, ...],
+    block_edge: int,
+) -> Any:
+    """A group for a new map of any kind, with nothing computed.
+
+    Args:
+        path: a folder that does not exist, or is empty.
+        attributes: what the group says of itself.
+        whole: arrays that are there from the beginning, by name.
+        chunked: those that are computed block by block.
+        shape: how many arms, and positions along x, y and z.
+        block_edge: positions along each side of a block.
+
+    Raises:
+        AtlasError: when there is something at that path, or it cannot be written.
+    """
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise AtlasError(f"{shown_path(path)} exists and is no map; choose another path")
-    zarr, rotations = zarr_library(), len(directions) * len(rolls)
+    zarr = zarr_library()
     with explained(path):
         group = zarr.create_group(str(path), zarr_format=3)
-        for name, values in (("directions", directions), ("rolls", rolls)):
+        for name, values in whole.items():
             group.create_array(name, data=np.array(values), compressors=_checked(zarr))
-        for name, dtype, fill, inner in (
-            ("margins", "int16", NOT_COMPUTED, {"rotation": rotations}),
-            ("witnesses", "int32", 0, {"joint": 7, "rotation": rotations}),
-        ):
+        for array in chunked:
             group.create_array(
-                name,
-                shape=(*shape, *inner.values()),
-                chunks=(1, *[BLOCK_EDGE] * 3, *inner.values()),
-                dtype=dtype,
-                fill_value=fill,
+                array.name,
+                shape=(*shape, *array.inner.values()),
+                chunks=(1, *[block_edge] * 3, *array.inner.values()),
+                dtype=array.dtype,
+                fill_value=array.fill,
                 compressors=_checked(zarr),
-                dimension_names=("arm", "x", "y", "z", *inner),
+                dimension_names=("arm", "x", "y", "z", *array.inner),
             )
         group.attrs.put(attributes)  # last: without them it is no map
     return group
@@ -118,7 +187,7 @@ def stored_bytes(parts: Iterable[Any]) -> int:
     return stored
 
 
-def open_group(path: Path) -> Any:
+def open_group(path: Path, layout: Layout = REACH_MAP) -> Any:
     """The group of a map that exists.
 
     Raises:
@@ -130,26 +199,30 @@ def open_group(path: Path) -> Any:
     with explained(path):
         group = zarr.open_group(str(path), mode="r+", zarr_format=3)
     found = group.attrs.get("format"), group.attrs.get("version")
-    if found[0] != FORMAT:
-        raise AtlasError(f"{shown_path(path)} is a Zarr group, but no reach map of this toolkit")
-    if found[1] != VERSION:
+    if found[0] != layout.format:
         raise AtlasError(
-            f"the map {shown_path(path)} is of version {found[1]}, this toolkit reads {VERSION}; "
-            "build it anew at another path"
+            f"{shown_path(path)} is a Zarr group, but no {layout.name} of this toolkit"
+        )
+    if found[1] != layout.version:
+        raise AtlasError(
+            f"the map {shown_path(path)} is of version {found[1]}, this toolkit reads "
+            f"{layout.version}; build it anew at another path"
         )
     return group
 
 
-def blocks_stored(path: Path, arms: int, blocks: tuple[int, ...]) -> Iterator[Block]:
-    """Blocks whose margins are there."""
+def blocks_stored(
+    path: Path, arms: int, blocks: tuple[int, ...], layout: Layout = REACH_MAP
+) -> Iterator[Block]:
+    """Blocks that are complete."""
     for arm, x, y, z in product(range(arms), *map(range, blocks)):
-        if _file_of(path, (arm, x, y, z)).is_file():
+        if _file_of(path, (arm, x, y, z), layout).is_file():
             yield arm, x, y, z
 
 
-def remove_block(path: Path, block: Block) -> None:
+def remove_block(path: Path, block: Block, layout: Layout = REACH_MAP) -> None:
     """Forget a block, such as a damaged one, so that it is computed again."""
-    _file_of(path, block).unlink(missing_ok=True)
+    _file_of(path, block, layout).unlink(missing_ok=True)
 
 
 def remove_leftovers(path: Path) -> None:
@@ -180,8 +253,8 @@ def explained(path: Path, what: str = "the map") -> Iterator[None]:
         ) from cause
 
 
-def _file_of(path: Path, block: Block) -> Path:
-    return path.joinpath("margins", "c", *map(str, block), "0")
+def _file_of(path: Path, block: Block, layout: Layout) -> Path:
+    return path.joinpath(layout.last, "c", *map(str, block), *["0"] * layout.inner)
 
 
 def _checked(zarr: Any) -> list[Any]:

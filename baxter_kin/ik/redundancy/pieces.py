@@ -209,5 +209,6 @@ def traced(arm: Arm, q: FloatArray, pose: pin.SE3, step_rad: float) -> SelfMotio
 
 
 def order(curve: SelfMotion) -> tuple[float, ...]:
+    """What pieces are sorted by: the longest first, then the lowest joint values on them."""
     lowest = np.round(curve.q.min(axis=0), 3)
     return (-round(curve.length_rad, 3), *lowest.tolist())
