@@ -77,15 +77,12 @@ def build_redundancy_map(
         EngineError: when the engine is lost; the blocks that are stored stay.
         MissingLibraryError: when Zarr is not installed.
     """
-    subset = Subset.of(reach_map) if subset is None else subset
-    subset.check(reach_map)
-    if len(subset) > most_cells:
-        raise AtlasError(
-            f"the map would have {len(subset):.3g} cells, and at most {most_cells:.3g} are allowed;"
-            " take fewer positions or rotations, or raise most_cells"
-        )
-    _check_computed(reach_map, subset)
-    found = _opened(Path(path), reach_map, subset, others_of(reach_map.robot, q_others))
+    path, subset = Path(path), Subset.of(reach_map) if subset is None else subset
+    others = others_of(reach_map.robot, q_others)
+    found = existing_map(path, reach_map, subset, others, most_cells=most_cells)
+    if found is None:
+        backend = str(IKService(reach_map.robot.arm(subset.arms[0])).backend.value)
+        found = RedundancyMap.create(path, reach_map, subset, others, backend=backend)
     remove_leftovers(found.path)
     engine = LocalPool() if engine is None else engine
     missing, total = found.missing_blocks(), len(found.blocks)
@@ -95,6 +92,48 @@ def build_redundancy_map(
         done += 1
         if progress is not None:
             progress(done, total, report)
+    return found
+
+
+def existing_map(
+    path: Path,
+    reach_map: ReachMap,
+    subset: Subset,
+    q_others: FloatArray,
+    *,
+    most_cells: int = MOST_CELLS,
+) -> RedundancyMap | None:
+    """The map at a path, which must be this one; None where one can be built.
+
+    Raises:
+        AtlasError: as `build_redundancy_map`; nothing was changed.
+    """
+    subset.check(reach_map)
+    if len(subset) > most_cells:
+        raise AtlasError(
+            f"the map would have {len(subset):.3g} cells, and at most {most_cells:.3g} are allowed;"
+            " take fewer positions or rotations, or raise most_cells"
+        )
+    _check_computed(reach_map, subset)
+    if not (path / "zarr.json").exists():
+        return None
+    found = RedundancyMap(path)
+    other = [
+        what
+        for what, is_same in {
+            "robot": found.robot_digest == reach_map.digest,
+            "robot's body": found.body_digest == RobotBody.load().digest,
+            "reach map": found.reach_digest == digest_of(reach_map),
+            "subset": found.subset == subset,
+            "posture of the other arm": np.array_equal(found.q_others, q_others),
+        }.items()
+        if not is_same
+    ]
+    if other:
+        raise AtlasError(
+            f"the map at {shown_path(path)} is of another {' and another '.join(other)}; nothing "
+            "was changed; choose another path"
+        )
     return found
 
 
@@ -144,28 +183,3 @@ def _maps(path: str, reach_path: str) -> tuple[RedundancyMap, ReachMap]:
     if digest_of(reach_map) != found.reach_digest:
         raise AtlasError(f"{shown_path(path)} is not of the reach map {shown_path(reach_path)}")
     return found, reach_map
-
-
-def _opened(path: Path, reach_map: ReachMap, subset: Subset, q_others: FloatArray) -> RedundancyMap:
-    """The map at a path, which must be this one, or a new one."""
-    if not (path / "zarr.json").exists():
-        backend = str(IKService(reach_map.robot.arm(subset.arms[0])).backend.value)
-        return RedundancyMap.create(path, reach_map, subset, q_others, backend=backend)
-    found = RedundancyMap(path)
-    other = [
-        what
-        for what, is_same in {
-            "robot": found.robot_digest == reach_map.digest,
-            "robot's body": found.body_digest == RobotBody.load().digest,
-            "reach map": found.reach_digest == digest_of(reach_map),
-            "subset": found.subset == subset,
-            "posture of the other arm": np.array_equal(found.q_others, q_others),
-        }.items()
-        if not is_same
-    ]
-    if other:
-        raise AtlasError(
-            f"the map at {shown_path(path)} is of another {' and another '.join(other)}; nothing "
-            "was changed; choose another path"
-        )
-    return found

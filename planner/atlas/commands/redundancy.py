@@ -1,0 +1,195 @@
+"""`python -m planner.atlas redundancy REACH MAP`: how much freedom is left at reachable poses."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from baxter_kin.command_line import Options, number, number_within, whole_number
+from planner.errors import AtlasError
+
+if TYPE_CHECKING:
+    from baxter_kin.parallel import Engine
+    from planner.atlas.reach_map import ReachMap
+    from planner.atlas.redundancy import RedundancyReport, Subset
+
+HELP = "of a part of a reach map: pieces of self-motion, their lengths, margins, what is free"
+
+EXAMPLES = """\
+  python -m planner.atlas redundancy reach.zarr table.zarr --z 0.1 --tool-axis 0 0 -1
+  python -m planner.atlas redundancy reach.zarr box.zarr --x 0.4 0.9 --y -0.5 0.5 --every 2
+  python -m planner.atlas redundancy reach.zarr some.zarr --arm left --every-rotation 8 --cost
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command."""
+    parser.add_argument("reach", metavar="REACH", help="a reach map that is computed")
+    parser.add_argument("map", metavar="MAP", help="a folder of its own for the redundancy map")
+    _add_subset(parser.add_argument_group("which poses (default: all)"))
+    work = parser.add_argument_group("work")
+    work.add_argument(
+        "--cost", action="store_true", help="tell what it will cost, and compute nothing"
+    )
+    work.add_argument(
+        "--measure-s",
+        type=number_within(0.1, 3600.0, "s"),
+        default=10.0,
+        metavar="S",
+        help="how long a sample is measured to tell the cost (default: 10)",
+    )
+    work.add_argument(
+        "--most-cells",
+        type=whole_number(1),
+        metavar="N",
+        help="cells that the map may have at most (default: a million)",
+    )
+    place = work.add_mutually_exclusive_group()
+    place.add_argument(
+        "--workers",
+        type=whole_number(1),
+        metavar="N",
+        help="processes of this machine (default: as many as it has cores)",
+    )
+    place.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler in place of them")
+    work.add_argument("-q", "--quiet", action="store_true", help="say nothing but what is wrong")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Tell the cost, then compute what is missing; zero when all is there.
+
+    Raises:
+        BaxterError: when something is wrong with maps, the subset or the engine.
+    """
+    from planner.atlas.reach_map import ReachMap  # noqa: PLC0415 - loads Pinocchio
+    from planner.atlas.redundancy import build_redundancy_map, estimate  # noqa: PLC0415
+    from planner.atlas.redundancy.building import MOST_CELLS, existing_map  # noqa: PLC0415
+
+    reach_map, path = ReachMap(arguments.reach), Path(arguments.map)
+    subset, others = _subset(reach_map, arguments), reach_map.robot.configuration()
+    most_cells = arguments.most_cells or MOST_CELLS
+    found = existing_map(path, reach_map, subset, others, most_cells=most_cells)
+    missing = None if found is None else found.missing_blocks()
+    if not arguments.quiet:
+        cost = estimate(
+            reach_map, subset, q_others=others, missing=missing, measure_s=arguments.measure_s
+        )
+        print(f"missing: {cost}", flush=True)
+    if arguments.cost:
+        return 0
+    with _engine(arguments) as engine, _progress(is_quiet=arguments.quiet) as progress:
+        found = build_redundancy_map(
+            path, reach_map, subset, engine=engine, most_cells=most_cells, progress=progress
+        )
+    if not arguments.quiet:
+        print(found)
+    return 0
+
+
+def _subset(reach_map: ReachMap, arguments: argparse.Namespace) -> Subset:
+    from planner.atlas.redundancy import Subset  # noqa: PLC0415 - loads Pinocchio
+
+    return Subset.of(
+        reach_map,
+        arms=arguments.arm,
+        x_m=_within(arguments.x, "--x"),
+        y_m=_within(arguments.y, "--y"),
+        z_m=_within(arguments.z, "--z"),
+        every=arguments.every,
+        rotations=arguments.rotations,
+        every_rotation=arguments.every_rotation,
+        tool_axis=arguments.tool_axis,
+    )
+
+
+def _within(given: list[float] | None, option: str) -> float | tuple[float, float] | None:
+    """One coordinate, or two in order."""
+    if given is None:
+        return None
+    if len(given) > 2:
+        raise AtlasError(f"{option} takes one coordinate or two, got {len(given)}")
+    return given[0] if len(given) == 1 else (min(given), max(given))
+
+
+@contextmanager
+def _engine(arguments: argparse.Namespace) -> Iterator[Engine]:
+    """Where it is computed."""
+    from baxter_kin.parallel import LocalPool  # noqa: PLC0415 - not for --help
+
+    if arguments.scheduler is None:
+        yield LocalPool(arguments.workers)
+        return
+    from baxter_kin.parallel.dask_cluster import DaskCluster  # noqa: PLC0415 - needs Dask
+
+    cluster = DaskCluster(arguments.scheduler)
+    try:
+        yield cluster
+    finally:
+        cluster.close()
+
+
+@contextmanager
+def _progress(*, is_quiet: bool) -> Iterator[Callable[[int, int, RedundancyReport], object]]:
+    """A bar on stderr, for those who watch."""
+    is_watched = sys.stderr.isatty() and importlib.util.find_spec("tqdm") is not None
+    if is_quiet or not is_watched:
+        yield lambda done, total, report: None
+        return
+    from tqdm import tqdm  # noqa: PLC0415 - only when shown
+
+    with tqdm(unit="block", file=sys.stderr) as bar:
+
+        def told(done: int, total: int, report: RedundancyReport) -> None:
+            del report
+            bar.total, bar.initial = total, bar.initial or done - 1
+            bar.update(done - bar.n)
+
+        yield told
+
+
+def _add_subset(which: Options) -> None:
+    which.add_argument(
+        "--arm", choices=("left", "right"), action="append", help="of this arm; may be repeated"
+    )
+    for axis in "xyz":
+        which.add_argument(
+            f"--{axis}",
+            type=number,
+            nargs="+",
+            metavar="M",
+            help=f"the plane nearest to this {axis}, or all between two of them, m in base",
+        )
+    which.add_argument(
+        "--every",
+        type=whole_number(1),
+        default=1,
+        metavar="N",
+        help="every so many points along each axis",
+    )
+    rotations = which.add_mutually_exclusive_group()
+    rotations.add_argument(
+        "--rotations",
+        type=whole_number(0),
+        nargs="+",
+        metavar="I",
+        help="indices of the reach map's rotations",
+    )
+    rotations.add_argument(
+        "--tool-axis",
+        type=number,
+        nargs=3,
+        metavar=("X", "Y", "Z"),
+        help="all rolls about the direction that is nearest to this one, such as 0 0 -1 for down",
+    )
+    which.add_argument(
+        "--every-rotation",
+        type=whole_number(1),
+        default=1,
+        metavar="N",
+        help="every so many of the rotations",
+    )
