@@ -16,7 +16,7 @@ from planner.errors import AtlasError
 if TYPE_CHECKING:
     from baxter_kin.parallel import Engine
     from planner.atlas.reach_map import ReachMap
-    from planner.atlas.redundancy import RedundancyReport, Subset
+    from planner.atlas.redundancy import RedundancyMap, RedundancyReport, Subset
 
 HELP = "of a part of a reach map: pieces of self-motion, their lengths, margins, what is free"
 
@@ -49,6 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="cells that the map may have at most (default: a million)",
     )
+    work.add_argument(
+        "--check",
+        type=whole_number(1),
+        metavar="N",
+        help="then check so many cells by other code; status 1 when one is wrong",
+    )
     place = work.add_mutually_exclusive_group()
     place.add_argument(
         "--workers",
@@ -61,7 +67,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Tell the cost, then compute what is missing; zero when all is there.
+    """Tell the cost, then compute what is missing.
+
+    Returns:
+        The exit status: zero when all is there, and right as far as it was to be checked.
 
     Raises:
         BaxterError: when something is wrong with maps, the subset or the engine.
@@ -75,20 +84,35 @@ def run(arguments: argparse.Namespace) -> int:
     most_cells = arguments.most_cells or MOST_CELLS
     found = existing_map(path, reach_map, subset, others, most_cells=most_cells)
     missing = None if found is None else found.missing_blocks()
-    if not arguments.quiet:
-        cost = estimate(
-            reach_map, subset, q_others=others, missing=missing, measure_s=arguments.measure_s
-        )
-        print(f"missing: {cost}", flush=True)
+    say = _silent if arguments.quiet and not arguments.cost else _say
+    if say is _say:
+        work = {"q_others": others, "missing": missing, "measure_s": arguments.measure_s}
+        say(f"missing: {estimate(reach_map, subset, **work)}")
     if arguments.cost:
         return 0
-    with _engine(arguments) as engine, _progress(is_quiet=arguments.quiet) as progress:
-        found = build_redundancy_map(
-            path, reach_map, subset, engine=engine, most_cells=most_cells, progress=progress
-        )
+    with _engine(arguments) as engine:
+        with _progress(is_quiet=arguments.quiet) as progress:
+            found = build_redundancy_map(
+                path, reach_map, subset, engine=engine, most_cells=most_cells, progress=progress
+            )
+        say(f"complete: {found}")
+        return 0 if arguments.check is None else _checked(found, reach_map, engine, arguments)
+
+
+def _checked(
+    found: RedundancyMap, reach_map: ReachMap, engine: Engine, arguments: argparse.Namespace
+) -> int:
+    """Check some cells; the exit status."""
+    from planner.atlas.redundancy.checking import check_redundancy  # noqa: PLC0415
+
+    check = check_redundancy(found, reach_map, cells=arguments.check, engine=engine)
+    for cell in check.wrong:
+        sys.stderr.write(f"wrong: {cell}\n")
     if not arguments.quiet:
-        print(found)
-    return 0
+        _say(f"{check}; at most off, by other code:")
+        for number in ("length_rad", "margin_rad", "manipulability", "free_share"):
+            _say(f"  {number:15} {check.worst(number):.2g}")
+    return 0 if check.is_valid else 1
 
 
 def _subset(reach_map: ReachMap, arguments: argparse.Namespace) -> Subset:
@@ -134,11 +158,11 @@ def _engine(arguments: argparse.Namespace) -> Iterator[Engine]:
 
 
 @contextmanager
-def _progress(*, is_quiet: bool) -> Iterator[Callable[[int, int, RedundancyReport], object]]:
+def _progress(*, is_quiet: bool) -> Iterator[Callable[[int, int, RedundancyReport], object] | None]:
     """A bar on stderr, for those who watch."""
     is_watched = sys.stderr.isatty() and importlib.util.find_spec("tqdm") is not None
     if is_quiet or not is_watched:
-        yield lambda done, total, report: None
+        yield None
         return
     from tqdm import tqdm  # noqa: PLC0415 - only when shown
 
@@ -150,6 +174,15 @@ def _progress(*, is_quiet: bool) -> Iterator[Callable[[int, int, RedundancyRepor
             bar.update(done - bar.n)
 
         yield told
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
+def _silent(_: str) -> None:
+    pass
 
 
 def _add_subset(which: Options) -> None:

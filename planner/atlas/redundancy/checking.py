@@ -7,8 +7,8 @@
 - Self-collision is looked at again at dense samples of these walks, pair by pair, without the broad
   phase.
 
-The pieces' middles come from `baxter_kin.ik.solutions`, pose by pose: what a map finds for all rolls
-of a direction at once is not used here.
+The pieces' middles come from `baxter_kin.ik.solutions`, pose by pose: what a map finds for all
+rolls of a direction at once is not used here.
 """
 
 from __future__ import annotations
@@ -115,12 +115,9 @@ class RedundancyCheck(OneLine):
     def _facts(self) -> tuple[str, ...]:
         missed = sum(len(cell.missed_rad) for cell in self.cells)
         return (
-            f"{len(self.cells)} cells, {sum(cell.solutions for cell in self.cells)} solutions",
-            f"{missed} missed pieces, {len(self.wrong)} wrong cells",
-            f"off by at most {self.worst('length_rad'):.2g} rad of length",
-            f"{self.worst('margin_rad'):.2g} rad of margin",
-            f"{self.worst('manipulability'):.2g} of manipulability",
-            f"{100.0 * self.worst('free_share'):.2g} % of the free share",
+            f"{len(self.cells)} cells, {len(self.wrong)} wrong",
+            f"{missed} missed pieces",
+            f"{sum(cell.solutions for cell in self.cells)} solutions",
         )
 
 

@@ -73,7 +73,7 @@ class NullSpaceWalker:
     def _one_way(
         self, T: pin.SE3, start: FloatArray, tangent: FloatArray
     ) -> tuple[list[FloatArray], float, bool]:
-        """Points after the first, what is left up to a limit or the start, and whether it closed."""
+        """Points after the first, what is left to a limit or the start, and whether it closed."""
         q, points = start, list[FloatArray]()
         for number in range(MOST_STEPS):
             tried = self._corrected(T, q + WALK_RAD * tangent)

@@ -196,8 +196,9 @@ class RedundancyMap(OneLine):
 
     def codes(self, side: str) -> Steps:
         """Zero for what is reachable, else a code of the reach map, shape as of `values`."""
+        arm = self._arm_index(side)
         with explained(self.path):
-            codes: Steps = np.minimum(self._freedom[self._arm_index(side), :, :, :, 0], 0)
+            codes: Steps = np.minimum(self._freedom[arm, :, :, :, 0], 0)
         return codes
 
     def cell(self, side: str, position: tuple[int, ...], rotation: int) -> RedundancyCell:
@@ -214,8 +215,9 @@ class RedundancyMap(OneLine):
                 "map's poses; subset has their indices"
             )
         at = [axis.index(i) for i, axis in zip(given, axes, strict=True)]
+        where = (self._arm_index(side), *at[:3], slice(None), at[3])
         with explained(self.path):
-            stored = np.asarray(self._freedom[(self._arm_index(side), *at[:3], slice(None), at[3])])
+            stored = np.asarray(self._freedom[where])
         T = pin.SE3(self._Rs[at[3]], self._step_m * (self._first + np.array(position)))
         code = int(stored[0])
         if code < 0:

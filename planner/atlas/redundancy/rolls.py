@@ -112,7 +112,8 @@ def _with_roll(points: CurvePoints, roll: float) -> CurvePoints:
 
 
 def _measured(solution_curve: SolutionCurve, piece: Piece) -> Piece:
-    """The piece with its distances to the limits of all joints."""
+    """The piece with its distances to the limits of all joints; rounding may have led beyond."""
     rows = np.array(piece.points.rows)
+    rows[:, :7] = rows[:, :7].clip(solution_curve.q_min, solution_curve.q_max)
     rows[:, -1] = solution_curve.clearance_rad(rows[:, :7])
     return Piece(CurvePoints(rows), piece.ends)

@@ -79,10 +79,10 @@ class SelfCollision:
         for i in range(stretches):
             if is_free[i] and is_free[i + 1]:
                 free_rad += s[i + 1] - s[i]
-            elif is_free[i] or is_free[i + 1]:
-                free_rad += self._until_contact(
-                    curve, *((s[i], s[i + 1])[:: 1 if is_free[i] else -1])
-                )
+            elif is_free[i]:
+                free_rad += self._until_contact(curve, s[i], s[i + 1])
+            elif is_free[i + 1]:
+                free_rad += self._until_contact(curve, s[i + 1], s[i])
         return free_rad
 
     def _until_contact(self, curve: SelfMotion, free: float, touching: float) -> float:
