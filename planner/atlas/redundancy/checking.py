@@ -56,6 +56,7 @@ class CellCheck(NamedTuple):
         pieces: how many too many, or too few.
         missed_rad: lengths of pieces that only the solver came to.
         solutions: configurations that it came to.
+        reached: how many of the pieces these are on.
         length_rad: of all pieces together.
         margin_rad: the greatest.
         manipulability: the greatest.
@@ -68,6 +69,7 @@ class CellCheck(NamedTuple):
     pieces: int
     missed_rad: tuple[float, ...]
     solutions: int
+    reached: int
     length_rad: float
     margin_rad: float
     manipulability: float
@@ -108,6 +110,11 @@ class RedundancyCheck(OneLine):
         """Whether nothing is wrong."""
         return not self.wrong
 
+    @property
+    def power(self) -> float:
+        """Of the pieces, the share that the solver came to by itself: what it is worth."""
+        return sum(c.reached for c in self.cells) / max(sum(c.allowed for c in self.cells), 1)
+
     def worst(self, number: str) -> float:
         """The greatest deviation of a number of `CellCheck`."""
         return max(abs(float(getattr(cell, number))) for cell in self.cells)
@@ -117,7 +124,7 @@ class RedundancyCheck(OneLine):
         return (
             f"{len(self.cells)} cells, {len(self.wrong)} wrong",
             f"{missed} missed pieces",
-            f"{sum(cell.solutions for cell in self.cells)} solutions",
+            f"power {self.power:.2f}",
         )
 
 
@@ -218,6 +225,7 @@ class _Tools:
             stored.pieces - len(walks),
             tuple(walk.length_rad for walk in missed),
             len(found),
+            sum(any(_is_on(walk, q) for q in found) for walk in walks),
             stored.length_rad - length,
             stored.margin_rad - max(walk.margin_rad for walk in walks),
             stored.manipulability - max(float(walk.manipulability.max()) for walk in walks),
@@ -233,7 +241,7 @@ class _Tools:
         walks: list[Walk] = []
         for q in starts:
             known = [*(beside or []), *walks]
-            if all(np.linalg.norm(w.q - q, axis=1).min() > ON_WALK_RAD for w in known):
+            if not any(_is_on(walk, q) for walk in known):
                 walks.append(self._walker.walk(T, q))
         return walks
 
@@ -244,6 +252,10 @@ class _Tools:
         self._full[self._where] = q
         geometry = self._geometry, self._results
         return not pin.computeCollisions(self._model, self._data, *geometry, self._full, True)
+
+
+def _is_on(walk: Walk, q: FloatArray) -> bool:
+    return bool(np.linalg.norm(walk.q - q, axis=1).min() <= ON_WALK_RAD)
 
 
 @lru_cache(maxsize=2)

@@ -29,8 +29,9 @@ def test_a_map_is_right(redundancy_map: RedundancyMap, small_map: ReachMap) -> N
     found = check(redundancy_map.path, small_map, 2)
     assert found.is_valid, found.wrong
     assert all(cell.solutions >= 1 for cell in found.cells)
+    assert 0.0 < found.power <= 1.0
     assert found.worst("length_rad") < 1e-3
-    assert repr(found).startswith("RedundancyCheck(2 cells, 0 wrong, 0 missed pieces, ")
+    assert repr(found).startswith("RedundancyCheck(2 cells, 0 wrong, 0 missed pieces, power ")
 
 
 def test_what_is_wrong_is_found(
