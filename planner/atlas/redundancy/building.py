@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import product
 from pathlib import Path
 
@@ -145,8 +144,8 @@ def compute_block(task: tuple[str, str, Block]) -> RedundancyReport:
     """
     path, reach_path, block = task
     found, reach_map = _maps(path, reach_path)
-    side = found.arms[block[0]]
-    worker = worker_of(reach_path, side, tuple(found.q_others.tolist()))
+    side, others = found.arms[block[0]], tuple(found.q_others.tolist())
+    worker = worker_of(reach_path, found.reach_digest, side, others)
     begun = time.process_time()
     at = found.subset.positions(found.subset.block_slices(block[1:])).reshape(-1, 3)
     chosen = np.array(found.subset.rotations)
@@ -177,8 +176,8 @@ def _check_computed(reach_map: ReachMap, subset: Subset) -> None:
             raise AtlasError(not_computed(reach_map, block))
 
 
-@lru_cache(maxsize=2)
 def _maps(path: str, reach_path: str) -> tuple[RedundancyMap, ReachMap]:
+    """Both maps, as they are now: another may have come to a path where one was before."""
     found, reach_map = RedundancyMap(path), ReachMap(reach_path)
     if digest_of(reach_map) != found.reach_digest:
         raise AtlasError(f"{shown_path(path)} is not of the reach map {shown_path(reach_path)}")

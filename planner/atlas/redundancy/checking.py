@@ -183,7 +183,8 @@ def check_cell(task: tuple[str, str, tuple[str, int, int, int, int]]) -> CellChe
     """
     path, reach_path, (side, *place) = task
     found = RedundancyMap(path)
-    subset, tools = found.subset, _tools(reach_path, side, tuple(found.q_others.tolist()))
+    subset, others = found.subset, tuple(found.q_others.tolist())
+    tools = _tools(reach_path, found.reach_digest, side, others)
     axes = subset.x, subset.y, subset.z, subset.rotations
     x, y, z, rotation = (axis[i] for axis, i in zip(axes, place, strict=True))
     cell = found.cell(side, (x, y, z), rotation)
@@ -259,5 +260,7 @@ def _is_on(walk: Walk, q: FloatArray) -> bool:
 
 
 @lru_cache(maxsize=2)
-def _tools(reach_path: str, side: str, q_others: tuple[float, ...]) -> _Tools:
+def _tools(reach_path: str, reach_digest: str, side: str, q_others: tuple[float, ...]) -> _Tools:
+    """Kept for the reach map of that digest."""
+    del reach_digest
     return _Tools(ReachMap(reach_path), side, np.array(q_others))

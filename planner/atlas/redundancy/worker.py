@@ -94,8 +94,16 @@ def by_block(reach_map: ReachMap, at: Indices) -> Iterator[tuple[tuple[int, int,
 
 
 @lru_cache(maxsize=2)
-def worker_of(reach_path: str, side: str, q_others: tuple[float, ...]) -> Worker:
-    """What computes one arm's freedom; kept, as it takes a while to make."""
+def worker_of(reach_path: str, reach_digest: str, side: str, q_others: tuple[float, ...]) -> Worker:
+    """What computes one arm's freedom; slow to make, and so kept for the map of that digest.
+
+    Args:
+        reach_path: where that map is.
+        reach_digest: the map's.
+        side: of the arm.
+        q_others: where all other joints stand, rad.
+    """
+    del reach_digest
     return Worker(ReachMap(reach_path), side, np.array(q_others))
 
 

@@ -64,6 +64,19 @@ def test_what_a_cell_has_does_not_depend_on_the_subset(
         )
 
 
+def test_another_map_at_the_path_of_one_that_was_removed_is_its_own(
+    redundancy_map: RedundancyMap, small_map: ReachMap, tmp_path: Path
+) -> None:
+    """In one process, which keeps what is slow to make."""
+    path = tmp_path / "here.zarr"
+    for x in (0, 2):
+        subset = Subset(("left",), (x,), (4,), (1,), (3,))
+        found = build_redundancy_map(path, small_map, subset, engine=Serial())
+        expected = redundancy_map.cell("left", (x, 4, 1), 3).freedom
+        assert found.cell("left", (x, 4, 1), 3).freedom == expected
+        shutil.rmtree(path)
+
+
 def test_another_map_is_refused_and_nothing_changed(
     redundancy_map: RedundancyMap, small_map: ReachMap, subset: Subset
 ) -> None:
