@@ -5,7 +5,8 @@ What each number is worth:
 - Pieces are those that were found: each of them reaches the pose along its whole length and ends on
   a joint limit, closes, or ends at a singularity, but that there are no others is not proven. They
   come from a sweep over s0, from random starts and from a witness (`baxter_kin.ik.solutions`).
-- Lengths are of what was found, by a quadrature that is good to about 1e-4 rad a piece.
+- Lengths are of what was found. Chords of fixed steps differ from them by their own error alone:
+  6e-5 rad or less in 99 of 100 cells, where the Jacobian is weak 4e-4 rad a piece.
 - The margin is the greatest on these pieces to `MARGIN_TOLERANCE_RAD`, by branch and bound.
 - The manipulability is the greatest of samples, denser where a peak may be; a lower bound.
 - The free share is sampled (`planner.atlas.redundancy.self_collision`).

@@ -2,7 +2,8 @@
 
 Each step goes along the null vector of the Jacobian and is corrected to the pose by damped least
 squares; it ends where a joint leaves the URDF's limits. What adaptive continuation and cuts on
-limits find, this finds again, slower and to about 1e-3 rad.
+limits find, this finds again, slower. Its lengths are sums of chords: of the pieces that bend most
+4e-4 rad short, with a fifth of the step 2e-5.
 """
 
 from __future__ import annotations
