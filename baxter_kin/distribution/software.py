@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import platform
 import sys
 from collections.abc import Mapping
 from functools import lru_cache
@@ -10,6 +11,9 @@ from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as installed_version
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
+
+import numpy as np
 
 from baxter_kin.distribution.version import NAME, version
 
@@ -44,6 +48,14 @@ def software() -> dict[str, str]:
     """Versions, that of Python, too, and as "code" the digest of the toolkit's modules."""
     python = ".".join(map(str, sys.version_info[:2]))
     return {**versions(), "Python": python, "code": code_digest()}
+
+
+@lru_cache
+def kind_of_machine(backend: str) -> str:
+    """What the last bits of a result depend on: processor, NumPy, and where searches run."""
+    config: Any = np.show_config(mode="dicts")
+    found = config["SIMD Extensions"].get("found", [])
+    return f"{platform.machine()} {' '.join(found)}, numpy {np.__version__}, {backend}"
 
 
 def difference(there: Mapping[str, str], here: Mapping[str, str]) -> str:

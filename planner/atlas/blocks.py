@@ -19,6 +19,45 @@ from baxter_kin.value_objects import OneLine, count
 Block: TypeAlias = tuple[int, int, int, int]
 """Index of the arm, then of the block along x, y and z."""
 
+FORMAT, VERSION = "baxter-kin reach map", 1
+
+
+class Layout(NamedTuple):
+    """A kind of map.
+
+    Attributes:
+        format: what its group says that it is.
+        version: of the format.
+        name: what messages call it.
+        last: the array whose chunk is written last: a block that has it is complete.
+        inner: how many axes that array has beside the arm's and those of positions.
+    """
+
+    format: str
+    version: int
+    name: str
+    last: str
+    inner: int
+
+
+REACH_MAP = Layout(FORMAT, VERSION, "reach map", "margins", 1)
+
+
+class Chunked(NamedTuple):
+    """An array of cells, of which a block of positions is one chunk.
+
+    Attributes:
+        name: its name.
+        dtype: of its numbers.
+        fill: what stands where nothing is computed.
+        inner: names and sizes of the axes beside the arm's and those of positions.
+    """
+
+    name: str
+    dtype: str
+    fill: int
+    inner: dict[str, int]
+
 
 class Blocks(Sequence[Block], OneLine):
     """A set of blocks in order; blocks are numbered arm by arm, then along x, y and z.

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from baxter_kin import Baxter, IKService
-from baxter_kin.distribution.software import difference, versions
+from baxter_kin.distribution.software import difference, kind_of_machine, versions
 from baxter_kin.errors import shown_path
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.parallel import Engine, LocalPool
 from planner.atlas.blocks import Block, BlockTask, BlockTasks
-from planner.atlas.map_files import is_map, kind_of_machine, remove_leftovers
+from planner.atlas.map_files import is_map, remove_leftovers
 from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import UNDECIDED, UNREACHABLE, ReachSearch

@@ -13,18 +13,17 @@ file is put in place at once; the margins come last, so that a block that has th
 chunk ends with its checksum (CRC-32C) and is not read without. Nothing else is written while a map
 is computed, but which kinds of machines compute blocks, if there are several: the same block has
 the same bytes whoever computes it, on the same kind of machine. `zarr.json` comes last when a map
-is made: without it the folder is no map yet.
+is made: without it the folder is no map yet. Other kinds of maps have other arrays (`Layout`), and
+the same rules.
 """
 
 from __future__ import annotations
 
 import errno
 import os
-import platform
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -32,16 +31,11 @@ import numpy as np
 
 from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.errors import MissingLibraryError, shown_path
-from planner.atlas.blocks import Block
-from planner.atlas.reach_search import NOT_COMPUTED
+from planner.atlas.blocks import REACH_MAP, Block, Chunked, Layout
 from planner.errors import AtlasError
-
-FORMAT, VERSION = "baxter-kin reach map", 1
 
 COMPRESSION = 3
 """Level of Zstandard: a third of the bytes; higher levels save little and take longer."""
-
-_ARRAYS = ("directions", "rolls", "margins", "witnesses")
 
 
 def zarr_library() -> Any:
@@ -63,59 +57,48 @@ def zarr_library() -> Any:
     return zarr
 
 
-@lru_cache
-def kind_of_machine(backend: str) -> str:
-    """What the last bits of a result depend on: processor, NumPy, and where searches run."""
-    config: Any = np.show_config(mode="dicts")
-    found = config["SIMD Extensions"].get("found", [])
-    return f"{platform.machine()} {' '.join(found)}, numpy {np.__version__}, {backend}"
-
-
-def create_group(
+def create_arrays(
     path: Path,
     attributes: dict[str, Any],
-    directions: Any,
-    rolls: Any,
-    shape: tuple[int, ...],
+    whole: Mapping[str, Any],
+    chunked: Sequence[Chunked],
     *,
+    shape: tuple[int, ...],
     block_edge: int,
 ) -> None:
-    """A group for a new map, with nothing computed.
+    """A group for a new map of any kind, with nothing computed.
 
     Args:
         path: a folder that does not exist, is empty, or has what is left of such a call that was
             killed.
         attributes: what the group says of itself.
-        directions: shape (d, 3, 3).
-        rolls: shape (k,).
+        whole: arrays that are there from the beginning, by name.
+        chunked: those that are computed block by block.
         shape: how many arms, and positions along x, y and z.
-        block_edge: positions along each side of a chunk.
+        block_edge: positions along each side of a block.
 
     Raises:
         AtlasError: when there is something at that path, or it cannot be written.
     """
-    check_vacant(path)
-    zarr, rotations = zarr_library(), len(directions) * len(rolls)
+    check_vacant(path, (*whole, *(array.name for array in chunked)))
+    zarr = zarr_library()
     with explained(path):
-        for name, values in (("directions", directions), ("rolls", rolls)):
+        for name, values in whole.items():
             zarr.create_array(
                 str(path / name),
                 data=np.array(values),
                 compressors=_checked(zarr),
                 overwrite=True,
             )
-        for name, dtype, fill, inner in (
-            ("margins", "int16", NOT_COMPUTED, {"rotation": rotations}),
-            ("witnesses", "int32", 0, {"joint": 7, "rotation": rotations}),
-        ):
+        for array in chunked:
             zarr.create_array(
-                str(path / name),
-                shape=(*shape, *inner.values()),
-                chunks=(1, *[block_edge] * 3, *inner.values()),
-                dtype=dtype,
-                fill_value=fill,
+                str(path / array.name),
+                shape=(*shape, *array.inner.values()),
+                chunks=(1, *[block_edge] * 3, *array.inner.values()),
+                dtype=array.dtype,
+                fill_value=array.fill,
                 compressors=_checked(zarr),
-                dimension_names=("arm", "x", "y", "z", *inner),
+                dimension_names=("arm", "x", "y", "z", *array.inner),
                 overwrite=True,
             )
         zarr.create_group(str(path), zarr_format=3, attributes=attributes)
@@ -133,14 +116,18 @@ def stored_bytes(parts: Iterable[Any]) -> int:
     return stored
 
 
-def check_vacant(path: Path) -> None:
+def check_vacant(path: Path, left: Collection[str] = ()) -> None:
     """Refuse a path where something is already.
+
+    Args:
+        path: which.
+        left: arrays that a call which was killed may have left there.
 
     Raises:
         AtlasError: when it is no folder, has something in it, or cannot be looked at or written.
     """
     with explained(path):
-        is_taken = path.exists() and (not path.is_dir() or not _is_ours(path))
+        is_taken = path.exists() and (not path.is_dir() or not _has_only(path, left))
         there = nearest_folder(path)
         if not is_taken and not there.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, f"{shown_path(there)} is no folder")
@@ -165,7 +152,7 @@ def is_map(path: Path) -> bool:
         return (path / "zarr.json").exists()
 
 
-def open_group(path: Path) -> Any:
+def open_group(path: Path, layout: Layout = REACH_MAP) -> Any:
     """The group of a map that exists.
 
     Raises:
@@ -177,24 +164,28 @@ def open_group(path: Path) -> Any:
     with explained(path):
         group = zarr.open_group(str(path), mode="r+", zarr_format=3)
     found = group.attrs.get("format"), group.attrs.get("version")
-    if found[0] != FORMAT:
-        raise AtlasError(f"{shown_path(path)} is a Zarr group, but no reach map of this toolkit")
-    if found[1] != VERSION:
+    if found[0] != layout.format:
         raise AtlasError(
-            f"the map {shown_path(path)} is of version {found[1]}, this toolkit reads {VERSION}; "
-            "build it anew at another path"
+            f"{shown_path(path)} is a Zarr group, but no {layout.name} of this toolkit"
+        )
+    if found[1] != layout.version:
+        raise AtlasError(
+            f"the map {shown_path(path)} is of version {found[1]}, this toolkit reads "
+            f"{layout.version}; build it anew at another path"
         )
     return group
 
 
-def blocks_stored(path: Path, shape: tuple[int, ...]) -> Iterator[Block]:
-    """Blocks whose margins are there, of so many along each axis; takes no longer than they are."""
-    folder = path / "margins" / "c"
+def blocks_stored(
+    path: Path, shape: tuple[int, ...], layout: Layout = REACH_MAP
+) -> Iterator[Block]:
+    """Blocks that are complete, of so many along each axis; takes no longer than they are."""
+    folder = path / layout.last / "c"
     for arm in _numbers(folder, shape[0]):
         for x in _numbers(folder / str(arm), shape[1]):
             for y in _numbers(folder / str(arm) / str(x), shape[2]):
                 for z in _numbers(folder / str(arm) / str(x) / str(y), shape[3]):
-                    if _is_written(_file_of(path, (arm, x, y, z))):
+                    if _is_written(_file_of(path, (arm, x, y, z), layout)):
                         yield arm, x, y, z
 
 
@@ -203,9 +194,9 @@ def has_witnesses(path: Path, block: Block) -> bool:
     return path.joinpath("witnesses", "c", *map(str, block), "0", "0").is_file()
 
 
-def remove_block(path: Path, block: Block) -> None:
+def remove_block(path: Path, block: Block, layout: Layout = REACH_MAP) -> None:
     """Forget a block, such as a damaged one, so that it is computed again."""
-    _file_of(path, block).unlink(missing_ok=True)
+    _file_of(path, block, layout).unlink(missing_ok=True)
 
 
 def remove_leftovers(path: Path) -> None:
@@ -257,9 +248,9 @@ def _numbers(folder: Path, end: int) -> list[int]:
     return sorted(int(name) for name in names if name.isdecimal() and int(name) < end)
 
 
-def _is_ours(path: Path) -> bool:
-    """Whether a folder has nothing but arrays of a map, or parts of them."""
-    return all(each.name in _ARRAYS or each.suffix == ".partial" for each in path.iterdir())
+def _has_only(path: Path, names: Collection[str]) -> bool:
+    """Whether a folder has nothing but arrays of these names, or parts of files."""
+    return all(each.name in names or each.suffix == ".partial" for each in path.iterdir())
 
 
 def _is_written(file: Path) -> bool:
@@ -267,8 +258,8 @@ def _is_written(file: Path) -> bool:
     return file.is_file() and file.stat().st_size > 0
 
 
-def _file_of(path: Path, block: Block) -> Path:
-    return path.joinpath("margins", "c", *map(str, block), "0")
+def _file_of(path: Path, block: Block, layout: Layout) -> Path:
+    return path.joinpath(layout.last, "c", *map(str, block), *["0"] * layout.inner)
 
 
 def _checked(zarr: Any) -> list[Any]:

@@ -12,21 +12,18 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from baxter_kin.distribution.software import versions
+from baxter_kin.distribution.software import kind_of_machine, versions
 from baxter_kin.errors import UnknownNameError, shown_path
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.value_objects import OneLine
-from planner.atlas.blocks import Block, Blocks
+from planner.atlas.blocks import REACH_MAP, Block, Blocks, Chunked
 from planner.atlas.cell import STATUSES, Cell
 from planner.atlas.map_files import (
-    FORMAT,
-    VERSION,
     blocks_stored,
-    create_group,
+    create_arrays,
     explained,
     has_witnesses,
-    kind_of_machine,
     open_group,
     remove_block,
 )
@@ -107,8 +104,8 @@ class ReachMap(OneLine):
         for side in arms:
             robot.arm(side)
         attributes = {
-            "format": FORMAT,
-            "version": VERSION,
+            "format": REACH_MAP.format,
+            "version": REACH_MAP.version,
             "software": dict(versions()),
             "machine": kind_of_machine(backend),
             "robot_digest": robot.digest,
@@ -125,12 +122,15 @@ class ReachMap(OneLine):
                 "not computed": NOT_COMPUTED,
             },
         }
-        create_group(
+        create_arrays(
             Path(path),
             attributes,
-            rotations.R_base_tips,
-            rotations.rolls,
-            (len(arms), *positions.shape),
+            {"directions": rotations.R_base_tips, "rolls": rotations.rolls},
+            (
+                Chunked("margins", "int16", NOT_COMPUTED, {"rotation": len(rotations)}),
+                Chunked("witnesses", "int32", 0, {"joint": 7, "rotation": len(rotations)}),
+            ),
+            shape=(len(arms), *positions.shape),
             block_edge=positions.in_blocks_for(len(rotations)).block_edge,
         )
         return cls(path)

@@ -17,7 +17,6 @@ from baxter_kin.errors import ConfigurationError
 from baxter_kin.ik.geometry.closed_form import ClosedForm
 from baxter_kin.ik.redundancy.continuation import EndKind, filled
 from baxter_kin.ik.redundancy.curve_functions import RESIDUAL_TOLERANCE
-from baxter_kin.ik.redundancy.curve_points import CurvePoints
 from baxter_kin.ik.redundancy.cutting import Piece, pieces_inside
 from baxter_kin.ik.redundancy.loop import loops_near
 from baxter_kin.ik.redundancy.segment import feet
@@ -78,7 +77,7 @@ def all_pieces(
     solved = found.q[found.is_valid]
     if known is not None:
         solved = np.concatenate([known[None], solved])
-    return pieces_through(SolutionCurve(arm, pose), solved, step_rad, _swept(arm, pose))
+    return pieces_through(SolutionCurve(arm, pose), solved, step_rad, swept(arm, pose))
 
 
 def pieces_through(
@@ -97,13 +96,13 @@ def pieces_through(
     """
     starts = candidates if nearby is None else np.concatenate([candidates, nearby])
     pieces = list(pieces_inside(solution_curve, loops_near(solution_curve, starts)))
-    curves = _apart(sorted(_curves(solution_curve, pieces, step_rad), key=_order))
+    curves = apart(sorted(_curves(solution_curve, pieces, step_rad), key=order))
     astray = candidates[_at_limits(solution_curve, candidates)]
-    astray = astray[_off(curves, astray)]
+    astray = astray[off_curves(curves, astray)]
     while len(astray):
-        curves.append(_traced(solution_curve.arm, astray[0], solution_curve.T_base_tip, step_rad))
-        astray = astray[1:][_off(curves[-1:], astray[1:])]
-    return tuple(sorted(curves, key=_order))
+        curves.append(traced(solution_curve.arm, astray[0], solution_curve.T_base_tip, step_rad))
+        astray = astray[1:][off_curves(curves[-1:], astray[1:])]
+    return tuple(sorted(curves, key=order))
 
 
 def _at_limits(solution_curve: SolutionCurve, candidates: FloatArray) -> NDArray[np.bool_]:
@@ -117,13 +116,13 @@ def _at_limits(solution_curve: SolutionCurve, candidates: FloatArray) -> NDArray
     return unsure
 
 
-def _swept(arm: Arm, pose: pin.SE3) -> FloatArray:
+def swept(arm: Arm, pose: pin.SE3) -> FloatArray:
     """Configurations that nearly reach the pose and are nearly inside the limits, shape (n, 7)."""
     T_base_gripper = pose * arm.T_gripper_tip.inverse()
     q, misfit = _closed_form(arm).configurations(T_base_gripper.homogeneous[None])
     excess = np.maximum(arm.limits.q_min - q[0], q[0] - arm.limits.q_max).max(axis=1)
-    swept: FloatArray = q[0][(excess <= SLACK_RAD) & (misfit[0] <= MISFIT)]
-    return swept
+    nearby: FloatArray = q[0][(excess <= SLACK_RAD) & (misfit[0] <= MISFIT)]
+    return nearby
 
 
 @lru_cache(maxsize=16)
@@ -134,7 +133,15 @@ def _closed_form(arm: Arm) -> ClosedForm:
 def _curves(
     solution_curve: SolutionCurve, pieces: list[Piece], step_rad: float
 ) -> list[SelfMotion]:
-    """The pieces as curves; those that are not closed begin to count where they are deepest."""
+    return [
+        as_curve(solution_curve, piece) for piece in filled_pieces(solution_curve, pieces, step_rad)
+    ]
+
+
+def filled_pieces(
+    solution_curve: SolutionCurve, pieces: list[Piece], step_rad: float
+) -> list[Piece]:
+    """The same pieces with more points, at most `step_rad` apart."""
     if not pieces:
         return []
     begins = np.cumsum([0, *(len(piece.points) for piece in pieces)])
@@ -143,18 +150,19 @@ def _curves(
     together = pieces[0].points.then(*(piece.points for piece in pieces[1:]))
     points, places = filled(solution_curve, together, steps)
     return [
-        _curve(solution_curve, points.part(slice(places[first], places[end - 1] + 1)), piece)
+        Piece(points.part(slice(places[first], places[end - 1] + 1)), piece.ends)
         for piece, first, end in zip(pieces, begins[:-1], begins[1:], strict=True)
     ]
 
 
-def _curve(solution_curve: SolutionCurve, points: CurvePoints, piece: Piece) -> SelfMotion:
+def as_curve(solution_curve: SolutionCurve, piece: Piece) -> SelfMotion:
+    """A piece as a curve; one that is not closed begins to count where it is deepest."""
     is_closed = piece.ends[0].kind is EndKind.CLOSED
-    start = 0 if is_closed else int(np.argmax(points.clearance_rad))
-    return curve_of(solution_curve, points, start, piece.ends)
+    start = 0 if is_closed else int(np.argmax(piece.points.clearance_rad))
+    return curve_of(solution_curve, piece.points, start, piece.ends)
 
 
-def _apart(curves: list[SelfMotion]) -> list[SelfMotion]:
+def apart(curves: list[SelfMotion]) -> list[SelfMotion]:
     """Those of them, the longest first, that are not on others.
 
     Two loops that meet at a singularity share what was traced from there.
@@ -169,12 +177,12 @@ def _apart(curves: list[SelfMotion]) -> list[SelfMotion]:
     kept: list[int] = []
     for i, middle in enumerate(middles):
         rivals = [curves[j] for j in kept if may_hold[i, j]]
-        if _off(rivals, middle[None])[0]:
+        if off_curves(rivals, middle[None])[0]:
             kept.append(i)
     return [curves[i] for i in kept]
 
 
-def _off(curves: list[SelfMotion], q: FloatArray) -> NDArray[np.bool_]:
+def off_curves(curves: list[SelfMotion], q: FloatArray) -> NDArray[np.bool_]:
     """Which configurations, shape (n, 7), rad, lie on none of the curves: shape (n,)."""
     off = np.ones(len(q), dtype=np.bool_)
     for curve in curves:
@@ -189,7 +197,7 @@ def _off(curves: list[SelfMotion], q: FloatArray) -> NDArray[np.bool_]:
     return off
 
 
-def _traced(arm: Arm, q: FloatArray, pose: pin.SE3, step_rad: float) -> SelfMotion:
+def traced(arm: Arm, q: FloatArray, pose: pin.SE3, step_rad: float) -> SelfMotion:
     """The curve through `q`; of the pose that `q` itself reaches where it cannot reach `pose`.
 
     That happens to pieces shorter than the candidates are exact, cornered between limits.
@@ -200,6 +208,7 @@ def _traced(arm: Arm, q: FloatArray, pose: pin.SE3, step_rad: float) -> SelfMoti
         return trace_self_motion(arm, q, step_rad=step_rad)
 
 
-def _order(curve: SelfMotion) -> tuple[float, ...]:
+def order(curve: SelfMotion) -> tuple[float, ...]:
+    """What pieces are sorted by: the longest first, then the lowest joint values on them."""
     lowest = np.round(curve.q.min(axis=0), 3)
     return (-round(curve.length_rad, 3), *lowest.tolist())

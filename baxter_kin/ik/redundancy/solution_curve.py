@@ -13,6 +13,7 @@ the branches leave along those N a for which the quadratic form `w' (dJ along N 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
@@ -76,6 +77,14 @@ class SolutionCurve:
     def without_limits(self) -> SolutionCurve:
         """The same pose, whatever the limits."""
         return SolutionCurve(self.arm, self.T_base_tip, has_limits=False)
+
+    def limited_by(self, joints: Iterable[int]) -> SolutionCurve:
+        """The same pose, with the limits of these joints alone: for cutting curves that exist."""
+        limited = SolutionCurve(self.arm, self.T_base_tip)
+        is_limited = np.isin(np.arange(7), list(joints))
+        limited.q_min = np.where(is_limited, self.q_min, -np.inf)
+        limited.q_max = np.where(is_limited, self.q_max, np.inf)
+        return limited
 
     def error(self, q: FloatArray) -> FloatArray:
         """The twist from the pose of `q` to the target, shape (6,), m and rad, linear first.

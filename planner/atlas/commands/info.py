@@ -10,6 +10,7 @@ from baxter_kin import Baxter
 from baxter_kin.command_line import examples
 from baxter_kin.json_text import Json
 from baxter_kin.value_objects import count
+from planner.atlas.blocks import REACH_MAP
 from planner.atlas.commands.exit_status import EXIT_DONE, EXIT_FAILED, TOLD
 from planner.atlas.commands.progress import progress
 from planner.atlas.commands.reports import (
@@ -21,7 +22,7 @@ from planner.atlas.commands.reports import (
     write_report,
 )
 from planner.atlas.contents import ArmContents, count_contents
-from planner.atlas.map_files import VERSION, bytes_on_disk
+from planner.atlas.map_files import bytes_on_disk
 from planner.atlas.reach_map import ReachMap
 
 HELP = "Tell what a map is of, how much of it is computed, and what is missing."
@@ -75,7 +76,7 @@ def _lines(found: ReachMap, arms: Sequence[ArmContents], size: int) -> list[tupl
             f"{count(rolls, 'roll')} each",
         ),
         ("cells", f"{len(found):,} in {len(found.blocks):,} blocks of {edge}^3 positions"),
-        ("made by", f"{_software(found)}; format {VERSION}, on {found.machine}"),
+        ("made by", f"{_software(found)}; format {REACH_MAP.version}, on {found.machine}"),
         *((arm.side, _counts(arm)) for arm in arms),
         ("on disk", shown_bytes(size)),
         ("missing", f"{count(missing, 'block')}; build goes on" if missing else "nothing"),
@@ -114,7 +115,7 @@ def _report(found: ReachMap, arms: Sequence[ArmContents], size: int) -> dict[str
         "cells": len(found),
         "blocks": len(found.blocks),
         "software": dict(found.software),
-        "version": VERSION,
+        "version": REACH_MAP.version,
         "machine": found.machine,
         "size_bytes": size,
         "arms": [

@@ -169,3 +169,14 @@ def test_a_rotation_of_few_digits_is_made_one(left: Arm) -> None:
     rounded = SolutionCurve(left, pin.SE3(np.round(T.rotation, 4), T.translation)).T_base_tip
     np.testing.assert_allclose(rounded.rotation @ rounded.rotation.T, np.eye(3), atol=1e-15)
     np.testing.assert_allclose(rounded.rotation, T.rotation, atol=1e-4)
+
+
+def test_limits_of_some_joints_alone_leave_the_others_free(left: Arm) -> None:
+    whole = SolutionCurve(left, left.T_base_tip(left.start))
+    limited = whole.limited_by([1, 6])
+    q = np.array(left.start)
+    q[6], q[0] = left.limits.q_max[6] + 0.25, 50.0
+    assert limited.clearance_rad(q) == pytest.approx(-0.25)
+    assert whole.clearance_rad(q) < -40.0
+    assert np.isinf(limited.q_max[[0, 2, 3, 4, 5]]).all()
+    assert whole.q_max[0] == left.limits.q_max[0]

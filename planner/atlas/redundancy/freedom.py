@@ -1,0 +1,153 @@
+"""Freedom: what the self-motion of one pose leaves, in numbers; and what finds it.
+
+What each number is worth:
+
+- Pieces are those that were found: each of them reaches the pose along its whole length and ends on
+  a joint limit, closes, or ends at a singularity, but that there are no others is not proven. They
+  come from a sweep over s0, from random starts and from a witness (`baxter_kin.ik.solutions`).
+- Lengths are of what was found. Chords of fixed steps differ from them by their own error alone:
+  6e-5 rad or less in 99 of 100 cells, where the Jacobian is weak 4e-4 rad a piece.
+- The margin is the greatest on these pieces to `MARGIN_TOLERANCE_RAD`, by branch and bound.
+- The manipulability is the greatest of samples, denser where a peak may be; a lower bound.
+- The free share is sampled (`planner.atlas.redundancy.self_collision`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from baxter_kin import Baxter, IKService
+from baxter_kin.frames import PoseLike
+from baxter_kin.ik import SelfMotion, solutions
+from baxter_kin.validation import FloatArray
+from baxter_kin.value_objects import Frozen, OneLine, count
+from planner.atlas.redundancy.extremes import greatest_manipulability, greatest_margin_rad
+from planner.atlas.redundancy.rolls import STEP_RAD, pieces_of_rolls, turned, with_witness
+from planner.atlas.redundancy.self_collision import SelfCollision
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Freedom(Frozen, OneLine):
+    """The self-motion of one pose, inside the joint limits.
+
+    Attributes:
+        pieces: how many connected pieces were found; none where the pose is not reached.
+        length_rad: of all together, in joint space: the root of the sum of the squares of what the
+            joints move.
+        longest_rad: of the longest.
+        margin_rad: the greatest distance that the joint nearest to a limit can have from it.
+        manipulability: the greatest sqrt(det(J J')), of the tip's Jacobian in m and rad (Yoshikawa,
+            "Manipulability of robotic mechanisms", 1985).
+        free_share: of the length, what is free of self-collision, 0 .. 1.
+
+    The last three are not numbers where there is no piece.
+    """
+
+    pieces: int
+    length_rad: float
+    longest_rad: float
+    margin_rad: float
+    manipulability: float
+    free_share: float
+
+    def _facts(self) -> tuple[str, ...]:
+        if not self.pieces:
+            return ("not reached",)
+        return (
+            count(self.pieces, "piece"),
+            f"{self.length_rad:.3g} rad, the longest {self.longest_rad:.3g}",
+            f"up to {self.margin_rad:.3g} rad off the limits",
+            f"manipulability up to {self.manipulability:.3g}",
+            f"{100.0 * self.free_share:.3g} % free",
+        )
+
+
+class RedundancySearch(OneLine):
+    """Finds the freedom of one arm at poses.
+
+    Attributes:
+        side: of the arm.
+    """
+
+    def __init__(self, robot: Baxter, side: str, q_others: ArrayLike | None = None) -> None:
+        """Prepare it.
+
+        Args:
+            robot: the robot.
+            side: of the arm.
+            q_others: where all other joints stand, shape (19,); the other arm in neutral and all
+                hands closed when not given.
+
+        Raises:
+            UnknownNameError: when there is no such arm.
+            ConfigurationError: when `q_others` has another shape or is not finite.
+            DescriptionError: when the arm is not built like Baxter's.
+        """
+        self.side, self._arm = side, robot.arm(side)
+        self._ik, self._collision = IKService(self._arm), SelfCollision(robot, side, q_others)
+
+    def at(self, T_base_tip: PoseLike) -> Freedom:
+        """At one pose of the tip.
+
+        Raises:
+            PoseError: when the pose is not a valid one.
+        """
+        return self._freedom(solutions(self._ik, T_base_tip, step_rad=STEP_RAD))
+
+    def at_rolls(
+        self, T_base_tip: pin.SE3, rolls: FloatArray, witnesses: FloatArray, known: FloatArray
+    ) -> list[Freedom]:
+        """At poses that differ by a roll about the tool's axis, which is that of w2.
+
+        Args:
+            T_base_tip: the pose at roll zero; of a tool with another axis, the only one.
+            rolls: shape (k,), rad.
+            witnesses: a configuration inside the limits for each roll, shape (k, 7), rad.
+            known: configurations that reach roll zero, w2 inside its limits or not, shape (n, 7).
+        """
+        found = pieces_of_rolls(self._ik, T_base_tip, rolls, known)
+        freedoms = []
+        for curves, T, q in zip(found, turned(T_base_tip, rolls), witnesses, strict=True):
+            freedoms.append(self._freedom(with_witness(curves, self._arm, T, q)))
+        return freedoms
+
+    def _freedom(self, curves: Sequence[SelfMotion]) -> Freedom:
+        if not curves:
+            return Freedom(0, 0.0, 0.0, math.nan, math.nan, math.nan)
+        lengths = [curve.length_rad for curve in curves]
+        return Freedom(
+            len(curves),
+            sum(lengths),
+            max(lengths),
+            greatest_margin_rad(curves, self._arm.limits),
+            greatest_manipulability(curves),
+            self._collision.free_share(curves),
+        )
+
+    def _facts(self) -> tuple[str, ...]:
+        return (repr(self._arm),)
+
+
+def freedom_at(
+    robot: Baxter, side: str, T_base_tip: PoseLike, *, q_others: ArrayLike | None = None
+) -> Freedom:
+    """How much freedom is left at one pose; for many, keep a `RedundancySearch`.
+
+    Args:
+        robot: the robot.
+        side: of the arm.
+        T_base_tip: the pose of its tip, seen from base.
+        q_others: where all other joints stand, shape (19,); the other arm in neutral and all hands
+            closed when not given.
+
+    Raises:
+        PoseError: when the pose is not a valid one.
+        UnknownNameError: when there is no such arm.
+        ConfigurationError: when `q_others` has another shape or is not finite.
+    """
+    return RedundancySearch(robot, side, q_others).at(T_base_tip)

@@ -1,0 +1,203 @@
+"""Which poses of a reach map a redundancy map has: positions by their axes, times rotations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from baxter_kin.errors import UnknownNameError, quoted
+from baxter_kin.validation import Checked, FloatArray, finite_array, finite_scalar, whole_scalar
+from baxter_kin.value_objects import Frozen, OneLine, count
+from planner.atlas.positions import BLOCK_EDGE, PositionGrid
+from planner.atlas.reach_map import ReachMap
+from planner.errors import AtlasError
+
+Within: TypeAlias = float | tuple[float, float] | None
+"""Of an axis: one coordinate, the lowest and the highest, or all; m."""
+
+POSES_A_BLOCK = 1000
+"""Poses of a block at most, so that a task takes seconds; more where one position has more."""
+
+SAME_AXIS = 1e-9
+"""How much less the cosine of directions may be that count as one."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Subset(Frozen, Checked, OneLine, error=AtlasError):
+    """All combinations of arms, positions along x, y and z, and rotations of a reach map.
+
+    Attributes:
+        arms: such as ("left", "right").
+        x: indices of the map's grid along x, ascending.
+        y: the same along y.
+        z: the same along z.
+        rotations: indices of the map's rotations, ascending.
+
+    Raises:
+        AtlasError: when one of them is empty, or not ascending.
+    """
+
+    arms: tuple[str, ...]
+    x: tuple[int, ...]
+    y: tuple[int, ...]
+    z: tuple[int, ...]
+    rotations: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("arms", "x", "y", "z", "rotations"):
+            if not getattr(self, name):
+                raise AtlasError(f"the subset has no {name}; take one or more")
+        for name in ("x", "y", "z", "rotations"):
+            indices = getattr(self, name)
+            if any(a >= b for a, b in pairwise(indices)) or indices[0] < 0:
+                raise AtlasError(
+                    f"{name} must be indices in ascending order, got {quoted(indices)}"
+                )
+
+    @classmethod
+    def of(
+        cls,
+        reach_map: ReachMap,
+        *,
+        arms: Sequence[str] | None = None,
+        x_m: Within = None,
+        y_m: Within = None,
+        z_m: Within = None,
+        every: int = 1,
+        rotations: Sequence[int] | None = None,
+        every_rotation: int = 1,
+        tool_axis: ArrayLike | None = None,
+    ) -> Subset:
+        """Choose some poses of a map; all that is not limited.
+
+        Args:
+            reach_map: the map.
+            arms: some of its arms.
+            x_m: one coordinate of base, of which the nearest plane of the grid is taken, or the
+                lowest and the highest, m; all when not given.
+            y_m: the same along y.
+            z_m: the same along z.
+            every: only every so many points along each axis.
+            rotations: indices of some rotations.
+            every_rotation: only every so many of them, or of all.
+            tool_axis: a direction of the tool's z axis in base, shape (3,): all rolls about the
+                map's direction that is nearest to it, in place of `rotations`.
+
+        Raises:
+            AtlasError: when nothing is left, or an argument is not allowed.
+            UnknownNameError: when the map has no such arm.
+        """
+        for side in reach_map.arms if arms is None else arms:
+            if side not in reach_map.arms:
+                raise UnknownNameError("arm of this map", side, reach_map.arms)
+        if rotations is not None and tool_axis is not None:
+            raise AtlasError("give rotations or tool_axis, not both")
+        step = whole_scalar(every, "every", AtlasError, least=1, most=10**6)
+        turn = whole_scalar(every_rotation, "every_rotation", AtlasError, least=1, most=10**6)
+        chosen = _about(reach_map, tool_axis) if tool_axis is not None else rotations
+        chosen = range(len(reach_map.rotations)) if chosen is None else _known(reach_map, chosen)
+        x, y, z = (
+            _indices(reach_map.positions, axis, within)[::step]
+            for axis, within in enumerate((x_m, y_m, z_m))
+        )
+        wanted = reach_map.arms if arms is None else arms
+        sides = tuple(side for side in reach_map.arms if side in wanted)
+        return cls(sides, x, y, z, tuple(chosen[::turn]))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """How many positions along x, y and z."""
+        return len(self.x), len(self.y), len(self.z)
+
+    def __len__(self) -> int:
+        """How many cells there are."""
+        return len(self.arms) * int(np.prod(self.shape)) * len(self.rotations)
+
+    @property
+    def block_edge(self) -> int:
+        """Positions along each side of a block, which is what one task computes."""
+        edge = BLOCK_EDGE
+        while edge > 1 and edge**3 * len(self.rotations) > POSES_A_BLOCK:
+            edge //= 2
+        return edge
+
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """How many blocks there are along x, y and z."""
+        return tuple(-(-n // self.block_edge) for n in self.shape)
+
+    def block_slices(self, block: tuple[int, ...]) -> tuple[slice, ...]:
+        """What a block has of x, y and z; blocks at the end may be smaller."""
+        edge = self.block_edge
+        return tuple(
+            slice(b * edge, min((b + 1) * edge, n)) for b, n in zip(block, self.shape, strict=True)
+        )
+
+    def positions(self, part: tuple[slice, ...] = (slice(None),) * 3) -> np.ndarray:
+        """Indices in the map's grid of a part, shape (nx, ny, nz, 3)."""
+        axes = (np.array(a)[cut] for a, cut in zip((self.x, self.y, self.z), part, strict=True))
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+    def check(self, reach_map: ReachMap) -> None:
+        """Refuse to be of another map.
+
+        Raises:
+            AtlasError: when an index is beyond what the map has.
+            UnknownNameError: when the map has no such arm.
+        """
+        for side in self.arms:
+            if side not in reach_map.arms:
+                raise UnknownNameError("arm of this map", side, reach_map.arms)
+        sizes = *reach_map.positions.shape, len(reach_map.rotations)
+        for name, size in zip(("x", "y", "z", "rotations"), sizes, strict=True):
+            if getattr(self, name)[-1] >= size:
+                raise AtlasError(
+                    f"{name} has index {getattr(self, name)[-1]}, and the map ends at {size - 1}"
+                )
+
+    def _facts(self) -> tuple[str, ...]:
+        sides = " x ".join(map(str, self.shape))
+        rotations = count(len(self.rotations), "rotation")
+        return " and ".join(self.arms), f"{sides} points", rotations
+
+
+def _indices(grid: PositionGrid, axis: int, within: Within) -> tuple[int, ...]:
+    """Of an axis, what lies within."""
+    name, last = f"{'xyz'[axis]}_m", grid.shape[axis] - 1
+    if within is None:
+        return tuple(range(last + 1))
+    if isinstance(within, tuple | list):
+        low, high = finite_array(within, (2,), name, AtlasError)
+        first, end = np.ceil(low / grid.step_m - 1e-9), np.floor(high / grid.step_m + 1e-9)
+    else:
+        first = end = np.rint(finite_scalar(within, name, AtlasError) / grid.step_m)
+    low_index, high_index = int(first) - grid.first[axis], int(end) - grid.first[axis]
+    chosen = tuple(range(max(low_index, 0), min(high_index, last) + 1))
+    if not chosen:
+        raise AtlasError(
+            f"no point of the map lies within {name} = {quoted(within)}; it goes from "
+            f"{grid.low_m[axis]:.6g} to {grid.high_m[axis]:.6g} m, {grid.step_m:.6g} m apart"
+        )
+    return chosen
+
+
+def _known(reach_map: ReachMap, rotations: Sequence[int]) -> Sequence[int]:
+    """Indices of rotations, in order."""
+    most = len(reach_map.rotations) - 1
+    for index in rotations:
+        whole_scalar(index, "rotations", AtlasError, least=0, most=most)
+    return sorted(set(map(int, rotations)))
+
+
+def _about(reach_map: ReachMap, tool_axis: ArrayLike) -> Sequence[int]:
+    """The rotations whose z axis is the one nearest to a direction."""
+    axis: FloatArray = finite_array(tool_axis, (3,), "tool_axis", AtlasError)
+    if not axis.any():
+        raise AtlasError("tool_axis must be a direction, got zeros")
+    cosine = reach_map.rotations.matrices[:, :, 2] @ (axis / np.linalg.norm(axis))
+    return np.flatnonzero(cosine >= cosine.max() - SAME_AXIS).tolist()

@@ -1,0 +1,94 @@
+"""The sub-command that builds redundancy maps."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from baxter_kin.command_line import OneSentenceParser
+from baxter_kin.parallel import Serial, engine_options
+from planner.atlas import ReachMap
+from planner.atlas.commands import redundancy
+from planner.atlas.redundancy import RedundancyMap, Subset, checking
+from planner.errors import AtlasError
+
+
+def parser() -> OneSentenceParser:
+    parser = OneSentenceParser(prog="redundancy", description=redundancy.HELP)
+    redundancy.add_arguments(parser)
+    return parser
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes and solvers take seconds to make."""
+    monkeypatch.setattr(checking, "FINDERS", 1)
+    monkeypatch.setattr(engine_options, "LocalPool", lambda _: Serial())
+
+
+def run(*arguments: object) -> int:
+    return redundancy.run(parser().parse_args(list(map(str, arguments))))
+
+
+CHOICE = ("--arm", "left", "--x", "0.7", "--y", "0.2", "0.4", "--z", "0.1", "--rotations", 0, 2)
+
+
+def test_a_map_is_built_and_checked(
+    small_map: ReachMap, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "freedom.zarr"
+    assert run(small_map.path, path, *CHOICE, "--measure-s", 0.1, "--check", 1) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("missing: RedundancyCost(6 cells, ")
+    assert "complete: RedundancyMap(left, 1 x 3 x 1 points, 2 rotations)" in told
+    assert "RedundancyCheck(1 cells, 0 wrong, 0 missed pieces" in told
+    found = RedundancyMap(path)
+    assert found.subset == Subset(("left",), (2,), (2, 3, 4), (1,), (0, 2))
+    assert not found.missing_blocks()
+    found.write_block((0, 0, 0, 0), np.full((3, 6, 2), 5, np.int32))
+    assert run(small_map.path, path, *CHOICE, "-q", "--check", 1) == 1
+    complaint = capsys.readouterr()
+    assert not complaint.out
+    assert complaint.err.startswith("wrong: CellCheck(name='left, position (2, ")
+
+
+def test_the_cost_is_told_and_nothing_computed(
+    small_map: ReachMap, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "none.zarr"
+    assert run(small_map.path, path, *CHOICE, "--cost", "-q", "--measure-s", 0.1) == 0
+    assert "6 cells" in capsys.readouterr().out
+    assert not path.exists()
+
+
+def test_examples_parse() -> None:
+    for line in redundancy.EXAMPLES.strip().splitlines():
+        program, *arguments = shlex.split(line)[2:]
+        assert program == "planner.atlas"
+        assert arguments[0] == "redundancy"
+        parser().parse_args(arguments[1:])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["a", "b", "--every", "0"], "0 is not at least 1"),
+        (["a", "b", "--rotations", "1", "--tool-axis", "0", "0", "1"], "not allowed with"),
+        (["a"], "MAP"),
+    ],
+)
+def test_wrong_usage_gets_one_sentence(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        parser().parse_args(arguments)
+    assert ended.value.code == 2
+    assert said in capsys.readouterr().err
+
+
+def test_three_coordinates_are_refused(small_map: ReachMap, tmp_path: Path) -> None:
+    with pytest.raises(AtlasError, match="--z takes one coordinate or two, got 3"):
+        run(small_map.path, tmp_path / "none", "--z", 1, 2, 3)
