@@ -1,9 +1,11 @@
 """What a map will cost, before it is built: processor time by a measured sample, and bytes.
 
-Positions fall into shells around the shoulder, because a search takes longest near the edge of
-what is reachable and no time beyond it. A few positions at a time are searched in the shell to
-which the estimate owes most of its uncertainty (Neyman's allocation, step by step; Cochran,
-"Sampling Techniques", 1977, section 5.5), until the time to measure is over.
+Positions fall into shells around the shoulder, because a search takes longest where the arm is bent
+and no time beyond its reach. A few positions at a time are searched in the shell to which the
+estimate owes most of its uncertainty (Neyman's allocation; Cochran, "Sampling Techniques", 1977,
+section 5.5), until the time to measure is over. How much costs spread in each shell is known
+beforehand (`SPREADS`): allocation by what the same sample shows starves shells whose first
+positions happen to be cheap, which told 25 % too little, with a fifth of its true error.
 """
 
 from __future__ import annotations
@@ -32,6 +34,10 @@ DRAWN = 200_000
 
 LEAST = 2
 """Measurements of each shell, so that its spread is known."""
+
+SPREADS = (1.0, 1.0, 0.9, 0.4, 0.14, 0.08, 0.001)
+"""How much costs of positions differ in each shell, beside each other; of 22,000 positions of a
+grid of 2.5 cm with 576 rotations (these were 60 ms, and 0.04 ms beyond reach)."""
 
 KEPT_CELLS = 200_000
 """Of each shell, to know what cells take on disk."""
@@ -177,6 +183,12 @@ class _Stratum:
         self.measured += len(points)
 
     @property
+    def gain(self) -> float:
+        """How much one more measurement lessens the uncertainty, as far as known beforehand."""
+        number = len(self.times_s)
+        return self.size * SPREADS[self.shell] / math.sqrt(number * (number + 1.0))
+
+    @property
     def mean_s(self) -> float:
         """Of one of its positions."""
         return float(np.mean(self.times_s)) if self.times_s else 0.0
@@ -209,9 +221,10 @@ def _measure(strata: Sequence[_Stratum], measure_s: float, most_positions: int) 
             stratum.measure()
             room -= stratum.batch
     while time.monotonic() - begun < measure_s and room > 0:
-        worst = max(strata, key=lambda stratum: stratum.error_s, default=None)
-        if worst is None or not len(worst.left):
+        left = [stratum for stratum in strata if len(stratum.left)]
+        if not left:
             return
+        worst = max(left, key=lambda stratum: stratum.gain)
         worst.measure()
         room -= worst.batch
 

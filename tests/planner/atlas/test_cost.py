@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.validation import FloatArray
 from planner.atlas import PositionGrid, ReachMap, RotationGrid
-from planner.atlas.cost import LEAST, Cost, estimate, shown_time
+from planner.atlas.cost import LEAST, SPREADS, Cost, _measure, _Stratum, estimate, shown_time
+from planner.atlas.reach_search import Cells
 from planner.errors import AtlasError
 
 ROTATIONS = RotationGrid.hopf(0)
@@ -38,6 +41,40 @@ def test_every_shell_is_measured_however_short_the_time(robot: Baxter) -> None:
     grid = PositionGrid.around(robot, 0.1)
     cost = estimate(robot, grid, ROTATIONS, ("right",), measure_s=1e-6)
     assert cost.measured >= 7 * LEAST
+
+
+class Timed:
+    """A search that takes as many seconds as the first coordinates of its positions say."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def search(self, points: FloatArray) -> Cells:
+        self.now_s += float(points[:, 0].sum())
+        return Cells(np.zeros((len(points), 1), np.int16), np.zeros((len(points), 7, 1), np.int32))
+
+
+def test_the_estimate_has_no_bias_and_its_error_is_what_it_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """For costs that differ as those of searches do: a few positions take most of the time."""
+    rng, runs, off = np.random.default_rng(2), 150, list[float]()
+    spreads = np.array(SPREADS)[:, None]
+    costs = rng.lognormal(-1.2, 1.3, (len(SPREADS), 2000)) * spreads
+    for _ in range(runs):
+        timed = Timed()
+        monkeypatch.setattr("time.monotonic", lambda timed=timed: timed.now_s)
+        monkeypatch.setattr("time.process_time", lambda timed=timed: timed.now_s)
+        strata = []
+        for shell, each in enumerate(costs):
+            points = np.repeat(rng.permutation(each)[:, None], 3, axis=1)
+            strata.append(_Stratum(0, shell, timed, points, 1e5, 1))  # type: ignore[arg-type]
+        _measure(strata, 200.0, 10**6)
+        told_s = sum(stratum.total_s for stratum in strata)
+        error_s = float(np.linalg.norm([stratum.error_s for stratum in strata]))
+        off.append((told_s - 1e5 * costs.mean(axis=1).sum()) / error_s)
+    assert abs(np.mean(off)) < 0.35  # by the spread that few heavy costs leave undetected
+    assert np.mean(np.abs(off) > 2.0) < 0.15
 
 
 def test_only_what_is_missing_is_told(robot: Baxter, small_map: ReachMap) -> None:
