@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from baxter_kin.benchmark import options as benchmark
+from planner.atlas.commands import command_line as atlas
 from planner.verification import command_line as verification
 from sim.demo import arguments as demo
 from sim.ros1 import check, execute, mirror, press
@@ -21,6 +22,7 @@ ROOT = Path(__file__).parents[1]
 PARSERS: dict[str, Callable[[Sequence[str]], object]] = {
     "baxter_kin.benchmark": benchmark.parse_options,
     "baxter_kin.demo": demo.parse_options,
+    "planner.atlas": atlas.options,
     "planner.verification": verification._options,
     "sim.ros1.check": lambda argv: check._parser().parse_args(argv),
     "sim.ros1.execute": lambda argv: execute._parser().parse_args(argv),

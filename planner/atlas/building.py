@@ -13,14 +13,16 @@ import numpy as np
 
 from baxter_kin import Baxter, IKService
 from baxter_kin.distribution.software import difference, versions
+from baxter_kin.errors import shown_path
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.parallel import Engine, LocalPool
 from planner.atlas.blocks import Block, BlockTask, BlockTasks
 from planner.atlas.map_files import is_map, kind_of_machine, remove_leftovers
 from planner.atlas.positions import PositionGrid
-from planner.atlas.reach_map import ReachMap, opened_for_work
+from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import UNDECIDED, UNREACHABLE, ReachSearch
 from planner.atlas.rotations import RotationGrid
+from planner.atlas.workers import opened_for_work
 from planner.errors import AtlasError
 
 MOST_CELLS = 10**10
@@ -90,7 +92,7 @@ def build_reach_map(
     robot = Baxter.load() if robot is None else robot
     positions = PositionGrid.around(robot) if positions is None else positions
     rotations = RotationGrid.hopf() if rotations is None else rotations
-    _check_size(len(arms) * len(positions) * len(rotations), most_cells)
+    check_size(len(arms) * len(positions) * len(rotations), most_cells)
     found = _opened(Path(path), robot, positions, rotations, arms)
     remove_leftovers(found.path)
     engine = LocalPool() if engine is None else engine
@@ -135,11 +137,21 @@ def _opened_with_searches(path: str, identity: str) -> tuple[ReachMap, tuple[Rea
     return found, tuple(ReachSearch(found.robot.arm(side), found.rotations) for side in found.arms)
 
 
-def _check_size(cells: int, most_cells: int) -> None:
+def check_size(cells: int, most_cells: int, option: str = "most_cells") -> None:
+    """Refuse a map with too many cells.
+
+    Args:
+        cells: how many it would have.
+        most_cells: how many it may have.
+        option: what the message calls that.
+
+    Raises:
+        AtlasError: when they are more.
+    """
     if cells > most_cells:
         raise AtlasError(
             f"the map would have {cells:.3g} cells, and at most {most_cells:.3g} are allowed; take "
-            "a larger step, fewer rotations or one arm, or raise most_cells"
+            f"a larger step, fewer rotations or one arm, or raise {option}"
         )
 
 
@@ -155,6 +167,22 @@ def _opened(
         backend = IKService(robot.arm(arms[0])).backend.value if arms else ""
         return ReachMap.create(path, robot, positions, rotations, arms, backend=backend)
     found = ReachMap(path)
+    check_same(found, robot, positions, rotations, arms)
+    return found
+
+
+def check_same(
+    found: ReachMap,
+    robot: Baxter,
+    positions: PositionGrid,
+    rotations: RotationGrid,
+    arms: tuple[str, ...],
+) -> None:
+    """Refuse to go on with a map that is of something else.
+
+    Raises:
+        AtlasError: when it is; says of what.
+    """
     other = [
         what
         for what, is_same in {
@@ -167,16 +195,15 @@ def _opened(
     ]
     if other:
         raise AtlasError(
-            f"the map at {path} is of another {' and another '.join(other)}; nothing was changed; "
-            "choose another path"
+            f"the map at {shown_path(found.path)} is of another {' and another '.join(other)}; "
+            "nothing was changed; choose another path"
         )
     differs = difference(found.software, versions())
     if differs:
         raise AtlasError(
-            f"the map at {path} was begun with other software: {differs}; nothing was changed; "
-            "install that to go on, or choose another path"
+            f"the map at {shown_path(found.path)} was begun with other software: {differs}; "
+            "nothing was changed; install that to go on, or choose another path"
         )
-    return found
 
 
 def _are_same(a: RotationGrid, b: RotationGrid) -> bool:

@@ -18,6 +18,7 @@ is made: without it the folder is no map yet.
 
 from __future__ import annotations
 
+import errno
 import os
 import platform
 import warnings
@@ -93,10 +94,7 @@ def create_group(
     Raises:
         AtlasError: when there is something at that path, or it cannot be written.
     """
-    with explained(path):
-        is_taken = path.exists() and (not path.is_dir() or not _is_ours(path))
-    if is_taken:
-        raise AtlasError(f"{shown_path(path)} exists and is no map; choose another path")
+    check_vacant(path)
     zarr, rotations = zarr_library(), len(directions) * len(rolls)
     with explained(path):
         for name, values in (("directions", directions), ("rolls", rolls)):
@@ -133,6 +131,28 @@ def stored_bytes(parts: Iterable[Any]) -> int:
         )
         stored += int(made.nbytes_stored())
     return stored
+
+
+def check_vacant(path: Path) -> None:
+    """Refuse a path where something is already.
+
+    Raises:
+        AtlasError: when it is no folder, has something in it, or cannot be looked at or written.
+    """
+    with explained(path):
+        is_taken = path.exists() and (not path.is_dir() or not _is_ours(path))
+        there = nearest_folder(path)
+        if not is_taken and not there.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, f"{shown_path(there)} is no folder")
+        if not is_taken and not os.access(there, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    if is_taken:
+        raise AtlasError(f"{shown_path(path)} exists and is no map; choose another path")
+
+
+def nearest_folder(path: Path) -> Path:
+    """A path, or the nearest folder above it that exists."""
+    return next(each for each in (path, *path.absolute().parents) if each.exists())
 
 
 def is_map(path: Path) -> bool:

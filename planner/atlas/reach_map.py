@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from baxter_kin import Baxter
 from baxter_kin.distribution.software import versions
+from baxter_kin.distribution.version import NAME, UNKNOWN
 from baxter_kin.errors import UnknownNameError, shown_path
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.kinematics.arm import LIMBS
@@ -75,6 +76,7 @@ class ReachMap(OneLine):
             self.digest = str(facts["robot_digest"])
             self.machine = str(facts["machine"])
             self.software: dict[str, str] = dict(facts.get("software", {}))
+            self.made_by = self.software.get(NAME, UNKNOWN)
             self.other_machines: tuple[str, ...] = tuple(facts.get(_OTHERS, ()))
             self._urdf = str(facts["robot_urdf"])
             self.rotations = RotationGrid(self._group["directions"][...], self._group["rolls"][...])
@@ -180,16 +182,25 @@ class ReachMap(OneLine):
         Raises:
             AtlasError: when it is damaged.
         """
+        margins = self.read_margins(block)
+        if (margins == NOT_COMPUTED).any():
+            return None
         where = block[0], *self.positions.block_slices(block[1:])
         with explained(self.path, f"block {block} of the map"):
-            margins: Codes = self._margins[where]
-            if (margins == NOT_COMPUTED).any():
-                return None
             if (margins >= 0).any() and not has_witnesses(self.path, block):
                 raise ValueError("its witnesses are missing")
             witnesses = self._witnesses[where]
-        rotations = len(self.rotations)
-        return Cells(margins.reshape(-1, rotations), witnesses.reshape(-1, 7, rotations))
+        return Cells(margins, witnesses.reshape(-1, 7, len(self.rotations)))
+
+    def read_margins(self, block: Block) -> Codes:
+        """Margins and codes of a block, positions in a row; witnesses are not read.
+
+        Raises:
+            AtlasError: when it is damaged.
+        """
+        where = block[0], *self.positions.block_slices(block[1:])
+        with explained(self.path, f"block {block} of the map"):
+            return np.reshape(self._margins[where], (-1, len(self.rotations)))
 
     def write_block(self, block: Block, cells: Cells) -> None:
         """Store a block.
@@ -280,16 +291,3 @@ class ReachMap(OneLine):
     def _facts(self) -> tuple[str, ...]:
         sides = " and ".join(self.arms)
         return sides, repr(self.positions), repr(self.rotations)
-
-
-@lru_cache(maxsize=1)
-def opened_for_work(path: str, identity: str) -> ReachMap:
-    """The map that a worker works on, opened once.
-
-    Raises:
-        AtlasError: when there is another map at that path.
-    """
-    found = ReachMap(path)
-    if found.identity != identity:
-        raise AtlasError(f"the map at {shown_path(found.path)} was replaced by another one")
-    return found

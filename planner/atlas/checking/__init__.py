@@ -13,6 +13,7 @@ ours. Of randomly chosen cells, half of them next to the boundary between reacha
 All blocks are read, and their checksums with them.
 """
 
+from planner.atlas.checking.cell_check import NEAR_LIMITS_RAD
 from planner.atlas.checking.map_check import CELLS, MapCheck, check_map
 
-__all__ = ["CELLS", "MapCheck", "check_map"]
+__all__ = ["CELLS", "NEAR_LIMITS_RAD", "MapCheck", "check_map"]

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from baxter_kin.validation import Indices
 from planner.atlas.blocks import Block, Blocks, BlockTask
-from planner.atlas.reach_map import ReachMap, opened_for_work
+from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import UNDECIDED, Codes
+from planner.atlas.workers import opened_for_work
 from planner.errors import AtlasError
 
 Flags: TypeAlias = NDArray[np.bool_]
@@ -101,8 +102,9 @@ class Surveys:
     def _pieces(
         self, found: ReachMap, is_boundary: bool, where: Indices, numbers: Indices, *, seed: int
     ) -> Iterator[CellTask]:
+        path, identity = str(found.path.resolve()), found.identity
         for at, number in zip(where.tolist(), numbers.tolist(), strict=True):
-            block = BlockTask(str(found.path.resolve()), self._blocks[at], found.identity)
+            block = BlockTask(path, self._blocks[at], identity)
             for first in range(0, number, PIECE):
                 last = min(first + PIECE, number)
                 yield CellTask(block, is_boundary, first, last, seed)

@@ -11,7 +11,8 @@ import pytest
 from baxter_kin import Baxter
 from baxter_kin.parallel import LocalPool, Serial
 from planner.atlas import BlockReport, PositionGrid, ReachMap, RotationGrid, build_reach_map
-from planner.atlas.blocks import Block
+from planner.atlas.blocks import Block, BlockTask
+from planner.atlas.building import compute_block
 from planner.errors import AtlasError
 
 
@@ -122,3 +123,28 @@ def test_too_many_cells_are_refused(robot: Baxter, tmp_path: Path) -> None:
     with pytest.raises(AtlasError, match=r"the map would have .* cells, and at most 1e\+10"):
         build_reach_map(tmp_path / "huge", robot, grid)
     assert not (tmp_path / "huge").exists()
+
+
+def test_a_task_of_another_map_at_the_same_path_is_refused(small_map: ReachMap) -> None:
+    """A worker of a cluster may still know the map that was there before."""
+    before = digests(small_map.path)
+    task = BlockTask(str(small_map.path), small_map.blocks[0], "another map")
+    with pytest.raises(AtlasError, match="was replaced by another one"):
+        compute_block(task)
+    assert digests(small_map.path) == before
+
+
+def test_blocks_of_many_rotations_are_small_and_read_alike(
+    robot: Baxter, small_map: ReachMap, tmp_path: Path
+) -> None:
+    grid = PositionGrid(0.1, (6, 4, 1), (1, 1, 2))
+    down = RotationGrid.about_tool_axis(np.diag([1.0, -1.0, -1.0]), 80_000)
+    found = build_reach_map(tmp_path / "many", robot, grid, down, ("left",), engine=Serial())
+    assert found.positions.block_edge == 1
+    assert len(found.blocks) == 2
+    first = RotationGrid.hopf(0).rolls
+    assert np.array_equal(down.rolls[:: 80_000 // 6][:1], first[:1])
+    coarse = small_map.cell("left", (1, 4, 1), 0)
+    fine = found.cell("left", (0, 0, 0), 0)
+    assert np.allclose(fine.T_base_tip.homogeneous, coarse.T_base_tip.homogeneous)
+    assert fine.status == coarse.status == "reachable"

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from planner.atlas import PositionGrid
+from planner.atlas.positions import BLOCK_EDGE, LEAST_BLOCKS, MOST_CELLS_A_BLOCK
+from planner.atlas.rotations import MOST_ROTATIONS
 from planner.errors import AtlasError
 
 
@@ -27,6 +29,33 @@ def test_blocks_hold_every_point_once() -> None:
     for block in np.ndindex(*grid.blocks):
         seen[grid.block_slices(block)] += 1
     assert (seen == 1).all()
+
+
+@given(st.integers(1, 10_000), st.integers(1, 10_000), st.integers(1, MOST_ROTATIONS))
+@settings(max_examples=200)
+def test_a_block_is_what_a_worker_holds_and_a_map_has_few(
+    side: int, other: int, rotations: int
+) -> None:
+    grid = PositionGrid(0.1, (0, 0, 0), (side, other, 7)).in_blocks_for(rotations)
+    assert grid == PositionGrid(0.1, (0, 0, 0), (side, other, 7))
+    edge = grid.block_edge
+    assert edge == 1 or edge**3 * rotations <= MOST_CELLS_A_BLOCK
+    if edge < BLOCK_EDGE:
+        assert (2 * edge) ** 3 * rotations > MOST_CELLS_A_BLOCK
+    if edge > BLOCK_EDGE:
+        assert len(grid) >= LEAST_BLOCKS * edge**3
+
+
+def test_the_largest_grids_have_millions_of_blocks_at_most() -> None:
+    """Of 10^12 cells, for any number of rotations."""
+    for rotations, shape in (
+        (1, (10_000, 10_000, 10_000)),
+        (72, (2_404, 2_404, 2_404)),
+        (576, (1_202, 1_202, 1_202)),
+        (MOST_ROTATIONS, (149, 149, 149)),
+    ):
+        grid = PositionGrid(0.1, (0, 0, 0), shape).in_blocks_for(rotations)
+        assert np.prod(grid.blocks) < 5e6
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -64,6 +64,11 @@ def test_what_is_no_rotation_is_refused(rotations: list[object], said: str) -> N
         RotationGrid.of(rotations)  # type: ignore[arg-type]
 
 
+def test_more_rotations_than_a_worker_holds_are_refused() -> None:
+    with pytest.raises(AtlasError, match="a map has at most 300,000 rotations, got 300,001"):
+        RotationGrid(np.eye(3)[None], np.zeros(300_001))
+
+
 @pytest.mark.parametrize("level", [-1, 5, 0.5, None])
 def test_levels_are_few(level: int) -> None:
     with pytest.raises(AtlasError, match="level must be a whole number from 0 to 4"):

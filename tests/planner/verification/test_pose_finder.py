@@ -49,3 +49,22 @@ def test_what_holds_is_at_the_pose_and_inside_the_limits(robot: Baxter) -> None:
     assert not finder.holds(T, arm.start + 1e-5)
     outside = arm.limits.q_max + 1e-6
     assert not finder.holds(arm.T_base_tip(outside), outside)
+
+
+def test_the_same_pose_has_the_same_answer_whatever_was_asked_before(robot: Baxter) -> None:
+    arm, rng = robot.arm("left"), np.random.default_rng(6)
+    poses = [arm.T_base_tip(arm.random_configuration(rng)) for _ in range(5)]
+    one, other = (PoseFinder(robot, "left") for _ in range(2))
+    forward = [one.find(T) for T in poses]
+    backward = [other.find(T) for T in poses[::-1]][::-1]
+    for q, same in zip(forward, backward, strict=True):
+        assert np.array_equal(q, same)  # type: ignore[arg-type]
+
+
+def test_margins_are_to_the_limits_of_the_urdf(robot: Baxter) -> None:
+    arm, finder = robot.arm("right"), PoseFinder(robot, "right")
+    q = arm.limits.q_max - 0.3
+    q[4] = arm.limits.q_min[4] + 0.01
+    assert finder.margin_rad(q) == pytest.approx(0.01)
+    q[2] = arm.limits.q_max[2] + 0.2
+    assert finder.margin_rad(q) == pytest.approx(-0.2)

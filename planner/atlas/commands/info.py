@@ -1,0 +1,128 @@
+"""`info`: what a map is of, and how much of it is there."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from baxter_kin import Baxter
+from baxter_kin.command_line import examples
+from baxter_kin.json_text import Json
+from baxter_kin.value_objects import count
+from planner.atlas.commands.exit_status import EXIT_DONE, EXIT_FAILED, TOLD
+from planner.atlas.commands.progress import progress
+from planner.atlas.commands.reports import (
+    add_report_options,
+    complain,
+    say,
+    shown_bytes,
+    shown_share,
+    write_report,
+)
+from planner.atlas.contents import ArmContents, count_contents
+from planner.atlas.map_files import VERSION, bytes_on_disk
+from planner.atlas.reach_map import ReachMap
+
+HELP = "Tell what a map is of, how much of it is computed, and what is missing."
+
+EXAMPLES = examples(
+    "python -m planner.atlas info coarse.zarr",
+    "python -m planner.atlas info coarse.zarr --json coarse.json",
+    end="It reads the margins of all blocks, one at a time, and no witnesses; verify reads those. "
+    + TOLD.format(also=""),
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `info`."""
+    parser.add_argument("path", type=Path, metavar="PATH", help="the map's folder")
+    add_report_options(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Tell it; returns the exit status."""
+    found = ReachMap(arguments.path)
+    computed = len(found.computed_blocks())
+    with progress("info", max(computed, 1), is_quiet=arguments.quiet) as advance:
+        arms = count_contents(found, lambda block: advance(1, f"block {block}"))
+    size = bytes_on_disk(found.path)
+    if not arguments.quiet:
+        say("\n".join(f"{name:<11}{text}" for name, text in _lines(found, arms, size)))
+    write_report(arguments.json, _report(found, arms, size))
+    damaged = [reason for arm in arms for reason in arm.damaged]
+    if not damaged:
+        return EXIT_DONE
+    complain(
+        f"{count(len(damaged), 'block')} cannot be read, such as: {damaged[0]}; "
+        "forget them by verify --discard-damaged, and build computes them again"
+    )
+    return EXIT_FAILED
+
+
+def _lines(found: ReachMap, arms: Sequence[ArmContents], size: int) -> list[tuple[str, str]]:
+    grid, edge = found.positions, found.positions.block_edge
+    low, high = (", ".join(f"{x:.6g}" for x in corner) for corner in (grid.low_m, grid.high_m))
+    sides, missing = " x ".join(map(str, grid.shape)), sum(arm.missing_blocks for arm in arms)
+    directions, rolls = len(found.rotations.R_base_tips), len(found.rotations.rolls)
+    return [
+        ("map", str(found.path)),
+        ("robot", f"{_robot(found)}, digest {found.digest[:12]}, arms {' and '.join(found.arms)}"),
+        ("positions", f"{sides}, {1e3 * grid.step_m:.6g} mm apart, ({low}) to ({high}) m in base"),
+        (
+            "rotations",
+            f"{len(found.rotations):,}: {count(directions, 'direction')} with "
+            f"{count(rolls, 'roll')} each",
+        ),
+        ("cells", f"{len(found):,} in {len(found.blocks):,} blocks of {edge}^3 positions"),
+        ("made by", f"baxter-kin {found.made_by}, format {VERSION}, on {found.machine}"),
+        *((arm.side, _counts(arm)) for arm in arms),
+        ("on disk", shown_bytes(size)),
+        ("missing", f"{count(missing, 'block')}; build goes on" if missing else "nothing"),
+    ]
+
+
+def _counts(arm: ArmContents) -> str:
+    of = arm.computed
+    return (
+        f"computed {shown_share(of, arm.cells)}: "
+        f"reachable {shown_share(arm.reachable, of)}, "
+        f"proven unreachable {shown_share(arm.unreachable, of)}, "
+        f"undecided {shown_share(arm.undecided, of)}"
+    )
+
+
+def _robot(found: ReachMap) -> str:
+    is_stock = Baxter.load().digest == found.digest
+    return "the stock Baxter" if is_stock else "another robot than the stock Baxter"
+
+
+def _report(found: ReachMap, arms: Sequence[ArmContents], size: int) -> dict[str, Json]:
+    return {
+        "map": str(found.path),
+        "robot_digest": found.digest,
+        "step_m": found.positions.step_m,
+        "low_m": found.positions.low_m.tolist(),
+        "high_m": found.positions.high_m.tolist(),
+        "shape": list(found.positions.shape),
+        "block_edge": found.positions.block_edge,
+        "rotations": len(found.rotations),
+        "cells": len(found),
+        "blocks": len(found.blocks),
+        "baxter_kin": found.made_by,
+        "version": VERSION,
+        "machine": found.machine,
+        "size_bytes": size,
+        "arms": [
+            {
+                "side": arm.side,
+                "computed": arm.computed,
+                "reachable": arm.reachable,
+                "unreachable": arm.unreachable,
+                "undecided": arm.undecided,
+                "missing_blocks": arm.missing_blocks,
+                "damaged": list[Json](arm.damaged),
+            }
+            for arm in arms
+        ],
+    }
