@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from baxter_kin.parallel import Serial
+from baxter_kin.parallel import Serial, engine_options
 from planner.atlas import ReachMap
-from planner.atlas.commands import build, engines
+from planner.atlas.commands import build
 from planner.atlas.commands.command_line import SUB_COMMANDS, main
 from planner.errors import AtlasError
 from tests.planner.atlas.test_building import digests
@@ -32,7 +32,7 @@ QUICK = ["--measure-s", "0.001"]
 @pytest.fixture(autouse=True)
 def no_pool(monkeypatch: pytest.MonkeyPatch) -> None:
     """Processes take long to start, and have tests of their own."""
-    monkeypatch.setattr(engines, "LocalPool", lambda _: Serial())
+    monkeypatch.setattr(engine_options, "LocalPool", lambda _: Serial())
 
 
 @pytest.fixture
@@ -109,7 +109,7 @@ def test_ctrl_c_keeps_what_is_stored(
             yield next(super().run(task, items))
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(engines, "LocalPool", lambda _: Interrupted())
+    monkeypatch.setattr(engine_options, "LocalPool", lambda _: Interrupted())
     path = str(tmp_path / "stopped.zarr")
     said = refusal(["build", path, *GRID, *QUICK], capsys, 130)
     assert "stopped by Ctrl-C; 1 of 4 blocks are stored and stay; the same command goes on" in said
@@ -155,7 +155,7 @@ def test_large_maps_need_a_yes_where_nobody_can_be_asked(
         (["--hopf", "5"], "level must be a whole number from 0 to 4"),
         (["--hopf", "0", "--rotations", "r.csv"], "not allowed with argument --hopf"),
         (["--rotations", "no.csv"], "cannot read no.csv: No such file"),
-        (["--jobs", "0"], "0 is not at least 1"),
+        (["--jobs", "0"], "'0' is not a whole number from 1 to 1024"),
         (["--most-cells", "some"], "'some' is not a number"),
         (["--most-cells", "0.5"], "0.5 is not a whole number from 1 to 1e18"),
         (["--jobs", "1", "--local-cluster", "1"], "not allowed with argument --jobs"),
