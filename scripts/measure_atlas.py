@@ -137,23 +137,31 @@ def told(title: str, words: list[str], *, stop_s: float | None = None, status: i
 
 def measured(words: list[str], stop_s: float | None) -> Peak:
     """Run a command, and watch it and all that it starts."""
-    command = [sys.executable, "-m", "planner.atlas", *words]
-    client = subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
-    )
+    with tempfile.TemporaryFile() as said:
+        client = subprocess.Popen(
+            [sys.executable, "-m", "planner.atlas", *words],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+        )
+        client_mb, worker_mb = watched(client, stop_s)
+        said.seek(0)
+        if client.returncode not in (0, 2, 130):
+            print(said.read().decode(), file=sys.stderr)
+    return Peak(client.returncode, client_mb, worker_mb)
+
+
+def watched(client: subprocess.Popen[bytes], stop_s: float | None) -> tuple[float, float]:
+    """The most memory of a process and of any below it, until it ends; stopped as by Ctrl-C."""
     begun_s, client_mb, worker_mb = time.monotonic(), 0.0, 0.0
     while client.poll() is None:
         client_mb = max(client_mb, peak_mb(client.pid))
-        for worker in children(client.pid):
-            worker_mb = max(worker_mb, peak_mb(worker))
+        worker_mb = max([worker_mb, *map(peak_mb, children(client.pid))])
         if stop_s is not None and time.monotonic() - begun_s > stop_s:
             client.send_signal(signal.SIGINT)
             stop_s = None
         time.sleep(POLL_S)
-    said = client.stderr.read().decode() if client.stderr is not None else ""
-    if client.returncode not in (0, 2, 130):
-        print(said, file=sys.stderr)
-    return Peak(client.returncode, client_mb, worker_mb)
+    return client_mb, worker_mb
 
 
 def children(pid: int) -> list[int]:

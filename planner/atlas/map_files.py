@@ -144,10 +144,20 @@ def check_vacant(path: Path) -> None:
         there = nearest_folder(path)
         if not is_taken and not there.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, f"{shown_path(there)} is no folder")
-        if not is_taken and not os.access(there, os.W_OK | os.X_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     if is_taken:
         raise AtlasError(f"{shown_path(path)} exists and is no map; choose another path")
+    check_writable(path, there)
+
+
+def check_writable(path: Path, folder: Path) -> None:
+    """Refuse a map when the folder that blocks go to cannot be written, before much is done.
+
+    Raises:
+        AtlasError: when it cannot.
+    """
+    with explained(path):
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
 def nearest_folder(path: Path) -> Path:

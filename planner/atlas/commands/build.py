@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
         if asked.found is not None:
             tell(_resumed(missing))
         cost = _cost(asked, missing, arguments.measure_s)
-        tell(_told(cost, engine))
+        tell(_told(cost, engine) if missing else "nothing is missing")
         if not _is_wanted(asked, cost, is_sure=arguments.yes):
             complain("not built")
             return EXIT_FAILED

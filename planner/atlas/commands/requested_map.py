@@ -20,7 +20,7 @@ from baxter_kin.kinematics.arm import LIMBS
 from planner.atlas.building import check_same, check_size
 from planner.atlas.commands.exit_status import UsageError
 from planner.atlas.commands.rotation_files import read_rotations
-from planner.atlas.map_files import check_vacant, is_map
+from planner.atlas.map_files import check_vacant, check_writable, is_map
 from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.rotations import RotationGrid
@@ -116,6 +116,8 @@ def requested_map(arguments: argparse.Namespace) -> RequestedMap:
         positions = positions.in_blocks_for(len(rotations))
     else:
         check_same(found, robot, positions, rotations, arms)
+        if found.missing_blocks():
+            check_writable(path, path / "margins")
         positions = found.positions
     return RequestedMap(path, robot, positions, rotations, arms, found)
 

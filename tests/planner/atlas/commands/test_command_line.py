@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import resource
@@ -98,7 +99,7 @@ def test_a_build_goes_on_with_what_is_missing_of_the_map_that_is_there(
     assert "a map is there: 3 (75.000%) of 4 blocks are stored and stay" in capsys.readouterr().out
     assert digests(Path(own)) == digests(small_map.path)
     assert main(["build", own, *GRID, *QUICK]) == 0
-    assert "nothing was computed; the map takes" in capsys.readouterr().out
+    assert "\nnothing is missing\nnothing was computed; the map takes" in capsys.readouterr().out
 
 
 def test_ctrl_c_keeps_what_is_stored(
@@ -123,7 +124,12 @@ def test_large_maps_are_asked_about(
     monkeypatch.setattr(build, "LARGE_CORE_S", 0.0)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     asked: list[str] = []
-    monkeypatch.setattr("builtins.input", lambda text: asked.append(text) or answer)
+
+    def ask(text: str) -> str:
+        asked.append(text)
+        return answer
+
+    monkeypatch.setattr("builtins.input", ask)
     path = tmp_path / "asked.zarr"
     assert main(["build", str(path), *ONE, *QUICK]) == status
     assert asked[0].startswith("this takes ")
@@ -189,17 +195,21 @@ def test_what_is_at_the_path_already_stays_as_it_is(
     ):
         assert said in refusal(["build", path, *options], capsys, 1)
     for command in ("info", "verify"):
-        for path in (file, folder, tmp_path / "nothing"):
-            assert "there is no map at" in refusal([command, str(path)], capsys, 1)
+        for other in (file, folder, tmp_path / "nothing"):
+            assert "there is no map at" in refusal([command, str(other)], capsys, 1)
     assert digests(tmp_path) == before
 
 
-def test_a_folder_without_permission_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_folders_without_permission_are_told(
+    own: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    ReachMap(own).discard_block((0, 0, 0, 0))
     monkeypatch.setattr(os, "access", lambda *_: False)
     said = refusal(["build", str(tmp_path / "new.zarr"), *GRID], capsys, 1)
     assert "new.zarr cannot be read or written: Permission denied" in said
+    said = refusal(["build", own], capsys, 1)
+    assert "own.zarr cannot be read or written: Permission denied" in said
+    assert main(["info", own, "-q"]) == 0
 
 
 def test_a_full_disk_is_told_and_the_build_goes_on_later(
@@ -279,7 +289,12 @@ def test_every_command_has_help_with_examples_that_parse(
     lines = [line.strip() for line in module.EXAMPLES.splitlines() if line.startswith("  python")]
     assert len(lines) >= 2
     ran: list[str] = []
-    monkeypatch.setattr(module, "run", lambda arguments: ran.append(arguments.command) or 0)
+
+    def run(arguments: argparse.Namespace) -> int:
+        ran.append(arguments.command)
+        return 0
+
+    monkeypatch.setattr(module, "run", run)
     for line in lines:
         assert main(line.split()[3:]) == 0
     assert ran == [name] * len(lines)
