@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.errors import MissingLibraryError, RequestError, shortened
+from baxter_kin.parallel.allocator import keep_freed_memory
 from baxter_kin.parallel.engine import MOST_LOSSES, Answer, Backlog, EngineError, Item
 from baxter_kin.parallel.local_cluster import local_cluster
 from baxter_kin.parallel.local_pool import MOST_WORKERS
@@ -246,6 +247,7 @@ class DaskCluster(OneLine):
 def carried_out_alone(parcel: bytes) -> bytes:
     """Run a task while no other runs in this process: what workers of a cluster do."""
     with _ONE_AT_A_TIME:
+        keep_freed_memory()
         return carried_out(parcel, _dump())
 
 

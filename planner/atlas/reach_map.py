@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from baxter_kin import Baxter
 from baxter_kin.distribution.software import kind_of_machine, versions
+from baxter_kin.distribution.version import NAME, UNKNOWN
 from baxter_kin.errors import UnknownNameError, shown_path
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.kinematics.arm import LIMBS
@@ -72,6 +73,7 @@ class ReachMap(OneLine):
             self.digest = str(facts["robot_digest"])
             self.machine = str(facts["machine"])
             self.software: dict[str, str] = dict(facts.get("software", {}))
+            self.made_by = self.software.get(NAME, UNKNOWN)
             self.other_machines: tuple[str, ...] = tuple(facts.get(_OTHERS, ()))
             self._urdf = str(facts["robot_urdf"])
             self.rotations = RotationGrid(self._group["directions"][...], self._group["rolls"][...])
