@@ -216,6 +216,22 @@ class ReachMap(OneLine):
         with explained(self.path):
             return np.asarray(self._margins[(self._arm_index(side), *part)])
 
+    def witnesses(self, side: str, part: tuple[slice, ...] = (slice(None),) * 3) -> FloatArray:
+        """Witnesses of one arm, rad, zero where there is none: shape (nx, ny, nz, rotations, 7).
+
+        Args:
+            side: of the arm.
+            part: of the positions, by their indices; all of them, in memory, when not given.
+
+        Raises:
+            UnknownNameError: when the map has no such arm.
+            AtlasError: when a block is damaged.
+        """
+        with explained(self.path):
+            steps = self._witnesses[(self._arm_index(side), *part)]
+        found: FloatArray = np.moveaxis(steps, -2, -1) * RAD_PER_STEP
+        return found
+
     def cell(self, side: str, position: tuple[int, ...], rotation: int) -> Cell:
         """What is known of one pose of the grid, by its indices."""
         where = (self._arm_index(side), *position)

@@ -95,7 +95,7 @@ class ReachSearch:
         """
         self._arm, self._bound, self._ik = arm, ReachBound(arm), IKService(arm)
         self.backend = str(self._ik.backend.value)
-        is_shared = _is_coaxial(self._bound.T_last_tip)
+        is_shared = is_coaxial(self._bound.T_last_tip)
         self._rotations = rotations if is_shared else rotations.expanded()
         self._forms = [
             ClosedForm(arm, turns=turns, rolls=rolls)
@@ -244,7 +244,8 @@ class _Pairs:
             self.margins[pairs[proven], rolls[proven]] = UNREACHABLE
 
 
-def _is_coaxial(T_last_tip: pin.SE3) -> bool:
+def is_coaxial(T_last_tip: pin.SE3) -> bool:
+    """Whether the tool's z axis, seen from the last joint's axis, is that axis."""
     p, z = T_last_tip.translation, T_last_tip.rotation[:, 2]
     return bool(np.hypot(*p[:2]) + np.hypot(*z[:2]) <= _COAXIAL)
 
