@@ -32,24 +32,22 @@ not reachable or no confirmed place, or a map or file that cannot be read; 2 wro
 
 EXIT_YES, EXIT_NO = 0, 1
 
+POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+"""Of the tip in base, m, and its quaternion."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What is asked of which map."""
     parser.add_argument("path", metavar="PATH", help="a reach map")
     questions = parser.add_subparsers(dest="question", required=True, metavar="QUESTION")
-    for name, told in (
+    for kind, told in (
         ("pose", "whether each arm reaches a pose, with a witness, and what the nearest cell says"),
         ("arm", "which arm is better for a pose, and why"),
         ("nearest", "the nearest pose that an arm reaches"),
     ):
-        question = questions.add_parser(name, help=told, description=told, allow_abbrev=False)
-        question.add_argument(
-            "pose",
-            type=number,
-            nargs=7,
-            metavar=("X", "Y", "Z", "QX", "QY", "QZ", "QW"),
-            help="m in base, and a quaternion",
-        )
+        question = questions.add_parser(kind, help=told, description=told, allow_abbrev=False)
+        for name in POSE:
+            question.add_argument(name, type=number, metavar=name.upper())
         _add_json(question)
     _add_nearest(question)
     told = "places of a table at which a task can be done, confirmed by verified plans"
@@ -200,7 +198,8 @@ _QUESTIONS: dict[str, Callable[[ReachMap, argparse.Namespace], _Answer]] = {
 def _given(arguments: argparse.Namespace) -> pin.SE3:
     from baxter_kin.frames import pose_from_quaternion  # noqa: PLC0415 - loads Pinocchio
 
-    return pose_from_quaternion(arguments.pose[:3], arguments.pose[3:], normalise=True)
+    given = [getattr(arguments, name) for name in POSE]
+    return pose_from_quaternion(given[:3], given[3:], normalise=True)
 
 
 def _seven(T: pin.SE3) -> list[float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import heapq
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -53,13 +53,15 @@ class CellsAround:
         self._p = T_base_tip.translation
         traces = np.einsum("nij,ij->n", atlas.rotations.matrices, T_base_tip.rotation)
         self._angles = np.arccos((0.5 * (traces - 1.0)).clip(-1.0, 1.0))
+        apart = atlas.rotations.matrices - T_base_tip.rotation
+        self._chord = float(np.linalg.norm(apart, axis=(1, 2)).min()) / math.sqrt(2.0)
         self._point = atlas.positions.nearest(self._p)
 
     @property
     def is_on_grid(self) -> bool:
         """Whether the map has cells with the kept part of the pose."""
         if self._measure.keep is Keep.ORIENTATION:
-            return bool(self._angles.min() <= 1e3 * ON_GRID)  # arc cosine near one: half the digits
+            return self._chord <= ON_GRID
         if self._measure.keep is Keep.NOTHING:
             return True
         if self._point is None:
@@ -73,24 +75,21 @@ class CellsAround:
 
         Where the map has no cell with the kept part of the pose, those with the nearest to it.
         """
-        best: list[tuple[float, int, FloatArray]] = []
+        best: list[tuple[float, FloatArray]] = []
         for nearest, block in self._blocks():
-            if len(best) == count and nearest >= -best[0][0]:
+            farthest = best[-1][0] if len(best) == count else np.inf
+            if nearest >= farthest:
                 break
             part = self._part(block)
             if part is None:
                 continue
             for row, column in self._nearest_of(part, count):
-                found = (
-                    -float(part.distances[row, column]),
-                    -len(best),
-                    self._q(part, row, column),
-                )
-                if len(best) < count:
-                    heapq.heappush(best, found)
-                elif found[0] > best[0][0]:
-                    heapq.heapreplace(best, found)
-        return [q for _, _, q in sorted(best, key=lambda each: -each[0])]
+                distance = float(part.distances[row, column])
+                if distance < farthest:
+                    best.append((distance, self._q(part, row, column)))
+            best.sort(key=lambda each: each[0])
+            del best[count:]
+        return [q for _, q in best]
 
     def nearer(self, distance: float) -> NearerCells:
         """What cells nearer than a distance say."""

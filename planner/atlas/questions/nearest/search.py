@@ -190,9 +190,9 @@ def _is_witness(arm: Arm, T_base_tip: pin.SE3, q: FloatArray) -> bool:
 def _proven(arm: Arm, T_base_tip: pin.SE3, result: IKResult, measure: PoseMeasure) -> float:
     """A lower bound on the distance of the nearest pose, from proofs that this one is out of reach.
 
-    In the same orientation the proof's own. Otherwise from how far the wrist is out of reach. Turned
-    about the tip it moves by `2 sin(angle / 2)` times its distance from there, less than the angle
-    times it; with the tip it moves as far as that.
+    In the same orientation the proof's own. Otherwise from how far the wrist is out of reach: a
+    rotation about the tip moves it by `2 sin(angle / 2)` times its distance from there, less than
+    the angle times that; a displacement of the tip, as far as the tip.
     """
     if measure.keep is Keep.ORIENTATION:
         return 0.0 if result.failure is None else result.failure.beyond_reach_m

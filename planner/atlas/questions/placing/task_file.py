@@ -11,11 +11,11 @@
 }
 ```
 
-All poses are seen from the table, m; `quat_xyzw` is no rotation where it is left out. "table" is an
-object of `urdf/`, whose own frame is then the table's, or null: give its boxes under "bodies". A
-transfer grasps from above, unless its "pick" says where the tip is then. "placements" are of the
-table in base, or with `"of": "base"` of the robot's base seen from the table; "z_m" is the floor's
-height where it is left out, and all of it `PlacementGrid.in_front()`.
+All poses are seen from the table, m; `quat_xyzw`, of any length, is no rotation where it is left
+out. "table" is an object of `urdf/`, whose own frame is then the table's, or null: give its boxes
+under "bodies". A transfer grasps from above, unless its "pick" says where the tip is then.
+"placements" are of the table in base, or with `"of": "base"` of the robot's base seen from the
+table; "z_m" is the floor's height where it is left out, and all of it `PlacementGrid.in_front()`.
 """
 
 from __future__ import annotations
@@ -162,4 +162,4 @@ def _grid(given: _Placements | None) -> PlacementGrid | None:
 
 
 def _pose(given: _Pose | _Box | _Visit) -> pin.SE3:
-    return pose_from_quaternion(given.position_m, given.quat_xyzw)
+    return pose_from_quaternion(given.position_m, given.quat_xyzw, normalise=True)
