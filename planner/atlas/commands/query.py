@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from baxter_kin.command_line import file_to_write, number, whole_number
+from baxter_kin.command_line import examples, file_to_write, number, whole_number
 from baxter_kin.files import replace_file
 from baxter_kin.json_text import as_lines
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
 HELP = "ask a reach map: about a pose, the nearest one, which arm, where to put the table"
 
-EXAMPLES = """\
-examples:
-  python -m planner.atlas query map.zarr pose 0.7 0.15 -0.129 0 1 0 0
-  python -m planner.atlas query map.zarr nearest 1.2 0.4 0.1 0 1 0 0 --arm left --keep position
-  python -m planner.atlas query map.zarr arm 0.7 0.15 -0.129 0 1 0 0
-  python -m planner.atlas query map.zarr where --tasks table.json --json places.json
-
-A pose is x y z of the tip in m and its quaternion x y z w, seen from base. What a task's file
-holds: docs/how_to/where_to_put_the_table.md. Exit status: 0 a yes; 1 a no, such as a pose that is
-not reachable or no confirmed place, or a map or file that cannot be read; 2 wrong usage."""
+EXAMPLES = examples(
+    "python -m planner.atlas query map.zarr pose 0.7 0.15 -0.129 0 1 0 0",
+    "python -m planner.atlas query map.zarr nearest 1.2 0.4 0.1 0 1 0 0 --arm left --keep position",
+    "python -m planner.atlas query map.zarr arm 0.7 0.15 -0.129 0 1 0 0",
+    "python -m planner.atlas query map.zarr where --tasks table.json --json places.json",
+    end="A pose is x, y, z of the tip in m and its quaternion x, y, z, w, seen from base. What a "
+    "task's file holds: docs/how_to/where_to_put_the_table.md. Exit status: 0 a yes; 1 a no, such "
+    "as a pose that is not reachable or no confirmed place, or a map or file that cannot be read; "
+    "2 wrong usage; 130 Ctrl-C.",
+)
 
 EXIT_YES, EXIT_NO = 0, 1
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from baxter_kin import Baxter
+from baxter_kin import Arm, Baxter
 from planner.atlas import TipDeviation
 from tests.calibrated import calibrated_arm
 from tests.served_urdf import served_urdf
@@ -53,3 +53,21 @@ def test_a_longer_tool_is_as_far_off_as_it_is_longer(robot: Baxter) -> None:
     arm = robot.arm("left")
     longer = arm.with_tip(pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.02])))
     assert TipDeviation.of(arm, longer).position_m == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("joint", ["s1", "e1", "w1"])
+def test_one_joint_turned_is_off_by_nearly_the_bound_where_the_arm_is_straight(
+    robot: Baxter, joint: str
+) -> None:
+    """What follows the joint turns with it, so that its length counts."""
+    model = robot.model.copy()
+    number = model.getJointId(f"left_{joint}")
+    turn = pin.SE3(pin.exp3(np.array([0.0, 0.01, 0.0])), np.zeros(3))
+    model.jointPlacements[number] = model.jointPlacements[number] * turn
+    first, second = robot.arm("left"), Arm("left", model)
+    bound = TipDeviation.of(first, second)
+    qs = np.random.default_rng(5).uniform(-np.pi, np.pi, (2000, 7))
+    tips = first.T_base_tips(qs), second.T_base_tips(qs)
+    worst_m = np.linalg.norm(tips[0][:, :3, 3] - tips[1][:, :3, 3], axis=1).max()
+    assert 0.6 * bound.position_m < worst_m <= bound.position_m
+    assert bound.angle_rad == pytest.approx(0.01)
