@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter, IKService, pose_from_quaternion
 from baxter_kin.validation import FloatArray
-from examples import right_arm, sorting, three_poses, tower
+from examples import right_arm, sorting, three_poses, tower, where_to_put_the_table
 from examples.workbench import play, scattered
 from planner import make_block, verify
 from sim import EventKind, Recording, Workbench, load_recording
@@ -325,3 +325,12 @@ def test_an_arm_that_cannot_go_back_is_told(bench: Workbench) -> None:
 def test_an_arm_that_stands_beside_the_table_stays_there(bench: Workbench) -> None:
     assert bench.withdraw("left").is_done
     assert bench.motion_s == 0.0
+
+
+def test_a_place_for_the_table_is_found_and_confirmed(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("zarr", reason="maps need zarr, and it Python 3.11", exc_type=ImportError)
+    assert where_to_put_the_table.main([]) == 0
+    said = capsys.readouterr().out
+    assert "worst margin" in said
+    assert "confirmed by 1 verified plan, " in said
+    assert "108 placements: 1 confirmed by verified plans; " in said

@@ -3,14 +3,43 @@
 from planner.atlas.building import BlockReport, build_reach_map
 from planner.atlas.cell import Cell
 from planner.atlas.positions import PositionGrid
+from planner.atlas.questions.arm_choice import ArmChoice, which_arm
+from planner.atlas.questions.calibrated.carrying_over import CalibratedCells, for_calibrated
+from planner.atlas.questions.calibrated.deviation import TipDeviation
+from planner.atlas.questions.nearest.measure import Keep
+from planner.atlas.questions.nearest.search import NearestPose, nearest_reachable
+from planner.atlas.questions.placing.grid import PlacementGrid
+from planner.atlas.questions.placing.placement import Placement, Placements, PlacementStatus
+from planner.atlas.questions.placing.search import where
+from planner.atlas.questions.placing.task import TableTask, Transfer, Visit
+from planner.atlas.questions.placing.task_file import load_task
+from planner.atlas.questions.pose_answer import PoseAnswer
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.rotations import RotationGrid
 
 __all__ = [
+    "ArmChoice",
     "BlockReport",
+    "CalibratedCells",
     "Cell",
+    "Keep",
+    "NearestPose",
+    "Placement",
+    "PlacementGrid",
+    "PlacementStatus",
+    "Placements",
+    "PoseAnswer",
     "PositionGrid",
     "ReachMap",
     "RotationGrid",
+    "TableTask",
+    "TipDeviation",
+    "Transfer",
+    "Visit",
     "build_reach_map",
+    "for_calibrated",
+    "load_task",
+    "nearest_reachable",
+    "where",
+    "which_arm",
 ]

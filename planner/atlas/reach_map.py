@@ -13,10 +13,10 @@ import pinocchio as pin
 
 from baxter_kin import Baxter
 from baxter_kin.distribution.software import kind_of_machine, versions
-from baxter_kin.distribution.version import NAME, UNKNOWN
 from baxter_kin.errors import UnknownNameError, shown_path
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import OneLine
 from planner.atlas.blocks import REACH_MAP, Block, Blocks, Chunked
 from planner.atlas.cell import STATUSES, Cell
@@ -73,7 +73,6 @@ class ReachMap(OneLine):
             self.digest = str(facts["robot_digest"])
             self.machine = str(facts["machine"])
             self.software: dict[str, str] = dict(facts.get("software", {}))
-            self.made_by = self.software.get(NAME, UNKNOWN)
             self.other_machines: tuple[str, ...] = tuple(facts.get(_OTHERS, ()))
             self._urdf = str(facts["robot_urdf"])
             self.rotations = RotationGrid(self._group["directions"][...], self._group["rolls"][...])
@@ -245,6 +244,22 @@ class ReachMap(OneLine):
         """
         with explained(self.path):
             return np.asarray(self._margins[(self._arm_index(side), *part)])
+
+    def witnesses(self, side: str, part: tuple[slice, ...] = (slice(None),) * 3) -> FloatArray:
+        """Witnesses of one arm, rad, zero where there is none: shape (nx, ny, nz, rotations, 7).
+
+        Args:
+            side: of the arm.
+            part: of the positions, by their indices; all of them, in memory, when not given.
+
+        Raises:
+            UnknownNameError: when the map has no such arm.
+            AtlasError: when a block is damaged.
+        """
+        with explained(self.path):
+            steps = self._witnesses[(self._arm_index(side), *part)]
+        found: FloatArray = np.moveaxis(steps, -2, -1) * RAD_PER_STEP
+        return found
 
     def cell(self, side: str, position: tuple[int, ...], rotation: int) -> Cell:
         """What is known of one pose of the grid, by its indices."""

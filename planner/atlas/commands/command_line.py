@@ -8,7 +8,7 @@ from types import ModuleType
 
 from baxter_kin import BaxterError
 from baxter_kin.command_line import EXIT_INTERRUPTED, OneSentenceParser, examples
-from planner.atlas.commands import build, info, plot, redundancy, verify
+from planner.atlas.commands import build, info, plot, query, redundancy, verify
 from planner.atlas.commands.exit_status import EXIT_FAILED, EXIT_USAGE, TOLD, UsageError
 from planner.atlas.commands.reports import NAME, complain
 
@@ -16,6 +16,7 @@ SUB_COMMANDS: dict[str, ModuleType] = {
     "build": build,
     "info": info,
     "verify": verify,
+    "query": query,
     "plot": plot,
     "redundancy": redundancy,
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from baxter_kin import Baxter
@@ -26,3 +27,12 @@ def small_map(
     """A map of both arms with 72 rotations; not to be changed."""
     path: Path = tmp_path_factory.mktemp("maps") / "small.zarr"
     return build_reach_map(path, robot, small_grid, RotationGrid.hopf(0), engine=Serial())
+
+
+@pytest.fixture(scope="session")
+def table_map(robot: Baxter, tmp_path_factory: pytest.TempPathFactory) -> ReachMap:
+    """Both arms, the tool pointing down with 12 rolls, 10 cm apart; not to be changed."""
+    positions = PositionGrid.within((0.2, -0.9, -0.2), (1.3, 0.9, 0.1), 0.1)
+    rotations = RotationGrid.about_tool_axis(np.diag([-1.0, 1.0, -1.0]), 12)
+    path: Path = tmp_path_factory.mktemp("maps") / "table.zarr"
+    return build_reach_map(path, robot, positions, rotations, engine=Serial())

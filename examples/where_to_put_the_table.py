@@ -1,0 +1,95 @@
+"""Where to put the table, so that a block can be carried across it.
+
+A map of what both arms reach is built for the heights that matter, with the tool pointing down: in
+seconds. It is asked for places of the table; the best of them are confirmed by plans that are
+verified.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from baxter_kin import Baxter
+from baxter_kin.command_line import OneSentenceParser, whole_number
+from baxter_kin.parallel import Serial
+from planner import Manipulator, load_object, make_block
+from planner.atlas import (
+    PlacementGrid,
+    Placements,
+    PositionGrid,
+    ReachMap,
+    RotationGrid,
+    TableTask,
+    Transfer,
+    build_reach_map,
+    where,
+)
+
+DOWN = np.diag([-1.0, 1.0, -1.0])
+TABLE_TOP_M = 0.775
+"""Above the floor, where the table's own frame is."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run it; returns the exit status."""
+    options = _options(argv)
+    robot = Baxter.load()
+    with tempfile.TemporaryDirectory() as folder:
+        found = where(
+            map_around_the_table(robot, Path(folder) / "table.zarr"),
+            across_the_table(robot),
+            PlacementGrid.within((0.7, 1.2), (-0.4, 0.4), step_m=0.1, yaw_rad=(0.0, math.pi / 6)),
+            wanted=options.wanted,
+        )
+    print(told(found))
+    return 0 if found.confirmed else 1
+
+
+def map_around_the_table(robot: Baxter, path: Path) -> ReachMap:
+    """Both arms, 10 cm apart, the tool pointing down with 12 rolls: some 20,000 cells."""
+    positions = PositionGrid.within((0.2, -0.9, -0.2), (1.3, 0.9, 0.1), 0.1)
+    rotations = RotationGrid.about_tool_axis(DOWN, 12)
+    return build_reach_map(path, robot, positions, rotations, engine=Serial())
+
+
+def across_the_table(robot: Baxter) -> TableTask:
+    """A block of 5 cm goes 30 cm across the table, to the robot's right."""
+    table = load_object("table", pin.SE3.Identity())
+    block = make_block("red", on_the_table(-0.3, 0.15))
+    hand = Manipulator.of(robot, "left").hand
+    transfer = Transfer.from_above(hand, block, on_the_table(-0.3, -0.15))
+    return TableTask((transfer,), bodies=(table, block))
+
+
+def on_the_table(x_m: float, y_m: float) -> pin.SE3:
+    """Where the centre of the block is, seen from the table."""
+    return pin.SE3(np.eye(3), np.array([x_m, y_m, TABLE_TOP_M + 0.025]))
+
+
+def told(found: Placements) -> str:
+    """What came of it, a line for each place that was confirmed or refused."""
+    return "\n".join([*map(str, (*found.confirmed, *found.refused)), found.summary])
+
+
+def _options(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = OneSentenceParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser.add_argument(
+        "--wanted",
+        type=whole_number(1),
+        default=1,
+        metavar="N",
+        help="confirmed places that are enough (default: 1)",
+    )
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The nearest pose that an arm reaches."""

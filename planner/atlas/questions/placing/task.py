@@ -1,0 +1,199 @@
+"""What shall be done at a table that has no place yet: poses and bodies as seen from the table.
+
+Any other frame will do in the table's place, as long as its z axis points up. Each job is done by
+one arm; several jobs may be done by either.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import pinocchio as pin
+
+from baxter_kin.errors import expect, expect_all
+from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.value_objects import OneLine, count, phrase, position
+from planner.errors import TaskError
+from planner.grasping.hand import Hand
+from planner.grasping.overhead import overhead_grasp
+from planner.pick_place.task import PickAndPlace
+from planner.scene.bodies import Body, Scene
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Transfer(OneLine):
+    """A body is picked and placed.
+
+    Attributes:
+        body: its name.
+        T_table_pick: tip pose when the fingers close, seen from the table.
+        T_table_place: tip pose when they open again.
+        hover_m: as of `PickAndPlace`.
+        clear_m: as of `PickAndPlace`.
+
+    Raises:
+        TaskError: as `PickAndPlace`.
+        PoseError: when a pose is not a valid one.
+    """
+
+    body: str
+    T_table_pick: pin.SE3
+    T_table_place: pin.SE3
+    hover_m: float = 0.15
+    clear_m: float = 0.05
+
+    def __post_init__(self) -> None:
+        seen = self.seen_from_base(pin.SE3.Identity())
+        object.__setattr__(self, "T_table_pick", seen.T_base_pick)
+        object.__setattr__(self, "T_table_place", seen.T_base_place)
+
+    @classmethod
+    def from_above(
+        cls,
+        hand: Hand,
+        body: Body,
+        T_table_to: PoseLike,
+        *,
+        T_table_pick: PoseLike | None = None,
+        hover_m: float = 0.15,
+        clear_m: float = 0.05,
+    ) -> Transfer:
+        """A body is grasped where it is, and goes to another pose.
+
+        Args:
+            hand: the hand; either arm's.
+            body: what is carried; its pose is seen from the table.
+            T_table_to: its pose afterwards, seen from the table.
+            T_table_pick: the tip at the grasp; as `overhead_grasp` has it when not given.
+            hover_m: as of the class.
+            clear_m: as of the class.
+
+        Raises:
+            SceneError: as `overhead_grasp`.
+        """
+        expect(body, Body, "body", TaskError)
+        is_given = T_table_pick is not None
+        pick = checked_pose(T_table_pick) if is_given else overhead_grasp(hand, body)
+        place = checked_pose(T_table_to) * body.T_base_body.actInv(pick)
+        return cls(body.name, pick, place, hover_m, clear_m)
+
+    def seen_from_base(self, T_base_table: pin.SE3) -> PickAndPlace:
+        """The same as the planner takes it, for one place of the table."""
+        pick, place = checked_pose(self.T_table_pick), checked_pose(self.T_table_place)
+        return PickAndPlace(
+            self.body, T_base_table * pick, T_base_table * place, self.hover_m, self.clear_m
+        )
+
+    def _facts(self) -> tuple[str, ...]:
+        way = f"from {position(self.T_table_pick)} to {position(self.T_table_place)}"
+        return phrase(self.body), way, "seen from the table"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Visit(OneLine):
+    """The tip shall get to a pose, as to look at something or to press a button.
+
+    Attributes:
+        name: what it is called.
+        T_table_tip: the pose, seen from the table.
+
+    Raises:
+        TaskError: when the name is no text.
+        PoseError: when the pose is not a valid one.
+    """
+
+    name: str
+    T_table_tip: pin.SE3
+
+    def __post_init__(self) -> None:
+        expect(self.name, str, "name of a visit", TaskError)
+        object.__setattr__(self, "T_table_tip", checked_pose(self.T_table_tip))
+
+    def _facts(self) -> tuple[str, ...]:
+        return phrase(self.name), position(self.T_table_tip), "seen from the table"
+
+
+class Job(NamedTuple):
+    """Poses that one arm has to reach.
+
+    Attributes:
+        of: the transfer or visit.
+        poses: of the tip, seen from the table, with what each is called.
+    """
+
+    of: Transfer | Visit
+    poses: tuple[tuple[str, pin.SE3], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class TableTask(OneLine):
+    """All that shall be done at the table.
+
+    Attributes:
+        transfers: in this order.
+        visits: after them.
+        bodies: what moves with the table, and the table itself; their poses are seen from the table
+            instead of from base.
+        standing: bodies that stay where they are, seen from base.
+
+    Raises:
+        TaskError: when there is nothing to do, a body is carried that is not there or not movable,
+            or a value is of another class.
+        SceneError: when two bodies share a name.
+    """
+
+    transfers: tuple[Transfer, ...] = ()
+    visits: tuple[Visit, ...] = ()
+    bodies: tuple[Body, ...] = ()
+    standing: tuple[Body, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, kind in (
+            ("transfers", Transfer),
+            ("visits", Visit),
+            ("bodies", Body),
+            ("standing", Body),
+        ):
+            values = expect_all(getattr(self, name), kind, name, TaskError)
+            object.__setattr__(self, name, values)
+        if not self.transfers and not self.visits:
+            raise TaskError("a task has a transfer or a visit; give one")
+        scene = self.scene(pin.SE3.Identity())
+        for transfer in self.transfers:
+            if not scene[transfer.body].is_movable:
+                raise TaskError(f"{transfer.body!r} is not movable, so it cannot be carried")
+
+    @property
+    def jobs(self) -> tuple[Job, ...]:
+        """What one arm each has to reach: for a transfer all poses that the tip passes or stops at.
+
+        Those above are straight above in base, because the table's z axis points up.
+        """
+        jobs = []
+        for transfer in self.transfers:
+            seen = transfer.seen_from_base(pin.SE3.Identity())
+            poses = (
+                ("pick", seen.T_base_pick),
+                ("above the pick", seen.T_base_above_pick),
+                ("place", seen.T_base_place),
+                ("above the place", seen.T_base_above_place),
+                ("end", seen.T_base_end),
+            )
+            named = tuple((f"{transfer.body}: {name}", T) for name, T in poses)
+            jobs.append(Job(transfer, named))
+        visits = (Job(visit, ((visit.name, visit.T_table_tip),)) for visit in self.visits)
+        return (*jobs, *visits)
+
+    def scene(self, T_base_table: pin.SE3) -> Scene:
+        """All bodies, for one place of the table.
+
+        Raises:
+            SceneError: when two share a name.
+        """
+        moved = (body.at(T_base_table * body.T_base_body) for body in self.bodies)
+        return Scene.of((*moved, *self.standing))
+
+    def _facts(self) -> tuple[str, ...]:
+        jobs = count(len(self.transfers), "transfer"), count(len(self.visits), "visit")
+        return *jobs, count(len(self.bodies) + len(self.standing), "body")

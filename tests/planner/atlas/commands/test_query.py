@@ -1,0 +1,136 @@
+"""`query`: what a map says, in sentences and in JSON."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from baxter_kin import Baxter
+from baxter_kin.command_line import OneSentenceParser
+from planner.atlas import ReachMap
+from planner.atlas.commands import query
+from planner.errors import AtlasError
+from planner.verification.pose_finder import PoseFinder
+
+NEAR = "0.7 0.2 0.03 0 1 0 0"
+FAR = "0.7 0.9 0.9 0 1 0 0"
+
+
+def parsed(line: str) -> argparse.Namespace:
+    parser = OneSentenceParser(prog="query")
+    query.add_arguments(parser)
+    return parser.parse_args(shlex.split(line))
+
+
+def answer(
+    line: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> tuple[int, str, dict[str, Any]]:
+    """Status, what was printed, and what was written."""
+    file = folder / "answer.json"
+    status = query.run(parsed(f"{line} --json {file}"))
+    return status, capsys.readouterr().out, json.loads(file.read_text())
+
+
+def test_a_pose_is_answered_for_each_arm(
+    small_map: ReachMap, tmp_path: Path, robot: Baxter, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, said, data = answer(f"{small_map.path} pose {NEAR}", tmp_path, capsys)
+    assert status == 0
+    assert said.count("\n") == 2
+    assert "the left arm reaches it, " in said
+    assert "the map's nearest cell, " in said
+    cell = small_map.nearest_cell("left", query._given(parsed(f"map pose {NEAR}")))
+    assert data["left"]["nearest_cell"].endswith(f"is {cell.status}")
+    finder = PoseFinder(robot, "left")
+    q = np.array(data["left"]["q_rad"])
+    assert finder.holds(query._given(parsed(f"map pose {NEAR}")), q)
+
+
+def test_a_pose_out_of_reach_and_of_the_map_is_a_no(
+    small_map: ReachMap, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, said, data = answer(f"{small_map.path} pose {FAR}", tmp_path, capsys)
+    assert status == 1
+    assert "does not reach it: the pose at (0.700, 0.900, 0.900) m in base is proven" in said
+    assert "the map's grid does not go there" in said
+    assert data["right"]["status"] == "unreachable"
+    assert data["right"]["q_rad"] is None
+
+
+def test_which_arm(small_map: ReachMap, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, said, data = answer(f"{small_map.path} arm {NEAR}", tmp_path, capsys)
+    assert status == 0
+    assert said.startswith("the left arm: it reaches the pose, ")
+    assert data["best"] == "left"
+    assert query.run(parsed(f"{small_map.path} arm {FAR}")) == 1
+
+
+def test_the_nearest_pose_in_all_three_ways(
+    small_map: ReachMap, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = f"{small_map.path} nearest 0.9 0.3 0.3 0 1 0 0 --arm left"
+    status, said, data = answer(line, tmp_path, capsys)
+    assert status == 0
+    assert said.count("\n") == 3
+    assert set(data["left"]) == {"orientation", "position", "nothing"}
+    for keep, each in data["left"].items():
+        assert 0.0 <= each["proven"] <= each["distance"]
+        assert each["unit"] == ("rad" if keep == "position" else "m")
+        assert len(each["pose"]) == 7
+
+
+def test_where_reads_a_task_and_tells_every_place(
+    table_map: ReachMap, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    look = {"name": "look", "position_m": [-0.3, 0.1, 0.9], "quat_xyzw": [0, 1, 0, 0]}
+    grid = {"x_m": [1.0, 1.6], "y_m": [0.0, 0.0], "step_m": 0.6}
+    task = tmp_path / "task.json"
+    task.write_text(json.dumps({"visits": [look], "placements": grid}))
+    status, said, data = answer(f"{table_map.path} where --tasks {task}", tmp_path, capsys)
+    assert status == 0
+    assert "confirmed by 1 verified plan" in said
+    assert "2 placements: 1 confirmed by verified plans; 1 proven out of reach" in said
+    (place,) = data["confirmed"]
+    assert place["table"][:3] == [1.0, 0.0, -0.93]
+    assert place["poses"][0]["name"] == "look"
+    assert data["counts"]["impossible"] == 1
+
+
+def test_examples_parse() -> None:
+    lines = [line for line in query.EXAMPLES.splitlines() if line.startswith("  python")]
+    assert len(lines) == 4
+    for line in lines:
+        parsed(line.partition(" query ")[2])
+    assert max(map(len, lines)) <= 100
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("map.zarr pose 1 2 3", "required: QX, QY, QZ, QW"),
+        ("map.zarr pose 1 2 3 0 1 0 x", "'x' is not a number"),
+        ("map.zarr where", "required: --tasks"),
+        ("map.zarr near", "invalid choice: 'near'"),
+        (f"map.zarr nearest {NEAR} --keep posittion", "did you mean position?"),
+    ],
+)
+def test_wrong_usage_is_one_sentence(
+    line: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        parsed(line)
+    assert ended.value.code == 2
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.count("\n") == 1
+
+
+def test_a_map_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(AtlasError, match="there is no map at"):
+        query.run(parsed(f"{tmp_path / 'none'} pose {NEAR}"))

@@ -1,0 +1,161 @@
+"""The nearest reachable pose, against random configurations and an independent solver."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Baxter, IKService, pose_from_quaternion
+from baxter_kin.errors import UnknownNameError
+from planner.atlas import Keep, NearestPose, ReachMap, nearest_reachable
+from planner.errors import AtlasError
+from planner.verification.pose_finder import PoseFinder
+
+POSES, SAMPLES = 3, 20_000
+
+
+def unreachable(robot: Baxter) -> list[pin.SE3]:
+    """Poses that the left arm does not reach, near what it does; rotations of 72 of Hopf or any."""
+    rng, ik, poses = np.random.default_rng(12), IKService(robot.arm("left")), list[pin.SE3]()
+    while len(poses) < POSES:
+        p = rng.uniform((0.4, -0.1, -0.1), (1.1, 1.0, 0.4))
+        T = pin.SE3(pin.exp3(rng.normal(size=3)), p)
+        if not ik.solve(T).is_valid:
+            poses.append(T)
+    return poses
+
+
+@pytest.fixture(scope="module")
+def asked(robot: Baxter, small_map: ReachMap) -> list[NearestPose]:
+    """All three questions about some poses."""
+    return [
+        nearest_reachable(small_map, T, "left", keep=keep)
+        for T in unreachable(robot)
+        for keep in Keep
+    ]
+
+
+@lru_cache(maxsize=1)
+def random_tips(robot: Baxter) -> np.ndarray:
+    arm, rng = robot.arm("left"), np.random.default_rng(1)
+    limits = arm.limits
+    qs = rng.uniform(limits.q_min, limits.q_max, (SAMPLES, 7))
+    return arm.T_base_tips(qs)
+
+
+def test_what_is_found_has_a_witness_and_keeps_what_it_should(
+    asked: list[NearestPose], finders: dict[str, PoseFinder]
+) -> None:
+    found = [each for each in asked if each.T_base_tip is not None]
+    assert len(found) > POSES
+    for each in found:
+        assert each.T_base_tip is not None
+        assert each.q is not None
+        assert finders["left"].holds(each.T_base_tip, each.q)
+        kept = each.measure.keep
+        assert kept is not Keep.ORIENTATION or each.angle_rad < 1e-12
+        assert kept is not Keep.POSITION or each.offset_m < 1e-12
+        wanted = {
+            Keep.ORIENTATION: each.offset_m,
+            Keep.POSITION: each.angle_rad,
+            Keep.NOTHING: math.hypot(each.offset_m, 0.3 * each.angle_rad),
+        }[kept]
+        assert each.distance == pytest.approx(wanted, abs=1e-9)
+
+
+def test_lower_bounds_are_below_upper_ones(asked: list[NearestPose]) -> None:
+    for each in asked:
+        assert 0.0 <= each.proven <= each.distance
+    assert sum(each.proven > 0.8 * each.distance for each in asked) >= POSES
+
+
+def test_no_random_configuration_is_nearer_than_proven_or_than_found(
+    robot: Baxter, asked: list[NearestPose]
+) -> None:
+    tips = random_tips(robot)
+    for each in asked:
+        if each.measure.keep is not Keep.NOTHING:
+            continue
+        T = each.T_base_asked
+        offset = np.linalg.norm(tips[:, :3, 3] - T.translation, axis=1)
+        traces = np.einsum("nij,ij->n", tips[:, :3, :3], T.rotation)
+        angle = np.arccos((0.5 * (traces - 1.0)).clip(-1.0, 1.0))
+        assert np.hypot(offset, 0.3 * angle).min() >= each.distance
+
+
+def test_an_independent_solver_reaches_nothing_nearer_than_proven(
+    asked: list[NearestPose], finders: dict[str, PoseFinder]
+) -> None:
+    rng = np.random.default_rng(2)
+    for each in asked:
+        if not 0.0 < each.proven < math.inf or each.measure.keep is Keep.NOTHING:
+            continue
+        direction = rng.normal(size=3)
+        step = 0.98 * each.proven * direction / np.linalg.norm(direction)
+        T = each.T_base_asked
+        if each.measure.keep is Keep.ORIENTATION:
+            nearer = pin.SE3(T.rotation, T.translation + step)
+        else:
+            nearer = pin.SE3(T.rotation @ pin.exp3(step), T.translation)
+        assert finders["left"].find(nearer) is None
+
+
+def test_no_cell_that_is_nearer_has_a_witness(asked: list[NearestPose]) -> None:
+    told = [each.cells for each in asked if each.cells is not None]
+    assert sum(sum(cells) for cells in told) > 0
+    assert all(cells.reachable == 0 for cells in told)
+
+
+def test_nearer_cells_are_counted_as_a_slow_search_counts_them(small_map: ReachMap) -> None:
+    grid, codes = small_map.positions, small_map.margins("left")
+    at, rotation = (int(i) for i in np.argwhere(codes.reshape(-1, 72) == -1)[-1])
+    p = grid.points().reshape(-1, 3)[at]
+    T = pin.SE3(small_map.rotations.matrices[rotation], p)
+    found = nearest_reachable(small_map, T, "left", keep="nothing")
+    assert found.cells is not None
+    turned = [np.linalg.norm(pin.log3(T.rotation.T @ R)) for R in small_map.rotations.matrices]
+    offset = np.linalg.norm(grid.points().reshape(-1, 3) - p, axis=1)
+    near = np.hypot(offset[:, None], 0.3 * np.array(turned)) < found.distance
+    counted = codes.reshape(-1, 72)[near]
+    told = found.cells.proven, found.cells.unknown, found.cells.reachable
+    assert told == ((counted == -1).sum(), (counted == -2).sum(), (counted >= 0).sum())
+    assert told[0] > 0
+
+
+def test_a_reachable_pose_is_its_own_answer(small_map: ReachMap) -> None:
+    T = pose_from_quaternion((0.7, 0.2, -0.1), (0.0, 1.0, 0.0, 0.0))
+    found = nearest_reachable(small_map, T, "left")
+    assert (found.distance, found.proven) == (0.0, 0.0)
+    assert found.T_base_tip is not None
+    assert found.T_base_tip.isApprox(T)
+    assert "reaches the pose itself" in str(found)
+
+
+def test_a_position_that_no_orientation_reaches_is_proven(small_map: ReachMap) -> None:
+    T = pose_from_quaternion((3.0, 0.2, -0.1), (0.0, 1.0, 0.0, 0.0))
+    found = nearest_reachable(small_map, T, "left", keep="position")
+    assert found.T_base_tip is None
+    assert math.isinf(found.proven)
+    assert str(found).endswith("it is proven that there is none")
+
+
+def test_sentences_say_what_is_proven_and_what_is_not(asked: list[NearestPose]) -> None:
+    for each in asked:
+        if each.T_base_tip is None:
+            continue
+        assert "proven" in str(each)
+        assert f"{1e3 * each.offset_m:.1f} mm away" in str(each)
+
+
+def test_arguments_that_make_no_sense_are_refused(small_map: ReachMap) -> None:
+    T = pin.SE3.Identity()
+    with pytest.raises(UnknownNameError, match="orientation"):
+        nearest_reachable(small_map, T, "left", keep="oriention")
+    with pytest.raises(UnknownNameError, match="arm of this map"):
+        nearest_reachable(small_map, T, "middle")
+    with pytest.raises(AtlasError, match="m_per_rad must be above zero"):
+        nearest_reachable(small_map, T, "left", m_per_rad=0.0)

@@ -1,0 +1,63 @@
+"""Placements that are tried."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner.atlas import PlacementGrid
+from planner.errors import AtlasError
+
+
+@given(
+    nx=st.integers(1, 5),
+    ny=st.integers(1, 4),
+    yaws=st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=3),
+)
+@settings(max_examples=20)
+def test_every_combination_is_there_once_and_upright(nx: int, ny: int, yaws: list[float]) -> None:
+    x, y = np.linspace(0.5, 1.0, nx), np.linspace(-0.3, 0.3, ny)
+    grid = PlacementGrid(tuple(x), tuple(y), tuple(yaws), (-0.93, -0.9))
+    Ts = grid.T_base_tables
+    assert len(Ts) == len(grid) == nx * ny * len(yaws) * 2
+    assert np.allclose(Ts[:, 2, :3], [0.0, 0.0, 1.0])
+    told = {(*T[:3, 3], round(float(np.arctan2(T[1, 0], T[0, 0])), 9)) for T in Ts}
+    wanted = {(a, b, c, round(d, 9)) for a in x for b in y for c in grid.z_m for d in yaws}
+    assert told == wanted
+
+
+def test_placements_of_base_are_the_inverse_ones() -> None:
+    numbers = ((0.5, 0.8), (0.1,), (0.4, -0.2))
+    of_table = PlacementGrid(*numbers).T_base_tables
+    of_base = PlacementGrid(*numbers, is_of_base=True).T_base_tables
+    assert np.allclose(of_base @ of_table, np.eye(4), atol=1e-12)
+
+
+def test_both_ends_of_a_range_are_tried_where_the_step_fits() -> None:
+    grid = PlacementGrid.within((0.5, 0.8), (0.0, 0.0), step_m=0.1)
+    assert grid.x_m == pytest.approx((0.5, 0.6, 0.7, 0.8))
+    assert grid.y_m == (0.0,)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (((), (0.0,)), "x_m must be finite numbers, one or more"),
+        (((float("nan"),), (0.0,)), "x_m must be finite"),
+        ((tuple(range(2000)), tuple(range(2000))), "4,000,000 placements; up to 1,000,000"),
+    ],
+)
+def test_grids_that_are_none_are_refused(
+    arguments: tuple[tuple[float, ...], tuple[float, ...]], said: str
+) -> None:
+    with pytest.raises(AtlasError, match=said):
+        PlacementGrid(*arguments)
+
+
+def test_ranges_that_are_none_are_refused() -> None:
+    with pytest.raises(AtlasError, match="x_m goes from a number to one not less, got 1 to 0"):
+        PlacementGrid.within((1.0, 0.0), (0.0, 1.0))
+    with pytest.raises(AtlasError, match="too many steps of 1e-09 m"):
+        PlacementGrid.within((0.0, 1.0), (0.0, 1.0), step_m=1e-9)

@@ -1,0 +1,140 @@
+"""Where to put the table."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from baxter_kin import Baxter
+from planner import verify
+from planner.atlas import (
+    PlacementGrid,
+    Placements,
+    PlacementStatus,
+    ReachMap,
+    TableTask,
+    Visit,
+    where,
+)
+from planner.errors import AtlasError, TaskError
+from planner.verification.pose_finder import PoseFinder
+
+GRID = PlacementGrid.within((0.5, 1.7), (-0.6, 0.6), step_m=0.3, yaw_rad=(0.0, math.pi / 2))
+
+
+@pytest.fixture(scope="module")
+def found(table_map: ReachMap, task: TableTask) -> Placements:
+    """One confirmed place of many that were tried."""
+    return where(table_map, task, GRID, wanted=1, most_looked_at=6, most_planned=2)
+
+
+def test_every_placement_is_counted_once(found: Placements) -> None:
+    assert len(found) == len(GRID) == len(found.T_base_tables)
+    told = Counter(found.statuses)
+    assert told[PlacementStatus.CONFIRMED] == len(found.confirmed) == 1
+    assert told[PlacementStatus.REFUSED] == len(found.refused)
+    assert told[PlacementStatus.REACHABLE] == len(found.not_planned)
+    assert told[PlacementStatus.IMPOSSIBLE] > 10
+    assert f"{told[PlacementStatus.IMPOSSIBLE]} proven out of reach" in found.summary
+    for place in (*found.confirmed, *found.not_planned):
+        assert np.array_equal(place.T_base_table.homogeneous, found.T_base_tables[place.index])
+
+
+def test_what_is_confirmed_has_plans_that_verify(found: Placements, robot: Baxter) -> None:
+    (place,) = found.confirmed
+    (plan,) = place.plans
+    assert place.is_confirmed
+    assert plan.limb == place.arms[0]
+    assert verify(plan, description=robot.description).is_valid
+    assert plan.situation is not None
+    at = plan.situation.scene["table"].T_base_body
+    assert at.isApprox(place.T_base_table)
+    assert (place.T_table_base * place.T_base_table).isApprox(pin.SE3.Identity())
+
+
+def test_an_independent_solver_reaches_every_pose_of_ranked_placements(
+    found: Placements, task: TableTask, finders: dict[str, PoseFinder]
+) -> None:
+    places = (*found.confirmed, *found.not_planned)
+    assert len(places) >= 3
+    for place in places:
+        assert len(place.answers) == len(task.jobs[0].poses)
+        for (_, T_table_tip), answer in zip(task.jobs[0].poses, place.answers, strict=True):
+            T = place.T_base_table * T_table_tip
+            assert answer.side == place.arms[0]
+            assert answer.q is not None
+            assert finders[answer.side].holds(T, answer.q)
+            assert finders[answer.side].find(T) is not None
+
+
+def test_an_independent_solver_does_no_job_that_is_proven_impossible(
+    found: Placements, task: TableTask, finders: dict[str, PoseFinder]
+) -> None:
+    impossible = np.flatnonzero([s is PlacementStatus.IMPOSSIBLE for s in found.statuses])
+    for i in np.random.default_rng(7).permutation(impossible)[:8]:
+        T_base_table = pin.SE3(found.T_base_tables[i])
+        for finder in finders.values():
+            poses = [T_base_table * T for _, T in task.jobs[0].poses]
+            assert any(finder.find(T) is None for T in poses)
+
+
+def test_ranked_by_the_worst_margin(found: Placements) -> None:
+    margins = [place.margin_rad for place in (*found.confirmed, *found.not_planned)]
+    assert margins == sorted(margins, reverse=True)
+    worst = found.confirmed[0].worst
+    assert worst is not None
+    assert worst.margin_rad == found.confirmed[0].margin_rad
+    assert f"worst margin {worst.margin_rad:.3f} rad" in str(found.confirmed[0])
+
+
+def test_a_table_in_the_robot_is_refused_before_it_is_planned(
+    table_map: ReachMap, task: TableTask
+) -> None:
+    """Poses that both arms reach, at a table whose foot stands in the robot's."""
+    lifted = TableTask(
+        visits=(Visit("look", pin.SE3(np.diag([-1.0, 1.0, -1.0]), np.array([0.55, 0.1, 0.9]))),),
+        bodies=task.bodies[:1],
+    )
+    answer = where(table_map, lifted, PlacementGrid((0.1,), (0.0,)))
+    (place,) = answer.refused
+    assert not place.is_confirmed
+    assert not place.plans
+    assert place.refusal.startswith("table is in ")
+    assert place.refusal.endswith(" while the arms rest")
+
+
+def test_a_visit_is_confirmed_by_a_way_there(table_map: ReachMap, robot: Baxter) -> None:
+    tip = pin.SE3(np.diag([-1.0, 1.0, -1.0]), np.array([-0.3, 0.1, 0.9]))
+    answer = where(
+        table_map, TableTask(visits=(Visit("look", tip),)), PlacementGrid((1.0,), (0.0,))
+    )
+    (place,) = answer.confirmed
+    (plan,) = place.plans
+    arm = robot.arm(plan.limb)
+    assert arm.T_base_tip(plan.moves[-1].trajectory.q_goal).isApprox(place.T_base_table * tip, 1e-6)
+
+
+def test_each_job_goes_to_the_arm_that_does_it_best(table_map: ReachMap) -> None:
+    tips = [
+        pin.SE3(np.diag([-1.0, 1.0, -1.0]), np.array([-0.3, y_m, 0.9])) for y_m in (0.45, -0.45)
+    ]
+    visits = tuple(Visit(name, tip) for name, tip in zip(("left", "right"), tips, strict=True))
+    answer = where(table_map, TableTask(visits=visits), PlacementGrid((1.0,), (0.0,)))
+    assert answer.confirmed[0].arms == ("left", "right")
+
+
+def test_what_the_map_does_not_cover_is_told(table_map: ReachMap) -> None:
+    above = pin.SE3(np.diag([-1.0, 1.0, -1.0]), np.array([-0.3, 0.1, 1.6]))
+    with pytest.raises(AtlasError, match="covers the task at none of the 1 placements"):
+        where(table_map, TableTask(visits=(Visit("up", above),)), PlacementGrid((1.0,), (0.0,)))
+
+
+def test_arguments_of_other_kinds_are_refused(table_map: ReachMap, task: TableTask) -> None:
+    with pytest.raises(TaskError, match="task must be"):
+        where(table_map, None)  # type: ignore[arg-type]
+    with pytest.raises(AtlasError, match="wanted must be a whole number from 1"):
+        where(table_map, task, wanted=0)
