@@ -58,7 +58,10 @@ def test_the_same_seeds_give_the_same_counts_on_any_engine(
     assert script.main([*words, "--json", str(numbers)]) == 0
     assert " on 1 worker" in capsys.readouterr().out
     alone = script._levels(script._parser().parse_args(words), Serial())
-    assert json.loads(numbers.read_text()) == [asdict(level) for level in alone]
+    for there, level in zip(json.loads(numbers.read_text()), alone, strict=True):
+        here = asdict(level)  # IPOPT's last bits depend on what a process has planned before
+        assert there.pop("worst_mm") == pytest.approx(here.pop("worst_mm"), abs=1e-9)
+        assert there == here
 
 
 def test_a_lost_engine_is_one_sentence(script: Any, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,8 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from baxter_kin.command_line import Options, number, number_within, whole_number
+from baxter_kin.command_line import Options, examples, number, number_within, whole_number
 from baxter_kin.parallel.engine_options import add_engine_options, engine_of
+from planner.atlas.commands.exit_status import TOLD
 from planner.atlas.commands.reports import SAME_PATH
 from planner.errors import AtlasError
 
@@ -22,11 +23,12 @@ if TYPE_CHECKING:
 
 HELP = "of a part of a reach map: pieces of self-motion, their lengths, margins, what is free"
 
-EXAMPLES = """\
-  python -m planner.atlas redundancy reach.zarr table.zarr --z 0.1 --tool-axis 0 0 -1
-  python -m planner.atlas redundancy reach.zarr box.zarr --x 0.4 0.9 --y -0.5 0.5 --every 2
-  python -m planner.atlas redundancy reach.zarr some.zarr --arm left --every-rotation 8 --cost
-"""
+EXAMPLES = examples(
+    "python -m planner.atlas redundancy reach.zarr table.zarr --z 0.1 --tool-axis 0 0 -1",
+    "python -m planner.atlas redundancy reach.zarr box.zarr --x 0.4 0.9 --y -0.5 0.5 --every 2",
+    "python -m planner.atlas redundancy reach.zarr some.zarr --every-rotation 8 --cost",
+    end=TOLD.format(also=", or --check found wrong cells"),
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

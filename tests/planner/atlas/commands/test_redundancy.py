@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 
 import numpy as np
@@ -62,14 +61,6 @@ def test_the_cost_is_told_and_nothing_computed(
     assert run(small_map.path, path, *CHOICE, "--cost", "-q", "--measure-s", 0.1) == 0
     assert "6 cells" in capsys.readouterr().out
     assert not path.exists()
-
-
-def test_examples_parse() -> None:
-    for line in redundancy.EXAMPLES.strip().splitlines():
-        program, *arguments = shlex.split(line)[2:]
-        assert program == "planner.atlas"
-        assert arguments[0] == "redundancy"
-        parser().parse_args(arguments[1:])
 
 
 @pytest.mark.parametrize(
