@@ -51,7 +51,6 @@ def loaded(browser: Browser, page_file: Path) -> Iterator[Watched]:
         watched.page.emulate_media(reduced_motion="reduce")
         watched.page.goto(page_file.as_uri())
         watched.page.wait_for_function("atlas && atlas.ready")
-        watched.draw_only_pictures()
         yield watched
 
 

@@ -182,7 +182,7 @@ def test_a_closed_view_shows_nothing_and_stops_nobody(robot: Baxter, block: Body
     simulation = Simulation(World(robot), [viewer])
     viewer.close()
     simulation.spawn(block)
-    simulation.wait(3600.0)
+    simulation.wait(120.0)
     Simulation(World(robot), [viewer])
     assert repr(viewer).endswith("closed)")
 
