@@ -33,6 +33,9 @@ EXAMPLES = examples(
 
 EXIT_YES, EXIT_NO = 0, 1
 
+MOST_REFUSED = 10
+"""Refused places that are told one by one."""
+
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Of the tip in base, m, and its quaternion."""
 
@@ -163,7 +166,9 @@ def _where(atlas: ReachMap, arguments: argparse.Namespace) -> _Answer:
     }
     data: dict[str, Any] = {name: [_told(p) for p in places] for name, places in kinds.items()}
     data["counts"] = {status.name.lower(): found.number(status) for status in PlacementStatus}
-    sentences = [str(place) for place in (*found.confirmed, *found.refused)]
+    sentences = [str(place) for place in (*found.confirmed, *found.refused[:MOST_REFUSED])]
+    if len(found.refused) > MOST_REFUSED:
+        sentences.append(f"and {len(found.refused) - MOST_REFUSED} more that are refused")
     return EXIT_YES if found.confirmed else EXIT_NO, [*sentences, found.summary], data
 
 

@@ -38,6 +38,9 @@ from planner.errors import AtlasError, TaskError
 WANTED, LOOKED_AT, PLANNED = 3, 24, 8
 """Confirmed placements, placements asked exactly, and placements planned, at most."""
 
+AT_REST = 50
+"""How many times as many are looked at for what is in the robot at rest, which takes little."""
+
 PROOF_LEVELS = 2
 """How long a proof that a pose is out of reach may take: some 30 us."""
 
@@ -58,7 +61,8 @@ def where(
         task: what shall be done, seen from the table.
         grid: the placements that are tried; `PlacementGrid.in_front()` when not given.
         wanted: how many confirmed placements are enough.
-        most_looked_at: how many of the map's candidates are asked exactly.
+        most_looked_at: how many of the map's candidates are asked exactly; those that would stand
+            in the resting robot do not count.
         most_planned: how many of those are planned, at most.
 
     Raises:
@@ -111,7 +115,7 @@ class _Search:
         statuses = self._statuses(guide.margins)
         candidates = np.flatnonzero(guide.margins >= 0.0)
         ranked = candidates[np.argsort(-guide.margins[candidates], kind="stable")]
-        looked_at = [self._asked(guide, int(i)) for i in ranked[:most_looked_at]]
+        looked_at = self._looked_at(guide, ranked, most_looked_at)
         refused = [place for place in looked_at if place.refusal]
         reachable = [place for place in looked_at if not place.refusal]
         reachable.sort(key=lambda place: -place.margin_rad)
@@ -125,6 +129,16 @@ class _Search:
                 statuses[place.index] = status
         kinds = (tuple(places) for places in (confirmed, refused, left))
         return Placements(self._Ts, tuple(statuses), *kinds)
+
+    def _looked_at(self, guide: _Guide, ranked: Indices, most: int) -> list[Placement]:
+        """The best placements, until so many were asked exactly; others are in the robot."""
+        looked_at: list[Placement] = []
+        for i in ranked[: AT_REST * most].tolist():
+            looked_at.append(self._asked(guide, i))
+            most -= bool(looked_at[-1].answers)
+            if most == 0:
+                break
+        return looked_at
 
     def _statuses(self, margins: FloatArray) -> list[PlacementStatus]:
         """By the map, and by proofs where it dismisses."""

@@ -107,6 +107,19 @@ def test_a_table_in_the_robot_is_refused_before_it_is_planned(
     assert place.refusal.endswith(" while the arms rest")
 
 
+def test_places_in_the_robot_do_not_count_as_looked_at(
+    table_map: ReachMap, task: TableTask
+) -> None:
+    """Of a row of tables that begins in the robot, one is asked exactly."""
+    tip = pin.SE3(np.diag([-1.0, 1.0, -1.0]), np.array([0.3, 0.1, 0.9]))
+    visits = TableTask(visits=(Visit("look", tip),), bodies=task.bodies[:1])
+    grid = PlacementGrid.within((0.3, 0.9), (0.0, 0.0), step_m=0.05)
+    answer = where(table_map, visits, grid, wanted=1, most_looked_at=1)
+    asked = [p for p in (*answer.confirmed, *answer.refused, *answer.not_planned) if p.answers]
+    assert len(asked) == 1
+    assert any(not place.answers for place in answer.refused)
+
+
 def test_a_visit_is_confirmed_by_a_way_there(table_map: ReachMap, robot: Baxter) -> None:
     tip = pin.SE3(np.diag([-1.0, 1.0, -1.0]), np.array([-0.3, 0.1, 0.9]))
     answer = where(
