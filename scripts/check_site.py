@@ -18,8 +18,10 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 FRONT_DOORS = (
-    *("baxter_kin", "baxter_kin.ik", "planner", "planner.collision", "planner.grasping"),
-    *("planner.verification", "sim", "sim.perception", "sim.recording", "sim.world"),
+    *("baxter_kin", "baxter_kin.ik", "baxter_kin.parallel"),
+    *("planner", "planner.atlas", "planner.atlas.redundancy", "planner.collision"),
+    *("planner.grasping", "planner.verification"),
+    *("sim", "sim.perception", "sim.recording", "sim.world"),
 )
 LINKS = {"a": "href", "link": "href", "script": "src", "img": "src", "iframe": "src"}
 """Where elements of a page lead."""

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import baxter_kin
 import baxter_kin.ik
+import baxter_kin.parallel
 import planner
+import planner.atlas
+import planner.atlas.redundancy
 import planner.collision
 import planner.grasping
 import planner.verification
@@ -20,3 +23,6 @@ LAZY = (
 """Those whose names are loaded when they are first used."""
 
 FRONT_DOORS = (*LAZY, baxter_kin.ik, planner, planner.verification)
+
+DOCUMENTED = (*FRONT_DOORS, baxter_kin.parallel, planner.atlas, planner.atlas.redundancy)
+"""These and packages for larger work: the reference has all of their names."""

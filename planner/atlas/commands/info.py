@@ -94,7 +94,8 @@ def _counts(arm: ArmContents) -> str:
 
 
 def _software(found: ReachMap) -> str:
-    return ", ".join(f"{name} {version}" for name, version in found.software.items())
+    named = ", ".join(f"{name} {version}" for name, version in found.software.items())
+    return named or "software that it does not name"
 
 
 def _robot(found: ReachMap) -> str:

@@ -86,10 +86,18 @@ class NearestPose(Frozen, OneLine):
             return f"{none}; it is proven that there is none" if math.isinf(self.proven) else none
         if self.distance == 0.0:
             return f"the {self.side} arm reaches the pose itself"
+        away, turned = (
+            f"{1e3 * self.offset_m:.1f} mm away",
+            f"turned by {math.degrees(self.angle_rad):.2f} deg",
+        )
+        how_far = {
+            Keep.ORIENTATION: away,
+            Keep.POSITION: turned,
+            Keep.NOTHING: f"{away} and {turned}, {1e3 * self.distance:.1f} mm together",
+        }[self.measure.keep]
         found = (
             f"the nearest pose found {same} that the {self.side} arm reaches is at "
-            f"{position(self.T_base_tip)}, {1e3 * self.offset_m:.1f} mm away and turned by "
-            f"{math.degrees(self.angle_rad):.2f} deg"
+            f"{position(self.T_base_tip)}, {how_far}"
         )
         return f"{found}; {self._bounds()}"
 

@@ -148,7 +148,9 @@ def test_sentences_say_what_is_proven_and_what_is_not(asked: list[NearestPose]) 
         if each.T_base_tip is None:
             continue
         assert "proven" in str(each)
-        assert f"{1e3 * each.offset_m:.1f} mm away" in str(each)
+        is_moved, is_turned = each.measure.weights
+        assert (f"{1e3 * each.offset_m:.1f} mm away" in str(each)) is bool(is_moved)
+        assert (f"{math.degrees(each.angle_rad):.2f} deg" in str(each)) is bool(is_turned)
 
 
 def test_arguments_that_make_no_sense_are_refused(small_map: ReachMap) -> None:
