@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "atlas": ("dask", "distributed", "zarr"),
+        "atlas": ("dask", "distributed", "tqdm", "zarr"),
         "mcap": ("mcap", "rosbags"),
         "plot": ("matplotlib",),
         "ros1": ("rosbags",),
