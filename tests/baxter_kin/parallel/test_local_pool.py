@@ -20,9 +20,11 @@ from tests.baxter_kin.parallel import tasks
 ROOT = Path(__file__).parents[3]
 
 LONG_RUN = """
+import signal
 from baxter_kin.parallel import LocalPool
 from tests.baxter_kin.parallel.tasks import own_pid
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's & has it ignored
     for _, pid in LocalPool(1).run(own_pid, range(100_000)):
         print(pid, flush=True)
 """
