@@ -11,6 +11,7 @@ import os
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from threading import Thread
 
@@ -89,6 +90,7 @@ class WorkerProcess:
 
 def _serve(pipe: Connection) -> None:
     """Run tasks as they come, until the process that gives them is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
     try:
         pipe.send_bytes(_READY)
@@ -109,6 +111,7 @@ def _end_with_parent() -> None:
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
     """A process that begins now does not hear Ctrl-C, which is for the one that began it."""
+    resource_tracker.ensure_running()  # it lets interrupts through when it starts
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

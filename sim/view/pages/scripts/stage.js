@@ -18,6 +18,7 @@ function createViewer() {
   made.gui.domElement.style.display = "none";
   made.renderer.domElement.setAttribute("role", "img");
   made.renderer.domElement.setAttribute("aria-label", "The robot and what is around it, drawn in 3D");
+  surviveLoss(made);
   const handle = made.handle_command.bind(made);
   made.handle_command = (command) => {
     handle(command);
@@ -25,6 +26,20 @@ function createViewer() {
   };
   paintStage(made);
   return made;
+}
+
+// A browser may take the graphics card away, as after sleep, and mostly gives it back.
+function surviveLoss(made) {
+  const canvas = made.renderer.domElement;
+  let before = "";
+  canvas.addEventListener("webglcontextlost", () => {
+    before = element("status").textContent;
+    showStatus("The browser has stopped drawing in 3D. It goes on by itself, or once this page is loaded again.");
+  });
+  canvas.addEventListener("webglcontextrestored", () => {
+    showStatus(before);
+    made.set_dirty();
+  });
 }
 
 // The node of a path below those that exist; none is made.
