@@ -22,7 +22,14 @@ Command: TypeAlias = dict[str, Any]
 Rgb: TypeAlias = tuple[float, float, float]
 """Red, green and blue, 0 .. 1, as shown on the screen."""
 
-_EXTENSIONS = {"int8": 0x11, "int16": 0x13, "uint16": 0x14, "uint32": 0x16, "float32": 0x17}
+_EXTENSIONS = {
+    "int8": 0x11,
+    "uint8": 0x12,
+    "int16": 0x13,
+    "uint16": 0x14,
+    "uint32": 0x16,
+    "float32": 0x17,
+}
 """How msgpack-lite, Meshcat's decoder, calls arrays of a NumPy type."""
 
 _BOTH_SIDES = 2
@@ -118,7 +125,7 @@ def triangles(
         attributes["normal"] = _attribute(normals)
     if colours is not None:
         attributes["color"] = _attribute(colours)
-    index = {"type": _array_name(faces), "array": faces.reshape(-1), "itemSize": 1}
+    index = {"type": array_name(faces), "array": faces.reshape(-1), "itemSize": 1}
     data = {"attributes": attributes, "index": index}
     geometry = {"type": "BufferGeometry", "data": data}
     return geometry if uuid is None else geometry | {"uuid": uuid}
@@ -157,18 +164,18 @@ def packed(command: object) -> bytes:
     return bytes(umsgpack.packb(command, ext_handlers={np.ndarray: _extension}))
 
 
+def array_name(values: NDArray[Any]) -> str:
+    """JavaScript's name of the array type: "Int16Array" for int16, "Uint16Array" for uint16."""
+    return f"{values.dtype.name.capitalize()}Array"
+
+
 def _attribute(values: NDArray[Any]) -> Command:
     return {
-        "type": _array_name(values),
+        "type": array_name(values),
         "array": values.reshape(-1),
         "itemSize": values.shape[1],
         "normalized": False,
     }
-
-
-def _array_name(values: NDArray[Any]) -> str:
-    """JavaScript's name of the array type: "Int16Array" for int16, "Uint16Array" for uint16."""
-    return f"{values.dtype.name.capitalize()}Array"
 
 
 def _extension(values: NDArray[Any]) -> Any:
