@@ -10,7 +10,8 @@ import coal
 
 from planner.collision.distances import Enclosure
 from planner.collision.robot.robot_body import LinkBody, RobotBody
-from planner.scene.contact import convex, has_depth, surface, surface_for_contacts
+from planner.scene.bodies import Shape
+from planner.scene.contact import convex, has_depth, shape_of, surface, surface_for_contacts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +49,16 @@ def shapes_of(body: RobotBody, there: frozenset[str]) -> tuple[LinkShape, ...]:
             known[key] = list(_of_link(link))
         shapes += [replace(made, link=link.name, padding_m=link.padding_m) for made in known[key]]
     return tuple(shapes)
+
+
+@lru_cache(maxsize=512)
+def of_scene(made: LinkShape) -> Shape:
+    """A convex shape of a link as a scene has shapes, checked once.
+
+    Raises:
+        SceneError: when it is not convex.
+    """
+    return shape_of(made.geometry)
 
 
 @lru_cache(maxsize=4)

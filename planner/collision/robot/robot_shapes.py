@@ -17,11 +17,11 @@ from baxter_kin.value_objects import OneLine
 from planner.collision.covers import Covers
 from planner.collision.robot.hand_body import fitted
 from planner.collision.robot.known_pairs import KnownPairs
-from planner.collision.robot.link_shapes import LinkShape, for_contacts, shapes_of
+from planner.collision.robot.link_shapes import LinkShape, for_contacts, of_scene, shapes_of
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
 from planner.scene.bodies import Part
-from planner.scene.contact import hull, shape_of
+from planner.scene.contact import hull
 
 GRIPPER = "_gripper_"
 """In names of links that a robot with a bare flange lacks."""
@@ -185,8 +185,8 @@ class RobotShapes(OneLine):
 
     def part_at_tip(self, index: int, arm: Arm) -> Part:
         """A convex shape of the hand, seen from the tip with the fingers closed."""
-        shape = self._shape(index)
-        return Part(shape_of(shape.geometry), self._T_tip_shape(index, arm))
+        T_tip_shape = self._T_tip_shape(index, arm)
+        return Part(of_scene(self.made[index]), T_tip_shape)
 
     def highest_at_tip_m(self, index: int, arm: Arm) -> float:
         """How far the box around a shape of the hand reaches along z of the tip."""

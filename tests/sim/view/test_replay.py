@@ -53,7 +53,6 @@ def loaded(browser: Browser, replay_file: Path) -> Iterator[Watched]:
     with watched_page(browser) as watched:
         watched.page.goto(replay_file.as_uri())
         watched.page.wait_for_function("replay.ready")
-        watched.draw_only_pictures()
         yield watched
 
 
@@ -226,20 +225,6 @@ def test_home_and_end_keys_go_to_both_ends(replay: Watched) -> None:
 
 def stage_starts(executed: Recording, stage: str) -> float:
     return next(time for time, text in executed.captions if text.startswith(stage))
-
-
-@pytest.fixture(scope="module")
-def story(
-    browser: Browser, tmp_path_factory: pytest.TempPathFactory, robot: Baxter, executed: Recording
-) -> Iterator[Watched]:
-    """The page of a pick and place that was planned and simulated."""
-    path = tmp_path_factory.mktemp("story") / "replay.html"
-    write_replay(path, executed, robot)
-    with watched_page(browser) as watched:
-        watched.page.goto(path.as_uri())
-        watched.page.wait_for_function("replay.ready")
-        watched.run("replay.pause()")
-        yield watched
 
 
 def test_says_stage_and_seed_type_apart(story: Watched, executed: Recording) -> None:

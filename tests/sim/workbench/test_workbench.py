@@ -29,13 +29,29 @@ def bench(robot: Baxter) -> Workbench:
     return bench
 
 
+@pytest.fixture(scope="module")
+def still(robot: Baxter) -> Workbench:
+    """The same, where nothing is changed any more: for requests that are refused."""
+    bench = Workbench(robot)
+    bench.add_block("red", 0.70, 0.15)
+    return bench
+
+
+@pytest.fixture(scope="module")
+def carried(robot: Baxter) -> tuple[Workbench, TaskResult]:
+    """The red block brought elsewhere by the left arm; nothing is changed any more."""
+    bench = Workbench(robot)
+    bench.add_block("red", 0.70, 0.15)
+    return bench, bench.carry("red", to=(0.75, 0.0), arm="left")
+
+
 def middle_of(bench: Workbench, block: str) -> list[float]:
     middle: list[float] = bench.world.body(block).centre_base.tolist()
     return middle
 
 
-def test_a_block_goes_where_it_is_told(bench: Workbench) -> None:
-    task = bench.carry("red", to=(0.75, 0.0))
+def test_a_block_goes_where_it_is_told(carried: tuple[Workbench, TaskResult]) -> None:
+    bench, task = carried
     assert task.is_done
     assert middle_of(bench, "red") == pytest.approx(
         [0.75, 0.0, TABLE_Z_M + 0.025], abs=PLACED_WITHIN_M
@@ -44,8 +60,8 @@ def test_a_block_goes_where_it_is_told(bench: Workbench) -> None:
     assert bench.motion_s == task.motion_s > 1.0
 
 
-def test_what_came_of_it_is_one_line(bench: Workbench) -> None:
-    text = str(bench.carry("red", to=(0.75, 0.0), arm="left"))
+def test_what_came_of_it_is_one_line(carried: tuple[Workbench, TaskResult]) -> None:
+    text = str(carried[1])
     assert text.startswith("carry red: done by the left arm in ")
     assert text.endswith(" mm off its place (verified, 41 checks)")
     assert "\n" not in text
@@ -73,7 +89,7 @@ def test_a_block_stands_on_the_middle_of_another_turned_as_that_is(bench: Workbe
 def test_a_block_takes_a_pose(bench: Workbench) -> None:
     goal = on_table(0.72, 0.05, 0.05)
     goal.rotation = pin.utils.rotate("z", math.radians(30.0))
-    assert bench.carry("red", to=goal).is_done
+    assert bench.carry("red", to=goal, arm="left").is_done
     assert bench.world.body("red").T_base_body.isApprox(goal, PLACED_WITHIN_M)
 
 
@@ -95,15 +111,15 @@ def test_a_block_has_the_colour_of_its_name_unless_another_is_given(bench: Workb
     ],
 )
 def test_what_cannot_be_done_is_refused_with_the_reason_and_nothing_moves(
-    bench: Workbench, to: tuple[float, float], why: str
+    still: Workbench, to: tuple[float, float], why: str
 ) -> None:
-    before = bench.world.q
-    task = bench.carry("red", to=to)
+    before = still.world.q
+    task = still.carry("red", to=to)
     assert not task.is_done
     assert task.arm == ""
     assert task.off_m is None
     assert str(task).startswith("carry red: refused: ")
-    np.testing.assert_array_equal(bench.world.q, before)
+    np.testing.assert_array_equal(still.world.q, before)
     with pytest.raises(AssertionError, match=why):
         raise AssertionError(str(task))
 
@@ -116,8 +132,10 @@ def test_a_block_below_another_stays_there(bench: Workbench) -> None:
     assert task.plan is None
 
 
-def test_the_plan_comes_with_the_result(bench: Workbench) -> None:
-    done, refused = bench.carry("red", to=(0.75, 0.0)), bench.carry("red", to=(1.40, 0.40))
+def test_the_plan_comes_with_the_result(
+    still: Workbench, carried: tuple[Workbench, TaskResult]
+) -> None:
+    done, refused = carried[1], still.carry("red", to=(1.40, 0.40), arm="left")
     assert done.plan is not None
     assert verify(done.plan).is_valid
     assert refused.plan is not None
@@ -131,53 +149,53 @@ def test_a_place_that_is_taken_is_refused(bench: Workbench) -> None:
     assert "blue" in str(task)
 
 
-def test_a_block_that_would_hang_in_the_air_is_refused_or_told(bench: Workbench) -> None:
-    task = bench.carry("red", to=on_table(0.75, 0.0, 0.05, above_m=0.1))
+def test_a_block_that_would_hang_in_the_air_is_refused_or_told(still: Workbench) -> None:
+    task = still.carry("red", to=on_table(0.75, 0.0, 0.05, above_m=0.1))
     assert not task.is_done
     assert "verified" not in task.verdict
 
 
-def test_an_unknown_block_is_a_sentence_that_names_the_known(bench: Workbench) -> None:
+def test_an_unknown_block_is_a_sentence_that_names_the_known(still: Workbench) -> None:
     with pytest.raises(SceneError, match="no body 'green' in the scene; it has: table, red"):
-        bench.carry("green", to=(0.7, 0.0))
+        still.carry("green", to=(0.7, 0.0))
     with pytest.raises(SceneError, match="no body 'green'"):
-        bench.carry("red", onto="green")
+        still.carry("red", onto="green")
 
 
-def test_the_table_is_not_carried(bench: Workbench) -> None:
+def test_the_table_is_not_carried(still: Workbench) -> None:
     with pytest.raises(SceneError, match="'table' is not a block to carry; there are: red"):
-        bench.carry("table", to=(0.7, 0.0))
+        still.carry("table", to=(0.7, 0.0))
     with pytest.raises(SceneError, match="'red' cannot stand on itself"):
-        bench.carry("red", onto="red")
+        still.carry("red", onto="red")
 
 
-def test_an_arm_that_does_not_exist_is_named(bench: Workbench) -> None:
+def test_an_arm_that_does_not_exist_is_named(still: Workbench) -> None:
     with pytest.raises(UnknownNameError, match="middle"):
-        bench.carry("red", to=(0.7, 0.0), arm="middle")
+        still.carry("red", to=(0.7, 0.0), arm="middle")
     with pytest.raises(UnknownNameError, match="middle"):
-        bench.withdraw("middle")
+        still.withdraw("middle")
 
 
-def test_one_place_must_be_given(bench: Workbench) -> None:
+def test_one_place_must_be_given(still: Workbench) -> None:
     for where in ({}, {"to": (0.7, 0.0), "onto": "red"}):
         with pytest.raises(SimulationError, match="say where the block goes"):
-            bench.carry("red", **where)  # type: ignore[arg-type]
+            still.carry("red", **where)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("to", ["0.7 0.0", (0.7,), (0.7, 0.0, 0.1), (0.7, math.nan), 0.7, {}])
-def test_a_place_is_two_numbers_or_a_pose(bench: Workbench, to: Any) -> None:
+def test_a_place_is_two_numbers_or_a_pose(still: Workbench, to: Any) -> None:
     with pytest.raises(SceneError, match="a place is x and y in base in m"):
-        bench.carry("red", to=to)
+        still.carry("red", to=to)
 
 
-def test_a_pose_must_be_one(bench: Workbench) -> None:
+def test_a_pose_must_be_one(still: Workbench) -> None:
     with pytest.raises(PoseError):
-        bench.carry("red", to=pin.SE3(2.0 * np.eye(3), np.zeros(3)))
+        still.carry("red", to=pin.SE3(2.0 * np.eye(3), np.zeros(3)))
 
 
-def test_a_name_that_is_taken_is_refused(bench: Workbench) -> None:
+def test_a_name_that_is_taken_is_refused(still: Workbench) -> None:
     with pytest.raises(SceneError, match="already has a body named 'red'"):
-        bench.add_block("red", 0.60, -0.2)
+        still.add_block("red", 0.60, -0.2)
 
 
 def test_blocks_are_not_put_inside_each_other(bench: Workbench) -> None:
@@ -187,9 +205,9 @@ def test_blocks_are_not_put_inside_each_other(bench: Workbench) -> None:
     assert "blue" in bench.world.scene.bodies
 
 
-def test_blocks_are_put_on_the_table(bench: Workbench) -> None:
+def test_blocks_are_put_on_the_table(still: Workbench) -> None:
     with pytest.raises(SceneError, match=r"no room for 'blue': \(0.2, 0\) m is beside the table"):
-        bench.add_block("blue", 0.2, 0.0)
+        still.add_block("blue", 0.2, 0.0)
 
 
 IN_MILLIMETRES = (
@@ -198,24 +216,25 @@ IN_MILLIMETRES = (
 )
 
 
-def test_a_place_in_millimetres_is_asked_about(bench: Workbench) -> None:
+def test_a_place_in_millimetres_is_asked_about(still: Workbench) -> None:
     with pytest.raises(SceneError, match=f"^no room for 'blue': {IN_MILLIMETRES}"):
-        bench.add_block("blue", 700, 150)
+        still.add_block("blue", 700, 150)
     for to in ((700, 150), at(700.0, 150.0, -130.0)):
-        task = bench.carry("red", to=to)
+        task = still.carry("red", to=to)
         assert re.fullmatch(f"refused: nothing to stand on, {IN_MILLIMETRES}", task.verdict)
 
 
 @pytest.mark.parametrize("bad", [math.nan, "a", None])
-def test_numbers_of_a_block_are_numbers(bench: Workbench, bad: Any) -> None:
+def test_numbers_of_a_block_are_numbers(still: Workbench, bad: Any) -> None:
     for wrong in ({"x_m": bad}, {"y_m": bad}, {"edge_m": bad}, {"yaw_rad": bad}):
         arguments: dict[str, Any] = {"x_m": 0.6, "y_m": 0.0} | wrong
         with pytest.raises(SceneError, match=next(iter(wrong))):
-            bench.add_block("blue", **arguments)
+            still.add_block("blue", **arguments)
 
 
-def test_an_empty_arm_goes_back(bench: Workbench) -> None:
-    bench.carry("red", to=(0.75, 0.0), arm="left")
+def test_an_empty_arm_goes_back(robot: Baxter) -> None:
+    bench = Workbench(robot)
+    bench.world.move_arm("left", robot.arm("left").start)
     went = bench.withdraw("left")
     assert went.is_done
     np.testing.assert_allclose(bench.world.arm_q("left"), bench.robot.arm("left").neutral)
@@ -236,12 +255,12 @@ def test_what_an_arm_over_the_table_hinders_is_refused_with_the_way_out(bench: W
 
 
 def test_all_of_it_is_recorded_and_can_be_replayed(bench: Workbench) -> None:
-    bench.carry("red", to=(0.75, 0.0))
+    bench.carry("red", to=(0.75, 0.0), arm="left")
     first = bench.recording()
     assert first.times_s[-1] == bench.simulation.time_s
     assert set(first.bodies) == {"table", "red"}
     assert bench.replay().html.startswith("<!DOCTYPE html>")
-    bench.carry("red", to=(0.70, 0.15))
+    bench.carry("red", to=(0.70, 0.15), arm="left")
     assert len(bench.recording().times_s) > len(first.times_s)
 
 
@@ -260,19 +279,19 @@ def test_who_observes_is_told(robot: Baxter) -> None:
     diary = Diary()
     bench = Workbench(robot, observers=[diary])
     bench.add_block("red", 0.70, 0.15)
-    bench.carry("red", to=(0.75, 0.0))
+    bench.carry("red", to=(0.75, 0.0), arm="left")
     assert diary.kinds[:2] == [EventKind.SPAWNED] * 2
     assert {EventKind.GRASPED, EventKind.RELEASED} <= set(diary.kinds)
 
 
-def test_a_plan_that_is_not_proven_is_not_executed(bench: Workbench) -> None:
-    plan = bench.plan("left", "red", on_table(0.75, 0.0, 0.05))
-    invalid = bench.plan("left", "red", on_table(2.0, 0.0, 0.05))
+def test_a_plan_that_is_not_proven_is_not_executed(still: Workbench) -> None:
+    plan = still.plan("left", "red", on_table(0.75, 0.0, 0.05))
+    invalid = still.plan("left", "red", on_table(2.0, 0.0, 0.05))
     assert isinstance(plan, Plan)
-    verdict, is_done = bench.execute(invalid)
+    verdict, is_done = still.execute(invalid)
     assert not is_done
     assert verdict.startswith("refused: ")
-    assert bench.simulation.time_s == 0.0
+    assert still.simulation.time_s == 0.0
 
 
 def test_a_result_of_other_values_is_refused() -> None:

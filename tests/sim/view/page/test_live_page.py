@@ -103,7 +103,6 @@ def shown(browser: Browser, robot: Baxter, left: Arm) -> Iterator[tuple[Program,
     with watched_page(browser) as watched:
         watched.page.goto(program.url)
         watched.page.wait_for_function("viewer && Object.keys(telemetry.arms).length")
-        watched.draw_only_pictures()
         watched.run("openPanel(true)")
         yield program, watched
     program.close()

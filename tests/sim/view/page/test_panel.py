@@ -145,7 +145,6 @@ def test_it_is_open_in_a_large_window_and_closed_on_a_phone(story: Watched) -> N
         story.page.set_viewport_size({"width": width, "height": height})
         story.page.reload()
         story.page.wait_for_function("replay.ready")
-        story.draw_only_pictures()
         assert story.page.is_visible("#panel") is is_open
     story.page.set_viewport_size(SIZE)
     assert story.errors == []
