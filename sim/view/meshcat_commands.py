@@ -126,7 +126,7 @@ def triangles(
         attributes["normal"] = _attribute(normals)
     if colours is not None:
         attributes["color"] = _attribute(colours)
-    index = {"type": _array_name(faces), "array": faces.reshape(-1), "itemSize": 1}
+    index = {"type": array_name(faces), "array": faces.reshape(-1), "itemSize": 1}
     data = {"attributes": attributes, "index": index}
     geometry = {"type": "BufferGeometry", "data": data}
     return geometry if uuid is None else geometry | {"uuid": uuid}
@@ -176,18 +176,18 @@ def packed(command: object) -> bytes:
     return bytes(umsgpack.packb(command, ext_handlers={np.ndarray: _extension}))
 
 
+def array_name(values: NDArray[Any]) -> str:
+    """JavaScript's name of the array type: "Int16Array" for int16, "Uint16Array" for uint16."""
+    return f"{values.dtype.name.capitalize()}Array"
+
+
 def _attribute(values: NDArray[Any]) -> Command:
     return {
-        "type": _array_name(values),
+        "type": array_name(values),
         "array": values.reshape(-1),
         "itemSize": values.shape[1],
         "normalized": False,
     }
-
-
-def _array_name(values: NDArray[Any]) -> str:
-    """JavaScript's name of the array type: "Int16Array" for int16, "Uint16Array" for uint16."""
-    return f"{values.dtype.name.capitalize()}Array"
 
 
 def _extension(values: NDArray[Any]) -> Any:

@@ -22,6 +22,7 @@ from sim.events import EventKind
 from sim.recording.recording import Recording
 from sim.view.animation import animation_commands, recorded_tracks
 from sim.view.appearance import Appearance
+from sim.view.delta_coding import delta_coded
 from sim.view.drawn_bodies import body_commands
 from sim.view.gripper_status import GripperPhase, gripper_timelines
 from sim.view.meshcat_commands import Command, packed, shared_geometries
@@ -56,7 +57,9 @@ def encoded_content(
     compare: Recording | None = None,
     uncounted: Collection[str] = (),
 ) -> str:
-    """All that a page needs to replay a recording: msgpack, then zlib, then base64, as ASCII.
+    """All that a page needs to replay a recording, as ASCII.
+
+    Its arrays as differences, then msgpack, then zlib, then base64.
 
     A compressed page is no larger than a gzipped one of plain msgpack, whose bytes base64 takes out
     of step. It needs a browser of 2023 or later (`DecompressionStream`).
@@ -78,7 +81,7 @@ def encoded_content(
         expect(body, RobotBody, "the body", RecordingError)
     measured = _measured(_without(recording, uncounted), robot, body)
     content = _content(recording, robot, body, compare, measured)
-    return base64.b64encode(zlib.compress(packed(content), level=9)).decode("ascii")
+    return base64.b64encode(zlib.compress(packed(delta_coded(content)), level=9)).decode("ascii")
 
 
 def check_replayed(shown: Recording | Plan, robot: Baxter, hint: str = "") -> None:

@@ -30,6 +30,7 @@ _PARTS = {
     "plots": "scripts/plots.js",
     "panel_script": "scripts/panel.js",
     "waypoints": "scripts/waypoints.js",
+    "unpack": "scripts/unpack.js",
     "player": "scripts/player.js",
     "controls_script": "scripts/controls.js",
     "live": "scripts/live.js",

@@ -66,7 +66,8 @@ DRAW_ONLY_PICTURES = """
       try { return capture.call(this); } finally { this.renderer.render = place; }
     };
   };
-  let meshcat;
+  let meshcat = window.MeshCat; // in a frame that is written into its page this may come late
+  if (meshcat) quieten(meshcat.Viewer);
   Object.defineProperty(window, "MeshCat", {
     get: () => meshcat,
     set: (loaded) => { meshcat = loaded; quieten(loaded.Viewer); },

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import signal
 import socket
 import subprocess
@@ -10,18 +9,17 @@ import sys
 import threading
 import time
 import webbrowser
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import pytest
-import umsgpack
 
 from sim.demo import live, main
 from sim.demo.live import can_open, where_to_look
 from tests.sim.conftest import Watched
 from tests.sim.view.live.websocket import DEADLINE_S, Page
+from tests.sim.view.replay_decoding import decoded
 
 URL = "http://127.0.0.1:7000/"
 DISPLAY = {"DISPLAY": ":0"}
@@ -148,8 +146,7 @@ def ended(process: subprocess.Popen[str], page: Page) -> tuple[int, str]:
 
 def content_of(page: Page) -> dict[str, Any]:
     """The replay that the page got."""
-    found: dict[str, Any] = umsgpack.unpackb(zlib.decompress(base64.b64decode(page.told["replay"])))
-    return found
+    return decoded(str(page.told["replay"]))
 
 
 def drawn_in(content: dict[str, Any]) -> set[str]:

@@ -1,8 +1,6 @@
 from __future__ import annotations
 
-import base64
 import gzip
-import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import umsgpack
 from playwright.sync_api import Browser
 
 from baxter_kin import Baxter
@@ -23,18 +20,8 @@ from sim.view.replay_content import encoded_content
 from sim.view.telemetry.clearance import NO_MOTION
 from tests.conftest import overhead
 from tests.sim.conftest import Watched, watched_page
+from tests.sim.view.replay_decoding import decoded
 from tests.sim.view.test_replay import MAX_BYTES, MAX_GZIPPED
-
-_TYPES = {0x11: "i1", 0x13: "<i2", 0x14: "<u2", 0x16: "<u4", 0x17: "<f4"}
-
-
-def decoded(text: str) -> dict[str, Any]:
-    """The content as a page reads it."""
-    handlers = {
-        code: (lambda ext, kind=kind: np.frombuffer(ext.data, kind))
-        for code, kind in _TYPES.items()
-    }
-    return dict(umsgpack.unpackb(zlib.decompress(base64.b64decode(text)), ext_handlers=handlers))
 
 
 def layers_of(content: dict[str, Any]) -> dict[str, dict[str, Any]]:
