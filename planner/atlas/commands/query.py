@@ -5,18 +5,22 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pinocchio as pin
 
 from baxter_kin.command_line import examples, file_to_write, number, whole_number
-from baxter_kin.files import replace_file
-from baxter_kin.json_text import as_lines
-from planner.atlas.commands.reports import say
-
-if TYPE_CHECKING:
-    import pinocchio as pin
-
-    from planner.atlas.questions.placing.placement import Placement
-    from planner.atlas.reach_map import ReachMap
+from baxter_kin.frames import pose_from_quaternion, quaternion_xyzw
+from baxter_kin.kinematics.arm import LIMBS
+from planner.atlas.commands.reports import say, write_report
+from planner.atlas.questions.arm_choice import which_arm
+from planner.atlas.questions.nearest.measure import M_PER_RAD, Keep
+from planner.atlas.questions.nearest.search import nearest_reachable
+from planner.atlas.questions.placing.placement import Placement, PlacementStatus
+from planner.atlas.questions.placing.search import where
+from planner.atlas.questions.placing.task_file import load_task
+from planner.atlas.reach_map import ReachMap
+from planner.manipulator import Manipulator
 
 HELP = "ask a reach map: about a pose, the nearest one, which arm, where to put the table"
 
@@ -32,6 +36,8 @@ EXAMPLES = examples(
 )
 
 EXIT_YES, EXIT_NO = 0, 1
+
+KEEPS = [keep.value for keep in Keep]
 
 MOST_REFUSED = 10
 """Refused places that are told one by one."""
@@ -64,12 +70,9 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         BaxterError: when the map, the pose or the task's file is not valid.
     """
-    from planner.atlas.reach_map import ReachMap  # noqa: PLC0415 - loads Pinocchio
-
     atlas = ReachMap(arguments.path)
     status, sentences, data = _QUESTIONS[arguments.question](atlas, arguments)
-    if arguments.json is not None:
-        replace_file(arguments.json, as_lines(data).encode() + b"\n")
+    write_report(arguments.json, data)
     say("\n".join(sentences))
     return status
 
@@ -78,8 +81,6 @@ _Answer = tuple[int, list[str], dict[str, Any]]
 
 
 def _pose(atlas: ReachMap, arguments: argparse.Namespace) -> _Answer:
-    from planner.atlas.questions.arm_choice import which_arm  # noqa: PLC0415 - loads Pinocchio
-
     T = _given(arguments)
     sentences, data = list[str](), dict[str, Any]()
     is_reached = False
@@ -110,8 +111,6 @@ def _cell(atlas: ReachMap, side: str, T: pin.SE3) -> str:
 
 
 def _arm(atlas: ReachMap, arguments: argparse.Namespace) -> _Answer:
-    from planner.atlas.questions.arm_choice import which_arm  # noqa: PLC0415 - loads Pinocchio
-
     choice = which_arm(atlas, _given(arguments))
     margins = {side: answers[0].margin_rad for side, answers in choice.answers.items()}
     data = {"best": choice.best, "margins_rad": margins, "reason": choice.reason}
@@ -119,12 +118,8 @@ def _arm(atlas: ReachMap, arguments: argparse.Namespace) -> _Answer:
 
 
 def _nearest(atlas: ReachMap, arguments: argparse.Namespace) -> _Answer:
-    from planner.atlas.questions.nearest.search import (  # noqa: PLC0415 - loads Pinocchio
-        nearest_reachable,
-    )
-
     T, sentences, data = _given(arguments), list[str](), dict[str, Any]()
-    keeps = ["orientation", "position", "nothing"] if arguments.keep is None else [arguments.keep]
+    keeps = KEEPS if arguments.keep is None else [arguments.keep]
     sides = atlas.arms if arguments.arm is None else (arguments.arm,)
     is_found = False
     for side in sides:
@@ -143,13 +138,7 @@ def _nearest(atlas: ReachMap, arguments: argparse.Namespace) -> _Answer:
 
 
 def _where(atlas: ReachMap, arguments: argparse.Namespace) -> _Answer:
-    from planner.atlas.questions.placing.placement import PlacementStatus  # noqa: PLC0415
-    from planner.atlas.questions.placing.search import where  # noqa: PLC0415 - loads Pinocchio
-    from planner.atlas.questions.placing.task_file import load_task  # noqa: PLC0415
-    from planner.grasping.hand import Hand  # noqa: PLC0415
-    from planner.manipulator import Manipulator  # noqa: PLC0415
-
-    hand: Hand = Manipulator.of(atlas.robot, atlas.arms[0]).hand
+    hand = Manipulator.of(atlas.robot, atlas.arms[0]).hand
     task, grid = load_task(arguments.tasks, hand)
     found = where(
         atlas,
@@ -202,15 +191,11 @@ _QUESTIONS: dict[str, Callable[[ReachMap, argparse.Namespace], _Answer]] = {
 
 
 def _given(arguments: argparse.Namespace) -> pin.SE3:
-    from baxter_kin.frames import pose_from_quaternion  # noqa: PLC0415 - loads Pinocchio
-
     given = [getattr(arguments, name) for name in POSE]
     return pose_from_quaternion(given[:3], given[3:], normalise=True)
 
 
 def _seven(T: pin.SE3) -> list[float]:
-    from baxter_kin.frames import quaternion_xyzw  # noqa: PLC0415 - loads Pinocchio
-
     numbers: list[float] = [*T.translation.tolist(), *quaternion_xyzw(T).tolist()]
     return numbers
 
@@ -226,18 +211,18 @@ def _add_json(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_nearest(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--arm", choices=("left", "right"), help="which (default: the map's)")
+    parser.add_argument("--arm", choices=LIMBS, help="which (default: the map's)")
     parser.add_argument(
         "--keep",
-        choices=("orientation", "position", "nothing"),
+        choices=KEEPS,
         help="what of the pose stays as it is (default: each in turn)",
     )
     parser.add_argument(
         "--m-per-rad",
         type=number,
-        default=0.3,
+        default=M_PER_RAD,
         metavar="M",
-        help="what a radian counts for where nothing is kept (default: 0.3 m)",
+        help=f"what a radian counts for where nothing is kept (default: {M_PER_RAD:g} m)",
     )
 
 

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
+import math
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from baxter_kin.command_line import Options, examples, number, number_within, whole_number
+from baxter_kin.parallel import Engine
 from baxter_kin.parallel.engine_options import add_engine_options, engine_of
-from planner.atlas.commands.exit_status import TOLD
-from planner.atlas.commands.reports import SAME_PATH
+from planner.atlas.commands.exit_status import EXIT_DONE, EXIT_FAILED, TOLD
+from planner.atlas.commands.progress import progress
+from planner.atlas.commands.reports import SAME_PATH, say
+from planner.atlas.reach_map import ReachMap
+from planner.atlas.redundancy import (
+    RedundancyMap,
+    RedundancyReport,
+    Subset,
+    build_redundancy_map,
+    estimate,
+)
+from planner.atlas.redundancy.building import MOST_CELLS, existing_map
+from planner.atlas.redundancy.checking import check_redundancy
 from planner.errors import AtlasError
-
-if TYPE_CHECKING:
-    from baxter_kin.parallel import Engine
-    from planner.atlas.reach_map import ReachMap
-    from planner.atlas.redundancy import RedundancyMap, RedundancyReport, Subset
 
 HELP = "of a part of a reach map: pieces of self-motion, their lengths, margins, what is free"
 
@@ -27,7 +31,7 @@ EXAMPLES = examples(
     "python -m planner.atlas redundancy reach.zarr table.zarr --z 0.1 --tool-axis 0 0 -1",
     "python -m planner.atlas redundancy reach.zarr box.zarr --x 0.4 0.9 --y -0.5 0.5 --every 2",
     "python -m planner.atlas redundancy reach.zarr some.zarr --every-rotation 8 --cost",
-    end=TOLD.format(also=", or --check found wrong cells"),
+    end=TOLD.format(also="with --check, nothing is wrong; "),
 )
 
 
@@ -72,49 +76,49 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         BaxterError: when something is wrong with maps, the subset or the engine.
     """
-    from planner.atlas.reach_map import ReachMap  # noqa: PLC0415 - loads Pinocchio
-    from planner.atlas.redundancy import build_redundancy_map, estimate  # noqa: PLC0415
-    from planner.atlas.redundancy.building import MOST_CELLS, existing_map  # noqa: PLC0415
-
     reach_map, path = ReachMap(arguments.reach), Path(arguments.map)
     subset, others = _subset(reach_map, arguments), reach_map.robot.configuration()
     most_cells = arguments.most_cells or MOST_CELLS
     found = existing_map(path, reach_map, subset, others, most_cells=most_cells)
     missing = None if found is None else found.missing_blocks()
-    say = _silent if arguments.quiet and not arguments.cost else _say
-    if say is _say:
+    if arguments.cost or not arguments.quiet:
         work = {"q_others": others, "missing": missing, "measure_s": arguments.measure_s}
         say(f"missing: {estimate(reach_map, subset, **work)}")
     if arguments.cost:
-        return 0
+        return EXIT_DONE
+    total = len(subset.arms) * math.prod(subset.blocks) if missing is None else len(missing)
     with engine_of(arguments) as engine:
-        with _progress(is_quiet=arguments.quiet) as progress:
+        with progress("build", max(total, 1), is_quiet=arguments.quiet) as advance:
+
+            def tell(done: int, of: int, report: RedundancyReport) -> None:
+                del report
+                advance(1, f"{done:,} of {of:,} blocks")
+
             found = build_redundancy_map(
-                path, reach_map, subset, engine=engine, most_cells=most_cells, progress=progress
+                path, reach_map, subset, engine=engine, most_cells=most_cells, progress=tell
             )
-        say(f"complete: {found}")
-        return 0 if arguments.check is None else _checked(found, reach_map, engine, arguments)
+        if not arguments.quiet:
+            say(f"complete: {found}")
+        if arguments.check is None:
+            return EXIT_DONE
+        return _checked(found, reach_map, engine, arguments)
 
 
 def _checked(
     found: RedundancyMap, reach_map: ReachMap, engine: Engine, arguments: argparse.Namespace
 ) -> int:
     """Check some cells; the exit status."""
-    from planner.atlas.redundancy.checking import check_redundancy  # noqa: PLC0415
-
     check = check_redundancy(found, reach_map, cells=arguments.check, engine=engine)
     for cell in check.wrong:
         sys.stderr.write(f"wrong: {cell}\n")
     if not arguments.quiet:
-        _say(f"{check}; at most off, by other code:")
-        for number in ("length_rad", "margin_rad", "manipulability", "free_share"):
-            _say(f"  {number:15} {check.worst(number):.2g}")
-    return 0 if check.is_valid else 1
+        say(f"{check}; at most off, by other code:")
+        for measure in ("length_rad", "margin_rad", "manipulability", "free_share"):
+            say(f"  {measure:15} {check.worst(measure):.2g}")
+    return EXIT_DONE if check.is_valid else EXIT_FAILED
 
 
 def _subset(reach_map: ReachMap, arguments: argparse.Namespace) -> Subset:
-    from planner.atlas.redundancy import Subset  # noqa: PLC0415 - loads Pinocchio
-
     return Subset.of(
         reach_map,
         arms=arguments.arm,
@@ -135,34 +139,6 @@ def _within(given: list[float] | None, option: str) -> float | tuple[float, floa
     if len(given) > 2:
         raise AtlasError(f"{option} takes one coordinate or two, got {len(given)}")
     return given[0] if len(given) == 1 else (min(given), max(given))
-
-
-@contextmanager
-def _progress(*, is_quiet: bool) -> Iterator[Callable[[int, int, RedundancyReport], object] | None]:
-    """A bar on stderr, for those who watch."""
-    is_watched = sys.stderr.isatty() and importlib.util.find_spec("tqdm") is not None
-    if is_quiet or not is_watched:
-        yield None
-        return
-    from tqdm import tqdm  # noqa: PLC0415 - only when shown
-
-    with tqdm(unit="block", file=sys.stderr) as bar:
-
-        def told(done: int, total: int, report: RedundancyReport) -> None:
-            del report
-            bar.total, bar.initial = total, bar.initial or done - 1
-            bar.update(done - bar.n)
-
-        yield told
-
-
-def _say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
-
-
-def _silent(_: str) -> None:
-    pass
 
 
 def _add_subset(which: Options) -> None:
