@@ -18,11 +18,13 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 FRONT_DOORS = (
-    *("baxter_kin", "baxter_kin.ik", "baxter_kin.parallel"),
-    *("planner", "planner.atlas", "planner.atlas.redundancy", "planner.collision"),
-    *("planner.grasping", "planner.verification"),
-    *("sim", "sim.perception", "sim.recording", "sim.world"),
+    *("planner.atlas.redundancy", "planner.atlas", "baxter_kin.parallel"),
+    *("baxter_kin", "planner", "sim", "baxter_kin.ik", "planner.collision", "planner.grasping"),
+    *("planner.verification", "sim.perception", "sim.recording", "sim.world"),
 )
+"""Where a name is documented: at the first of these that has it. Its last part alone means that of
+the last."""
+
 LINKS = {"a": "href", "link": "href", "script": "src", "img": "src", "iframe": "src"}
 """Where elements of a page lead."""
 

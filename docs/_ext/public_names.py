@@ -25,13 +25,7 @@ from sphinx.transforms import SphinxTransform
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
-FRONT_DOORS = (
-    *("planner.atlas.redundancy", "planner.atlas", "baxter_kin.parallel"),
-    *("baxter_kin", "planner", "sim", "baxter_kin.ik", "planner.collision", "planner.grasping"),
-    *("planner.verification", "sim.perception", "sim.recording", "sim.world"),
-)
-"""Where a name is documented: at the first of these that has it. Its last part alone means that of
-the last."""
+from scripts.check_site import FRONT_DOORS
 
 PACKAGES = ("baxter_kin", "planner", "sim")
 FOREIGN = ("Figure", "np", "pin")

@@ -19,8 +19,6 @@ from baxter_kin.value_objects import OneLine, count
 Block: TypeAlias = tuple[int, int, int, int]
 """Index of the arm, then of the block along x, y and z."""
 
-FORMAT, VERSION = "baxter-kin reach map", 1
-
 
 class Layout(NamedTuple):
     """A kind of map.
@@ -40,7 +38,7 @@ class Layout(NamedTuple):
     inner: int
 
 
-REACH_MAP = Layout(FORMAT, VERSION, "reach map", "margins", 1)
+REACH_MAP = Layout("baxter-kin reach map", 1, "reach map", "margins", 1)
 
 
 class Chunked(NamedTuple):

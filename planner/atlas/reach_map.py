@@ -242,8 +242,9 @@ class ReachMap(OneLine):
             UnknownNameError: when the map has no such arm.
             AtlasError: when a block is damaged.
         """
+        arm = self._arm_index(side)
         with explained(self.path):
-            return np.asarray(self._margins[(self._arm_index(side), *part)])
+            return np.asarray(self._margins[(arm, *part)])
 
     def witnesses(self, side: str, part: tuple[slice, ...] = (slice(None),) * 3) -> FloatArray:
         """Witnesses of one arm, rad, zero where there is none: shape (nx, ny, nz, rotations, 7).
@@ -256,8 +257,9 @@ class ReachMap(OneLine):
             UnknownNameError: when the map has no such arm.
             AtlasError: when a block is damaged.
         """
+        arm = self._arm_index(side)
         with explained(self.path):
-            steps = self._witnesses[(self._arm_index(side), *part)]
+            steps = self._witnesses[(arm, *part)]
         found: FloatArray = np.moveaxis(steps, -2, -1) * RAD_PER_STEP
         return found
 

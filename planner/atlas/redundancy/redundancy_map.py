@@ -16,7 +16,6 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, dataclass
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,7 @@ from baxter_kin.errors import UnknownNameError, quoted
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import OneLine
-from planner.atlas.blocks import Block, Chunked, Layout
+from planner.atlas.blocks import Block, Blocks, Chunked, Layout
 from planner.atlas.cell import STATUSES
 from planner.atlas.map_files import (
     blocks_stored,
@@ -155,14 +154,12 @@ class RedundancyMap(OneLine):
     @property
     def blocks(self) -> tuple[Block, ...]:
         """All of them, in the order in which they are computed."""
-        nx, ny, nz = self.subset.blocks
-        return tuple(product(range(len(self.arms)), range(nx), range(ny), range(nz)))
+        return tuple(Blocks(self._block_shape))
 
     def missing_blocks(self) -> tuple[Block, ...]:
         """Those that are not computed."""
-        shape = len(self.arms), *self.subset.blocks
-        stored = set(blocks_stored(self.path, shape, REDUNDANCY_MAP))
-        return tuple(block for block in self.blocks if block not in stored)
+        shape = self._block_shape
+        return tuple(Blocks.of(shape, blocks_stored(self.path, shape, REDUNDANCY_MAP)).others())
 
     def __len__(self) -> int:
         """How many cells there are."""
@@ -254,6 +251,10 @@ class RedundancyMap(OneLine):
     def discard_block(self, block: Block) -> None:
         """Forget a block, so that the next build computes it."""
         remove_block(self.path, block, REDUNDANCY_MAP)
+
+    @property
+    def _block_shape(self) -> tuple[int, ...]:
+        return len(self.arms), *self.subset.blocks
 
     def _arm_index(self, side: str) -> int:
         if side not in self.arms:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.errors import UnknownNameError
 from baxter_kin.parallel import LocalPool, Serial
 from planner.atlas import BlockReport, PositionGrid, ReachMap, RotationGrid, build_reach_map
 from planner.atlas.blocks import Block, BlockTask
@@ -148,3 +150,16 @@ def test_blocks_of_many_rotations_are_small_and_read_alike(
     fine = found.cell("left", (0, 0, 0), 0)
     assert np.allclose(fine.T_base_tip.homogeneous, coarse.T_base_tip.homogeneous)
     assert fine.status == coarse.status == "reachable"
+
+
+def test_an_unknown_arm_is_no_damage_and_a_grid_that_makes_no_sense_is(
+    small_map: ReachMap, tmp_path: Path
+) -> None:
+    for read in (small_map.margins, small_map.witnesses):
+        with pytest.raises(UnknownNameError, match="arm of this map 'middle'"):
+            read("middle")
+    own = Path(shutil.copytree(small_map.path, tmp_path / "own.zarr"))
+    facts = own / "zarr.json"
+    facts.write_text(facts.read_text().replace('"step_m": 0.1', '"step_m": -0.1'))
+    with pytest.raises(AtlasError, match=r"own\.zarr is damaged: step_m"):
+        ReachMap(own)
