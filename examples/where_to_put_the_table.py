@@ -28,7 +28,7 @@ from planner.atlas import (
     ReachMap,
     RotationGrid,
     TableTask,
-    Transfer,
+    TableTransfer,
     build_reach_map,
     where,
 )
@@ -65,7 +65,7 @@ def across_the_table(robot: Baxter) -> TableTask:
     table = load_object("table", pin.SE3.Identity())
     block = make_block("red", on_the_table(-0.3, 0.15))
     hand = Manipulator.of(robot, "left").hand
-    transfer = Transfer.from_above(hand, block, on_the_table(-0.3, -0.15))
+    transfer = TableTransfer.from_above(hand, block, on_the_table(-0.3, -0.15))
     return TableTask((transfer,), bodies=(table, block))
 
 

@@ -2,6 +2,7 @@
 
 from planner.atlas.building import BlockReport, build_reach_map
 from planner.atlas.cell import Cell
+from planner.atlas.contents import ArmContents, count_contents
 from planner.atlas.positions import PositionGrid
 from planner.atlas.questions.arm_choice import ArmChoice, which_arm
 from planner.atlas.questions.calibrated.carrying_over import CalibratedCells, for_calibrated
@@ -11,7 +12,7 @@ from planner.atlas.questions.nearest.search import NearestPose, nearest_reachabl
 from planner.atlas.questions.placing.grid import PlacementGrid
 from planner.atlas.questions.placing.placement import Placement, Placements, PlacementStatus
 from planner.atlas.questions.placing.search import where
-from planner.atlas.questions.placing.task import TableTask, Transfer, Visit
+from planner.atlas.questions.placing.task import TableTask, TableTransfer, Visit
 from planner.atlas.questions.placing.task_file import load_task
 from planner.atlas.questions.pose_answer import PoseAnswer
 from planner.atlas.reach_map import ReachMap
@@ -19,6 +20,7 @@ from planner.atlas.rotations import RotationGrid
 
 __all__ = [
     "ArmChoice",
+    "ArmContents",
     "BlockReport",
     "CalibratedCells",
     "Cell",
@@ -33,10 +35,11 @@ __all__ = [
     "ReachMap",
     "RotationGrid",
     "TableTask",
+    "TableTransfer",
     "TipDeviation",
-    "Transfer",
     "Visit",
     "build_reach_map",
+    "count_contents",
     "for_calibrated",
     "load_task",
     "nearest_reachable",

@@ -33,12 +33,13 @@ def new_figure(width_inch: float, height_inch: float) -> Figure:
         MissingLibraryError: when Matplotlib is not installed.
     """
     try:
-        from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
+        from planner.atlas.pictures.notebook_figure import NotebookFigure  # noqa: PLC0415 - an extra
     except ImportError as cause:
         raise MissingLibraryError(
             f"figures need the package matplotlib; {run_to_install_extra('plot')}"
         ) from cause
-    return Figure(figsize=(width_inch, height_inch), layout="constrained", facecolor="white")
+    size = width_inch, height_inch
+    return NotebookFigure(figsize=size, layout="constrained", facecolor="white")
 
 
 class Panels:

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from baxter_kin import Baxter
 from planner.atlas.questions.placing.placement import Placement
-from planner.atlas.questions.placing.task import TableTask, Transfer, Visit
+from planner.atlas.questions.placing.task import TableTask, TableTransfer, Visit
 from planner.manipulator import Manipulator
 from planner.pick_place.planning import plan_pick_and_place, plan_start_move
 from planner.plan import Plan
@@ -65,19 +65,19 @@ class Confirmation:
 
 
 def _planned(
-    of: Transfer | Visit,
+    of: TableTransfer | Visit,
     manipulator: Manipulator,
     scene: Scene,
     T_base_table: pin.SE3,
     q: object,
 ) -> Plan:
     neutral = manipulator.arm.neutral
-    if isinstance(of, Transfer):
+    if isinstance(of, TableTransfer):
         return plan_pick_and_place(of.seen_from_base(T_base_table), manipulator, scene, neutral)
     return plan_start_move(manipulator, scene, neutral, np.asarray(q, dtype=np.float64))
 
 
-def _after(of: Transfer | Visit, scene: Scene, T_base_table: pin.SE3) -> Scene:
+def _after(of: TableTransfer | Visit, scene: Scene, T_base_table: pin.SE3) -> Scene:
     """The bodies once a job is done."""
     if isinstance(of, Visit):
         return scene

@@ -22,7 +22,7 @@ from planner.scene.bodies import Body, Scene
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Transfer(OneLine):
+class TableTransfer(OneLine):
     """A body is picked and placed.
 
     Attributes:
@@ -58,7 +58,7 @@ class Transfer(OneLine):
         T_table_pick: PoseLike | None = None,
         hover_m: float = 0.15,
         clear_m: float = 0.05,
-    ) -> Transfer:
+    ) -> TableTransfer:
         """A body is grasped where it is, and goes to another pose.
 
         Args:
@@ -122,7 +122,7 @@ class Job(NamedTuple):
         poses: of the tip, seen from the table, with what each is called.
     """
 
-    of: Transfer | Visit
+    of: TableTransfer | Visit
     poses: tuple[tuple[str, pin.SE3], ...]
 
 
@@ -143,14 +143,14 @@ class TableTask(OneLine):
         SceneError: when two bodies share a name.
     """
 
-    transfers: tuple[Transfer, ...] = ()
+    transfers: tuple[TableTransfer, ...] = ()
     visits: tuple[Visit, ...] = ()
     bodies: tuple[Body, ...] = ()
     standing: tuple[Body, ...] = ()
 
     def __post_init__(self) -> None:
         for name, kind in (
-            ("transfers", Transfer),
+            ("transfers", TableTransfer),
             ("visits", Visit),
             ("bodies", Body),
             ("standing", Body),

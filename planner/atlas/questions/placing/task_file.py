@@ -31,7 +31,7 @@ from baxter_kin.frames import pose_from_quaternion
 from baxter_kin.json_data import from_json
 from baxter_kin.json_text import from_text
 from planner.atlas.questions.placing.grid import FLOOR_M, PlacementGrid
-from planner.atlas.questions.placing.task import TableTask, Transfer, Visit
+from planner.atlas.questions.placing.task import TableTask, TableTransfer, Visit
 from planner.errors import AtlasError
 from planner.grasping.hand import Hand
 from planner.scene.bodies import Body
@@ -132,11 +132,11 @@ def _task(document: _Document, hand: Hand) -> TableTask:
     return TableTask(transfers, visits, tuple(bodies))
 
 
-def _transfer(given: _Transfer, bodies: dict[str, Body], hand: Hand) -> Transfer:
+def _transfer(given: _Transfer, bodies: dict[str, Body], hand: Hand) -> TableTransfer:
     if given.body not in bodies:
         present = ", ".join(bodies) or "none"
         raise AtlasError(f"a transfer carries {given.body!r}, and the bodies are: {present}")
-    return Transfer.from_above(
+    return TableTransfer.from_above(
         hand,
         bodies[given.body],
         _pose(given.to),

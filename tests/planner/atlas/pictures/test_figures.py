@@ -78,6 +78,11 @@ def test_undecided_and_missing_positions_are_marked(robot: Baxter, tmp_path: Pat
     assert [text.get_text() for text in legend.get_texts()] == ["not computed"]
 
 
+def test_a_figure_is_a_picture_in_a_notebook(small_map: ReachMap) -> None:
+    figure: Any = plot_profile(small_map)
+    assert figure._repr_png_().startswith(b"\x89PNG")
+
+
 def test_what_makes_no_sense_is_refused(small_map: ReachMap) -> None:
     with pytest.raises(UnknownNameError, match="unknown quantity 'shares'; use one of: share"):
         plot_reach_map(small_map, quantity="shares")

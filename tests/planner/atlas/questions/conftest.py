@@ -8,7 +8,7 @@ import pytest
 
 from baxter_kin import Baxter
 from planner import Manipulator, load_object, make_block
-from planner.atlas import TableTask, Transfer
+from planner.atlas import TableTask, TableTransfer
 from planner.verification.pose_finder import PoseFinder
 
 
@@ -22,7 +22,7 @@ def task(robot: Baxter) -> TableTask:
     """A block goes 30 cm to the robot's right."""
     block = make_block("red", on_the_table(-0.3, 0.15))
     hand = Manipulator.of(robot, "left").hand
-    transfer = Transfer.from_above(hand, block, on_the_table(-0.3, -0.15))
+    transfer = TableTransfer.from_above(hand, block, on_the_table(-0.3, -0.15))
     return TableTask((transfer,), bodies=(load_object("table", pin.SE3.Identity()), block))
 
 

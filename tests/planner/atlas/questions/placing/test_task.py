@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.atlas import TableTask, Transfer, Visit
+from planner.atlas import TableTask, TableTransfer, Visit
 from planner.errors import SceneError, TaskError
 
 HERE = pin.SE3(np.diag([-1.0, 1.0, -1.0]), np.array([0.1, 0.2, 0.8]))
@@ -56,7 +56,7 @@ def test_tasks_that_make_no_sense_are_refused(task: TableTask) -> None:
     with pytest.raises(SceneError, match="no body 'red' in the scene"):
         TableTask(task.transfers)
     with pytest.raises(TaskError, match="'table' is not movable"):
-        TableTask((Transfer("table", HERE, HERE),), bodies=task.bodies)
+        TableTask((TableTransfer("table", HERE, HERE),), bodies=task.bodies)
     with pytest.raises(SceneError, match="already has a body named 'red'"):
         TableTask(task.transfers, bodies=task.bodies, standing=task.bodies[1:])
     with pytest.raises(TaskError, match="name of a visit"):
