@@ -24,7 +24,7 @@ from tempfile import TemporaryDirectory
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 from notebook_runs.judging import faults
 from notebook_runs.kernel import executed
-from notebook_runs.notebooks import NAMES, read, with_solutions
+from notebook_runs.notebooks import NAMES, read, runs_here, with_solutions
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
@@ -40,7 +40,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     with TemporaryDirectory() as folder:
         outside = Path(folder)
         python = environment(outside / "venv", options.wheel or build(outside))
-        wrong = [found for name in options.names for found in run(name, outside, python)]
+        able = [name for name in options.names if runs_here(name)]
+        wrong = [found for name in able for found in run(name, outside, python)]
+    for name in set(options.names) - set(able):
+        print(f"{name:<28} needs a later Python")
     print(*wrong, sep="\n", end="\n" if wrong else "", file=sys.stderr)
     return 1 if wrong else 0
 

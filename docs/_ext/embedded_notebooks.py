@@ -19,6 +19,8 @@ from sphinx.application import Sphinx
 from sphinx.config import Config
 from sphinx.util import logging
 
+from tests import notebook_kernel
+
 LOGGER = logging.getLogger(__name__)
 CHECKOUT = Path(__file__).parents[2]
 STORED = CHECKOUT / "notebooks"
@@ -29,6 +31,8 @@ UP, DOWN = "](../docs/", "](../"
 """How a notebook links to a page of docs/, in the checkout and on the site."""
 
 WITHIN_S = 600.0
+
+runs_here = notebook_kernel.module("notebooks").runs_here
 
 _running: dict[str, subprocess.Popen[str]] = {}
 
@@ -47,7 +51,7 @@ def begin(_app: Sphinx, _config: Config) -> None:
     newest = max(path.stat().st_mtime for path in sources())
     for path in sorted(STORED.glob("*.ipynb")):
         notebook = nbformat.read(path, as_version=4)
-        count = embed(notebook, path.stem)
+        count = embed(notebook, path.stem) if runs_here(path.stem) else 0
         write_if_other(PAGES / path.name, nbformat.writes(notebook).replace(UP, DOWN))
         pages = [PAGES / MADE_IN / f"{name_of(path.stem, n)}.html" for n in range(1, count + 1)]
         if any(not page.exists() or page.stat().st_mtime < newest for page in pages):

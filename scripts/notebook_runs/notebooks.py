@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,11 @@ NAMES = (
     "4_pick_and_place",
     "5_your_own_task",
     "6_a_baxter_on_the_network",
+    "7_what_it_can_reach",
 )
+
+OLDEST_PYTHON = {"7_what_it_can_reach": (3, 11)}
+"""Of notebooks that need a later one than the toolkit does."""
 
 DIGEST = "outputs_of"
 """In a notebook's metadata: the digest of the sources that its stored outputs come from."""
@@ -45,6 +50,11 @@ class Exercise:
     index: int
     solution: str
     check: str
+
+
+def runs_here(name: str) -> bool:
+    """Whether this Python is new enough for a notebook."""
+    return sys.version_info[:2] >= OLDEST_PYTHON.get(name, (0, 0))
 
 
 def read(name: str) -> NotebookNode:

@@ -17,7 +17,7 @@ notebooks = notebook_kernel.module("notebooks")
 
 
 def all_exercises() -> Iterator[Any]:
-    for name in notebook_kernel.NAMES:
+    for name in filter(notebooks.runs_here, notebook_kernel.NAMES):
         notebook = notebook_kernel.read(name)
         solved = notebooks.code_cells(notebooks.with_solutions(notebook))
         for exercise in notebooks.exercises(notebook):
