@@ -84,11 +84,11 @@ class OffPath:
         points = self._placed(joints)
         offsets = points[:, :, None] - joints[:, None, :, :3, 3]
         slopes = np.cross(axes[:, None], offsets)  # boxes, points, joints, 3
-        levers = np.linalg.norm(slopes, axis=3).max(axis=1)
+        levers = np.sqrt(np.einsum("mpjx,mpjx->mpj", slopes, slopes).max(axis=1))
         curved = (levers * w * (w / 2 + np.cumsum(w, axis=1) - w)).sum(axis=1)
         slopes *= w[:, None, :, None]
-        tips = np.linalg.norm(points[:, None, 0] - self._path[:, 0], axis=2)
-        nearest = tips.argmin(axis=1)
+        way = self._path[:, 0]
+        nearest = ((way * way).sum(axis=1) - 2.0 * points[:, 0] @ way.T).argmin(axis=1)
         found = [self._off_chord(nearest, reach, points, slopes) for reach in REACHES]
         off_m: FloatArray = np.min(found, axis=0) + curved + self._between_m
         return off_m
@@ -120,9 +120,10 @@ class OffPath:
         share = np.minimum(1.0, free / np.maximum(room, LEAST_SQUARE))
         off = points - begin - middle[:, None, None] * way
         turned = slopes - (share[:, None] * rises)[:, None, :, None] * way[:, :, None]
-        sides = turned.swapaxes(1, 2).reshape(len(points), 7, -1)
-        at_corners = (CORNERS @ sides).reshape(len(points), len(CORNERS), -1, 3) + off[:, None]
-        farthest: FloatArray = np.sqrt((at_corners**2).sum(axis=3).max(axis=(1, 2)))
+        at_corners = turned.transpose(0, 3, 1, 2) @ CORNERS.T  # x of all points and corners first
+        at_corners += off.transpose(0, 2, 1)[..., None]
+        at_corners *= at_corners
+        farthest: FloatArray = np.sqrt(at_corners.sum(axis=1).max(axis=(1, 2)))
         return farthest + self._bent(nearest, reach, begin, way, along)
 
     def _bent(
@@ -140,5 +141,5 @@ class OffPath:
         path = self._path[np.clip(numbers, 0, len(self._path) - 1)] - begin[:, None]
         fractions = np.einsum("mrx,mx->mr", path[:, :, 0], along)
         beside = path - fractions[:, :, None, None] * way[:, None]
-        bent: FloatArray = np.sqrt((beside**2).sum(axis=3).max(axis=(1, 2)))
+        bent: FloatArray = np.sqrt(np.einsum("mrpx,mrpx->mrp", beside, beside).max(axis=(1, 2)))
         return bent

@@ -31,6 +31,9 @@ from planner.verification.body.solid import ACCURACY_M, Solid, distance_request,
 from planner.verification.body.stretch import FINGER, PUSH, Stretch, arm_level, lever_arms
 from planner.verification.urdf_robot import UrdfRobot
 
+LOOKS = 2
+"""At a pair that is the nearest of its box: at the covers, then at the shapes."""
+
 LEAST_NORMAL = 0.5
 """Coal's normal has length 1, or it found none."""
 
@@ -59,6 +62,7 @@ class BoxDistances:
         self._standing, self._finger_m = standing, finger_m
         self._functions: dict[int, Any] = {}
         self._corners: dict[int, FloatArray] = {}
+        self._arms: dict[int, FloatArray] = {}
         self._request, self._result = distance_request(), coal.DistanceResult()
         self._data = robot.model.createData()
         joints = [self._data.joints[joint] for joint in robot.arm_joints]
@@ -76,7 +80,8 @@ class BoxDistances:
             enough_m: more than that is not looked for.
 
         Returns:
-            One array for each box, of its pairs in order, m.
+            One array for each box, of its pairs in order, m. The least of each is as good as covers
+            and shapes make it; others are only looked at until they are not the least.
         """
         full = self._configurations((lows + highs) / 2)
         still = np.zeros(len(full))
@@ -87,15 +92,15 @@ class BoxDistances:
             w = (highs[box] - lows[box]) / 2
             moved = distances.arms[some][:, :FINGER] @ w
             bounds = distances.balls_apart(some, box) - moved
-            near = np.flatnonzero(bounds < enough_m)
-            chain = self._chain(full[box])
-            for k in near[np.argsort(bounds[near])].tolist():
-                pair = int(some[k])
-                bounds[k] = max(bounds[k], self._apart(distances, pair, box, chain, w))
-                if bounds[k] < enough_m:
+            chain, looks = self._chain(full[box]), np.zeros(len(some), dtype=np.intp)
+            while len(some) and bounds[k := int(bounds.argmin())] < enough_m and looks[k] < LOOKS:
+                if looks[k] == 0:
+                    closer = self._apart(distances, int(some[k]), box, chain, w)
+                else:
                     asked_m = enough_m + float(moved[k]) + ACCURACY_M
-                    shapes_m = distances.shapes_apart(pair, box, asked_m) - ACCURACY_M
-                    bounds[k] = max(bounds[k], shapes_m - float(moved[k]))
+                    shapes_m = distances.shapes_apart(int(some[k]), box, asked_m) - ACCURACY_M
+                    closer = shapes_m - float(moved[k])
+                bounds[k], looks[k] = max(bounds[k], closer), looks[k] + 1
             found.append(bounds)
         return found
 
@@ -141,9 +146,10 @@ class BoxDistances:
         moving = slice(*(arm_level(self._robot, solid.joint) for solid in (inner, outer)))
         axes, origins = chain[0][moving], chain[1][moving]
         points = self._placed(outer, T_outer)
-        slopes = np.cross(axes, points[:, None] - origins) @ normal
+        across = np.cross(normal, axes)  # n . a x (p - o) = (p - o) . n x a
+        slopes = points @ across.T - (origins * across).sum(axis=1)
         heights = points @ normal - np.abs(slopes) @ w[moving]
-        arms = lever_arms(self._robot, outer)[moving]
+        arms = self._lever_arms(outer)[moving]
         highest = float((self._placed(inner, T_inner) @ normal).max())
         return float(heights.min()) - highest - _remainder(arms, w[moving]) - ROUNDING_M
 
@@ -159,6 +165,12 @@ class BoxDistances:
         towards = -np.array(self._result.normal)
         length = float(np.linalg.norm(towards))
         return towards / length if length > LEAST_NORMAL else None
+
+    def _lever_arms(self, solid: Solid) -> FloatArray:
+        """As `lever_arms`, once for each solid."""
+        if id(solid) not in self._arms:
+            self._arms[id(solid)] = lever_arms(self._robot, solid)
+        return self._arms[id(solid)]
 
     def _placed(self, solid: Solid, T: pin.SE3) -> FloatArray:
         """Corners of a cover where it is, shape (n, 3), m."""
