@@ -59,7 +59,8 @@ def from_text(text: str | bytes, error: type[BaxterError]) -> Json:
     except UnfitError as cause:
         raise error(str(cause)) from None
     except ValueError as cause:  # of the JSON, or of its UTF-8
-        raise error(f"is no complete JSON, so it is truncated or damaged: {cause}") from None
+        what = "is no complete JSON, so it is truncated, damaged or another kind of file"
+        raise error(f"{what}: {cause}") from None
     return data
 
 

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin import Baxter
-from baxter_kin.command_line import OneSentenceParser, whole_number
+from baxter_kin import Baxter, BaxterError
+from baxter_kin.command_line import OneSentenceParser, examples, whole_number
 from baxter_kin.parallel import Serial
 from planner import Manipulator, load_object, make_block
 from planner.atlas import (
@@ -41,16 +41,24 @@ TABLE_TOP_M = 0.775
 def main(argv: Sequence[str] | None = None) -> int:
     """Run it; returns the exit status."""
     options = _options(argv)
-    robot = Baxter.load()
+    try:
+        found = places(Baxter.load(), options.wanted)
+    except BaxterError as error:
+        print(error, file=sys.stderr)
+        return 1
+    print(told(found))
+    return 0 if found.confirmed else 1
+
+
+def places(robot: Baxter, wanted: int) -> Placements:
+    """Places of the table in front of the robot, turned by 0 or 30 degrees."""
     with tempfile.TemporaryDirectory() as folder:
-        found = where(
+        return where(
             map_around_the_table(robot, Path(folder) / "table.zarr"),
             across_the_table(robot),
             PlacementGrid.within((0.7, 1.2), (-0.4, 0.4), step_m=0.1, yaw_rad=(0.0, math.pi / 6)),
-            wanted=options.wanted,
+            wanted=wanted,
         )
-    print(told(found))
-    return 0 if found.confirmed else 1
 
 
 def map_around_the_table(robot: Baxter, path: Path) -> ReachMap:
@@ -80,7 +88,17 @@ def told(found: Placements) -> str:
 
 
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = OneSentenceParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    story = "python -m examples.where_to_put_the_table"
+    parser = OneSentenceParser(
+        prog=story,
+        description=(__doc__ or "").split("\n", maxsplit=1)[0],
+        epilog=examples(
+            story,
+            f"{story} --wanted 3",
+            end="It needs the extra `atlas`, and Python 3.11 or later. Exit status: 0 a place is "
+            "confirmed; 1 none is; 2 wrong usage.",
+        ),
+    )
     parser.add_argument(
         "--wanted",
         type=whole_number(1),

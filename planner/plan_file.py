@@ -114,7 +114,7 @@ def _plan(content: bytes) -> Plan:
     if not isinstance(document, dict):
         raise PlanFileError(f"is not a saved plan, but {shown(document)}; save_plan writes one")
     if document.get("format") != FORMAT:
-        stated = shown(document.get("format"))
+        stated = shown(document["format"]) if "format" in document else "not stated"
         raise PlanFileError(f"is not a saved plan: its format is {stated}; save_plan writes one")
     if document.get("version") != VERSION or type(document["version"]) is not int:
         raise PlanFileError(

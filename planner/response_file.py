@@ -67,8 +67,9 @@ def _read(content: bytes, limb: str) -> Response:
     data = from_text(content, ResponseError)
     stated = data.get("format") if isinstance(data, dict) else None
     if stated != FORMAT:
+        said = "not stated" if stated is None else shown(stated)
         raise ResponseError(
-            f"holds no response, as its format is {shown(stated)}; python -m sim.ros1.check "
+            f"holds no response, as its format is {said}; python -m sim.ros1.check "
             "--identify left --output FILE writes one"
         )
     document: _Document = from_json(data, _Document, "response", ResponseError)

@@ -30,7 +30,10 @@ PARSERS: dict[str, Callable[[Sequence[str]], object]] = {
     "sim.ros1.press": lambda argv: press._parser().parse_args(argv),
     "sim.ros1.robot": robot.parse_options,
 }
-TOLD = ("sim.ros1.master", "examples.three_poses", "examples.tower")
+TOLD = (
+    *("sim.ros1.master", "examples.three_poses", "examples.tower"),
+    "examples.where_to_put_the_table",
+)
 """Commands whose parsers are inside their main."""
 
 

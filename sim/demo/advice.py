@@ -9,7 +9,7 @@ import numpy as np
 from baxter_kin import Baxter, IKService
 from sim.demo.options import DEFAULT_POSES_M, DemoOptions
 from sim.demo.report import Point
-from sim.demo.scene import demo_bodies, overhead
+from sim.demo.scene import BLOCK_EDGE_M, demo_bodies, overhead
 
 STANDS_Z_M = DEFAULT_POSES_M[0][2]
 """Where the tip is when it holds the block that stands on the table."""
@@ -17,6 +17,8 @@ STANDS_Z_M = DEFAULT_POSES_M[0][2]
 LONGEST_DROP_M = 0.01
 STEPS_M = 0.01
 """Heights are tried so far apart."""
+LEAST_OVERLAP_M = 0.001
+"""Of an obstacle and the block along each axis, from where on they are said to overlap."""
 
 
 def advice(options: DemoOptions, robot: Baxter, ends_m: Sequence[Point]) -> str:
@@ -28,6 +30,7 @@ def advice(options: DemoOptions, robot: Baxter, ends_m: Sequence[Point]) -> str:
         ends_m: where the tip picks and places, in base.
     """
     found = [text for end_m in ends_m for text in _of_pose(options, robot, end_m)]
+    found += [text for end_m in ends_m for text in _of_obstacles(options, end_m)]
     if not found:
         found = list(_of_hover(options, robot, ends_m[-1]))
     return "; ".join(dict.fromkeys(found))
@@ -67,6 +70,16 @@ def _of_reach(ik: IKService, end_m: Point) -> Iterator[str]:
         if ik.solve(overhead(near)).is_valid:
             yield f"towards it, the {ik.arm.side} arm reaches as far as {near} m"
             return
+
+
+def _of_obstacles(options: DemoOptions, end_m: Point) -> Iterator[str]:
+    """Which obstacles stand where the block is, or shall be."""
+    for number, box_m in enumerate(options.obstacles_m, start=1):
+        centre_m, size_m = np.array(box_m[:3]), np.array(box_m[3:])
+        apart_m = np.abs(centre_m - end_m) - (size_m + BLOCK_EDGE_M) / 2.0
+        if apart_m.max() < -LEAST_OVERLAP_M:
+            x, y, z = end_m
+            yield f"obstacle {number} overlaps the block at ({x:g}, {y:g}, {z:g}): move it"
 
 
 def _heights() -> str:

@@ -60,10 +60,10 @@ class Narrator(Observer):
         begin, end = totals.block_start_m, totals.block_final_m
         if begin is not None and end is not None:
             self.say(f"block: from {_point(begin)} to {_point(end)} m in {Frame.BASE.value}")
+        cycle = f"; one pick and place {totals.cycle_time_s:.2f} s, gripper included"
         self.say(
             f"time: planning {totals.planning_time_s:.2f} s, arm motion {totals.motion_time_s:.2f} "
-            f"s, wall clock {totals.wall_time_s:.2f} s; one pick and place "
-            f"{totals.cycle_time_s:.2f} s, gripper included"
+            f"s, wall clock {totals.wall_time_s:.2f} s{cycle if totals.cycles_done else ''}"
         )
         if totals.transfer_ratio is not None:
             self.say(

@@ -291,6 +291,7 @@ TRAJECTORY = ("plan", "steps", 1, "trajectory")
     ("change", "reason"),
     [
         (put("format", value="other"), "is not a saved plan: its format is 'other'"),
+        (lambda document: document.pop("format"), "is not a saved plan: its format is not stated"),
         (
             put("version", value=2),
             "has version 2, but only 3 is read here, which says for which robot",

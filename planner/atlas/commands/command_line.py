@@ -40,7 +40,8 @@ def options(argv: Sequence[str] | None = None) -> argparse.Namespace:
     """The arguments, read; ends the program where they are wrong."""
     parser = OneSentenceParser(
         prog=f"python -m {NAME}",
-        description="Maps of what Baxter can reach: every yes has a witness, every no a proof.",
+        description="Maps of what Baxter can reach: a pose is reachable, with a witness (joint "
+        "angles that reach it), or proven out of reach, or undecided.",
         epilog=examples(
             "python -m planner.atlas build coarse.zarr --step-m 0.1 --hopf 0",
             "python -m planner.atlas info coarse.zarr",

@@ -57,7 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--show",
         choices=(*QUANTITIES, PROFILE),
         default=QUANTITIES[0],
-        help="share of rotations reached, greatest margin, or profile over height (default: share)",
+        help="share of rotations reached, greatest margin to the joint limits, or profile over "
+        "height (default: share)",
     )
     shown.add_argument(
         "--height",

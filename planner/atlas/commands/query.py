@@ -22,18 +22,25 @@ from planner.atlas.questions.placing.task_file import load_task
 from planner.atlas.reach_map import ReachMap
 from planner.manipulator import Manipulator
 
-HELP = "ask a reach map: about a pose, the nearest one, which arm, where to put the table"
+HELP = "Ask a map: about a pose, the nearest reachable one, which arm, where to put the table."
 
-EXAMPLES = examples(
-    "python -m planner.atlas query map.zarr pose 0.7 0.15 -0.129 0 1 0 0",
-    "python -m planner.atlas query map.zarr nearest 1.2 0.4 0.1 0 1 0 0 --arm left --keep position",
-    "python -m planner.atlas query map.zarr arm 0.7 0.15 -0.129 0 1 0 0",
-    "python -m planner.atlas query map.zarr where --tasks table.json --json places.json",
-    end="A pose is x, y, z of the tip in m and its quaternion x, y, z, w, seen from base. What a "
-    "task's file holds: docs/how_to/where_to_put_the_table.md. Exit status: 0 a yes; 1 a no, such "
-    "as a pose that is not reachable or no confirmed place, or a map or file that cannot be read; "
-    "2 wrong usage; 130 Ctrl-C.",
+_ASKED = {
+    "pose": "python -m planner.atlas query map.zarr pose 0.7 0.15 -0.129 0 1 0 0",
+    "nearest": "python -m planner.atlas query map.zarr nearest 1.2 0.4 0.1 0 1 0 0 --arm left "
+    "--keep position",
+    "arm": "python -m planner.atlas query map.zarr arm 0.7 0.15 -0.129 0 1 0 0",
+    "where": "python -m planner.atlas query map.zarr where --tasks table.json --json places.json",
+}
+"""An example of each question."""
+
+_POSE_TOLD = "A pose is x, y, z of the tip in m and its quaternion x, y, z, w, seen from base."
+_TASK_TOLD = "What a task's file holds: docs/how_to/where_to_put_the_table.md."
+_STATUS_TOLD = (
+    "Exit status: 0 a yes; 1 a no, such as a pose that is not reachable or no confirmed place, or "
+    "a map or file that cannot be read; 2 wrong usage; 130 Ctrl-C."
 )
+
+EXAMPLES = examples(*_ASKED.values(), end=f"{_POSE_TOLD} {_TASK_TOLD} {_STATUS_TOLD}")
 
 EXIT_YES, EXIT_NO = 0, 1
 
@@ -42,8 +49,16 @@ KEEPS = [keep.value for keep in Keep]
 MOST_REFUSED = 10
 """Refused places that are told one by one."""
 
-POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
-"""Of the tip in base, m, and its quaternion."""
+POSE = {
+    "x": "of the tip in base, m",
+    "y": "likewise",
+    "z": "likewise",
+    "qx": "of its quaternion, x y z w",
+    "qy": "likewise",
+    "qz": "likewise",
+    "qw": "likewise; a hand pointing down is 0 1 0 0",
+}
+"""The numbers of a pose, and what each is."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,17 +66,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("path", metavar="PATH", help="a reach map")
     questions = parser.add_subparsers(dest="question", required=True, metavar="QUESTION")
     for kind, told in (
-        ("pose", "whether each arm reaches a pose, with a witness, and what the nearest cell says"),
-        ("arm", "which arm is better for a pose, and why"),
-        ("nearest", "the nearest pose that an arm reaches"),
+        ("pose", "Whether each arm reaches a pose, how far off its joint limits, or why not."),
+        ("arm", "Which arm is better for a pose, and why."),
+        ("nearest", "The nearest pose that an arm reaches."),
     ):
-        question = questions.add_parser(kind, help=told, description=told, allow_abbrev=False)
-        for name in POSE:
-            question.add_argument(name, type=number, metavar=name.upper())
+        question = _question(questions, kind, told, f"{_POSE_TOLD} {_STATUS_TOLD}")
+        for name, what in POSE.items():
+            question.add_argument(name, type=number, metavar=name.upper(), help=what)
         _add_json(question)
     _add_nearest(question)
-    told = "places of a table at which a task can be done, confirmed by verified plans"
-    _add_where(questions.add_parser("where", help=told, description=told, allow_abbrev=False))
+    told = "Places of a table at which a task can be done, confirmed by verified plans."
+    _add_where(_question(questions, "where", told, f"{_TASK_TOLD} {_STATUS_TOLD}"))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -202,6 +217,15 @@ def _seven(T: pin.SE3) -> list[float]:
 
 def _or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
+
+
+def _question(questions: Any, kind: str, told: str, end: str) -> argparse.ArgumentParser:
+    """The parser of one question, with an example."""
+    epilog = examples(_ASKED[kind], end=end)
+    parser: argparse.ArgumentParser = questions.add_parser(
+        kind, help=told, description=told, epilog=epilog, allow_abbrev=False
+    )
+    return parser
 
 
 def _add_json(parser: argparse.ArgumentParser) -> None:

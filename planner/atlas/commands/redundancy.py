@@ -25,7 +25,10 @@ from planner.atlas.redundancy.building import MOST_CELLS, existing_map
 from planner.atlas.redundancy.checking import check_redundancy
 from planner.errors import AtlasError
 
-HELP = "of a part of a reach map: pieces of self-motion, their lengths, margins, what is free"
+HELP = (
+    "Tell how much freedom is left at reachable poses: pieces of self-motion, their lengths, "
+    "distances to joint limits, what is free of self-collision."
+)
 
 EXAMPLES = examples(
     "python -m planner.atlas redundancy reach.zarr table.zarr --z 0.1 --tool-axis 0 0 -1",

@@ -69,15 +69,19 @@ class RobotOptions:
 
 def parse_options(argv: Sequence[str] | None = None) -> RobotOptions:
     """Read the command line; exits with status 2 and one sentence when it makes no sense."""
-    raw = _parser().parse_args(argv)
+    parser = _parser()
+    raw = parser.parse_args(argv)
+    lags = raw.follow == "lag"
+    if raw.lag_s is not None and not lags:
+        parser.error("--lag-s goes with --follow lag; give both")
     return RobotOptions(
         urdf=raw.urdf,
         hands=hands_of(raw),
         has_own_master=raw.own_master,
         port=raw.port,
         host=raw.host,
-        lags=raw.follow == "lag",
-        lag_s=raw.lag_s,
+        lags=lags,
+        lag_s=DEFAULT_LAG_S if raw.lag_s is None else raw.lag_s,
         has_side_effects=raw.side_effects == "gazebo",
         has_table=raw.table,
         has_block=raw.block,
@@ -158,9 +162,8 @@ def _add_robot(parser: Options) -> None:
     parser.add_argument(
         "--lag-s",
         type=number_within(LEAST_LAG_S, MOST_LAG_S, "s"),
-        default=DEFAULT_LAG_S,
         metavar="T",
-        help="time constant of that lag (default %(default)s s)",
+        help=f"with --follow lag: time constant of that lag (default {DEFAULT_LAG_S} s)",
     )
     parser.add_argument("--table", action="store_true", help="with the demo's table")
     parser.add_argument("--block", action="store_true", help="with the demo's block")

@@ -263,7 +263,7 @@ def _bound(port: int) -> socket.socket:
         listener = socket.create_server((ADDRESS, port))
     except OSError as cause:
         if cause.errno == errno.EADDRINUSE:
-            reason = "another program uses it; choose another port, or none for any that is free"
+            reason = "another program uses it; choose another port, or leave it out"
         else:
             reason = os.strerror(cause.errno) if cause.errno else str(cause)
         raise ViewerError(f"cannot serve the live view on port {port}: {reason}") from cause

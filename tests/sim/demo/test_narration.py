@@ -116,3 +116,9 @@ def test_a_summary_sums_up(capsys: pytest.CaptureFixture[str]) -> None:
         "  neither lines nor obstacles (see docs/concepts/motion_program.md)",
         "clearance: 22.2 mm where the arm came nearest to what it is not meant to touch",
     ]
+
+
+def test_a_summary_of_no_cycle_says_no_time_of_one(capsys: pytest.CaptureFixture[str]) -> None:
+    Narrator(1).finish(Totals(planning_time_s=0.5, wall_time_s=1.25))
+    said = capsys.readouterr().out
+    assert said == "time: planning 0.50 s, arm motion 0.00 s, wall clock 1.25 s\n"

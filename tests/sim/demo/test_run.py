@@ -248,6 +248,7 @@ def test_exact_eyes_are_as_good_as_none(tmp_path: Path) -> None:
     [
         ("--add-pose 2 0 0", "out of reach"),
         ("--add-pose 1.1 0.2 -0.129", "the left arm reaches as far as ("),
+        ("--obstacle 0.7 0.15 -0.1 0.1 0.1 0.1", "obstacle 1 overlaps the block at (0.7, 0.15"),
         ("--add-pose 0.7 -0.5 -0.129", "the right arm reaches (0.7, -0.5, -0.129): try --limb ri"),
         ("--add-pose 0.3 0.1 -0.129", "is not above the table, which is at x from 0.54 to 1.46"),
         ("--add-pose 0.7 0 -0.17", "would be 41 mm inside the table: give a z from -0.129 to"),

@@ -113,7 +113,7 @@ class NearestPose(Frozen, OneLine):
             return f"{known}; the map has no cell that is nearer"
         said = f"of {total} nearer cells of the map {self.cells.proven} are proven out of reach"
         unknown = f" and {self.cells.unknown} undecided" if self.cells.unknown else ""
-        return f"{known}; {said}{unknown}, between cells it is not known"
+        return f"{known}; {said}{unknown}; between cells the map says nothing"
 
     def _facts(self) -> tuple[str, ...]:
         return (str(self),)

@@ -134,3 +134,15 @@ def test_wrong_usage_is_one_sentence(
 def test_a_map_that_is_not_there_is_told(tmp_path: Path) -> None:
     with pytest.raises(AtlasError, match="there is no map at"):
         query.run(parsed(f"{tmp_path / 'none'} pose {NEAR}"))
+
+
+@pytest.mark.parametrize("question", query._ASKED)
+def test_the_help_of_a_question_has_its_example(
+    question: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        parsed(f"map {question} --help")
+    assert ended.value.code == 0
+    said = capsys.readouterr().out
+    assert f"examples:\n  {query._ASKED[question]}\n" in said
+    assert "xit status" in " ".join(said.split())

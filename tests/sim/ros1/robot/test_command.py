@@ -179,6 +179,7 @@ def test_buttons_are_pressed_by_a_command_of_its_own(
     [
         (["--follow", "loosely"], "--follow"),
         (["--lag-s", "0"], "0 is not from 0.001 to 10 s"),
+        (["--lag-s", "0.4"], "--lag-s goes with --follow lag; give both"),
         (["--port", "65536"], "65536 is not from 0 to 65535"),
         (["--record", "x.txt"], "must end in one of"),
         (["--side-effects", "all"], "--side-effects"),
