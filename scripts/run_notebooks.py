@@ -6,8 +6,8 @@ folder outside of the checkout, each exercise as it stands and then with its sol
 fails ends the notebook with its error; what is written to stderr, a picture that is missing and a
 solution that is not right count as faults. Exit status 0 when there is none, 1 otherwise.
 
-Without `--wheel` the wheel is built first. What drives the notebooks (nbclient) comes from the
-environment that this script runs in.
+Without `--wheel` the wheel is built first; `--python` names one in an environment that is there.
+What drives the notebooks (nbclient) comes from the environment that this script runs in.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernel
 from notebook_runs.judging import faults
 from notebook_runs.kernel import executed
 from notebook_runs.notebooks import NAMES, read, runs_here, with_solutions
+from notebook_runs.replays import write_replays
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
@@ -36,12 +37,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("names", nargs="*", default=NAMES, metavar="NAME", help=", ".join(NAMES))
     parser.add_argument("--wheel", type=Path, help="what to install; built here when not given")
+    parser.add_argument(
+        "--python", type=Path, help="of an environment that has the wheel with its extra, instead"
+    )
+    parser.add_argument(
+        "--replays",
+        type=Path,
+        metavar="FOLDER",
+        help="where the pages of replays go; from docs/notebooks/_replays, `make docs` takes them",
+    )
     options = parser.parse_args(argv)
     with TemporaryDirectory() as folder:
         outside = Path(folder)
-        python = environment(outside / "venv", options.wheel or build(outside))
+        python = options.python and options.python.absolute()
+        if python is None:
+            python = environment(outside / "venv", options.wheel or build(outside))
         able = [name for name in options.names if runs_here(name)]
-        wrong = [found for name in able for found in run(name, outside, python)]
+        wrong = [found for name in able for found in run(name, outside, python, options.replays)]
     for name in set(options.names) - set(able):
         print(f"{name:<28} needs a later Python")
     print(*wrong, sep="\n", end="\n" if wrong else "", file=sys.stderr)
@@ -67,7 +79,9 @@ def environment(venv: Path, wheel: Path) -> Path:
     return venv / "bin" / "python"
 
 
-def run(name: str, outside: Path, python: Path | None = None) -> list[str]:
+def run(
+    name: str, outside: Path, python: Path | None = None, replays: Path | None = None
+) -> list[str]:
     """What is wrong with a notebook, in sentences; it runs in a folder of its own."""
     folder = outside / name
     folder.mkdir()
@@ -75,6 +89,8 @@ def run(name: str, outside: Path, python: Path | None = None) -> list[str]:
     try:
         ran = executed(with_solutions(read(name)), folder, python=python)
         wrong = [f"{name}: {fault}" for fault in faults(ran)]
+        if replays is not None and not wrong:
+            write_replays(ran, name, replays)
     except (CellExecutionError, CellTimeoutError, DeadKernelError) as error:
         wrong = [f"{name}: {COLOUR.sub('', str(error))}"]
     verdict = "fails" if wrong else "runs"

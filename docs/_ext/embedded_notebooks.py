@@ -1,12 +1,12 @@
 """The notebooks as pages of the site, with their stored outputs and with replays that play.
 
 Notebooks are stored with a picture where a cell shows a replay. Here each of them is run once, at
-the side of the build, for the pages of its replays; everything else is shown as it is stored.
+the side of the build, for the pages of its replays, unless these are there (`run_notebooks.py
+--replays`); everything else is shown as it is stored.
 """
 
 from __future__ import annotations
 
-import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +33,8 @@ UP, DOWN = "](../docs/", "](../"
 WITHIN_S = 600.0
 
 runs_here = notebook_kernel.module("notebooks").runs_here
+page_of = notebook_kernel.module("replays").page_of
+shows_replay = notebook_kernel.module("replays").shows_replay
 
 _running: dict[str, subprocess.Popen[str]] = {}
 
@@ -53,7 +55,7 @@ def begin(_app: Sphinx, _config: Config) -> None:
         notebook = nbformat.read(path, as_version=4)
         count = embed(notebook, path.stem) if runs_here(path.stem) else 0
         write_if_other(PAGES / path.name, nbformat.writes(notebook).replace(UP, DOWN))
-        pages = [PAGES / MADE_IN / f"{name_of(path.stem, n)}.html" for n in range(1, count + 1)]
+        pages = [PAGES / MADE_IN / f"{page_of(path.stem, n)}.html" for n in range(1, count + 1)]
         if any(not page.exists() or page.stat().st_mtime < newest for page in pages):
             _running[path.stem] = start(path.stem)
 
@@ -79,28 +81,10 @@ def embed(notebook: NotebookNode, stem: str) -> int:
     for cell in notebook.cells:
         if cell.cell_type == "code" and shows_replay(cell.source):
             count += 1
-            shown = frame(name_of(stem, count), f"Replay of notebook {stem.replace('_', ' ')}")
+            shown = frame(page_of(stem, count), f"Replay of notebook {stem.replace('_', ' ')}")
             kept = [output for output in cell.outputs if output.output_type == "stream"]
             cell.outputs = [*kept, nbformat.v4.new_output("display_data", {"text/html": shown})]
     return count
-
-
-def shows_replay(source: str) -> bool:
-    """Whether a cell's value is made by `Replay(...)`, or by a method `replay`."""
-    if not source.strip() or source.lstrip().startswith(("%", "!")):
-        return False
-    last = ast.parse(source).body[-1:]
-    match last:
-        case [ast.Expr(value=ast.Call(func=ast.Name(id="Replay")))]:
-            return True
-        case [ast.Expr(value=ast.Call(func=ast.Attribute(attr="replay")))]:
-            return True
-    return False
-
-
-def name_of(stem: str, number: int) -> str:
-    """How a replay of a notebook is called on the site."""
-    return f"notebook-{stem}-{number}"
 
 
 def write_if_other(path: Path, text: str) -> None:

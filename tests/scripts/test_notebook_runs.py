@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import importlib
 from pathlib import Path
 from typing import Any
@@ -106,3 +107,13 @@ def test_a_driver_that_came_too_late_tries_again(tmp_path: Path) -> None:
     )
     module("kernel").executed(notebook(late), tmp_path)
     assert (tmp_path / "runs").read_text() == ".."
+
+
+def test_replays_become_pages_of_their_own(tmp_path: Path) -> None:
+    ran = notebook("Replay(recording, robot)", "print(1)", "bench.replay()")
+    for cell, page in ((ran.cells[0], "<p>one"), (ran.cells[2], "<p>two")):
+        frame = f'<iframe srcdoc="{html.escape(page)}"></iframe>'
+        cell.outputs = [new_output("stream"), new_output("display_data", {"text/html": frame})]
+    module("replays").write_replays(ran, "story", tmp_path / "pages")
+    pages = {page.name: page.read_text("utf-8") for page in (tmp_path / "pages").iterdir()}
+    assert pages == {"notebook-story-1.html": "<p>one", "notebook-story-2.html": "<p>two"}
