@@ -67,6 +67,7 @@ class OffPath:
         self._path = self._placed(self._chain.poses(state.q))  # samples, points, 3
         turning = float(np.abs(state.v).max(axis=0).sum()) ** 2
         pushed = float(np.abs(trajectory.a).max(axis=0).sum())
+        self._bends = {reach: np.full(len(self._path), np.nan) for reach in REACHES}
         self._between_m = LONGEST_M * (pushed + turning) * float(times[1] - times[0]) ** 2 / 8
 
     def over(self, tube: JointTube) -> FloatArray:
@@ -110,9 +111,7 @@ class OffPath:
             points: in the middle, shape (m, k + 1, 3).
             slopes: of them to the sides of the box, shape (m, k + 1, 7, 3).
         """
-        ends = np.maximum(nearest - reach, 0), np.minimum(nearest + reach, len(self._path) - 1)
-        begin, way = self._path[ends[0]], self._path[ends[1]] - self._path[ends[0]]
-        along = way[:, 0] / np.maximum((way[:, 0] ** 2).sum(axis=1), LEAST_SQUARE)[:, None]
+        begin, way, along = self._chords(nearest, reach)
         fraction = np.einsum("mx,mx->m", points[:, 0] - begin[:, 0], along)
         rises = np.einsum("mjx,mx->mj", slopes[:, 0], along)
         middle, room = np.clip(fraction, 0.0, 1.0), np.abs(rises).sum(axis=1)
@@ -124,22 +123,28 @@ class OffPath:
         at_corners += off.transpose(0, 2, 1)[..., None]
         at_corners *= at_corners
         farthest: FloatArray = np.sqrt(at_corners.sum(axis=1).max(axis=(1, 2)))
-        return farthest + self._bent(nearest, reach, begin, way, along)
+        return farthest + self._bent(nearest, reach)
 
-    def _bent(
-        self,
-        nearest: Indices,
-        reach: int,
-        begin: FloatArray,
-        way: FloatArray,
-        along: FloatArray,
-    ) -> FloatArray:
-        """How far the path is off its chords, shape (m,)."""
-        if reach == 0:
-            return np.zeros(len(nearest))
-        numbers = nearest[:, None] + np.arange(-reach, reach + 1)
+    def _chords(self, nearest: Indices, reach: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Chords around samples: their begin, (m, k + 1, 3), the way to their end, and along it.
+
+        The last, (m, 3), is that of the tip, over its length: times a way from the begin it is the
+        fraction of the chord.
+        """
+        ends = np.maximum(nearest - reach, 0), np.minimum(nearest + reach, len(self._path) - 1)
+        begin, way = self._path[ends[0]], self._path[ends[1]] - self._path[ends[0]]
+        along = way[:, 0] / np.maximum((way[:, 0] ** 2).sum(axis=1), LEAST_SQUARE)[:, None]
+        return begin, way, along
+
+    def _bent(self, nearest: Indices, reach: int) -> FloatArray:
+        """How far the path is off the chords around samples, shape (m,); each is found once."""
+        known = self._bends[reach]
+        new = np.unique(nearest[np.isnan(known[nearest])])
+        begin, way, along = self._chords(new, reach)
+        numbers = new[:, None] + np.arange(-reach, reach + 1)
         path = self._path[np.clip(numbers, 0, len(self._path) - 1)] - begin[:, None]
         fractions = np.einsum("mrx,mx->mr", path[:, :, 0], along)
         beside = path - fractions[:, :, None, None] * way[:, None]
-        bent: FloatArray = np.sqrt(np.einsum("mrpx,mrpx->mrp", beside, beside).max(axis=(1, 2)))
-        return bent
+        squares = np.einsum("mrpx,mrpx->mrp", beside, beside)
+        known[new] = np.sqrt(squares.max(axis=(1, 2)))
+        return known[nearest]

@@ -55,6 +55,7 @@ class BoxView:
         q: that middle, shape (n,), rad.
         pairs: those of the box.
         gaps_m: what simple shapes around them keep there, shape (pairs,).
+        rough_m: what these keep throughout the box, as `bound` has it at least, shape (pairs,).
     """
 
     def __init__(
@@ -70,12 +71,13 @@ class BoxView:
         self._checked, self._hulls = checked, hulls
         self._poses, self._arm = placed
         self.gaps_m, self._motions_m = distances
+        self.rough_m: FloatArray = self.gaps_m - self._motions_m
         checked.distances.place(self._poses)
 
     def bound(self, k: int, enough_m: float) -> PairBound:
         """Of the k-th pair; more than `enough_m` is not looked for."""
         pair, motion_m = int(self.pairs[k]), float(self._motions_m[k])
-        least_m = float(self.gaps_m[k]) - motion_m
+        least_m = float(self.rough_m[k])
         if least_m >= enough_m:
             return PairBound(least_m, np.zeros_like(self.q))
         hulls = self._hulls.of(pair, self._poses, self._arm, self._turns)

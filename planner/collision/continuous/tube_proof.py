@@ -77,6 +77,7 @@ def prove_tube(
     pairs: Indices,
     margin_m: float = 0.0,
     most_boxes: int = MOST_BOXES,
+    is_tight: bool = True,
 ) -> TubeClearance:
     """How far apart pairs of shapes stay in a tube.
 
@@ -86,8 +87,9 @@ def prove_tube(
         pairs: their numbers.
         margin_m: what shall be proven, if it can be.
         most_boxes: after so many boxes it is given up.
+        is_tight: whether more than the margin shall be proven, as much as `TIGHTNESS` says.
     """
-    return _TubeSearch(bounds, tube, margin_m, most_boxes).run(pairs)
+    return _TubeSearch(bounds, tube, margin_m, most_boxes, is_tight).run(pairs)
 
 
 class _TubeBox(NamedTuple):
@@ -122,9 +124,10 @@ class _TubeSearch:
     """The proof while it is being made."""
 
     def __init__(
-        self, bounds: BoxBounds, tube: JointTube, margin_m: float, most_boxes: int
+        self, bounds: BoxBounds, tube: JointTube, margin_m: float, most_boxes: int, is_tight: bool
     ) -> None:
         self._bounds, self._checked, self._tube = bounds, bounds.checked, tube
+        self._most_tight = MOST_TIGHT if is_tight else 0
         self._margin_m, self._most_boxes = margin_m, most_boxes
         self._nearest = Clearance(np.inf, "", "")
         self._closed_m, self._boxes = np.inf, 0
@@ -150,7 +153,7 @@ class _TubeSearch:
         if nearest_m <= self._margin_m or self._boxes > self._most_boxes:
             return True
         is_tight = bound_m >= min(TIGHTNESS * nearest_m, nearest_m - SLACK_M)
-        return bound_m > self._margin_m and (is_tight or self._boxes > MOST_TIGHT)
+        return bound_m > self._margin_m and (is_tight or self._boxes > self._most_tight)
 
     def _look(self, pairs: Indices) -> None:
         """Measure in the middle of the tube at some instants."""
@@ -199,7 +202,10 @@ class _TubeSearch:
         """Bound every pair of a box, and put what is left of it on the heap."""
         instant = self._tube.instant_at(part.first, part.last, view.q)
         kept: dict[int, PairBound] = {}
-        for k in np.argsort(view.gaps_m).tolist():
+        is_far = view.rough_m >= self._nearest.distance_m
+        self._closed_m = min(self._closed_m, float(view.rough_m[is_far].min(initial=np.inf)))
+        near = np.flatnonzero(~is_far)
+        for k in near[np.argsort(view.gaps_m[near])].tolist():
             bound = view.bound(k, self._nearest.distance_m)
             if instant is not None:
                 self._found(int(view.pairs[k]), bound.at_middle_m, instant)

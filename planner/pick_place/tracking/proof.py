@@ -171,19 +171,26 @@ class PlanTracking:
         return round(passes * SPEED_STEP, 2) if passes else None
 
     def _passes(self, response: Response) -> bool:
-        runs = self._found(response, stops=True)
-        return not any(move.failure for run in runs for move in run.moves)
-
-    def _found(self, response: Response, *, stops: bool = False) -> Iterator[RunFound]:
-        """Run after run; no more than the first that fails, if asked for."""
-        off_rad = self._asked.start_rad + response.settled_error_rad  # what is measured has errors
-        starts: tuple[JointRange, ...] = ((self._q_start - off_rad, self._q_start + off_rad),)
+        starts = self._starts(response)
         for run in self._runs:
-            found = run.found(response, starts, self._asked, stops=stops)
-            yield found
-            if stops and any(move.failure for move in found.moves):
-                return
-            starts = found.starts
+            tracked = run.tracked(response, starts)
+            if not run.keeps(tracked, self._asked):
+                return False
+            starts = tracked.starts
+        return True
+
+    def _found(self, response: Response) -> Iterator[RunFound]:
+        """Run after run."""
+        starts = self._starts(response)
+        for run in self._runs:
+            tracked = run.tracked(response, starts)
+            yield run.found(tracked, self._asked)
+            starts = tracked.starts
+
+    def _starts(self, response: Response) -> tuple[JointRange, ...]:
+        """Where joints may be before the first run."""
+        off_rad = self._asked.start_rad + response.settled_error_rad  # what is measured has errors
+        return ((self._q_start - off_rad, self._q_start + off_rad),)
 
 
 def _advice(response: Response, speed: float | None) -> str:

@@ -46,13 +46,30 @@ class RunFound(NamedTuple):
 
     Attributes:
         moves: what is proven of each.
-        starts: boxes that hold y, together, whenever the next run may begin.
         rates: greatest speed of each joint, shape (7,), rad/s.
     """
 
     moves: tuple[MoveTracking, ...]
-    starts: tuple[JointRange, ...]
     rates: FloatArray
+
+
+class RunTubes(NamedTuple):
+    """Where the joints of an arm may be during a run.
+
+    Attributes:
+        response: of the arm.
+        whole: during the whole run.
+        several: the same, from each box that it may begin in.
+    """
+
+    response: Response
+    whole: SettlingTube
+    several: tuple[SettlingTube, ...]
+
+    @property
+    def starts(self) -> tuple[JointRange, ...]:
+        """Boxes that hold y, together, whenever the next run may begin."""
+        return self.whole.starts
 
 
 def check_rests(steps: Sequence[Step]) -> None:
@@ -99,46 +116,47 @@ class TrackedRun:
         self._goal = OffPath(arm, Trajectory.stay(trajectory.q_goal, trajectory.limits))
         self._moves = [_TrackedMove(move, context, trajectory) for move, context in moves]
 
-    def found(
-        self,
-        response: Response,
-        starts: Sequence[JointRange],
-        asked: TrackingDemands,
-        *,
-        stops: bool = False,
-    ) -> RunFound:
-        """What is proven of it when it begins in one of some boxes.
-
-        Args:
-            response: of the arm.
-            starts: the boxes.
-            asked: what shall be kept.
-            stops: whether a move that fails ends it.
-        """
+    def tracked(self, response: Response, starts: Sequence[JointRange]) -> RunTubes:
+        """Where the joints may be when the run begins in one of some boxes."""
         whole = tracking_tube(self._trajectory, response, _around(starts))
-        several = [tracking_tube(self._trajectory, response, start) for start in starts]
-        found: list[MoveTracking] = []
-        for number, move in enumerate(self._moves):
-            is_first, is_last = number == 0, number == len(self._moves) - 1
-            span = [cut / response.speed for cut in self._cuts[number : number + 2]]
-            tubes = [
-                each.tube.widened(response.settled_error_rad).between(*span)
-                for each in (several if is_first else [whole])
-            ]
-            settled_m = self._settled_m(whole, response) if is_last else None
-            tip_m = max(float(self._tip.over(tube).max()) for tube in tubes)
-            off_rad = max(self._deviation_rad(tube, response.speed) for tube in tubes)
-            known = off_rad, tip_m, settled_m
-            around = whole.tube.widened(response.settled_error_rad).between(*span)
-            found.append(move.found(around, tubes, asked, known))
-            if stops and found[-1].failure is not None:
-                break
-        return RunFound(tuple(found), whole.starts, whole.rates)
+        several = (tracking_tube(self._trajectory, response, start) for start in starts)
+        return RunTubes(response, whole, tuple(several))
 
-    def _settled_m(self, tube: SettlingTube, response: Response) -> float:
+    def found(self, tracked: RunTubes, asked: TrackingDemands) -> RunFound:
+        """What is proven of it."""
+        found: list[MoveTracking] = []
+        for number, (move, (around, tubes)) in enumerate(
+            zip(self._moves, self._tubes(tracked), strict=True)
+        ):
+            is_last = number == len(self._moves) - 1
+            settled_m = self._settled_m(tracked) if is_last else None
+            tip_m = max(float(self._tip.over(tube).max()) for tube in tubes)
+            off_rad = max(self._deviation_rad(tube, tracked.response.speed) for tube in tubes)
+            found.append(move.found(around, tubes, asked, (off_rad, tip_m, settled_m)))
+        return RunFound(tuple(found), tracked.whole.rates)
+
+    def keeps(self, tracked: RunTubes, asked: TrackingDemands) -> bool:
+        """Whether no move fails, and no more than that."""
+        tubes = self._tubes(tracked)
+        return all(
+            move.keeps(each, asked) for move, (_, each) in zip(self._moves, tubes, strict=True)
+        )
+
+    def _tubes(self, tracked: RunTubes) -> Iterator[tuple[JointTube, list[JointTube]]]:
+        """For each move the tube around all, and those that hold together where joints may be."""
+        response = tracked.response
+        for number in range(len(self._moves)):
+            span = [cut / response.speed for cut in self._cuts[number : number + 2]]
+            around, *several = (
+                each.tube.widened(response.settled_error_rad).between(*span)
+                for each in (tracked.whole, *tracked.several)
+            )
+            yield around, several if number == 0 else [around]
+
+    def _settled_m(self, tracked: RunTubes) -> float:
         """How far the tip may be from its goal when all joints are measured as settled."""
-        low, high = (np.array(corners) for corners in zip(*tube.starts, strict=True))
-        error = response.settled_error_rad
+        low, high = (np.array(corners) for corners in zip(*tracked.starts, strict=True))
+        error = tracked.response.settled_error_rad
         return float(self._goal.within(low - error, high + error).max())
 
     def _deviation_rad(self, tube: JointTube, speed: float) -> float:
@@ -194,6 +212,19 @@ class _TrackedMove:
         failure = _unclear(self._label, worst) or _astray(self._label, hand_m, asked.most_off_m)
         found = self._label, worst.proven_m, nearest, off_rad, tip_m, allowance_m, settled_m
         return MoveTracking(*found, failure)
+
+    def keeps(self, tubes: Sequence[JointTube], asked: TrackingDemands) -> bool:
+        """Whether `found` would tell no failure."""
+        if self._hand is not None:
+            hand_m = max(float(self._hand.over(tube).max()) for tube in tubes)
+            if _astray(self._label, hand_m, asked.most_off_m):
+                return False
+        margin_m = asked.margin_m
+        proofs = (
+            prove_tube(self._bounds, tube, pairs=self._free, margin_m=margin_m, is_tight=False)
+            for tube in tubes
+        )
+        return all(proof.is_clear for proof in proofs)
 
 
 def _around(starts: Sequence[JointRange]) -> JointRange:
