@@ -94,6 +94,7 @@ def build_redundancy_map(
         done += 1
         if progress is not None:
             progress(done, total, report)
+    remove_leftovers(found.path)
     return found
 
 

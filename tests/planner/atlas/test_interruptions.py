@@ -22,10 +22,10 @@ ROOM = 2000
 
 
 @contextmanager
-def small_files() -> Iterator[None]:
+def small_files(room: int = ROOM) -> Iterator[None]:
     """The system itself refuses to write more into a file, here and in processes that begin."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
     try:
         yield
     finally:
