@@ -112,11 +112,7 @@ def existing_map(
         AtlasError: as `build_redundancy_map`; nothing was changed.
     """
     subset.check(reach_map)
-    if len(subset) > most_cells:
-        raise AtlasError(
-            f"the map would have {len(subset):.3g} cells, and at most {most_cells:.3g} are allowed;"
-            " take fewer positions or rotations, or raise most_cells"
-        )
+    check_size(subset, most_cells)
     _check_computed(reach_map, subset)
     if not (path / "zarr.json").exists():
         return None
@@ -131,6 +127,24 @@ def existing_map(
     is_complete = not found.missing_blocks()
     check_continued(path, is_same, found.software, is_complete=is_complete)
     return found
+
+
+def check_size(subset: Subset, most_cells: int, option: str = "most_cells") -> None:
+    """Refuse a map with too many cells.
+
+    Args:
+        subset: what it would have.
+        most_cells: how many it may have.
+        option: what the message calls that.
+
+    Raises:
+        AtlasError: when they are more.
+    """
+    if len(subset) > most_cells:
+        raise AtlasError(
+            f"the map would have {len(subset):.3g} cells, and at most {most_cells:.3g} are allowed;"
+            f" take fewer positions or rotations, or raise {option}"
+        )
 
 
 def compute_block(task: tuple[str, str, Block]) -> RedundancyReport:
