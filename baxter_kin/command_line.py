@@ -233,8 +233,8 @@ def _unit_hint(value: float, unit: str, least: float, most: float) -> str:
     return f"; are these {other}? Give {share * value:g}{f' {unit}' if unit else ''} then"
 
 
-def whole_number(least: int) -> Callable[[str], int]:
-    """The type of whole numbers from `least` on."""
+def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
+    """The type of whole numbers from `least` on, or to `most`."""
 
     def checked(text: str) -> int:
         try:
@@ -243,6 +243,8 @@ def whole_number(least: int) -> Callable[[str], int]:
             raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
         if value < least:
             raise argparse.ArgumentTypeError(f"{text} is not at least {least}")
+        if most is not None and value > most:
+            raise argparse.ArgumentTypeError(f"{text} is not at most {most}")
         return value
 
     return checked

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from baxter_kin import Baxter, IKService
-from baxter_kin.distribution.software import difference, kind_of_machine, versions
-from baxter_kin.errors import shown_path
+from baxter_kin.distribution.software import kind_of_machine
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.parallel import Engine, LocalPool
 from planner.atlas.blocks import Block, BlockTask, BlockTasks
+from planner.atlas.continuing import check_continued
 from planner.atlas.map_files import is_map, remove_leftovers
 from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_map import ReachMap
@@ -178,32 +178,19 @@ def check_same(
     rotations: RotationGrid,
     arms: tuple[str, ...],
 ) -> None:
-    """Refuse to go on with a map that is of something else.
+    """Refuse to go on with a map that is of something else, or was begun with other software.
 
     Raises:
         AtlasError: when it is; says of what.
     """
-    other = [
-        what
-        for what, is_same in {
-            "robot": found.digest == robot.digest,
-            "grid of positions": found.positions == positions,
-            "set of rotations": _are_same(found.rotations, rotations),
-            "choice of arms": found.arms == tuple(arms),
-        }.items()
-        if not is_same
-    ]
-    if other:
-        raise AtlasError(
-            f"the map at {shown_path(found.path)} is of another {' and another '.join(other)}; "
-            "nothing was changed; choose another path"
-        )
-    differs = difference(found.software, versions())
-    if differs:
-        raise AtlasError(
-            f"the map at {shown_path(found.path)} was begun with other software: {differs}; "
-            "nothing was changed; install that to go on, or choose another path"
-        )
+    is_same = {
+        "robot": found.digest == robot.digest,
+        "grid of positions": found.positions == positions,
+        "set of rotations": _are_same(found.rotations, rotations),
+        "choice of arms": found.arms == tuple(arms),
+    }
+    is_complete = not found.missing_blocks()
+    check_continued(found.path, is_same, found.software, is_complete=is_complete)
 
 
 def _are_same(a: RotationGrid, b: RotationGrid) -> bool:

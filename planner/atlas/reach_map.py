@@ -300,9 +300,17 @@ class ReachMap(OneLine):
         )
         return self._arm_index(side), x, y, z
 
-    def _arm_index(self, side: str) -> int:
+    def check_arm(self, side: str) -> None:
+        """Refuse an arm that the map does not have.
+
+        Raises:
+            UnknownNameError: when it has not.
+        """
         if side not in self.arms:
             raise UnknownNameError("arm of this map", side, self.arms)
+
+    def _arm_index(self, side: str) -> int:
+        self.check_arm(side)
         return self.arms.index(side)
 
     def _facts(self) -> tuple[str, ...]:

@@ -15,20 +15,36 @@ from typing import Any
 
 import psutil
 
+from planner.atlas.blocks import REACH_MAP, Layout
+from planner.atlas.redundancy.redundancy_map import REDUNDANCY_MAP
+
 SCRIPTS = Path(__file__).resolve().parents[1]
 
 
 @dataclass(frozen=True, slots=True)
-class Size:
-    """Of the map that is built.
+class Wanted:
+    """The map that is built.
 
     Attributes:
-        step_m: between positions.
-        level: of the Hopf grid of rotations.
+        step_m: between positions of the reach map.
+        level: of its Hopf grid of rotations.
+        reach: where the reach map is, when a redundancy map of a part of it is built.
     """
 
     step_m: float
     level: int
+    reach: Path | None = None
+
+    @property
+    def layout(self) -> Layout:
+        """Of its files."""
+        return REACH_MAP if self.reach is None else REDUNDANCY_MAP
+
+    @property
+    def words(self) -> list[str]:
+        """As `campaign.job` takes them."""
+        part = [] if self.reach is None else ["--reach", str(self.reach)]
+        return [str(self.step_m), str(self.level), *part]
 
 
 @dataclass(slots=True)
@@ -45,9 +61,9 @@ class Build:
     _log: Path = field(repr=False)
 
     @classmethod
-    def begin(cls, path: Path, engine: str, workers: int, size: Size) -> Build:
+    def begin(cls, path: Path, engine: str, workers: int, wanted: Wanted) -> Build:
         """Start one; what it says goes to a file beside the map."""
-        words = [str(path), engine, str(workers), str(size.step_m), str(size.level)]
+        words = [str(path), engine, str(workers), *wanted.words]
         log = path.with_suffix(".log")
         roots = os.pathsep.join([str(SCRIPTS), str(SCRIPTS.parent)])
         with log.open("a") as told:
@@ -98,9 +114,10 @@ class Build:
             return []
 
 
-def blocks_stored(path: Path) -> int:
+def blocks_stored(path: Path, layout: Layout) -> int:
     """How many blocks of a map are there."""
-    return sum(file.is_file() for file in path.glob("margins/c/*/*/*/*/0"))
+    chunk = "/".join([layout.last, "c", *["*"] * 4, *["0"] * layout.inner])
+    return sum(file.is_file() for file in path.glob(chunk))
 
 
 def digests(path: Path) -> dict[str, str]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from campaign.builds import Build, Size
+from campaign.builds import Build, Wanted
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,18 +65,18 @@ class Efficiency:
         return spent * median(r.balance(2) for r in self.two)
 
 
-def measured(folder: Path, engine: str, repeats: int, size: Size) -> Efficiency:
+def measured(folder: Path, engine: str, repeats: int, wanted: Wanted) -> Efficiency:
     """Build with one worker and with two, in turn."""
     runs: dict[int, list[Run]] = {1: [], 2: []}
     for _ in range(repeats):
         for workers, found in runs.items():
-            found.append(_run(folder / f"efficiency_{engine}.zarr", engine, workers, size))
+            found.append(_run(folder / f"efficiency_{engine}.zarr", engine, workers, wanted))
     return Efficiency(runs[1], runs[2])
 
 
-def _run(path: Path, engine: str, workers: int, size: Size) -> Run:
+def _run(path: Path, engine: str, workers: int, wanted: Wanted) -> Run:
     before_s = _children_s()
-    told = Build.begin(path, engine, workers, size).finished()
+    told = Build.begin(path, engine, workers, wanted).finished()
     shutil.rmtree(path)
     return Run(told["wall_s"], _children_s() - before_s, tuple(told["blocks_s"]))
 

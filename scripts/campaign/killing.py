@@ -10,7 +10,7 @@ from pathlib import Path
 
 import psutil
 
-from campaign.builds import Build, Size, blocks_stored
+from campaign.builds import Build, Wanted, blocks_stored
 
 LONGEST_WAIT_S = 4.0
 """Between kills, at most."""
@@ -19,13 +19,13 @@ Tell = Callable[[str], object]
 
 
 def with_killed_workers(
-    folder: Path, engine: str, kills: int, size: Size, *, chance: random.Random, tell: Tell
+    folder: Path, engine: str, kills: int, wanted: Wanted, *, chance: random.Random, tell: Tell
 ) -> Iterator[Path]:
     """Maps that are finished although workers are killed; as many as it takes for all kills."""
     done, number = 0, 0
     while done < kills:
         path = folder / f"{engine}_workers_killed_{number}.zarr"
-        build, before = Build.begin(path, engine, 2, size), done
+        build, before = Build.begin(path, engine, 2, wanted), done
         while build.is_running and done < kills:
             time.sleep(chance.uniform(0.0, LONGEST_WAIT_S))
             workers = build.workers()
@@ -38,22 +38,22 @@ def with_killed_workers(
 
 
 def with_killed_builds(
-    folder: Path, kills: int, size: Size, *, chance: random.Random, tell: Tell
+    folder: Path, kills: int, wanted: Wanted, *, chance: random.Random, tell: Tell
 ) -> Path:
     """A map whose build is killed with all its workers, again and again, and then finished."""
     path, engines = folder / "builds_killed.zarr", ("pool", "cluster")
     for number in range(kills):
-        engine, before = engines[number % 2], blocks_stored(path)
-        build = Build.begin(path, engine, 2, size)
-        while build.is_running and blocks_stored(path) <= before:
+        engine, before = engines[number % 2], blocks_stored(path, wanted.layout)
+        build = Build.begin(path, engine, 2, wanted)
+        while build.is_running and blocks_stored(path, wanted.layout) <= before:
             time.sleep(0.02)
         time.sleep(chance.uniform(0.0, LONGEST_WAIT_S))
         if not build.is_running:
             raise RuntimeError("the build was over before it was killed; take a larger map")
         killed = build.kill()
-        stored = blocks_stored(path)
+        stored = blocks_stored(path, wanted.layout)
         tell(f"{engine}: build killed, {killed} processes, with {stored} blocks stored")
-    Build.begin(path, "pool", 2, size).finished()
+    Build.begin(path, "pool", 2, wanted).finished()
     return path
 
 

@@ -27,8 +27,8 @@ class Written:
         return {}
 
 
-def run(monkeypatch: pytest.MonkeyPatch, change: Any) -> int:
-    """The status of a campaign of one map, which is changed before it is compared."""
+def run(monkeypatch: pytest.MonkeyPatch, change: Any, *options: str) -> int:
+    """The status of a campaign of one map a kind, which is changed before it is compared."""
     script: Any = importlib.import_module("atlas_campaign")
 
     def maps(folder: Path, *_: object) -> Iterator[Path]:
@@ -38,14 +38,28 @@ def run(monkeypatch: pytest.MonkeyPatch, change: Any) -> int:
 
     monkeypatch.setattr(script, "Build", Written)
     monkeypatch.setattr(script, "_maps", maps)
-    return int(script.main([]))
+    return int(script.main(list(options)))
 
 
+@pytest.mark.parametrize(
+    ("options", "kinds"),
+    [
+        ((), ["reach map", "redundancy map"]),
+        (("--only", "reach"), ["reach map"]),
+        (("--only", "redundancy"), ["redundancy map"]),
+    ],
+)
 def test_the_same_bytes_are_status_0(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    options: tuple[str, ...],
+    kinds: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert run(monkeypatch, Path.exists) == 0
-    assert "killed: the same bytes" in capsys.readouterr().out
+    assert run(monkeypatch, Path.exists, *options) == 0
+    said = capsys.readouterr().out
+    assert [line[10:].partition(",")[0] for line in said.splitlines() if "serial" in line] == kinds
+    assert said.count("killed: the same bytes") == len(kinds)
+    assert said.endswith("all maps have the same bytes\n")
 
 
 @pytest.mark.parametrize(
@@ -61,7 +75,21 @@ def test_a_difference_is_named_and_status_1(
     change: Any, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(monkeypatch, change) == 1
-    assert f"killed: 1 files DIFFER: ['{name}']" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert said.count(f"killed: 1 files DIFFER: ['{name}']") == 2
+    assert said.endswith("2 maps differ\n")
+
+
+@pytest.mark.parametrize("reach", [None, Path("reach.zarr")], ids=["reach", "redundancy"])
+def test_blocks_are_counted_by_what_is_written_last(reach: Path | None, tmp_path: Path) -> None:
+    layout = builds.Wanted(0.1, 0, reach).layout
+    chunk = tmp_path.joinpath(layout.last, "c", "0", "1", "0", "2", *["0"] * layout.inner)
+    assert builds.blocks_stored(tmp_path, layout) == 0
+    chunk.parent.mkdir(parents=True)
+    chunk.with_name("0.f00d.partial").touch()
+    assert builds.blocks_stored(tmp_path, layout) == 0
+    chunk.touch()
+    assert builds.blocks_stored(tmp_path, layout) == 1
 
 
 def test_the_balance_is_the_share_of_time_in_which_workers_work() -> None:

@@ -14,6 +14,6 @@ All blocks are read, and their checksums with them.
 """
 
 from planner.atlas.checking.cell_check import NEAR_LIMITS_RAD
-from planner.atlas.checking.map_check import CELLS, MapCheck, check_map
+from planner.atlas.checking.map_check import CELLS, MOST_CELLS, MapCheck, check_map
 
-__all__ = ["CELLS", "NEAR_LIMITS_RAD", "MapCheck", "check_map"]
+__all__ = ["CELLS", "MOST_CELLS", "NEAR_LIMITS_RAD", "MapCheck", "check_map"]

@@ -15,7 +15,7 @@ from planner.atlas.checking.survey import Surveys, survey_block
 from planner.atlas.reach_map import ReachMap
 from planner.errors import AtlasError
 
-CELLS = 20_000
+CELLS, MOST_CELLS = 20_000, 10**7
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -91,7 +91,7 @@ def check_map(
         AtlasError: when nothing of the map is computed.
         EngineError: when the engine is lost.
     """
-    whole_scalar(cells, "cells", AtlasError, least=1, most=10**7)
+    whole_scalar(cells, "cells", AtlasError, least=1, most=MOST_CELLS)
     engine = LocalPool() if engine is None else engine
     tell = _quiet if progress is None else progress
     computed = found.computed_blocks()

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from baxter_kin.errors import BaxterError
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from baxter_kin.errors import BaxterError, PoseError, UnknownNameError
+from planner.errors import AtlasError
 
 EXIT_DONE, EXIT_FAILED, EXIT_USAGE = 0, 1, 2
 
@@ -15,3 +19,16 @@ TOLD = (
 
 class UsageError(BaxterError):
     """What was asked for makes no sense; nothing was done."""
+
+
+@contextmanager
+def asked_for() -> Iterator[None]:
+    """What is refused meanwhile was asked for wrongly: nothing else may be done there.
+
+    Raises:
+        UsageError: in place of what was raised.
+    """
+    try:
+        yield
+    except (AtlasError, PoseError, UnknownNameError) as cause:
+        raise UsageError(str(cause)) from cause

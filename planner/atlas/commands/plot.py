@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 from baxter_kin.command_line import examples, file_to_write, number
 from baxter_kin.files import replace_file
+from planner.atlas.commands.exit_status import UsageError, asked_for
 from planner.atlas.pictures import plot_difference, plot_profile, plot_reach_map
-from planner.atlas.pictures.figures import QUANTITIES
-from planner.atlas.pictures.summary import EITHER
+from planner.atlas.pictures.figures import QUANTITIES, layers_at
+from planner.atlas.pictures.summary import EITHER, check_arm, pointing
 from planner.atlas.reach_map import ReachMap
-from planner.errors import AtlasError
 
 if TYPE_CHECKING:  # an extra
     from matplotlib.figure import Figure
@@ -81,13 +81,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Draw; returns the exit status."""
-    if arguments.out is None and arguments.html is None:
-        raise AtlasError("say what to write: --out FILE for a figure, --html FILE for a page")
-    if arguments.compare is not None and arguments.show != QUANTITIES[0]:
-        raise AtlasError(f"--compare is of shares; leave --show {arguments.show} away")
-    if arguments.show == PROFILE and arguments.height:
-        raise AtlasError("a profile is of all heights; leave --height away")
+    """Draw; returns the exit status.
+
+    Raises:
+        UsageError: when options contradict each other, or ask for what the map does not have.
+        BaxterError: when a map or a file fails.
+    """
+    _check_options(arguments)
     found = ReachMap(arguments.path)
     if arguments.out is not None:
         write_figure(arguments.out, _drawn(found, arguments))
@@ -110,13 +110,37 @@ def write_figure(path: Path, figure: Figure) -> None:
     replace_file(path, content.getvalue())
 
 
+def _check_options(arguments: argparse.Namespace) -> None:
+    """Refuse options that contradict each other."""
+    if arguments.out is None and arguments.html is None:
+        raise UsageError("say what to write: --out FILE for a figure, --html FILE for a page")
+    if arguments.compare is not None and arguments.show != QUANTITIES[0]:
+        raise UsageError(f"--compare is of shares; leave --show {arguments.show} away")
+    if arguments.show == PROFILE and arguments.height:
+        raise UsageError("a profile is of all heights; leave --height away")
+    of_figure = {
+        "--show": arguments.show != QUANTITIES[0],
+        **{f"--{name}": getattr(arguments, name) for name in ("height", "arm", "pointing")},
+        "--compare": arguments.compare,
+    }
+    given = [option for option, value in of_figure.items() if value]
+    if arguments.out is None and given:
+        raise UsageError(f"{given[0]} is of a figure; say where to write one by --out FILE")
+
+
 def _drawn(found: ReachMap, arguments: argparse.Namespace) -> Figure:
     arm = arguments.arm or (EITHER if len(found.arms) > 1 else found.arms[0])
     heights, direction = arguments.height or [0.0], arguments.pointing
-    if arguments.compare is not None:
-        return plot_difference(
-            found, ReachMap(arguments.compare), heights_m=heights, arm=arm, direction=direction
-        )
+    other = None if arguments.compare is None else ReachMap(arguments.compare)
+    with asked_for():
+        for each in (found,) if other is None else (found, other):
+            check_arm(each, arm)
+        if arguments.show != PROFILE:
+            layers_at(found, heights)
+        if direction is not None:
+            pointing(found.rotations, direction)
+    if other is not None:
+        return plot_difference(found, other, heights_m=heights, arm=arm, direction=direction)
     if arguments.show == PROFILE:
         return plot_profile(found, arm=arm, direction=direction)
     return plot_reach_map(

@@ -12,12 +12,13 @@ import pinocchio as pin
 from baxter_kin.command_line import examples, file_to_write, number, whole_number
 from baxter_kin.frames import pose_from_quaternion, quaternion_xyzw
 from baxter_kin.kinematics.arm import LIMBS
+from planner.atlas.commands.exit_status import asked_for
 from planner.atlas.commands.reports import say, write_report
 from planner.atlas.questions.arm_choice import which_arm
-from planner.atlas.questions.nearest.measure import M_PER_RAD, Keep
+from planner.atlas.questions.nearest.measure import M_PER_RAD, Keep, PoseMeasure
 from planner.atlas.questions.nearest.search import nearest_reachable
 from planner.atlas.questions.placing.placement import Placement, PlacementStatus
-from planner.atlas.questions.placing.search import where
+from planner.atlas.questions.placing.search import MOST_PLACEMENTS, where
 from planner.atlas.questions.placing.task_file import load_task
 from planner.atlas.reach_map import ReachMap
 from planner.manipulator import Manipulator
@@ -83,7 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the answer; 0 for a yes, 1 for a no.
 
     Raises:
-        BaxterError: when the map, the pose or the task's file is not valid.
+        UsageError: when the pose is not a valid one, or the map has no such arm.
+        BaxterError: when the map or the task's file is not valid.
     """
     atlas = ReachMap(arguments.path)
     status, sentences, data = _QUESTIONS[arguments.question](atlas, arguments)
@@ -136,6 +138,10 @@ def _nearest(atlas: ReachMap, arguments: argparse.Namespace) -> _Answer:
     T, sentences, data = _given(arguments), list[str](), dict[str, Any]()
     keeps = KEEPS if arguments.keep is None else [arguments.keep]
     sides = atlas.arms if arguments.arm is None else (arguments.arm,)
+    with asked_for():
+        PoseMeasure(Keep.NOTHING, arguments.m_per_rad)
+        for side in sides:
+            atlas.check_arm(side)
     is_found = False
     for side in sides:
         for keep in keeps:
@@ -207,7 +213,8 @@ _QUESTIONS: dict[str, Callable[[ReachMap, argparse.Namespace], _Answer]] = {
 
 def _given(arguments: argparse.Namespace) -> pin.SE3:
     given = [getattr(arguments, name) for name in POSE]
-    return pose_from_quaternion(given[:3], given[3:], normalise=True)
+    with asked_for():
+        return pose_from_quaternion(given[:3], given[3:], normalise=True)
 
 
 def _seven(T: pin.SE3) -> list[float]:
@@ -259,7 +266,7 @@ def _add_where(parser: argparse.ArgumentParser) -> None:
     ):
         parser.add_argument(
             f"--{name}",
-            type=whole_number(1),
+            type=whole_number(1, MOST_PLACEMENTS),
             default=default,
             metavar="N",
             help=f"{told} (default: {default})",

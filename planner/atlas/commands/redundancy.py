@@ -10,7 +10,7 @@ from pathlib import Path
 from baxter_kin.command_line import Options, examples, number, number_within, whole_number
 from baxter_kin.parallel import Engine
 from baxter_kin.parallel.engine_options import add_engine_options, engine_of
-from planner.atlas.commands.exit_status import EXIT_DONE, EXIT_FAILED, TOLD
+from planner.atlas.commands.exit_status import EXIT_DONE, EXIT_FAILED, TOLD, UsageError, asked_for
 from planner.atlas.commands.progress import progress
 from planner.atlas.commands.reports import SAME_PATH, say
 from planner.atlas.reach_map import ReachMap
@@ -21,9 +21,8 @@ from planner.atlas.redundancy import (
     build_redundancy_map,
     estimate,
 )
-from planner.atlas.redundancy.building import MOST_CELLS, existing_map
+from planner.atlas.redundancy.building import MOST_CELLS, check_size, existing_map
 from planner.atlas.redundancy.checking import check_redundancy
-from planner.errors import AtlasError
 
 HELP = (
     "Tell how much freedom is left at reachable poses: pieces of self-motion, their lengths, "
@@ -44,7 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("map", metavar="MAP", help="a folder of its own for the redundancy map")
     _add_subset(parser.add_argument_group("which poses (default: all)"))
     work = parser.add_argument_group("work")
-    work.add_argument(
+    then = work.add_mutually_exclusive_group()
+    then.add_argument(
         "--cost", action="store_true", help="tell what it will cost, and compute nothing"
     )
     work.add_argument(
@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="cells that the map may have at most (default: a million)",
     )
-    work.add_argument(
+    then.add_argument(
         "--check",
         type=whole_number(1),
         metavar="N",
@@ -77,11 +77,14 @@ def run(arguments: argparse.Namespace) -> int:
         The exit status: zero when all is there, and right as far as it was to be checked.
 
     Raises:
-        BaxterError: when something is wrong with maps, the subset or the engine.
+        UsageError: when the reach map has no such poses, or too many.
+        BaxterError: when something is wrong with maps or the engine.
     """
     reach_map, path = ReachMap(arguments.reach), Path(arguments.map)
-    subset, others = _subset(reach_map, arguments), reach_map.robot.configuration()
-    most_cells = arguments.most_cells or MOST_CELLS
+    most_cells, others = arguments.most_cells or MOST_CELLS, reach_map.robot.configuration()
+    with asked_for():
+        subset = _subset(reach_map, arguments)
+        check_size(subset, most_cells, "--most-cells")
     found = existing_map(path, reach_map, subset, others, most_cells=most_cells)
     missing = None if found is None else found.missing_blocks()
     if arguments.cost or not arguments.quiet:
@@ -140,7 +143,7 @@ def _within(given: list[float] | None, option: str) -> float | tuple[float, floa
     if given is None:
         return None
     if len(given) > 2:
-        raise AtlasError(f"{option} takes one coordinate or two, got {len(given)}")
+        raise UsageError(f"{option} takes one coordinate or two, got {len(given)}")
     return given[0] if len(given) == 1 else (min(given), max(given))
 
 

@@ -18,13 +18,12 @@ from baxter_kin.command_line import (
 )
 from baxter_kin.kinematics.arm import LIMBS
 from planner.atlas.building import check_same, check_size
-from planner.atlas.commands.exit_status import UsageError
+from planner.atlas.commands.exit_status import asked_for
 from planner.atlas.commands.rotation_files import read_rotations
 from planner.atlas.map_files import check_vacant, check_writable, is_map
 from planner.atlas.positions import PositionGrid
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.rotations import RotationGrid
-from planner.errors import AtlasError
 
 STEP_M, LEAST_STEP_M, MOST_STEP_M = 0.025, 1e-4, 2.0
 
@@ -104,14 +103,12 @@ def requested_map(arguments: argparse.Namespace) -> RequestedMap:
         check_vacant(path)
     found = ReachMap(path) if is_map(path) else None
     robot = _robot(arguments, found)
-    try:
+    with asked_for():
         positions, arms = _positions(arguments, robot, found), _arms(arguments, found)
         rotations = _rotations(arguments, found)
         check_size(
             len(arms) * len(positions) * len(rotations), arguments.most_cells, "--most-cells"
         )
-    except AtlasError as cause:
-        raise UsageError(str(cause)) from cause
     if found is None:
         positions = positions.in_blocks_for(len(rotations))
     else:

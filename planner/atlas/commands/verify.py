@@ -12,7 +12,7 @@ from baxter_kin.command_line import examples, whole_number
 from baxter_kin.json_text import Json
 from baxter_kin.parallel.engine_options import add_engine_options, engine_of
 from baxter_kin.value_objects import count
-from planner.atlas.checking import CELLS, NEAR_LIMITS_RAD, MapCheck, check_map
+from planner.atlas.checking import CELLS, MOST_CELLS, NEAR_LIMITS_RAD, MapCheck, check_map
 from planner.atlas.commands.exit_status import EXIT_DONE, EXIT_FAILED, TOLD
 from planner.atlas.commands.progress import Advance, progress, quietly
 from planner.atlas.commands.reports import (
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("path", type=Path, metavar="PATH", help="the map's folder")
     parser.add_argument(
         "--cells",
-        type=whole_number(1),
+        type=whole_number(1, MOST_CELLS),
         default=CELLS,
         metavar="N",
         help=f"how many to check, half of them next to the boundary (default: {CELLS})",

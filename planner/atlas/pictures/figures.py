@@ -69,7 +69,7 @@ def plot_reach_map(
     found = expect(reach_map, ReachMap, "reach_map", AtlasError)
     if quantity not in QUANTITIES:
         raise UnknownNameError("quantity", quantity, QUANTITIES)
-    numbers, rotations = _layers(found, heights_m), _rotations(found, direction)
+    numbers, rotations = layers_at(found, heights_m), _rotations(found, direction)
     slices = [summarise(found, arm, _layer(found, each), rotations) for each in numbers]
     panels = Panels(found.positions, numbers)
     if quantity == "share":
@@ -142,7 +142,7 @@ def plot_difference(
     """
     found = expect(reach_map, ReachMap, "reach_map", AtlasError)
     expect(other, ReachMap, "other", AtlasError)
-    numbers, rotations = _layers(found, heights_m), _rotations(found, direction)
+    numbers, rotations = layers_at(found, heights_m), _rotations(found, direction)
     values = [
         difference(found, other, _layer(found, each), arm, rotations)[:, :, 0] for each in numbers
     ]
@@ -155,7 +155,12 @@ def plot_difference(
     return panels.figure
 
 
-def _layers(found: ReachMap, heights_m: Sequence[float]) -> list[int]:
+def layers_at(found: ReachMap, heights_m: Sequence[float]) -> list[int]:
+    """The layers nearest to the heights of a figure's slices, above base.
+
+    Raises:
+        AtlasError: when a height lies outside of the map, or there are none or too many.
+    """
     if not 1 <= len(heights_m) <= MOST_SLICES:
         raise AtlasError(f"a figure has 1 to {MOST_SLICES} slices, got {len(heights_m)} heights")
     return [layer_at(found, height) for height in heights_m]

@@ -142,12 +142,21 @@ def pointing(grid: RotationGrid, direction: ArrayLike) -> Indices:
     return np.asarray((nearest[:, None] * len(grid.rolls) + rolls).reshape(-1))
 
 
+def check_arm(found: ReachMap, arm: str) -> None:
+    """Refuse an arm, or a pair of arms, that a map does not have.
+
+    Raises:
+        UnknownNameError: when it is none of the map's, nor "either" or "both" of two.
+    """
+    pair = (EITHER, BOTH) if len(found.arms) > 1 else ()
+    if arm not in (*found.arms, *pair):
+        raise UnknownNameError("arm of this map", arm, (*found.arms, *pair))
+
+
 def _codes(found: ReachMap, arm: str, part: Slices) -> Codes:
+    check_arm(found, arm)
     if arm in found.arms:
         return found.margins(arm, part)
-    if arm not in (EITHER, BOTH) or len(found.arms) < 2:
-        pair = (EITHER, BOTH) if len(found.arms) > 1 else ()
-        raise UnknownNameError("arm of this map", arm, (*found.arms, *pair))
     one, other = (found.margins(side, part) for side in found.arms)
     return combined(one, other, is_both=arm == BOTH)
 

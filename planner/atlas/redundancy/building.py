@@ -16,6 +16,7 @@ from baxter_kin.errors import shown_path
 from baxter_kin.parallel import Engine, LocalPool
 from baxter_kin.validation import FloatArray
 from planner.atlas.blocks import Block
+from planner.atlas.continuing import check_continued
 from planner.atlas.map_files import remove_leftovers
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.redundancy.measures import MEASURES, in_steps
@@ -71,10 +72,11 @@ def build_redundancy_map(
         progress: called for each block with how many are done, how many there are, and its report.
 
     Raises:
-        AtlasError: when the map at that path is another one, has too many cells, or cannot be
-            written, or when the reach map lacks blocks.
+        AtlasError: when the map at that path is another one or was begun with other software, has
+            too many cells, or cannot be written, or when the reach map lacks blocks.
         ConfigurationError: when `q_others` has another shape or is not finite.
-        EngineError: when the engine is lost; the blocks that are stored stay.
+        EngineError: when the engine is lost, or has workers with other software; the blocks that
+            are stored stay.
         MissingLibraryError: when Zarr is not installed.
     """
     path, subset = Path(path), Subset.of(reach_map) if subset is None else subset
@@ -92,6 +94,7 @@ def build_redundancy_map(
         done += 1
         if progress is not None:
             progress(done, total, report)
+    remove_leftovers(found.path)
     return found
 
 
@@ -109,32 +112,39 @@ def existing_map(
         AtlasError: as `build_redundancy_map`; nothing was changed.
     """
     subset.check(reach_map)
-    if len(subset) > most_cells:
-        raise AtlasError(
-            f"the map would have {len(subset):.3g} cells, and at most {most_cells:.3g} are allowed;"
-            " take fewer positions or rotations, or raise most_cells"
-        )
+    check_size(subset, most_cells)
     _check_computed(reach_map, subset)
     if not (path / "zarr.json").exists():
         return None
     found = RedundancyMap(path)
-    other = [
-        what
-        for what, is_same in {
-            "robot": found.robot_digest == reach_map.digest,
-            "robot's body": found.body_digest == RobotBody.load().digest,
-            "reach map": found.reach_digest == digest_of(reach_map),
-            "subset": found.subset == subset,
-            "posture of the other arm": np.array_equal(found.q_others, q_others),
-        }.items()
-        if not is_same
-    ]
-    if other:
-        raise AtlasError(
-            f"the map at {shown_path(path)} is of another {' and another '.join(other)}; nothing "
-            "was changed; choose another path"
-        )
+    is_same = {
+        "robot": found.robot_digest == reach_map.digest,
+        "robot's body": found.body_digest == RobotBody.load().digest,
+        "reach map": found.reach_digest == digest_of(reach_map),
+        "subset": found.subset == subset,
+        "posture of the other arm": np.array_equal(found.q_others, q_others),
+    }
+    is_complete = not found.missing_blocks()
+    check_continued(path, is_same, found.software, is_complete=is_complete)
     return found
+
+
+def check_size(subset: Subset, most_cells: int, option: str = "most_cells") -> None:
+    """Refuse a map with too many cells.
+
+    Args:
+        subset: what it would have.
+        most_cells: how many it may have.
+        option: what the message calls that.
+
+    Raises:
+        AtlasError: when they are more.
+    """
+    if len(subset) > most_cells:
+        raise AtlasError(
+            f"the map would have {len(subset):.3g} cells, and at most {most_cells:.3g} are allowed;"
+            f" take fewer positions or rotations, or raise {option}"
+        )
 
 
 def compute_block(task: tuple[str, str, Block]) -> RedundancyReport:

@@ -1,8 +1,11 @@
 """What a redundancy map will cost, before it is built: processor time by a measured sample.
 
 Which poses are reachable the reach map knows. The work is done direction by direction; strata are
-directions with as many reachable rolls among the chosen ones, and what is measured next is one of
-the stratum to which the estimate owes most of its uncertainty, as in `planner.atlas.cost`.
+directions with as many reachable rolls among the chosen ones. What is measured next is one of the
+stratum to which the estimate owes most of its uncertainty, by how much costs spread there as far as
+that is known beforehand, as in `planner.atlas.cost`: in proportion to the number of rolls. (Of 254
+directions with 1, 2, 4, 8 and 12 rolls the standard deviations were 5.7, 10.5, 19, 37 and 53 ms, of
+means of 17, 26, 44, 79 and 114 ms.)
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -154,6 +157,12 @@ class _Stratum:
         self.found += [in_steps(each) for _, each in freedoms]
 
     @property
+    def gain(self) -> float:
+        """How much one more measurement lessens the uncertainty, as far as known beforehand."""
+        number = len(self.times_s)
+        return self.size * self.rolls / math.sqrt(number * (number + 1.0))
+
+    @property
     def total_s(self) -> float:
         """Of all of them."""
         return self.size * float(np.mean(self.times_s)) if self.times_s else 0.0
@@ -168,18 +177,16 @@ class _Stratum:
 
 def _measure(strata: Sequence[_Stratum], measure_s: float) -> None:
     if strata:
-        strata[0].measure()  # what is done once for all is not a cost
-        strata[0].times_s.clear()
-        strata[0].found.clear()
+        replace(strata[0], times_s=[], found=[]).measure()  # what is done once for all is no cost
     begun = time.monotonic()
     for stratum in [each for each in strata for _ in range(LEAST)]:
         if len(stratum.left):
             stratum.measure()
     while time.monotonic() - begun < measure_s:
-        worst = max(strata, key=lambda stratum: stratum.error_s, default=None)
-        if worst is None or not len(worst.left):
+        left = [stratum for stratum in strata if len(stratum.left)]
+        if not left:
             return
-        worst.measure()
+        max(left, key=lambda stratum: stratum.gain).measure()
 
 
 def _positions(subset: Subset, arm: int, missing: Collection[Block] | None) -> Indices:

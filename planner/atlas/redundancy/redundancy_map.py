@@ -23,8 +23,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from baxter_kin.distribution.software import kind_of_machine
-from baxter_kin.distribution.version import version
+from baxter_kin.distribution.software import kind_of_machine, versions
 from baxter_kin.errors import UnknownNameError, quoted
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.validation import FloatArray
@@ -75,6 +74,8 @@ class RedundancyMap(OneLine):
         reach_digest: that of the reach map (`digest_of`).
         robot_digest: that of the robot.
         body_digest: that of the robot's body.
+        software: the versions that compute its blocks, by name; empty where it does not name them.
+        machine: the kind of machine and backend that it was begun with.
         q_others: where all joints but the arm's stand, shape (19,).
     """
 
@@ -93,8 +94,8 @@ class RedundancyMap(OneLine):
             self.subset = Subset(**lists)
             self.reach_digest, self.robot_digest = facts["reach_map"], facts["robot_digest"]
             self.body_digest, self.machine = facts["body_digest"], facts["machine"]
-            self.made_by, self._first = facts["baxter_kin"], np.array(facts["first"])
-            self._step_m = float(facts["step_m"])
+            self.software: dict[str, str] = dict(facts.get("software", {}))
+            self._first, self._step_m = np.array(facts["first"]), float(facts["step_m"])
             self.q_others: FloatArray = np.array(facts["q_others"], dtype=np.float64)
             self._Rs: FloatArray = self._group["rotations"][...]
             self._freedom = self._group["freedom"]
@@ -118,7 +119,7 @@ class RedundancyMap(OneLine):
         attributes = {
             "format": REDUNDANCY_MAP.format,
             "version": REDUNDANCY_MAP.version,
-            "baxter_kin": version(),
+            "software": dict(versions()),
             "machine": kind_of_machine(backend),
             "reach_map": digest_of(reach_map),
             "robot_digest": reach_map.digest,

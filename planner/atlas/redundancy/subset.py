@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import UnknownNameError, quoted
+from baxter_kin.errors import quoted
 from baxter_kin.validation import Checked, FloatArray, finite_array, finite_scalar, whole_scalar
 from baxter_kin.value_objects import Frozen, OneLine, count
 from planner.atlas.positions import BLOCK_EDGE, PositionGrid
@@ -93,8 +93,7 @@ class Subset(Frozen, Checked, OneLine, error=AtlasError):
             UnknownNameError: when the map has no such arm.
         """
         for side in reach_map.arms if arms is None else arms:
-            if side not in reach_map.arms:
-                raise UnknownNameError("arm of this map", side, reach_map.arms)
+            reach_map.check_arm(side)
         if rotations is not None and tool_axis is not None:
             raise AtlasError("give rotations or tool_axis, not both")
         step = whole_scalar(every, "every", AtlasError, least=1, most=10**6)
@@ -151,8 +150,7 @@ class Subset(Frozen, Checked, OneLine, error=AtlasError):
             UnknownNameError: when the map has no such arm.
         """
         for side in self.arms:
-            if side not in reach_map.arms:
-                raise UnknownNameError("arm of this map", side, reach_map.arms)
+            reach_map.check_arm(side)
         sizes = *reach_map.positions.shape, len(reach_map.rotations)
         for name, size in zip(("x", "y", "z", "rotations"), sizes, strict=True):
             if getattr(self, name)[-1] >= size:

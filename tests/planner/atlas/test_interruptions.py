@@ -13,7 +13,7 @@ import pytest
 from baxter_kin import Baxter
 from baxter_kin.distribution.software import versions
 from baxter_kin.parallel import Engine, LocalPool, Serial
-from planner.atlas import PositionGrid, ReachMap, RotationGrid, build_reach_map, building
+from planner.atlas import PositionGrid, ReachMap, RotationGrid, build_reach_map, continuing
 from planner.errors import AtlasError
 from tests.planner.atlas.test_building import digests
 
@@ -22,10 +22,10 @@ ROOM = 2000
 
 
 @contextmanager
-def small_files() -> Iterator[None]:
+def small_files(room: int = ROOM) -> Iterator[None]:
     """The system itself refuses to write more into a file, here and in processes that begin."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
     try:
         yield
     finally:
@@ -33,15 +33,17 @@ def small_files() -> Iterator[None]:
 
 
 def test_other_software_is_refused_and_nothing_changed(
-    robot: Baxter, small_map: ReachMap, small_grid: PositionGrid, monkeypatch: pytest.MonkeyPatch
+    small_map: ReachMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before, here = digests(small_map.path), dict(versions())
-    monkeypatch.setattr(building, "versions", lambda: {**here, "numpy": "1.0"})
+    found = ReachMap(shutil.copytree(small_map.path, tmp_path / "begun.zarr"))
+    found.discard_block(found.blocks[1])
+    before, here = digests(found.path), dict(versions())
+    monkeypatch.setattr(continuing, "versions", lambda: {**here, "numpy": "1.0"})
     with pytest.raises(
         AtlasError, match=r"begun with other software: numpy .* there and 1\.0 here"
     ):
-        build_reach_map(small_map.path, robot, small_grid, RotationGrid.hopf(0), engine=Serial())
-    assert digests(small_map.path) == before
+        build_reach_map(found.path, found.robot, found.positions, found.rotations, engine=Serial())
+    assert digests(found.path) == before
 
 
 @pytest.mark.parametrize("engine", [Serial(), LocalPool(1)], ids=["serial", "pool"])

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from baxter_kin import Baxter, IKService
-from baxter_kin.errors import UnknownNameError, expect
+from baxter_kin.errors import expect
 from baxter_kin.ik.geometry.reach import ReachBound
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M
 from baxter_kin.kinematics.arm import Arm
@@ -104,8 +104,7 @@ def for_calibrated(
     """
     expect(atlas, ReachMap, "atlas", AtlasError)
     expect(robot, Baxter, "robot", AtlasError)
-    if side not in atlas.arms:
-        raise UnknownNameError("arm of this map", side, atlas.arms)
+    atlas.check_arm(side)
     arm = robot.arm(side)
     stock = atlas.margins(side, part)
     cells = _Cells(atlas, arm, part, stock)

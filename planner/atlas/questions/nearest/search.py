@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKService
-from baxter_kin.errors import UnknownNameError, expect
+from baxter_kin.errors import expect
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.geometry.reach import ReachBound
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M, IKResult
@@ -144,8 +144,7 @@ def nearest_reachable(
         AtlasError: when `m_per_rad` is not a number above zero.
     """
     expect(atlas, ReachMap, "atlas", AtlasError)
-    if side not in atlas.arms:
-        raise UnknownNameError("arm of this map", side, atlas.arms)
+    atlas.check_arm(side)
     measure = PoseMeasure(Keep.of(keep), m_per_rad)
     T, arm = checked_pose(T_base_tip), atlas.robot.arm(side)
     ik = IKService(arm)

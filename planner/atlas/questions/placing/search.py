@@ -38,6 +38,9 @@ from planner.errors import AtlasError, TaskError
 WANTED, LOOKED_AT, PLANNED = 3, 24, 8
 """Confirmed placements, placements asked exactly, and placements planned, at most."""
 
+MOST_PLACEMENTS = 100_000
+"""Of any of these."""
+
 AT_REST = 50
 """How many times as many are looked at for what is in the robot at rest, which takes little."""
 
@@ -80,7 +83,7 @@ def where(
         ("most_looked_at", most_looked_at),
         ("most_planned", most_planned),
     ):
-        whole_scalar(value, name, AtlasError, least=1, most=100_000)
+        whole_scalar(value, name, AtlasError, least=1, most=MOST_PLACEMENTS)
     return _Search(atlas, task, tried.T_base_tables).found(wanted, most_looked_at, most_planned)
 
 

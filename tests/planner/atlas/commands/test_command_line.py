@@ -186,6 +186,31 @@ def test_wrong_usage_ends_with_2_before_anything_is_made(
     assert not path.exists()
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "verify MAP --cells 10000001",
+        "query MAP pose 0.7 0.2 0.1 0 0 0 0",
+        "query MAP where --tasks task.json --wanted 100001",
+        "plot MAP",
+        "plot MAP --out a.svg --show profile --height 0",
+        "plot MAP --out a.svg --arm middle",
+        "redundancy MAP new.zarr --z 1 2 3",
+        "redundancy MAP new.zarr --rotations 99",
+    ],
+)
+def test_wrong_usage_of_a_map_that_is_there_ends_with_2(
+    line: str,
+    small_map: ReachMap,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    refusal(line.replace("MAP", str(small_map.path)).split(), capsys, 2)
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_is_at_the_path_already_stays_as_it_is(
     own: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

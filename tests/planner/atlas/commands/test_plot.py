@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from baxter_kin.command_line import OneSentenceParser
-from baxter_kin.errors import BaxterError
 from planner.atlas import ReachMap
 from planner.atlas.commands import plot
+from planner.atlas.commands.exit_status import UsageError
+from planner.errors import AtlasError
 
 pytest.importorskip("matplotlib", exc_type=ImportError)
 
@@ -60,9 +61,11 @@ def test_a_page_is_written_by_what_knows_viewers(
         ("", "say what to write: --out FILE for a figure, --html FILE for a page"),
         ("--out a.svg --height 5", "a height of 5 m lies outside of the map"),
         ("--out a.svg --arm mid", "unknown arm of this map 'mid'; use one of: left, right"),
-        ("--out a.svg --compare nowhere", "there is no map at nowhere"),
         ("--out a.svg --show profile --height 1", "a profile is of all heights"),
         ("--out a.svg --show margin --compare x", "--compare is of shares"),
+        ("--out a.svg --pointing 0 0 0", "the direction (0, 0, 0) points nowhere"),
+        ("--html a.html --height 0.1", "--height is of a figure; say where to write one by --out"),
+        ("--html a.html --show margin", "--show is of a figure; say where to write one by --out"),
     ],
 )
 def test_what_makes_no_sense_is_answered_in_one_sentence(
@@ -73,11 +76,18 @@ def test_what_makes_no_sense_is_answered_in_one_sentence(
     words: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(BaxterError) as refused:
+    with pytest.raises(UsageError) as refused:
         run(str(small_map.path), *options.split())
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_map_to_compare_with_that_is_not_there_is_told(
+    small_map: ReachMap, tmp_path: Path
+) -> None:
+    with pytest.raises(AtlasError, match="there is no map at nowhere"):
+        run(str(small_map.path), "--out", str(tmp_path / "a.svg"), "--compare", "nowhere")
 
 
 def test_another_kind_of_file_is_refused(

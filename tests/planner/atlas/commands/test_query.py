@@ -15,6 +15,7 @@ from baxter_kin import Baxter
 from baxter_kin.command_line import OneSentenceParser
 from planner.atlas import ReachMap
 from planner.atlas.commands import query
+from planner.atlas.commands.exit_status import UsageError
 from planner.errors import AtlasError
 from planner.verification.pose_finder import PoseFinder
 
@@ -129,6 +130,29 @@ def test_wrong_usage_is_one_sentence(
     told = capsys.readouterr().err
     assert said in told
     assert told.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("question", "said"),
+    [
+        ("pose 0.7 0.2 0.1 0 0 0 0", "quat_xyzw is zero"),
+        (f"nearest {NEAR} --m-per-rad 0", "m_per_rad must be above zero"),
+        (f"nearest {NEAR} --arm right", "unknown arm of this map 'right'; use one of: left"),
+    ],
+)
+def test_what_no_map_can_answer_is_wrong_usage(
+    question: str, said: str, small_map: ReachMap, tmp_path: Path
+) -> None:
+    left = ReachMap.create(
+        tmp_path / "left.zarr",
+        small_map.robot,
+        small_map.positions,
+        small_map.rotations,
+        ("left",),
+        backend="any",
+    )
+    with pytest.raises(UsageError, match=said):
+        query.run(parsed(f"{left.path} {question}"))
 
 
 def test_a_map_that_is_not_there_is_told(tmp_path: Path) -> None:

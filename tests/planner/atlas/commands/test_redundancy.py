@@ -11,8 +11,8 @@ from baxter_kin.command_line import OneSentenceParser
 from baxter_kin.parallel import Serial, engine_options
 from planner.atlas import ReachMap
 from planner.atlas.commands import redundancy
+from planner.atlas.commands.exit_status import UsageError
 from planner.atlas.redundancy import RedundancyMap, Subset, checking
-from planner.errors import AtlasError
 
 
 def parser() -> OneSentenceParser:
@@ -68,6 +68,7 @@ def test_the_cost_is_told_and_nothing_computed(
     [
         (["a", "b", "--every", "0"], "0 is not at least 1"),
         (["a", "b", "--rotations", "1", "--tool-axis", "0", "0", "1"], "not allowed with"),
+        (["a", "b", "--cost", "--check", "1"], "not allowed with argument --cost"),
         (["a"], "MAP"),
     ],
 )
@@ -80,6 +81,20 @@ def test_wrong_usage_gets_one_sentence(
     assert said in capsys.readouterr().err
 
 
-def test_three_coordinates_are_refused(small_map: ReachMap, tmp_path: Path) -> None:
-    with pytest.raises(AtlasError, match="--z takes one coordinate or two, got 3"):
-        run(small_map.path, tmp_path / "none", "--z", 1, 2, 3)
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("--z 1 2 3", "--z takes one coordinate or two, got 3"),
+        ("--z 9", "no point of the map lies within z_m = 9"),
+        ("--rotations 72", "rotations must be a whole number from 0 to 71, got 72"),
+        ("--tool-axis 0 0 0", "tool_axis must be a direction"),
+        ("--every 1000001", "every must be a whole number from 1 to 1000000"),
+        ("--most-cells 100", "at most 100 are allowed; .* or raise --most-cells"),
+    ],
+)
+def test_poses_that_the_reach_map_does_not_have_are_wrong_usage(
+    options: str, said: str, small_map: ReachMap, tmp_path: Path
+) -> None:
+    with pytest.raises(UsageError, match=said):
+        run(small_map.path, tmp_path / "none", *options.split())
+    assert not (tmp_path / "none").exists()

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.distribution.software import versions
 from baxter_kin.parallel import LocalPool, Serial
-from planner.atlas import PositionGrid, ReachMap, RotationGrid
+from planner.atlas import PositionGrid, ReachMap, RotationGrid, continuing
 from planner.atlas.redundancy import (
     RedundancyMap,
     RedundancyReport,
@@ -92,6 +95,42 @@ def test_another_map_is_refused_and_nothing_changed(
     with pytest.raises(AtlasError, match=r"is a Zarr group, but no reach map"):
         ReachMap(path)
     assert digests(path) == before
+
+
+def test_other_software_is_refused_where_something_is_missing(
+    redundancy_map: RedundancyMap,
+    small_map: ReachMap,
+    subset: Subset,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    own = RedundancyMap(shutil.copytree(redundancy_map.path, tmp_path / "own.zarr"))
+    assert own.software == versions()
+    monkeypatch.setattr(continuing, "versions", lambda: {**versions(), "pin": "1.0"})
+    build_redundancy_map(own.path, small_map, subset, engine=Serial())
+    own.discard_block(own.blocks[0])
+    before = digests(own.path)
+    with pytest.raises(AtlasError, match=r"begun with other software: pin .* there and 1\.0 here"):
+        build_redundancy_map(own.path, small_map, subset, engine=Serial())
+    assert digests(own.path) == before
+
+
+def test_a_map_that_names_no_software_is_read_and_not_gone_on_with(
+    redundancy_map: RedundancyMap, small_map: ReachMap, subset: Subset, tmp_path: Path
+) -> None:
+    """As those of earlier versions are, which named the toolkit alone."""
+    path = shutil.copytree(redundancy_map.path, tmp_path / "own.zarr")
+    facts = json.loads((path / "zarr.json").read_text())
+    facts["attributes"]["baxter_kin"] = facts["attributes"].pop("software")["baxter-kin"]
+    (path / "zarr.json").write_text(json.dumps(facts))
+    own = RedundancyMap(path)
+    assert not own.software
+    pieces = own.values("pieces", "left")
+    assert np.array_equal(pieces, redundancy_map.values("pieces", "left"), equal_nan=True)
+    assert build_redundancy_map(path, small_map, subset, engine=Serial()).path == path
+    own.discard_block(own.blocks[0])
+    with pytest.raises(AtlasError, match="other software: versions that it does not name"):
+        build_redundancy_map(path, small_map, subset, engine=Serial())
 
 
 def test_another_reach_map_or_robot_is_refused(
