@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from baxter_kin.validation import check_fields
 from baxter_kin.value_objects import OneLine, phrase
@@ -59,6 +60,10 @@ class TaskResult(OneLine):
             f"{self.task}: done by the {self.arm} arm in {self.motion_s:.2f} s of motion{off} "
             f"({self.verdict})"
         )
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:  # noqa: ARG002 - IPython's
+        """The whole sentence where a notebook shows it, be it long."""
+        printer.text(str(self))
 
     def _facts(self) -> tuple[str, ...]:
         return (phrase(self),)

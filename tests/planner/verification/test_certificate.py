@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import math
 import pickle
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +18,8 @@ from planner.verification.certificate import Relation, Worst, greatest, least
 from tests.conftest import at
 from tests.planner.verification.conftest import TABLE_M
 
+PAGE = Path(__file__).parents[3] / "docs" / "concepts" / "certificate.md"
+
 
 def check(value: float, relation: Relation, bound: float) -> Check:
     return Check("velocity limit", value, relation, bound, "rad/s", "pick: approach")
@@ -23,6 +27,14 @@ def check(value: float, relation: Relation, bound: float) -> Check:
 
 def test_the_table_names_every_check(certificate: Certificate) -> None:
     assert all(check.name in certificate.table() for check in certificate.checks)
+
+
+def test_the_page_explains_every_check(cube_plan: Plan) -> None:
+    tracked = verify(cube_plan, response=Response((0.0, 0.0), late_s=0.0))
+    section = PAGE.read_text("utf-8").split("## Each line of the table\n")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| (.+?) \|", section, re.MULTILINE)[1:]
+    names = [name for row in rows for name in row.split(", ")]
+    assert names == [check.name for check in tracked.checks]
 
 
 def test_the_data_has_every_check(certificate: Certificate) -> None:

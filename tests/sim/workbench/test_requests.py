@@ -6,6 +6,7 @@ import re
 from typing import Any
 
 import pytest
+from IPython.lib.pretty import pretty
 
 from baxter_kin import Baxter
 from planner.errors import SceneError
@@ -62,3 +63,9 @@ def test_an_arm_that_rests_is_in_nobodys_way(bench: Workbench) -> None:
     refused = str(bench.carry("red", to=(0.70, 0.30), arm="left"))
     assert "with wall" in refused
     assert not re.search("withdraw", refused)
+
+
+def test_a_notebook_shows_the_whole_refusal(bench: Workbench) -> None:
+    refused = bench.carry("red", to=(1.6, 0.0))
+    assert len(str(refused)) > len(repr(refused))
+    assert pretty(refused) == str(refused)  # type: ignore[no-untyped-call]
