@@ -174,7 +174,7 @@ def test_a_judge_that_refuses_all_is_asked_some_times_and_named() -> None:
         return False
 
     with pytest.raises(FreeMoveError, match="4 ways around the obstacles were found, none proven"):
-        plan(is_clear=judge)
+        plan(is_clear=judge, timeout_s=60.0)
     assert len(asked) > ROUNDS
 
 
