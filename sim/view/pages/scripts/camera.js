@@ -248,10 +248,11 @@ const VIEW_KEYS = {
   3: () => showView("top"),
   4: () => showView("hand"),
   "+": () => zoom(0.85),
+  "=": () => zoom(0.85), // the same key without Shift
   "-": () => zoom(1 / 0.85),
   p: () => element("panel-button").click(),
   v: () => element("view-button").click(),
-  "?": () => element("help").showModal(),
+  "?": () => openHelp(),
   Escape: () => openViews(false),
 };
 
@@ -263,13 +264,20 @@ const TURN_KEYS = {
 };
 
 function openViews(isOpen) {
+  if (!isOpen && element("views").contains(document.activeElement)) element("view-button").focus();
   element("views").hidden = !isOpen;
   element("view-button").setAttribute("aria-expanded", isOpen);
 }
 
+// Read from its title on, also where Close, which would have the focus, is below the window.
+function openHelp() {
+  element("help").showModal();
+  element("help-title").focus();
+}
+
 function listenToView() {
   element("view-button").addEventListener("click", () => openViews(element("views").hidden));
-  element("help-button").addEventListener("click", () => element("help").showModal());
+  element("help-button").addEventListener("click", openHelp);
   for (const button of element("views").querySelectorAll("button")) {
     button.addEventListener("click", () => showView(button.value));
   }
