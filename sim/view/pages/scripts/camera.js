@@ -7,9 +7,9 @@ const HAND_RADIUS_M = 0.22;
 const CARD_WIDTH = 32; // in the root's font size, as in page.css
 const CARD_HEIGHT = 8.2;
 const CARD_SHARE = 0.28;
-const CARD_GAP_PX = 12;
+const CARD_GAP_PX = 4; // points have room around them already
 const TALL_TOOLS = 0.3; // of the window's height: then they stand in a column, and the scene ends there
-const SHARES = [0, 0.25, 0.5, 0.75, 1];
+const SHARES = Array.from({ length: 9 }, (_, i) => i / 8);
 const HEAD_BEFORE_PAN_M = 0.08;
 const HEAD_RADIUS_M = 0.16;
 const WRIST_TO_TIP_M = 0.2;
