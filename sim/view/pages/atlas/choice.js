@@ -132,7 +132,7 @@ function createControls() {
   const has = (level) => map.levels.includes(level);
   element("undecided-key").hidden = !has(UNDECIDED);
   element("unknown-key").hidden = !has(NOT_COMPUTED);
-  const whole = `The map has ${map.cells.toLocaleString("en")} cells, ${number(1000 * map.stepOfMap, 0)} mm apart, with ${map.rotations.length} rotations each.`;
+  const whole = `The map has ${map.cells.toLocaleString("en")} cells: ${map.rotations.length} rotations of ${map.arms.length === 1 ? "one arm's tool" : "each arm's tool"} at positions ${number(1000 * map.stepOfMap, 0)} mm apart.`;
   write(element("source"), map.every > 1 ? `${whole} This page has one of ${map.every} positions along each axis, since more do not fit.` : whole);
 }
 

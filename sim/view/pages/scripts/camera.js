@@ -4,19 +4,19 @@ const FIELD_OF_VIEW_DEG = 36;
 const FLIGHT_MS = 450;
 const FILL = 0.92; // how much of the free area the action may fill
 const HAND_RADIUS_M = 0.22;
-const CARD_WIDTH = 30; // in the root's font size, as in page.css
+const CARD_WIDTH = 32; // in the root's font size, as in page.css
 const CARD_HEIGHT = 8.2;
 const CARD_SHARE = 0.28;
-const CARD_GAP_PX = 12;
+const CARD_GAP_PX = 4; // points have room around them already
 const TALL_TOOLS = 0.3; // of the window's height: then they stand in a column, and the scene ends there
-const SHARES = [0, 0.25, 0.5, 0.75, 1];
+const SHARES = Array.from({ length: 9 }, (_, i) => i / 8);
 const HEAD_BEFORE_PAN_M = 0.08;
 const HEAD_RADIUS_M = 0.16;
 const WRIST_TO_TIP_M = 0.2;
 const LINK_RADIUS_M = 0.1;
 const ZOOM_PER_PIXEL = 0.0012;
 const NEAREST_EYE_M = 0.15;
-const FARTHEST_EYE_M = 9;
+const FARTHEST_EYE_M = 12;
 const TURN_RAD = 0.12;
 
 // From the target towards the eye; of a robot whose right arm alone moves, mirrored.
@@ -31,7 +31,7 @@ const VIEWS = {
 const toThree = ([x, y, z]) => new MeshCat.THREE.Vector3(x, z, -y);
 const toBase = ({ x, y, z }) => [x, -z, y];
 
-const view = { name: "fitted", isTurned: false, isMirrored: false, points: [], side: "left", last: null, flight: 0 };
+const view = { name: "fitted", isTurned: false, isMirrored: false, points: [], side: "left", last: null, flight: 0, course: [] };
 
 function createCamera() {
   viewer.camera.fov = FIELD_OF_VIEW_DEG;
@@ -55,7 +55,6 @@ function takeOver() {
 function showView(name, { flies = true } = {}) {
   view.name = name;
   view.isTurned = false;
-  view.last = null;
   refit({ flies });
 }
 
@@ -70,7 +69,9 @@ function refit({ flies = false } = {}) {
   const clear = fits.filter(({ isClear }) => isClear);
   const best = (clear.length ? clear : fits).reduce((one, other) => (other.distance < one.distance - 1e-3 ? other : one));
   centreOn(best.area);
-  if (!view.isTurned) place(best, flies && !prefersStill.matches);
+  if (view.isTurned) return;
+  view.last = toThree(handPoint());
+  place(best, flies && !prefersStill.matches);
 }
 
 // The closest eye from which all points are seen in the area. In the camera's axes a point at (x, y)
@@ -112,7 +113,8 @@ function freeAreas() {
   const toolsBottom = tools.left < right ? tools.bottom : 0;
   const end = tools.height > TALL_TOOLS * height ? tools.left : right;
   const area = (left, top) => ({ card, left, top, width: Math.max(end - left, 60), height: Math.max(bottom - top, 60) });
-  return SHARES.flatMap((beside) => SHARES.map((below) => area(beside * card.right, Math.max(below * card.bottom, toolsBottom))));
+  const [cardRight, cardBottom] = [card.right + CARD_GAP_PX, card.bottom + CARD_GAP_PX];
+  return SHARES.flatMap((beside) => SHARES.map((below) => area(beside * cardRight, Math.max(below * cardBottom, toolsBottom))));
 }
 
 // The card as large as it mostly gets, so that the view does not depend on what it says just now.
@@ -134,6 +136,7 @@ function place({ eye, target }, flies) {
   const { position } = viewer.camera;
   const from = { eye: position.clone(), target: viewer.controls.target.clone() };
   const begin = performance.now();
+  view.course = [from.eye, from.target, eye, target];
   const step = (now) => {
     const share = flies ? Math.min(Math.max(now - begin, 0) / FLIGHT_MS, 1) : 1;
     const eased = share * share * (3 - 2 * share);
@@ -142,6 +145,7 @@ function place({ eye, target }, flies) {
     viewer.controls.update();
     viewer.set_dirty();
     if (share < 1) view.flight = requestAnimationFrame(step);
+    else view.course = [];
   };
   step(begin);
 }
@@ -155,14 +159,14 @@ function handPoint() {
   return toBase(new MeshCat.THREE.Vector3(0, 0, WRIST_TO_TIP_M).applyMatrix4(wrist.matrixWorld));
 }
 
-// In the hand's view the camera goes with the hand, and keeps what the user has turned.
+// In the hand's view the camera goes with the hand, as does a flight to it, and keeps what the user
+// has turned.
 function followHand() {
   if (view.name !== "hand") return;
   const now = toThree(handPoint());
   if (view.last) {
     const moved = now.clone().sub(view.last);
-    viewer.camera.position.add(moved);
-    viewer.controls.target.add(moved);
+    for (const point of [viewer.camera.position, viewer.controls.target, ...view.course]) point.add(moved);
   }
   view.last = now;
 }
@@ -244,10 +248,11 @@ const VIEW_KEYS = {
   3: () => showView("top"),
   4: () => showView("hand"),
   "+": () => zoom(0.85),
+  "=": () => zoom(0.85), // the same key without Shift
   "-": () => zoom(1 / 0.85),
   p: () => element("panel-button").click(),
   v: () => element("view-button").click(),
-  "?": () => element("help").showModal(),
+  "?": () => openHelp(),
   Escape: () => openViews(false),
 };
 
@@ -259,13 +264,20 @@ const TURN_KEYS = {
 };
 
 function openViews(isOpen) {
+  if (!isOpen && element("views").contains(document.activeElement)) element("view-button").focus();
   element("views").hidden = !isOpen;
   element("view-button").setAttribute("aria-expanded", isOpen);
 }
 
+// Read from its title on, also where Close, which would have the focus, is below the window.
+function openHelp() {
+  element("help").showModal();
+  element("help-title").focus();
+}
+
 function listenToView() {
   element("view-button").addEventListener("click", () => openViews(element("views").hidden));
-  element("help-button").addEventListener("click", () => element("help").showModal());
+  element("help-button").addEventListener("click", openHelp);
   for (const button of element("views").querySelectorAll("button")) {
     button.addEventListener("click", () => showView(button.value));
   }

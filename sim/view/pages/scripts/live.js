@@ -15,7 +15,7 @@ const SHOW = {
 };
 const RETRY_MS = 1500;
 const RETRY_GROWTH = 1.5; // each attempt is a line in the browser's console, which no page can prevent
-const LONGEST_RETRY_MS = 30000;
+const LONGEST_RETRY_MS = 10000; // below the 15 s that the demo waits for a page
 const FIT_AFTER_MS = 150;
 const LOOK_EVERY_MS = 500;
 const BODY_DEPTH_M = 0.1;

@@ -4,7 +4,6 @@
 const PAUSE_BEFORE_LOOP_S = 1.5;
 const STEP_S = 0.1;
 const LONGEST_FRAME_S = 0.5; // a tab that slept goes on where it was
-const MOST_LABELS = 10;
 const INDICES_PER_STRETCH = 24;
 const FIT_SAMPLES = 16;
 
@@ -91,14 +90,32 @@ function showMarks() {
     node.style.left = `${100 * time / (recording.duration || 1)}%`;
     element("marks").append(node);
   };
-  for (const [time, text] of recording.captions.slice(1)) put(make("i", { title: text }), time);
+  for (const [time] of recording.captions.slice(1)) put(make("i"), time);
   for (const [time, kind, text] of recording.marks) {
     const button = make("button", { type: "button", className: kind, title: text, textContent: kind });
     button.setAttribute("aria-label", `${kind} at ${time.toFixed(1)} s: ${text}`);
     button.addEventListener("click", () => replay.jump(time));
     put(button, time);
   }
-  element("marks").classList.toggle("dense", recording.marks.length > MOST_LABELS);
+  labelMarks();
+}
+
+// Words where there is room for them all, or else ticks.
+function labelMarks() {
+  const marks = element("marks");
+  marks.classList.remove("dense");
+  const boxes = [...marks.querySelectorAll("button")].map((button) => button.getBoundingClientRect());
+  boxes.sort((one, other) => one.left - other.left);
+  marks.classList.toggle("dense", boxes.some(({ left }, i) => i > 0 && left < boxes[i - 1].right));
+}
+
+// The time line says which stage is under the cursor.
+function nameStage({ offsetX }) {
+  const thumb = parseFloat(getComputedStyle(element("marks")).left);
+  const share = (offsetX - thumb) / (element("scrub").clientWidth - 2 * thumb);
+  const time = Math.min(Math.max(share, 0), 1) * replay.duration;
+  const text = recording.captions.length ? current(recording.captions, time)[1] : "";
+  element("scrub").title = `${time.toFixed(1)} s${text && `: ${text}`}`;
 }
 
 let overtime = 0;
@@ -162,6 +179,8 @@ function startReplay(content, { time = 0 } = {}) {
   viewer.render();
   document.body.classList.add("ready");
   refit();
+  element("scrub").addEventListener("pointermove", nameStage);
+  new ResizeObserver(labelMarks).observe(element("marks"));
   replay.ready = true;
   last = performance.now();
   requestAnimationFrame(tick);

@@ -15,8 +15,18 @@ function createPlot(figure, seek) {
     const share = (event.clientX - box.left - left) / (box.width - left - right);
     return range.from + Math.min(Math.max(share, 0), 1) * (range.to - range.from);
   };
-  canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); seek(timeAt(event)); });
-  canvas.addEventListener("pointermove", (event) => { if (event.buttons & 1) seek(timeAt(event)); });
+  // A finger may be about to scroll: it seeks by moving sideways, or by a tap.
+  let pressed = null;
+  const mayScroll = ({ pointerType, clientX, clientY }) => pointerType === "touch"
+    && Math.abs(clientX - pressed.clientX) <= Math.abs(clientY - pressed.clientY);
+  const seekUnder = (event) => { if (!mayScroll(event)) seek(timeAt(event)); };
+  canvas.addEventListener("pointerdown", (event) => {
+    pressed = event;
+    canvas.setPointerCapture(event.pointerId);
+    seekUnder(event);
+  });
+  canvas.addEventListener("pointermove", (event) => { if (event.buttons & 1) seekUnder(event); });
+  canvas.addEventListener("click", (event) => seek(timeAt(event)));
   return {
     draw(picture) {
       Object.assign(range, { from: picture.from, to: picture.to });

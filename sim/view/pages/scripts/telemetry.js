@@ -112,7 +112,7 @@ function clearanceAt(time) {
 // The waypoint that is being moved to.
 const waypointAt = (time) => telemetry.waypoints.findIndex(({ start, end }) => start < time && (end === null || time <= end + 1e-6));
 
-// A residual, as far as it counts: 3e-12 m.
-const residual = (value, unit) => `${value === 0 ? 0 : value.toExponential(0)} ${unit}`;
+// A residual, as far as it counts: 3e−12 m, on one line.
+const residual = (value, unit) => `${value === 0 ? 0 : value.toExponential(0).replace("-", "−")}\u00a0${unit}`;
 
 const signed = (value, digits) => value.toFixed(digits).replace(/^-(?=0\.?0*$)/, "").replace("-", "−");

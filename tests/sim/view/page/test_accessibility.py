@@ -22,6 +22,17 @@ STATES = {
     "views": "openPanel(false); openViews(true)",
     "help": "openViews(false); element('help').showModal()",
 }
+APART = """
+(selector) => {
+  const nodes = [...document.querySelectorAll(selector)].filter((node) => node.offsetWidth);
+  const boxes = nodes.map((node) => node.getBoundingClientRect());
+  const isBeside = (a, b) => a.right <= b.left || b.right <= a.left;
+  const isApart = (a, b) => isBeside(a, b) || a.bottom <= b.top || b.bottom <= a.top;
+  return nodes.every((node) => node.scrollWidth <= node.clientWidth + 1)
+    && boxes.every((a, i) => boxes.slice(i + 1).every((b) => isApart(a, b)));
+}
+"""
+"""Whether no two of the elements overlap, and none has more in it than fits."""
 CARDS = ("#title", "#tools", "#panel", "#hint", "#controls")
 
 
@@ -44,7 +55,7 @@ def test_axe_finds_nothing(story: Watched, size: tuple[int, int], scheme: Any) -
 
 
 def test_nothing_lies_on_something_else(story: Watched) -> None:
-    for size, is_open in product((*SIZES, (700, 520), (1000, 520)), (False, True)):
+    for size, is_open in product((*SIZES, (320, 568), (700, 520), (1000, 520)), (False, True)):
         story.page.set_viewport_size({"width": size[0], "height": size[1]})
         story.run("(is) => openPanel(is)", is_open)
         boxes = {card: story.page.locator(card).bounding_box() for card in CARDS}
@@ -61,6 +72,7 @@ def test_nothing_lies_on_something_else(story: Watched) -> None:
             assert box["x"] >= 0, (size, card)
             assert box["x"] + box["width"] <= size[0], (size, card)
             assert box["y"] + box["height"] <= size[1], (size, card)
+        assert story.run(APART, "#controls > *"), size
 
 
 def test_letters_grow_with_the_window(story: Watched) -> None:

@@ -67,10 +67,9 @@ def test_all_of_the_action_is_seen_beside_card_panel_and_controls(
     assert y.max() <= controls["y"] + 1.0
     assert not ((x < title["x"] + title["width"]) & (y < title["y"] + title["height"])).any()
     assert y.min() >= 0.0
+    assert x.max() <= size[0]
     panel = story.page.locator("#panel").bounding_box()
-    if panel is None:
-        assert x.max() <= size[0]
-    else:
+    if panel is not None:
         assert x.max() <= panel["x"] + 1.0 or y.max() <= panel["y"] + 1.0
 
 
@@ -120,6 +119,30 @@ def test_the_hands_view_goes_with_the_hand(story: Watched) -> None:
     moved = np.array(story.run("handPoint()")) - hand
     assert np.linalg.norm(moved) > 0.05
     assert np.array(story.run(TARGET)) - before == pytest.approx(moved, abs=1e-6)
+
+
+def test_a_flight_to_the_hand_ends_at_the_hand_that_has_moved_on(story: Watched) -> None:
+    story.run("showView('hand', {flies: false}); viewer.render()")
+    apart = "toThree(handPoint()).distanceTo(viewer.controls.target)"
+    wanted = story.run(apart)
+    story.run("showView('fitted', {flies: false}); showView('hand'); viewer.render()")
+    story.run("replay.seek(0.5 * replay.duration)")
+    story.page.wait_for_function("!view.course.length")
+    story.run("viewer.render()")
+    assert story.run(apart) == pytest.approx(wanted, abs=1e-3)
+
+
+def test_below_a_high_card_all_of_the_action_is_seen(story: Watched) -> None:
+    story.page.set_viewport_size({"width": 390, "height": 844})
+    story.run("openPanel(true); view.isTurned = false; element('title').style.height = '12rem'")
+    story.run("refit()")
+    x, y = np.array(story.run(SEEN)).T
+    story.run("element('title').style.height = ''")
+    assert x.min() >= 0.0
+    assert x.max() <= 390
+    panel = story.page.locator("#panel").bounding_box()
+    assert panel is not None
+    assert y.max() <= panel["y"] + 1.0
 
 
 def test_the_wheel_zooms_to_what_is_under_the_cursor(story: Watched) -> None:

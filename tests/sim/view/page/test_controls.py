@@ -105,6 +105,45 @@ def test_help_opens_by_question_mark_and_keeps_keys_to_itself(story: Watched) ->
     assert not story.page.is_visible("#help")
 
 
+def test_help_begins_at_its_title_where_it_does_not_fit(story: Watched) -> None:
+    story.page.set_viewport_size({"width": 844, "height": 300})
+    story.page.keyboard.press("?")
+    assert story.run("element('help').scrollHeight > element('help').clientHeight")
+    assert story.run("element('help').scrollTop") == 0
+
+
+def test_escape_in_the_views_gives_the_focus_back(story: Watched) -> None:
+    story.page.keyboard.press("v")
+    story.page.focus("#cameras button")
+    story.page.keyboard.press("Escape")
+    assert story.run("document.activeElement.id") == "view-button"
+
+
+def test_the_time_line_tells_the_stage_under_the_cursor(
+    story: Watched, executed: Recording
+) -> None:
+    box = story.page.locator("#scrub").bounding_box()
+    assert box is not None
+    share = (executed.captions[3][0] - executed.times_s[0] + 0.05) / story.run("replay.duration")
+    thumb = story.run("parseFloat(getComputedStyle(element('marks')).left)")
+    x = box["x"] + thumb + share * (box["width"] - 2 * thumb)
+    story.page.mouse.move(x, box["y"] + box["height"] / 2)
+    told = story.page.get_attribute("#scrub", "title")
+    assert told is not None
+    assert told.endswith(f" s: {executed.captions[3][1]}")
+
+
+def test_marks_are_words_where_there_is_room(story: Watched) -> None:
+    dense = "element('marks').classList.contains('dense')"
+    assert not story.run(dense)
+    story.page.set_viewport_size({"width": 320, "height": 568})
+    story.run("element('track').style.flexBasis = '70px'")
+    story.page.wait_for_function(dense)
+    story.run("element('track').style.flexBasis = ''")
+    story.page.set_viewport_size({"width": 960, "height": 600})
+    story.page.wait_for_function(f"!{dense}")
+
+
 def test_the_legend_names_every_colour(story: Watched) -> None:
     story.page.click("#help-button")
     text = story.page.inner_text("#help .legend")

@@ -250,7 +250,7 @@ def test_a_program_that_is_gone_is_looked_for_ever_less_and_only_by_who_sees_it(
     found = watched.run(PROBES)
     assert (found["hidden"], found["seen"]) == (0, 1)
     assert found["waits"] == sorted(found["waits"])
-    assert found["waits"][-1] == 30_000
+    assert found["waits"][-1] == 10_000
 
 
 def test_unknown_topics_are_passed_over(program: Program, watched: Watched) -> None:

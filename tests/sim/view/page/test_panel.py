@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from playwright.sync_api import Browser, CDPSession
 
 from baxter_kin import Arm, Baxter
 from sim.recording.recording import Recording
-from tests.sim.conftest import SIZE, Watched
+from tests.sim.conftest import DRAW_ONLY_PICTURES, SIZE, Watched
 
 SHOWN_RAD = 0.02
 """Angles are shown with two digits, of a time that is up to a tick off, at 1.5 rad/s."""
@@ -93,6 +96,57 @@ def test_a_click_in_a_plot_goes_to_its_time(story: Watched) -> None:
     assert story.run("replay.time") > 0.4 * story.run("replay.duration")
 
 
+def test_a_finger_scrolls_the_plots_and_seeks_by_moving_sideways(
+    browser: Browser, story_file: Path
+) -> None:
+    context = browser.new_context(has_touch=True, viewport={"width": 390, "height": 844})
+    page = context.new_page()
+    page.add_init_script(DRAW_ONLY_PICTURES)
+    page.goto(story_file.as_uri())
+    page.wait_for_function("replay.ready")
+    page.evaluate("() => { replay.pause(); replay.seek(0); openPanel(true); }")
+    box = page.locator("#plot-v canvas").bounding_box()
+    assert box is not None
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+    page.touchscreen.tap(x, y)
+    page.wait_for_function("replay.time > 0.3 * replay.duration")
+    page.evaluate("replay.seek(0)")
+    finger = context.new_cdp_session(page)
+    swipe(finger, (x, y), (x, y - 120))
+    page.wait_for_function("element('panel').scrollTop > 50")
+    assert page.evaluate("replay.time") == 0
+    page.evaluate("element('panel').scrollTop = 0")
+    swipe(finger, (x, y), (x + 80, y))
+    page.wait_for_function("replay.time > 0.5 * replay.duration")
+    context.close()
+
+
+def swipe(finger: CDPSession, start: tuple[float, float], end: tuple[float, float]) -> None:
+    """Put a finger down, move it, and lift it."""
+    finger.send("Input.dispatchTouchEvent", touch("touchStart", start))
+    for share in np.linspace(0.1, 1.0, 10):
+        between = (1 - share) * np.array(start) + share * np.array(end)
+        finger.send("Input.dispatchTouchEvent", touch("touchMove", tuple(between)))
+    finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+
+def touch(kind: str, point: tuple[float, ...]) -> dict[str, Any]:
+    return {"type": kind, "touchPoints": [{"x": float(point[0]), "y": float(point[1])}]}
+
+
+@pytest.mark.parametrize("width", [320, 390, 721, 844, 1001, 1280])
+def test_the_numbers_of_the_joints_fit_into_their_columns(story: Watched, width: int) -> None:
+    story.page.set_viewport_size({"width": width, "height": 700})
+    story.run("openPanel(true)")
+    for share in (0.1, 0.3, 0.5, 0.7, 0.9):
+        story.run("(share) => replay.jump(share * replay.duration)", share)
+        over = (
+            "[...document.querySelectorAll('#joints td')].map((c) => c.scrollWidth - c.clientWidth)"
+        )
+        assert max(story.run(over)) <= 0
+    assert story.run("element('panel').scrollWidth === element('panel').clientWidth")
+
+
 def test_a_joint_is_brought_out_with_its_limits_in_numbers(story: Watched, left: Arm) -> None:
     button = story.page.locator("#joints button").nth(3)
     button.press("Space")
@@ -116,7 +170,7 @@ def test_a_waypoint_tells_seed_and_residual(story: Watched) -> None:
     cells = story.page.locator("#waypoints tr").nth(1).locator("td").all_inner_texts()
     assert cells[0].startswith("Current Joint Angles")
     assert cells[1].endswith("rad")
-    assert "e-" in cells[1] or cells[1].startswith("0 m")
+    assert "e\u2212" in cells[1] or cells[1].startswith("0\u00a0m")
 
 
 def test_a_waypoint_leads_to_its_moment_and_is_marked(story: Watched) -> None:
