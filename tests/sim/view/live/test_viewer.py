@@ -29,6 +29,9 @@ from tests.sim.conftest import (
     watched_page,
 )
 
+FITTED = "view.points.length > 8 && !view.course.length"
+"""The camera has come to what is drawn; at first it looks at a cube."""
+
 SERVE_FOREVER = """
 import sys, time
 from baxter_kin import Baxter
@@ -123,6 +126,7 @@ def test_draws_the_way_of_the_tip(viewer: Viewer, watched: Watched, robot: Baxte
     watched.page.goto(viewer.url)
     wait_for(watched, "viewer && 'path' in viewer.scene_tree.children")
     wait_for(watched, "element('left-gripper').textContent")
+    wait_for(watched, FITTED)
     assert orange_pixels(watched.picture()) > 150
 
 
