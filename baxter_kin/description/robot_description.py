@@ -56,8 +56,9 @@ class StockFiles:
                 raise DescriptionError(f"the robot description lacks {path}; reinstall its package")
 
     @classmethod
+    @cache
     def installed(cls) -> StockFiles:
-        """Those of the installed example-robot-data.
+        """Those of the installed example-robot-data; looked for once.
 
         Raises:
             DescriptionError: when that package, or Baxter in it, is missing.

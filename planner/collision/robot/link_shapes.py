@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import coal
@@ -12,6 +12,9 @@ from planner.collision.distances import Enclosure
 from planner.collision.robot.robot_body import LinkBody, RobotBody
 from planner.scene.bodies import Shape
 from planner.scene.contact import convex, has_depth, shape_of, surface, surface_for_contacts
+
+MOST_KEPT = 64
+"""Links that differ, of which the shapes are kept; a robot has some twenty."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,18 +40,39 @@ class LinkShape:
     is_detail: bool = True
 
 
+@dataclass(frozen=True, slots=True)
+class _Content:
+    """What the shapes of a link are made of; links are alike where it is equal.
+
+    Attributes:
+        parts: the bytes of vertices and triangles of all that it has.
+        is_touching: as of the link.
+        margin_m: likewise.
+        link: one of those that are alike.
+    """
+
+    parts: tuple[tuple[bytes, bytes], ...]
+    is_touching: bool
+    margin_m: float
+    link: LinkBody = field(compare=False)
+
+    @classmethod
+    def of(cls, link: LinkBody) -> _Content:
+        """That of a link."""
+        parts = (link.surface, link.enclosure, *link.pieces)
+        read = tuple((p.vertices.tobytes(), p.triangles.tobytes()) for p in parts)
+        return cls(read, link.is_touching, link.margin_m, link)
+
+
 @lru_cache(maxsize=4)
 def shapes_of(body: RobotBody, there: frozenset[str]) -> tuple[LinkShape, ...]:
-    """The shapes of some links of a body, made once; links of equal body share them."""
-    known: dict[tuple[object, ...], list[LinkShape]] = {}
-    shapes = []
-    for link in (link for name, link in body.links.items() if name in there):
-        parts = (link.surface, link.enclosure, *link.pieces)
-        key = (*(part.vertices.tobytes() for part in parts), link.is_touching, link.margin_m)
-        if key not in known:
-            known[key] = list(_of_link(link))
-        shapes += [replace(made, link=link.name, padding_m=link.padding_m) for made in known[key]]
-    return tuple(shapes)
+    """The shapes of some links of a body, made once; links that are alike share them."""
+    return tuple(
+        replace(made, link=link.name, padding_m=link.padding_m)
+        for name, link in body.links.items()
+        if name in there
+        for made in _shapes_of(_Content.of(link))
+    )
 
 
 @lru_cache(maxsize=512)
@@ -64,15 +88,21 @@ def of_scene(made: LinkShape) -> Shape:
 @lru_cache(maxsize=4)
 def for_contacts(body: RobotBody, there: frozenset[str]) -> Mapping[int, coal.BVHModelOBB]:
     """The surfaces of a body by their numbers, made once, as the shapes are."""
-    known: dict[int, coal.BVHModelOBB] = {}
-    found = {}
-    for number, made in enumerate(shapes_of(body, there)):
-        if not has_depth(made.geometry):
-            key = id(made.geometry)
-            if key not in known:
-                known[key] = surface_for_contacts(*body.links[made.link].whole)
-            found[number] = known[key]
-    return found
+    return {
+        number: _surface_for_contacts(_Content.of(body.links[made.link]))
+        for number, made in enumerate(shapes_of(body, there))
+        if not has_depth(made.geometry)
+    }
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _shapes_of(content: _Content) -> tuple[LinkShape, ...]:
+    return tuple(_of_link(content.link))
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _surface_for_contacts(content: _Content) -> coal.BVHModelOBB:
+    return surface_for_contacts(*content.link.whole)
 
 
 def _of_link(link: LinkBody) -> Iterator[LinkShape]:

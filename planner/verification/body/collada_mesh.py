@@ -6,11 +6,13 @@ corner is a group of numbers, one for each offset, of which the one for position
 
 from __future__ import annotations
 
+import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baxter_kin.validation import FloatArray, Indices
 
@@ -59,14 +61,27 @@ def numbers(element: ET.Element) -> FloatArray:
     Raises:
         ValueError: when there is something else, or one is not finite.
     """
-    values = np.array([float(word) for word in (element.text or "").split()])
+    values = _read(element, float)
     if not np.isfinite(values).all():
         raise ValueError(f"a <{element.tag.rpartition('}')[2]}> has numbers that are not finite")
     return values
 
 
 def _integers(element: ET.Element) -> Indices:
-    return np.array([int(word) for word in (element.text or "").split()], dtype=np.intp)
+    return _read(element, int)
+
+
+def _read(element: ET.Element, kind: type[Any]) -> NDArray[Any]:
+    """All that is in an element as numbers, int or float; numpy reads them at once."""
+    text = (element.text or "").strip()
+    if not text:
+        return np.empty(0, kind)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # which is all that older ones have
+        try:
+            return np.fromstring(text, kind, sep=" ")
+        except (DeprecationWarning, ValueError):
+            return np.array([kind(word) for word in text.split()])  # says which is none
 
 
 def _source(reference: ET.Element, named: Mapping[str, ET.Element]) -> ET.Element:

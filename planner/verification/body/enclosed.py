@@ -11,6 +11,7 @@ thumb, what follows from it for the motion is not.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -52,8 +53,9 @@ def _inner_point(thing: Solid) -> FloatArray:
     return corner
 
 
+@lru_cache(maxsize=16)
 def _corners(link: Solid) -> FloatArray:
-    """The corners of every triangle, shape (m, 3, 3)."""
+    """The corners of every triangle, shape (m, 3, 3); coal tells them one by one."""
     shape = link.shape
     triangles = [[t[0], t[1], t[2]] for t in (shape.tri_indices(i) for i in range(shape.num_tris))]
     corners: FloatArray = np.array(shape.vertices())[np.array(triangles)]

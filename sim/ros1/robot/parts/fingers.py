@@ -131,7 +131,8 @@ class Fingers(OneLine):
         self._gripper.close_to(closing, finger_m)
         if finger_m > end_m:
             return
-        if closing.finger_m >= goal_m - SQUEEZE_M:
+        squeeze_m = 0.0 if closing.grasp is None else SQUEEZE_M
+        if closing.finger_m >= goal_m - squeeze_m:
             self._arrive(closing)
         else:
             self._push_ends(closing)

@@ -38,6 +38,9 @@ SPACING_M = 5e-3
 EDGE_M = 1e-3
 """How much of a pad's edge is left out, and how far along it its highest point is looked for."""
 
+SMALL_M = 1e-3
+"""What is no longer than this is compared with many triangles."""
+
 MOST_HALVINGS = 24
 
 INSTEAD = {"extended_narrow": "extended_wide"}
@@ -168,9 +171,9 @@ def test_what_is_enclosed_is_found(body: RobotBody, meshes: Mapping[str, Corners
         points = meshes[link.name].reshape(-1, 3)
         points = points[:: max(1, len(points) // 60)]
         corners = link.enclosure.vertices[link.enclosure.triangles]
-        near = cKDTree(divided(corners, 2e-3)[0].mean(axis=1))
-        for point, gap_m in zip(points, near.query(points)[0], strict=True):
-            assert enclosure.winds_about(point) or gap_m < 2 * MARGIN_M, (link.name, point)
+        for point in points:
+            gaps_m = distance_m(point[None].repeat(len(corners), axis=0), corners)
+            assert enclosure.winds_about(point) or gaps_m.min() < 2 * MARGIN_M, (link.name, point)
 
 
 def test_fingers_and_tips_are_covered_by_their_pieces(
@@ -241,15 +244,10 @@ def deviates(corners: Corners, others: Corners, margin_m: float) -> Corners | No
     pieces, owners = divided(others, SPACING_M)
     tree = cKDTree(pieces.mean(axis=1))
 
-    def far(corners: Corners, points: FloatArray, count: int) -> Corners:
-        """Those not near one of the triangles around points of theirs, shape (n, k, 3)."""
-        ranked = (
-            tree.query(points, k=count)[1]
-            .swapaxes(1, 2)
-            .reshape(len(corners), count * points.shape[1])
-        )
+    def far(corners: Corners, count: int) -> Corners:
+        """Those not near one of the triangles around their middles."""
+        candidates = owners[tree.query(corners.mean(axis=1), k=count)[1]]
         is_near = np.zeros(len(corners), dtype=bool)
-        candidates = owners[ranked]
         for column, is_new in zip(candidates.T, first_in_row(candidates).T, strict=True):
             left = np.flatnonzero(~is_near & is_new)
             for k in range(3):
@@ -258,10 +256,9 @@ def deviates(corners: Corners, others: Corners, margin_m: float) -> Corners | No
         return corners[~is_near]
 
     for _ in range(MOST_HALVINGS):
-        corners = far(corners, np.concatenate([corners, centres(corners)], axis=1), 3)
-        is_small = edges_m(corners).max(axis=1) < SPACING_M
-        small, large = corners[is_small], corners[~is_small]
-        corners = np.concatenate([large, far(small, centres(small), 60)])
+        corners = far(corners, 2)
+        is_small = edges_m(corners).max(axis=1) < SMALL_M
+        corners = np.concatenate([corners[~is_small], far(corners[is_small], 60)])
         if not len(corners):
             return None
         corners = halved(corners)
@@ -277,11 +274,6 @@ def first_in_row(values: FloatArray) -> NDArray[np.bool_]:
     found = np.empty_like(is_first)
     np.put_along_axis(found, order, is_first, axis=1)
     return found
-
-
-def centres(corners: Corners) -> FloatArray:
-    """The middle of each triangle, shape (n, 1, 3)."""
-    return np.asarray(corners.mean(axis=1, keepdims=True))
 
 
 def edges_m(corners: Corners) -> FloatArray:

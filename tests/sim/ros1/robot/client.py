@@ -28,11 +28,12 @@ class Client:
         self._publishers: dict[str, Any] = {}
 
     def listen(self, topic: str, kind: str) -> list[Any]:
-        """All that comes on a topic from now on."""
+        """All that comes on a topic from now on, of who publishes it by now."""
         if topic not in self._heard_of:
             self._heard_of.add(topic)
             heard = self.heard[topic]
-            self.node.subscribe(topic, kind, lambda received: heard.append(received.message))
+            found = self.node.subscribe(topic, kind, lambda got: heard.append(got.message))
+            until(lambda: {*self.node.publishers_of(topic)} <= {*found.writers})
         return self.heard[topic]
 
     def now(self, topic: str, kind: str) -> Any:

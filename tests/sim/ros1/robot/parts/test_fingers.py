@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter
@@ -239,6 +239,7 @@ class TestOpening:
         assert EventKind.SETTLED not in bench.kinds
 
     @given(st.floats(0.0, 100.0), st.floats(0.0, 100.0))
+    @example(1.0, 0.0625)  # nearly closed
     def test_empty_fingers_go_where_they_are_told(
         self, robot: Baxter, first: float, second: float
     ) -> None:
