@@ -6,6 +6,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
+unexport PYTHONDONTWRITEBYTECODE # some images set it; then each process compiles what it imports
 
 .PHONY: demo notebooks docs test check clean
 
