@@ -41,6 +41,9 @@ from planner.atlas.reach_search import (
 from planner.atlas.rotations import RotationGrid
 from planner.errors import AtlasError
 
+ARRAYS = "directions", "rolls", "margins", "witnesses"
+"""Their names: what is left where the making of a map was killed."""
+
 _OTHERS = "other_machines"  # the one attribute that may change while a map is computed
 
 

@@ -22,7 +22,7 @@ from planner.atlas.commands.exit_status import asked_for
 from planner.atlas.commands.rotation_files import read_rotations
 from planner.atlas.map_files import check_vacant, check_writable, is_map
 from planner.atlas.positions import PositionGrid
-from planner.atlas.reach_map import ReachMap
+from planner.atlas.reach_map import ARRAYS, ReachMap
 from planner.atlas.rotations import RotationGrid
 
 STEP_M, LEAST_STEP_M, MOST_STEP_M = 0.025, 1e-4, 2.0
@@ -100,7 +100,7 @@ def requested_map(arguments: argparse.Namespace) -> RequestedMap:
     """
     path: Path = arguments.path
     if not is_map(path):
-        check_vacant(path)
+        check_vacant(path, ARRAYS)
     found = ReachMap(path) if is_map(path) else None
     robot = _robot(arguments, found)
     with asked_for():

@@ -18,6 +18,7 @@ from baxter_kin.parallel import Serial, engine_options
 from planner.atlas import ReachMap
 from planner.atlas.commands import build
 from planner.atlas.commands.command_line import SUB_COMMANDS, main
+from planner.atlas.reach_map import ARRAYS
 from planner.errors import AtlasError
 from tests.planner.atlas.test_building import digests
 
@@ -233,6 +234,18 @@ def test_what_is_at_the_path_already_stays_as_it_is(
         for other in (file, folder, tmp_path / "nothing"):
             assert "there is no map at" in refusal([command, str(other)], capsys, 1)
     assert digests(tmp_path) == before
+
+
+def test_a_build_begins_anew_where_the_making_of_its_map_was_killed(
+    small_map: ReachMap, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The group, which makes a map of the arrays, is written last."""
+    path = tmp_path / "own.zarr"
+    for name in ARRAYS:
+        shutil.copytree(small_map.path / name, path / name, ignore=lambda *_: {"c"})
+    assert main(["build", str(path), *ONE, *QUICK]) == 0
+    assert not capsys.readouterr().err
+    assert not ReachMap(path).missing_blocks()
 
 
 def test_folders_without_permission_are_told(
