@@ -67,6 +67,7 @@ class Linkage:
         q_min: lower limits of the linkage's angles, seven; as wide as the arm's, or wider where
             bounds would not hold otherwise.
         q_max: upper limits, likewise.
+        dh: the arm's own geometry.
         deviation: from the arm.
     """
 
@@ -81,6 +82,7 @@ class Linkage:
     q_offset: FloatArray
     q_min: tuple[float, ...]
     q_max: tuple[float, ...]
+    dh: DHParameters
     deviation: Deviation
 
     @classmethod
@@ -104,6 +106,7 @@ class Linkage:
             offsets,
             tuple(low.tolist()),
             tuple(high.tolist()),
+            dh,
             Deviation.of(dh, lengths, hand_m),
         )
         _check_limits(linkage, arm)
