@@ -29,12 +29,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import DescriptionError
+from baxter_kin.ik.geometry.deviation import Deviation, Lengths
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import QUARTERS
@@ -47,24 +47,6 @@ FAR_M = 1e300
 """Farther poses are taken to be so far, lest sums and squares overflow."""
 
 _LEAST_RAD = 1e-6
-
-_Lengths: TypeAlias = tuple[float, float, float, float, float]
-"""Offset of the shoulder, upper arm, its offset, forearm, its offset, m."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Deviation:
-    """How far an arm and its linkage can be apart at the same joint angles, whichever.
-
-    Attributes:
-        wrist_m: between the wrists, m.
-        axis: between the ends of unit vectors along the last axes.
-        tip_m: between the tips, m.
-    """
-
-    wrist_m: float
-    axis: float
-    tip_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,6 +67,7 @@ class Linkage:
         q_min: lower limits of the linkage's angles, seven; as wide as the arm's, or wider where
             bounds would not hold otherwise.
         q_max: upper limits, likewise.
+        dh: the arm's own geometry.
         deviation: from the arm.
     """
 
@@ -99,6 +82,7 @@ class Linkage:
     q_offset: FloatArray
     q_min: tuple[float, ...]
     q_max: tuple[float, ...]
+    dh: DHParameters
     deviation: Deviation
 
     @classmethod
@@ -122,7 +106,8 @@ class Linkage:
             offsets,
             tuple(low.tolist()),
             tuple(high.tolist()),
-            _deviation(dh, lengths, hand_m),
+            dh,
+            Deviation.of(dh, lengths, hand_m),
         )
         _check_limits(linkage, arm)
         _check_kinematics(linkage, arm)
@@ -223,25 +208,7 @@ def _stage(
     return bent, math.cos(roll) * swing + math.sin(roll) * np.cross(bent, swing)
 
 
-def _deviation(dh: DHParameters, lengths: _Lengths, hand_m: float) -> Deviation:
-    """A bound for all joint angles, link by link.
-
-    Exchanging one link of the arm for that of the linkage moves what follows it by the lengths that
-    the link differs by, and turns it about an axis through the link's end by the difference of
-    their twists: a point at a distance r from there moves by the chord, 2 sin(angle / 2) r, at
-    most. Both arms differ by all six exchanges at most, one after the other.
-    """
-    _, upper, elbow, fore, wrist = lengths
-    fore_span = math.hypot(fore, wrist)
-    reach = math.hypot(upper, elbow) + fore_span
-    to_wrist = np.array([reach, reach, fore_span, fore_span, 0.0, 0.0])
-    chords = 2.0 * np.abs(np.sin(0.5 * (dh.alpha_rad - 0.5 * np.pi)))
-    missing = np.abs(np.concatenate([dh.a_m[1::2], dh.d_m[0::2]]))
-    wrist_m, axis = float(missing.sum() + chords @ to_wrist), float(chords.sum())
-    return Deviation(wrist_m, axis, wrist_m + axis * hand_m)
-
-
-def _widened(low: FloatArray, high: FloatArray, lengths: _Lengths) -> tuple[FloatArray, FloatArray]:
+def _widened(low: FloatArray, high: FloatArray, lengths: Lengths) -> tuple[FloatArray, FloatArray]:
     """Limits that hold the given ones, and such that the cases of the proofs are what they are.
 
     The elbow can be overbent, and bent by more than that; the wrist can be turned either way; the

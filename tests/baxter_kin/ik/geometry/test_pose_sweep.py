@@ -4,12 +4,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from baxter_kin import Arm
+from baxter_kin import Arm, Baxter
+from baxter_kin.ik.geometry import pose_sweep
 from baxter_kin.ik.geometry.linkage import Linkage
-from baxter_kin.ik.geometry.pose_sweep import PoseSweep
+from baxter_kin.ik.geometry.pose_cells import PoseCells
+from baxter_kin.ik.geometry.pose_sweep import LEVELS, MOST_SURVIVORS, PoseSweep
 from baxter_kin.ik.geometry.shoulder_sweep import ShoulderSweep
 from baxter_kin.validation import FloatArray
 from tests.baxter_kin.ik.geometry.test_shoulder_sweep import pushed, reached
+from tests.calibrated import calibrated_arm
 
 RADIUS_M = 1e-5
 
@@ -67,3 +70,57 @@ def test_a_roll_that_the_last_joint_cannot_make_is_excluded(left: Arm, sweep: Po
         for roll in (-1.0, 0.0, 0.08)
     }
     assert turned == {-1.0: False, 0.0: False, 0.08: True}
+
+
+@pytest.mark.parametrize("passes", [0, 2])
+@pytest.mark.parametrize("kind", ["tilted hand", "0.1", "0.3", "1.0"])
+def test_the_cell_of_a_configuration_survives_however_small(
+    robot: Baxter, monkeypatch: pytest.MonkeyPatch, kind: str, passes: int
+) -> None:
+    """At every level, where the whole sweep would give up for the number of cells."""
+    monkeypatch.setattr(pose_sweep, "PASSES", passes)
+    rng, nearer = np.random.default_rng(6), 0
+    for side in ("left", "right"):
+        is_tilted = kind == "tilted hand"
+        arm = (
+            _tilted_hand(robot, side)
+            if is_tilted
+            else calibrated_arm(robot, side, rng, float(kind))
+        )
+        linkage, low, high = Linkage.of(arm), arm.limits.q_min, arm.limits.q_max
+        sweep = PoseSweep(linkage)
+        for _ in range(30):
+            ends = np.where(rng.random(7) < 0.5, low, high)
+            q = np.where(rng.random(7) < 0.3, ends, arm.random_configuration(rng))
+            target = linkage.targets(arm.T_base_tip(q).homogeneous[None])[0]
+            s0, w0 = (q + linkage.q_offset)[[0, 4]]
+            cells = PoseCells.of(linkage, sweep._deviation.anywhere)
+            for _ in range(LEVELS):
+                is_near = np.abs(cells.s0 - s0) <= cells.half[0] + 1e-9  # rounding
+                cells = cells.part(is_near & (np.abs(cells.w0 - w0) <= cells.half[1] + 1e-9))
+                cells = sweep._survivors(target, 0.0, cells, False, MOST_SURVIVORS)
+                assert cells.s0.size
+                cells = cells.split()
+            nearer += cells.apart.slack[1].min() < 0.1 * linkage.deviation.axis
+    assert (nearer > 0) == (passes > 0)
+
+
+def test_of_a_calibrated_arm_more_is_proven_than_with_the_whole_deviation(
+    robot: Baxter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm = calibrated_arm(robot, "left", np.random.default_rng(100), 0.1)
+    targets = pushed(reached(arm, 160, 7)[::2], 0.01, 8)
+    ours = np.array([PoseSweep(Linkage.of(arm)).excludes(T, RADIUS_M) for T in targets])
+    monkeypatch.setattr(pose_sweep, "PASSES", 0)
+    before = np.array([PoseSweep(Linkage.of(arm)).excludes(T, RADIUS_M) for T in targets])
+    assert (ours | ~before).all()
+    assert ours.sum() > before.sum()
+
+
+def _tilted_hand(robot: Baxter, side: str) -> Arm:
+    """An arm as drawn, but for the last axis: it deviates by that alone, and always by the most."""
+    model = robot.model.copy()
+    joint = model.getJointId(f"{side}_w2")
+    turn = pin.SE3(pin.exp3(np.full(3, 0.01)), np.zeros(3))  # about the wrist
+    model.jointPlacements[joint] = turn * model.jointPlacements[joint]
+    return Arm(side, model)
