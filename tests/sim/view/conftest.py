@@ -49,7 +49,7 @@ def story_file(
     return path
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def story_page(browser: Browser, story_file: Path) -> Iterator[Watched]:
     with watched_page(browser) as watched:
         watched.page.goto(story_file.as_uri())
