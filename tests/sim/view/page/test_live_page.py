@@ -318,6 +318,7 @@ def test_when_the_program_is_killed_the_page_says_so_and_keeps_the_scene(browser
         watched.page.goto(process.stdout.readline().strip())
         shows(watched, "play", "Pause")
         watched.page.wait_for_function("drawnAt(viewer.scene_tree.children.floor)")
+        watched.page.wait_for_function("nodeAt('/robot/left_s0/moves/left_s1')")
         process.kill()
         shows(watched, "status", "without a word")
         assert watched.page.is_disabled("#play")
