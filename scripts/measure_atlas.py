@@ -64,6 +64,7 @@ def main() -> int:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         where = folder if given.keep is None else str(given.keep)
+        Path(where).mkdir(parents=True, exist_ok=True)
         is_right = coarse(where, given.jobs, given.cells)
         is_right &= fine(where, given.jobs, given.seconds)
         is_right &= extremes(where, given.jobs)
