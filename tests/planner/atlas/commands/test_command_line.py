@@ -241,6 +241,7 @@ def test_a_build_begins_anew_where_the_making_of_its_map_was_killed(
 ) -> None:
     """The group, which makes a map of the arrays, is written last."""
     path = tmp_path / "own.zarr"
+    assert {array.name for array in small_map.path.iterdir() if array.is_dir()} == {*ARRAYS}
     for name in ARRAYS:
         shutil.copytree(small_map.path / name, path / name, ignore=lambda *_: {"c"})
     assert main(["build", str(path), *ONE, *QUICK]) == 0
