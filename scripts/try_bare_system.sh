@@ -55,7 +55,10 @@ main() {
 make_system() {
   local root=$1 suite=$2 mirror=$3
   echo "== a minimal Debian ($suite)"
-  debootstrap --variant=minbase --include=$PACKAGES "$suite" "$root" "$mirror" >"$root.log" ||
+  local script=/usr/share/debootstrap/scripts/$suite
+  [[ -e $script ]] || script=sid  # a release newer than this debootstrap
+  debootstrap --variant=minbase --include=$PACKAGES "$suite" "$root" "$mirror" "$script" \
+    >"$root.log" ||
     { tail "$root.log"; exit 1; }
   rm "$root.log"
   apt-config dump --format '%f "%v";%n' Acquire >"$root/etc/apt/apt.conf.d/90host"

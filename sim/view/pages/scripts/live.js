@@ -38,8 +38,11 @@ function tellProgram(topic, value) {
   if (viewer.connection.readyState === WebSocket.OPEN) viewer.connection.send(JSON.stringify([topic, value]));
 }
 
+// The next press counts at once, before the program has answered this one.
 function pauseProgram() {
-  if (program.isRunning) tellProgram("pause", !program.isPaused);
+  if (!program.isRunning) return;
+  program.isPaused = !program.isPaused;
+  tellProgram("pause", program.isPaused);
 }
 
 // What keeps its own time, as a real robot does, has no clock and cannot be paused.
@@ -120,6 +123,7 @@ function playAgain(content) {
   if (document.body.dataset.mode === "replay") return;
   element("loop").checked = false;
   element("play").disabled = element("speed").disabled = false;
+  replay.speed = Number(element("speed").value);
   startReplay(content, { time: content.duration });
 }
 

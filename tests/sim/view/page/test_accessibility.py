@@ -33,6 +33,12 @@ APART = """
 }
 """
 """Whether no two of the elements overlap, and none has more in it than fits."""
+TWICE = """
+() => {
+  const { style } = document.documentElement;
+  style.fontSize = `${2 * parseFloat(getComputedStyle(document.documentElement).fontSize)}px`;
+}
+"""
 CARDS = ("#title", "#tools", "#panel", "#hint", "#controls")
 
 
@@ -54,25 +60,49 @@ def test_axe_finds_nothing(story: Watched, size: tuple[int, int], scheme: Any) -
         assert violations(story) == [], state
 
 
-def test_nothing_lies_on_something_else(story: Watched) -> None:
-    for size, is_open in product((*SIZES, (320, 568), (700, 520), (1000, 520)), (False, True)):
-        story.page.set_viewport_size({"width": size[0], "height": size[1]})
-        story.run("(is) => openPanel(is)", is_open)
-        boxes = {card: story.page.locator(card).bounding_box() for card in CARDS}
-        shown = {card: box for card, box in boxes.items() if box is not None}
-        for (one, a), (other, b) in combinations(shown.items(), 2):
-            apart = (
-                a["x"] + a["width"] <= b["x"] + 1
-                or b["x"] + b["width"] <= a["x"] + 1
-                or a["y"] + a["height"] <= b["y"] + 1
-                or b["y"] + b["height"] <= a["y"] + 1
-            )
-            assert apart, (size, one, other)
-        for card, box in shown.items():
-            assert box["x"] >= 0, (size, card)
-            assert box["x"] + box["width"] <= size[0], (size, card)
-            assert box["y"] + box["height"] <= size[1], (size, card)
-        assert story.run(APART, "#controls > *"), size
+@pytest.mark.parametrize("is_open", [False, True])
+@pytest.mark.parametrize("size", [*SIZES, (320, 568), (700, 520), (1000, 520)])
+def test_nothing_lies_on_something_else(
+    story: Watched, size: tuple[int, int], is_open: bool
+) -> None:
+    story.page.set_viewport_size({"width": size[0], "height": size[1]})
+    story.run("(is) => openPanel(is)", is_open)
+    check_cards(story)
+
+
+@pytest.mark.parametrize("is_open", [False, True])
+@pytest.mark.parametrize("size", SIZES)
+def test_so_it_is_with_letters_of_twice_the_size(
+    story: Watched, size: tuple[int, int], is_open: bool
+) -> None:
+    story.page.set_viewport_size({"width": size[0], "height": size[1]})
+    story.run("(is) => openPanel(is)", is_open)
+    story.run(TWICE)
+    try:
+        check_cards(story)
+    finally:
+        story.run("document.documentElement.style.fontSize = ''")
+
+
+def check_cards(story: Watched) -> None:
+    """No two cards overlap, and all are in the window, with all controls."""
+    size = story.page.viewport_size
+    assert size is not None
+    boxes = {card: story.page.locator(card).bounding_box() for card in CARDS}
+    shown = {card: box for card, box in boxes.items() if box is not None}
+    for (one, a), (other, b) in combinations(shown.items(), 2):
+        apart = (
+            a["x"] + a["width"] <= b["x"] + 1
+            or b["x"] + b["width"] <= a["x"] + 1
+            or a["y"] + a["height"] <= b["y"] + 1
+            or b["y"] + b["height"] <= a["y"] + 1
+        )
+        assert apart, (one, other)
+    for card, box in shown.items():
+        assert box["x"] >= 0, card
+        assert box["x"] + box["width"] <= size["width"], card
+        assert box["y"] + box["height"] <= size["height"], card
+    assert story.run(APART, "#controls > *")
 
 
 def test_letters_grow_with_the_window(story: Watched) -> None:

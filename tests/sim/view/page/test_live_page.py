@@ -144,6 +144,22 @@ def test_pause_holds_the_program_and_resume_lets_it_go(program: Program, watched
     assert not program.pacing.is_paused
 
 
+TWO_PRESSES = """
+() => {
+  const { connection } = viewer, told = [];
+  connection.send = (text) => told.push(text);
+  for (let i = 0; i < 2; i++) element("play").click();
+  delete connection.send;
+  return told;
+}
+"""
+
+
+def test_two_presses_pause_and_resume_before_the_program_answers(watched: Watched) -> None:
+    shows(watched, "play", "Pause")
+    assert watched.run(TWO_PRESSES) == ['["pause",true]', '["pause",false]']
+
+
 def test_space_pauses_the_program(program: Program, watched: Watched) -> None:
     watched.run("document.activeElement.blur()")
     watched.page.keyboard.press("Space")
@@ -287,8 +303,12 @@ def test_the_page_becomes_a_replay_and_wakes_up_when_the_program_runs_again(
     with watched_page(browser) as watched:
         watched.page.goto(program.url)
         shows(watched, "play", "Pause")
+        watched.page.select_option("#speed", "0.5")
+        wait_for_speed(program, watched, 0.5)
         program.tell(replay=encoded_content(executed, robot))
         watched.page.wait_for_function("replay.ready")
+        assert watched.page.input_value("#speed") == "0.5"
+        assert watched.run("replay.speed") == 0.5
         program.close()
         shows(watched, "status", "has ended")
         assert watched.run("replay.time") == pytest.approx(executed.duration_s, abs=1e-6)
