@@ -152,7 +152,7 @@ class Response(Frozen, OneLine):
 
 def left_over(time_s: float | FloatArray, lag_s: FloatArray) -> FloatArray:
     """What is left of a distance after a time, as a share; nothing without lag."""
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # lags of 0, or near it
         share = np.exp(-np.divide(time_s, lag_s))
     return np.where((lag_s > 0.0) | (np.asarray(time_s) <= 0.0), np.nan_to_num(share, nan=1.0), 0.0)
 

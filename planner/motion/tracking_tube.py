@@ -167,7 +167,7 @@ def _rates(
     ahead = (sent[1] - np.minimum(low[:-1], low[1:])).max(axis=0)
     behind = (np.maximum(high[:-1], high[1:]) - sent[0]).max(axis=0)
     least, most = response.lag_s.T
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         apart = np.maximum(ahead, behind)
         following = np.where(apart > 0.0, apart / least, 0.0)
     sending = np.abs(np.diff(sent[0], axis=0)).max(axis=0) / cell_s

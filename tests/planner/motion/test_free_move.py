@@ -21,6 +21,7 @@ from planner.errors import FreeMoveError, MotionError
 from planner.motion.free_move import ROUNDS, IsClear, plan_free_move
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
 from tests.planner import toy_world
+from tests.planner.ompl import needs_ompl
 from tests.planner.toy_world import (
     AROUND_DISC,
     Disc,
@@ -69,6 +70,7 @@ def test_goes_straight_where_that_is_clear() -> None:
     assert is_straight(plan(DISTANT))
 
 
+@needs_ompl
 def test_it_is_hardly_slower_than_the_straight_line() -> None:
     """No motion beats that; the disc is passed by joints that have time to spare."""
     straight = plan_joint_move(LEFT, RIGHT, LIMITS).duration
@@ -76,6 +78,7 @@ def test_it_is_hardly_slower_than_the_straight_line() -> None:
     assert straight <= (plan()).duration <= 1.02 * straight
 
 
+@needs_ompl
 def test_where_the_program_fails_it_stops_at_corners(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("planner.motion.free_move.led_around", lambda *_, **__: [])
     motion = plan()
@@ -97,6 +100,7 @@ def test_goes_straight_past_what_is_nearer_than_the_margin() -> None:
     assert is_straight(plan(grazing, margin_m=0.05))
 
 
+@needs_ompl
 @given(seeds)
 @settings(max_examples=5)
 def test_goes_around_what_is_in_the_way(seed: int) -> None:
@@ -107,6 +111,7 @@ def test_goes_around_what_is_in_the_way(seed: int) -> None:
     assert least_distance(AROUND_DISC, qs) > -1e-6
 
 
+@needs_ompl
 @given(seeds)
 @settings(max_examples=5)
 def test_holds_every_limit_at_the_exact_extrema(seed: int) -> None:
@@ -117,6 +122,7 @@ def test_holds_every_limit_at_the_exact_extrema(seed: int) -> None:
         assert not LIMITS.violations(q, POSITION_TOLERANCE_RAD)
 
 
+@needs_ompl
 @given(seeds)
 @settings(max_examples=5)
 def test_starts_and_ends_at_rest_exactly_where_asked(seed: int) -> None:
@@ -127,6 +133,7 @@ def test_starts_and_ends_at_rest_exactly_where_asked(seed: int) -> None:
     assert not np.any([motion.v[0], motion.v[-1], motion.a[0], motion.a[-1]])
 
 
+@needs_ompl
 def test_the_same_numbers_make_the_same_motion() -> None:
     first, second = ((plan(rng=np.random.default_rng(3))) for _ in range(2))
 
@@ -134,6 +141,7 @@ def test_the_same_numbers_make_the_same_motion() -> None:
     assert np.array_equal(first.knots_s, second.knots_s)
 
 
+@needs_ompl
 def test_without_numbers_the_motion_is_always_the_same() -> None:
     assert np.array_equal((plan()).q, (plan()).q)
 
@@ -166,6 +174,7 @@ def test_a_straight_line_that_the_judge_refuses_is_gone_around() -> None:
     assert plan(DISTANT, judge) is refused[1]
 
 
+@needs_ompl
 def test_a_judge_that_refuses_all_is_asked_some_times_and_named() -> None:
     asked: list[Trajectory] = []
 
@@ -178,6 +187,7 @@ def test_a_judge_that_refuses_all_is_asked_some_times_and_named() -> None:
     assert len(asked) > ROUNDS
 
 
+@needs_ompl
 def test_a_goal_that_is_walled_in_is_not_found() -> None:
     with pytest.raises(FreeMoveError, match=r"no way around was found in 0.2 s"):
         plan(ENCLOSED, timeout_s=0.2)
@@ -192,6 +202,7 @@ def test_an_end_in_collision_is_named_with_the_depth(which: str) -> None:
         plan(**ends)
 
 
+@needs_ompl
 def test_an_end_nearer_than_the_margin_can_be_left() -> None:
     close = np.array([-0.8005, *np.zeros(6)])
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from baxter_kin import Arm
 from planner import Response, Trajectory, plan_joint_move
 from planner.errors import ResponseError
+from planner.motion.response import left_over
 
 ROUNDING = 1e-12
 
@@ -102,3 +103,9 @@ def test_is_shown_in_one_line() -> None:
     assert repr(Response((0.35, 0.45), 0.001, 0.3, 0.4)) == (
         "Response(lag 0.35 .. 0.45 s, error 0.001 rad, speed 0.3, lead 0.40 s, 20 ms late)"
     )
+
+
+def test_lags_however_short_leave_nothing_over() -> None:
+    least = np.nextafter(0.0, 1.0)
+    assert left_over(0.01, np.array([0.0, least, 1e-300])).tolist() == [0.0, 0.0, 0.0]
+    assert left_over(0.0, np.array([0.0, least, 0.4])).tolist() == [1.0, 1.0, 1.0]

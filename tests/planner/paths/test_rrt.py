@@ -7,7 +7,6 @@ import subprocess
 import sys
 import threading
 import time
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,8 @@ from numpy.typing import NDArray
 from baxter_kin import JointLimits
 from baxter_kin.errors import ConfigurationError
 from planner.errors import MotionError
-from planner.paths.rrt import EDGE_STEP_RAD, LONGEST_EDGE_RAD, NEWEST_PYTHON, search_corners
+from planner.paths.rrt import EDGE_STEP_RAD, LONGEST_EDGE_RAD, search_corners
+from tests.planner.ompl import needs_ompl
 from tests.planner.toy_world import (
     AROUND_DISC,
     DISC,
@@ -32,11 +32,7 @@ from tests.planner.toy_world import (
     least_distance,
 )
 
-pytestmark = pytest.mark.skipif(
-    sys.version_info[:2] > NEWEST_PYTHON and find_spec("ompl") is None,
-    reason="OMPL, which searches need, has no wheel for this Python",
-)
-"""Only there: where it should be and is not, every search fails."""
+pytestmark = needs_ompl
 
 FloatArray = NDArray[np.float64]
 seeds = st.integers(0, 2**32 - 1)
