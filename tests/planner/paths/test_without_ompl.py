@@ -134,11 +134,19 @@ sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", *sys.argv[2:]]))
 """
 """Runs tests without OMPL, as if wheels of it ended with a Python."""
 
+FREE_MOVES = str(Path(__file__).parents[1] / "motion" / "test_free_move.py")
+"""Tests of which some search, and only these may be skipped."""
+
 
 @pytest.mark.parametrize(
     ("newest", "options", "status", "told"),
     [
-        ((3, 9), (), 0, r"skipped \d\d: OMPL, which searches need, has no wheel for this Python"),
+        (
+            (3, 9),
+            (FREE_MOVES,),
+            0,
+            r"skipped \d\d: OMPL, which searches need, has no wheel for this Python",
+        ),
         ((3, 9), ("--no-skips",), 1, r"skipped \d\d: OMPL"),
         ((3, 99), ("-x",), 1, r"MissingLibraryError: .* need OMPL, which is not installed"),
     ],
