@@ -1,0 +1,57 @@
+"""Check the certificate in a plan file: `python -m planner.certificate PLAN.json --urdf FILE`.
+
+Exit status: 0 certified, 1 not certified, 2 wrong usage or a file that cannot be read. Needs NumPy
+and nothing else. The URDF of a real robot is its parameter `/robot_description`; that of the stock
+robot is printed by `python -m baxter_kin.description`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from planner.certificate.checking import Certified, check, read_plan
+from planner.certificate.errors import NotCertifiedError
+from planner.certificate.timeline import A_MAX_RAD_S2, J_MAX_RAD_S3, Limits
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m planner.certificate",
+        description="Check the certificate in a plan file, with NumPy alone.",
+    )
+    parser.add_argument("plan", type=Path, metavar="PLAN", help="plan file with a certificate")
+    parser.add_argument("--urdf", type=Path, required=True, metavar="FILE", help="the robot's URDF")
+    parser.add_argument(
+        "--a-max", type=float, default=A_MAX_RAD_S2, help="rad/s^2, default %(default)s"
+    )
+    parser.add_argument(
+        "--j-max", type=float, default=J_MAX_RAD_S3, help="rad/s^3, default %(default)s"
+    )
+    options = parser.parse_args(arguments)
+    try:
+        content, urdf = options.plan.read_bytes(), options.urdf.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as cause:
+        print(f"planner.certificate: {cause}", file=sys.stderr)
+        return 2
+    try:
+        limits = Limits(options.a_max, options.j_max)
+        found = check(read_plan(content), urdf, limits=limits)
+    except NotCertifiedError as reason:
+        print(f"not certified: {reason}")
+        return 1
+    print(_table(found))
+    return 0
+
+
+def _table(found: Certified) -> str:
+    rows = [f"{label:32} {1e3 * clear:9.3f} mm" for label, clear in found.clearances_m]
+    end = f"certified: {1e3 * found.clearance_m:.3f} mm at every instant, {found.rows} rows"
+    return "\n".join([*rows, end])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,204 @@
+"""Certificates in plan files, and what is concluded from one.
+
+A plan file of version 4 may have an entry `certificate`:
+
+- `version`: 1; the order of pairs and of letters is part of the format,
+- `body`: SHA-256 of the file of clusters that it was made with,
+- `steps`: for each step of the plan `margin_m`; of a hand that closes on a body `closing`, how far
+  it is open when the first finger touches and at the end, and how far the body is pushed; and
+  `contacts`, from when to when a held body may touch which other body,
+- `letters` and `directions`: of all rows, level by level and step by step, bytes (of directions
+  three signed ones each), compressed by zlib, in base64.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.certificate.body import Body
+from planner.certificate.clusters import Nodes
+from planner.certificate.errors import NotCertifiedError, require
+from planner.certificate.intervals import Array
+from planner.certificate.robot import Robot
+from planner.certificate.rows import BY_MIDDLES, Advice, certified_m
+from planner.certificate.timeline import Limits, StepWitness, Timeline
+
+PLAN_FORMAT, PLAN_VERSION = "baxter-kin plan", 4
+VERSION = 1
+
+MAX_PLAN_BYTES = 32 * 2**20
+MAX_LETTERS = 2_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """The content of a certificate: what leads the checker; nothing of it is trusted.
+
+    Attributes:
+        body: SHA-256 of the file of clusters.
+        steps: one for each step of the plan.
+        letters: of all rows.
+        directions: for each letter that states one, shape (k, 3), whole numbers up to 127.
+    """
+
+    body: str
+    steps: tuple[StepWitness, ...]
+    letters: Nodes
+    directions: Array
+
+    @classmethod
+    def of_file(cls, data: Mapping[str, Any]) -> Witness:
+        """Read the entry of a plan file.
+
+        Raises:
+            NotCertifiedError: when it is malformed.
+        """
+        try:
+            require(data["version"] == VERSION, "the certificate has another version")
+            steps = tuple(_step(each) for each in data["steps"])
+            letters = np.frombuffer(_unpacked(data["letters"]), np.uint8).astype(np.intp)
+            directions = np.frombuffer(_unpacked(data["directions"]), np.int8)
+            stated = directions.astype(np.float64).reshape(-1, 3)
+            return cls(str(data["body"]), steps, letters, stated)
+        except (
+            KeyError,
+            TypeError,
+            ValueError,
+            OverflowError,
+            zlib.error,
+            binascii.Error,
+        ) as cause:
+            raise NotCertifiedError(f"the certificate is malformed: {cause!r}") from cause
+
+    def for_file(self) -> dict[str, Any]:
+        """The entry of a plan file."""
+        return {
+            "version": VERSION,
+            "body": self.body,
+            "steps": [_step_for_file(each) for each in self.steps],
+            "letters": _packed(self.letters.astype(np.uint8).tobytes()),
+            "directions": _packed(self.directions.astype(np.int8).tobytes()),
+        }
+
+
+@dataclass(frozen=True)
+class Certified:
+    """What was certified.
+
+    Attributes:
+        clearances_m: by step, in order: what everything keeps at every instant, m; inf where
+            nothing counts. The first is of what stands still.
+        rows: how many rows were checked.
+        bare: links of the robot without a shape, which nothing keeps apart from.
+    """
+
+    clearances_m: tuple[tuple[str, float], ...]
+    rows: int
+    bare: tuple[str, ...]
+
+    @property
+    def clearance_m(self) -> float:
+        """The least of all steps."""
+        return min((clear for _, clear in self.clearances_m), default=np.inf)
+
+
+def read_plan(content: bytes) -> Mapping[str, Any]:
+    """The document of a plan file; its checksum is not looked at, as nothing rests on it.
+
+    Raises:
+        NotCertifiedError: when it is none.
+    """
+    require(len(content) <= MAX_PLAN_BYTES, f"more than {MAX_PLAN_BYTES >> 20} MB is no plan")
+    try:
+        document = json.loads(content)
+    except (ValueError, RecursionError) as cause:
+        raise NotCertifiedError(f"this is no plan file: {cause}") from cause
+    require(isinstance(document, dict), "this is no plan file")
+    is_plan = document.get("format") == PLAN_FORMAT and document.get("version") == PLAN_VERSION
+    require(is_plan, f"this is no plan file of version {PLAN_VERSION}")
+    found: Mapping[str, Any] = document
+    return found
+
+
+def check(
+    document: Mapping[str, Any],
+    urdf: str,
+    *,
+    body: Body | None = None,
+    limits: Limits | None = None,
+    certificate: Witness | None = None,
+) -> Certified:
+    """Certify a plan, or say why not.
+
+    Args:
+        document: what a plan file holds.
+        urdf: text of the robot's URDF.
+        body: its body; the stock one when not given.
+        limits: what accelerations and jerks are judged by; the presets when not given.
+        certificate: that of the file when not given.
+
+    Raises:
+        NotCertifiedError: when the plan is not certified; says why.
+    """
+    if certificate is None:
+        require("certificate" in document, "the file has no certificate")
+        certificate = Witness.of_file(document["certificate"])
+    body = Body(urdf) if body is None else body
+    require(certificate.body == body.digest, "the certificate is of another body of the robot")
+    margins = [step.margin_m for step in certificate.steps]
+    require([0.0 <= margin < np.inf for margin in margins], "a margin is negative or not finite")
+    try:
+        plan = document["plan"]
+        robot = Robot(urdf, plan["limb"])
+        states = document["states"]
+        require(isinstance(states, list), "the states of the plan are malformed")
+        timeline = Timeline(plan, states, robot, body, certificate.steps, limits=limits)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as cause:
+        raise NotCertifiedError(f"the plan is malformed: {cause!r}") from cause
+    advice = Advice(certificate.letters, certificate.directions)
+    found = tuple(
+        (step.label, certified_m(robot, timeline.clusters, step, advice)) for step in timeline.steps
+    )
+    require(advice.is_used_up, "the certificate goes on after the plan")
+    rows = int((certificate.letters <= BY_MIDDLES).sum())
+    return Certified(found, rows, body.bare)
+
+
+def _step(data: Mapping[str, Any]) -> StepWitness:
+    closing = data.get("closing")
+    contacts = data.get("contacts", {})
+    numbers = None if closing is None else tuple(float(x) for x in closing)
+    require(numbers is None or len(numbers) == 3, "the closing of fingers has three numbers")
+    windows = {str(name): (float(a), float(b)) for name, (a, b) in contacts.items()}
+    every = [*(numbers or ()), *(x for window in windows.values() for x in window)]
+    require(np.isfinite(every), "the certificate has a number that is not finite")
+    return StepWitness(float(data["margin_m"]), numbers, windows)  # type: ignore[arg-type]  # three
+
+
+def _step_for_file(step: StepWitness) -> dict[str, Any]:
+    found: dict[str, Any] = {"margin_m": step.margin_m}
+    if step.closing is not None:
+        found["closing"] = list(step.closing)
+    if step.contacts:
+        found["contacts"] = {name: list(window) for name, window in step.contacts.items()}
+    return found
+
+
+def _packed(content: bytes) -> str:
+    return base64.b64encode(zlib.compress(content, 9)).decode("ascii")
+
+
+def _unpacked(text: Any) -> bytes:
+    decoder = zlib.decompressobj()
+    content = decoder.decompress(base64.b64decode(text, validate=True), MAX_LETTERS)
+    if not decoder.eof:
+        raise ValueError("cut off, or too long")
+    return content

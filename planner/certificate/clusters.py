@@ -1,0 +1,349 @@
+"""Trees of convex clusters: what links and bodies consist of, and how far they reach.
+
+A node of a tree stands for the convex hull of its points, widened by a ball, or by a disc across
+the z axis of its shape: so spheres and cylinders are exact. It contains all that its two children
+contain. A support, the least n . x over a node, is computed in doubles; `Clusters.rounding_m`
+bounds its error.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from planner.certificate.errors import NotCertifiedError, require
+from planner.certificate.intervals import UNIT, Array, Interval, Pose, norm_bound
+
+Nodes = np.ndarray[Any, np.dtype[np.intp]]
+
+LEAF = -1
+"""In place of a child: there is none."""
+
+LEAF_TRIANGLES = 8
+"""Triangles of a mesh in a scene that one leaf has at most."""
+
+MAX_TRIANGLES = 500_000
+
+BOX_MARGIN_M = 1e-9
+"""By how much a box around several trees is wider than what it is computed from."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A tree of clusters in a frame of its own; node 0 is the root.
+
+    Attributes:
+        points: of all nodes, one after the other, shape (k, 3), m.
+        counts: how many points each of n nodes has.
+        children: numbers of the children of each node, or `LEAF`, shape (n, 2).
+        ball_m: radius of the ball that widens every node.
+        disc_m: radius of the disc across z that widens every node.
+        apex: a further point of every node, shape (3,), or None.
+    """
+
+    points: Array
+    counts: Nodes
+    children: Nodes
+    ball_m: float = 0.0
+    disc_m: float = 0.0
+    apex: Array | None = None
+
+    @classmethod
+    def of_points(cls, points: Array, ball_m: float = 0.0, disc_m: float = 0.0) -> Shape:
+        """A single node."""
+        return cls(points, np.array([len(points)]), np.array([[LEAF, LEAF]]), ball_m, disc_m)
+
+    @classmethod
+    def of_file(cls, data: Mapping[str, Any], where: str) -> Shape:
+        """A shape as a plan file states it.
+
+        Raises:
+            NotCertifiedError: when it is malformed or of an unknown kind.
+        """
+        try:
+            shape = cls._of_kind(data, where)
+        except (KeyError, TypeError, ValueError) as cause:
+            raise NotCertifiedError(f"{where}: the shape is malformed: {cause!r}") from cause
+        sizes = np.array([shape.ball_m, shape.disc_m])
+        is_finite = len(shape.points) > 0 and np.isfinite(shape.points).all()
+        require(is_finite, f"{where}: no finite shape")
+        require((sizes >= 0.0) & np.isfinite(sizes), f"{where}: a radius is negative or not finite")
+        return shape
+
+    @classmethod
+    def _of_kind(cls, data: Mapping[str, Any], where: str) -> Shape:
+        kind = data["type"]
+        if kind == "Box":
+            half = np.array(data["size_m"], np.float64).reshape(3) / 2.0
+            return cls.of_points(_corners(-half, half))
+        if kind == "Sphere":
+            return cls.of_points(np.zeros((1, 3)), ball_m=float(data["radius_m"]))
+        if kind == "Cylinder":
+            ends = np.zeros((2, 3))
+            ends[:, 2] = float(data["length_m"]) * np.array([-0.5, 0.5])
+            return cls.of_points(ends, disc_m=float(data["radius_m"]))
+        require(kind == "Mesh", f"{where}: a shape of unknown kind {kind!r}")
+        vertices = np.array(data["vertices"], np.float64).reshape(-1, 3)
+        triangles = np.array(data["triangles"]).reshape(-1, 3)
+        require(len(triangles) <= MAX_TRIANGLES, f"{where}: too many triangles")
+        require(triangles.dtype.kind == "i", f"{where}: triangles are not whole numbers")
+        require((triangles >= 0) & (triangles < len(vertices)), f"{where}: no such vertex")
+        return tree_of(vertices[triangles])
+
+    @property
+    def size(self) -> int:
+        """Number of nodes."""
+        return len(self.counts)
+
+    @cached_property
+    def reach_m(self) -> float:
+        """Upper bound on the distance of any point from the shape's own origin."""
+        return float(norm_bound(self.points).max()) + self.ball_m + self.disc_m
+
+    def filled(self) -> Shape:
+        """With what it encloses: every node reaches to the middle of the whole as well.
+
+        What a surface around the middle hides from outside is on a line from the middle to the
+        surface, so in one of the nodes.
+        """
+        if self.size == 1:
+            return self
+        root = self.points_of(0)
+        return replace(self, apex=0.5 * (root.min(axis=0) + root.max(axis=0)))
+
+    def points_of(self, node: int) -> Array:
+        """The points of a node."""
+        start = self._starts[node]
+        own = self.points[start : start + self.counts[node]]
+        return own if self.apex is None else np.vstack([own, self.apex])
+
+    @cached_property
+    def _starts(self) -> Nodes:
+        starts: Nodes = np.cumsum(self.counts) - self.counts
+        return starts
+
+
+def _distinct(points: Array) -> Array:
+    return np.unique(points, axis=0)
+
+
+def _is_small(triangles: int, _: Array) -> bool:
+    return triangles <= LEAF_TRIANGLES
+
+
+def tree_of(
+    corners: Array,
+    *,
+    kept: Callable[[Array], Array] = _distinct,
+    is_leaf: Callable[[int, Array], bool] = _is_small,
+) -> Shape:
+    """A tree of triangles, halved at the median of the longest extent.
+
+    Args:
+        corners: of m triangles, shape (m, 3, 3), m.
+        kept: points that stand for the corners of a node: their hull must contain all of them.
+        is_leaf: whether a node of so many triangles and with these points is not cut.
+    """
+    points: list[Array] = []
+    children: list[list[int]] = []
+    middles, open_ = corners.mean(axis=1), [(np.arange(len(corners)), LEAF, 0)]
+    while open_:
+        own, parent, side = open_.pop()
+        number = len(points)
+        points.append(kept(corners[own].reshape(-1, 3)))
+        children.append([LEAF, LEAF])
+        if parent >= 0:
+            children[parent][side] = number
+        if len(own) > 1 and not is_leaf(len(own), points[-1]):
+            axis = int(np.ptp(middles[own], axis=0).argmax())
+            order = own[np.argsort(middles[own, axis], kind="stable")]
+            open_ += [(half, number, i) for i, half in enumerate(np.array_split(order, 2))]
+    counts = np.array([len(each) for each in points])
+    return Shape(np.concatenate(points), counts, np.array(children))
+
+
+class Clusters:
+    """All trees of one problem, each at a constant pose in the frame that carries it.
+
+    Nodes have one number each over all trees.
+    """
+
+    def __init__(self) -> None:
+        self._shapes: list[Shape] = []
+        self._bases: list[int] = []
+        self._poses: list[tuple[Array, Array]] = []
+        self._children: dict[int, tuple[int, int]] = {}  # of boxes around several trees
+        self._count = 0
+        self._error_R = self._error_p = 0.0
+        self.reach_m = 0.0
+
+    def add(self, shape: Shape, T: Pose) -> int:
+        """Add a tree at a pose; returns the number of its root."""
+        (R, error_R), (p, error_p) = T.R.centred(), T.p.centred()
+        self._error_R, self._error_p = max(self._error_R, error_R), max(self._error_p, error_p)
+        self._shapes.append(shape)
+        self._bases.append(self._count)
+        self._poses.append((R, p))
+        reach_m = (shape.reach_m + float(norm_bound(p))) * (1.0 + 1e-9)
+        self.reach_m = max(self.reach_m, reach_m)
+        self._count += shape.size
+        return self._count - shape.size
+
+    def joined(self, roots: Sequence[int]) -> int:
+        """The root of one tree of several trees that one frame carries: boxes around them."""
+        require(len(roots) > 0, "nothing to join")
+        if len(roots) == 1:
+            return roots[0]
+        boxes = np.array([self._box(root) for root in roots])
+        low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+        axis = int(np.ptp(boxes.sum(axis=1), axis=0).argmax())
+        order = np.argsort(boxes.sum(axis=1)[:, axis], kind="stable")
+        halves = [[roots[i] for i in half] for half in np.array_split(order, 2)]
+        first, second = (self.joined(half) for half in halves)
+        root = self.add(Shape.of_points(_corners(low, high)), Pose.identity())
+        self._children[root] = first, second
+        return root
+
+    @property
+    def rounding_m(self) -> float:
+        """How wrong a support by a direction with |n|_1 = 1 may be, m.
+
+        A pose is within `error_R` and `error_p` of its doubles, entry by entry, which moves n . x
+        by at most sqrt(3) error_R |x| + error_p. The rounding of the products R^T n, n . x and
+        n . p is below 30 units of |x| (gamma_n of Higham, any order, fused or not).
+        """
+        return self.reach_m * (9.0 * self._error_R + 128.0 * UNIT) + 3.0 * self._error_p
+
+    def children(self, nodes: Nodes) -> Nodes:
+        """Both children of each node, shape (k, 2); `LEAF` where there are none."""
+        found = np.empty((len(nodes), 2), np.intp)
+        for i, node in enumerate(nodes.tolist()):
+            if node in self._children:
+                found[i] = self._children[node]
+                continue
+            block, own = self._block(node)
+            kids = self._shapes[block].children[own]
+            found[i] = np.where(kids >= 0, kids + self._bases[block], LEAF)
+        return found
+
+    def reaches_m(self, nodes: Nodes) -> Array:
+        """Upper bounds on the distance of any of their points from the frame that carries them."""
+        return self._each(nodes, self._reach_m)
+
+    def middles(self, nodes: Nodes) -> Array:
+        """Middles of the nodes in the frames that carry them, shape (k, 3); only a choice."""
+        return self._each(nodes, self._middle).reshape(-1, 3)
+
+    def lowest(self, nodes: Nodes, n: Array) -> Array:
+        """Least n . x over each node, shape (k,), n in the frame that carries it, shape (k, 3)."""
+        value = np.empty(len(nodes))
+        for node, rows in _alike(nodes):
+            block, own = self._block(node)
+            shape, (R, p) = self._shapes[block], self._poses[block]
+            along = n[rows] @ R
+            least = (shape.points_of(own) @ along.T).min(axis=0)
+            if shape.ball_m:
+                least = least - shape.ball_m * norm_bound(n[rows])
+            if shape.disc_m:
+                least = least - shape.disc_m * norm_bound(along[:, :2])
+            value[rows] = least + n[rows] @ p
+        return value
+
+    def lowest_points(self, nodes: Nodes, n: Array) -> Array:
+        """Points of the nodes that are lowest along n, shape (k, 3); only a choice."""
+        found = np.empty((len(nodes), 3))
+        for node, rows in _alike(nodes):
+            x, along = self.points(node), n[rows]
+            ball, disc, axis = self.widths(node)
+            points = x[(x @ along.T).argmin(axis=0)]
+            if ball:
+                points = points - ball * _unit(along)
+            if disc:
+                points = points - disc * _unit(along - np.outer(along @ axis, axis))
+            found[rows] = points
+        return found
+
+    def rotations(self, nodes: Nodes) -> Array:
+        """Axes of the shapes in the frames that carry them, shape (k, 3, 3); only a choice."""
+        return np.array([self._poses[self._block(node)[0]][0] for node in nodes.tolist()])
+
+    def extents_m(self, nodes: Nodes) -> Array:
+        """Diagonals of boxes around the nodes, shape (k,), m; only a choice."""
+        return self._each(nodes, lambda node: float(np.linalg.norm(np.ptp(self.points(node), 0))))
+
+    def points(self, root: int) -> Array:
+        """The points of a node in the frame that carries it, without ball or disc."""
+        block, own = self._block(root)
+        R, p = self._poses[block]
+        return self._shapes[block].points_of(own) @ R.T + p
+
+    def widths(self, node: int) -> tuple[float, float, Array]:
+        """Radii of the ball and the disc that widen a node, and the axis of the disc."""
+        block, _ = self._block(node)
+        shape, (R, _) = self._shapes[block], self._poses[block]
+        return shape.ball_m, shape.disc_m, R[:, 2]
+
+    def _box(self, root: int) -> tuple[Array, Array]:
+        block, _ = self._block(root)
+        x, shape = self.points(root), self._shapes[block]
+        wider = shape.ball_m + shape.disc_m + BOX_MARGIN_M
+        return x.min(axis=0) - wider, x.max(axis=0) + wider
+
+    def _reach_m(self, node: int) -> float:
+        block, own = self._block(node)
+        shape, (_, p) = self._shapes[block], self._poses[block]
+        own_m = float(norm_bound(shape.points_of(own)).max()) + shape.ball_m + shape.disc_m
+        return (own_m + float(norm_bound(p))) * (1.0 + 1e-9)
+
+    def _middle(self, node: int) -> Array:
+        x = self.points(node)
+        middle: Array = 0.5 * (x.min(axis=0) + x.max(axis=0))
+        return middle
+
+    def _each(self, nodes: Nodes, of: Any) -> Array:
+        kinds, back = np.unique(nodes, return_inverse=True)
+        return np.array([of(node) for node in kinds.tolist()], np.float64)[back]
+
+    def _block(self, node: int) -> tuple[int, int]:
+        block = bisect_right(self._bases, node) - 1
+        return block, node - self._bases[block]
+
+
+def _corners(low: Array, high: Array) -> Array:
+    """The corners of a box, shape (8, 3)."""
+    return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+
+
+def _alike(nodes: Nodes) -> Iterator[tuple[int, Nodes]]:
+    """Each node that occurs, and where."""
+    order = np.argsort(nodes, kind="stable")
+    cuts = np.flatnonzero(np.diff(nodes[order])) + 1
+    for rows in np.split(order, cuts) if len(order) else []:
+        yield int(nodes[rows[0]]), rows
+
+
+def _unit(vectors: Array) -> Array:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    units: Array = vectors / np.maximum(lengths, 1e-12)
+    return units
+
+
+def stated_pose(data: Mapping[str, Any], where: str) -> Pose:
+    """A pose as a plan file states it: "rotation", a matrix, and "translation".
+
+    Raises:
+        NotCertifiedError: when it is malformed, or no rotation within 1e-9.
+    """
+    try:
+        R = np.array(data["rotation"], np.float64).reshape(3, 3)
+        p = np.array(data["translation"], np.float64).reshape(3)
+    except (KeyError, TypeError, ValueError) as cause:
+        raise NotCertifiedError(f"{where}: the pose is malformed: {cause!r}") from cause
+    require(np.isfinite(p).all() & np.isfinite(R).all(), f"{where}: a pose is not finite")
+    require(np.abs(R @ R.T - np.eye(3)) <= 1e-9, f"{where}: the pose has no rotation")
+    return Pose(Interval(R), Interval(p))

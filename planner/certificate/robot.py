@@ -1,0 +1,225 @@
+"""The robot as its URDF describes it: the tree of joints, the arm that moves, and its limits."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.certificate.errors import NotCertifiedError, require
+from planner.certificate.intervals import Array, Interval, Pose, norm_bound, product, rotation
+
+BASE = "base"
+"""The link that poses are seen from."""
+
+ARM_JOINTS = 7
+FINGERS = 2
+
+MAX_LINKS = 1000
+"""A URDF with more links is not read."""
+
+
+class _Joint(NamedTuple):
+    """A joint by its child link; limits are 0 where the URDF has none."""
+
+    name: str
+    kind: str
+    parent: str
+    origin: Pose
+    lower: float
+    upper: float
+    velocity: float
+
+
+@dataclass(frozen=True)
+class Attached:
+    """Where a link hangs: seen from the frame that carries it.
+
+    Attributes:
+        level: number of the arm's joint that moves it, 1 to 7; 0 where it stands still.
+        finger: the finger that it is part of, or None.
+        T: its pose seen from that joint's frame, of a finger at position 0; from base at level 0.
+    """
+
+    level: int
+    finger: str | None
+    T: Pose
+
+
+class Robot:
+    """One arm of a robot, and the links around it.
+
+    Attributes:
+        limb: "left" or "right".
+        names: the joints of the arm, from shoulder to wrist.
+        q_min, q_max: their limits of position, shape (7,), rad.
+        v_max: their limits of velocity, shape (7,), rad/s.
+        spans: poses of joint i + 1 seen from joint i at position 0, the first seen from base.
+        offsets: upper bounds on the lengths of their translations, shape (7,), m.
+        tip: pose of the tip seen from the last joint.
+        fingers: the two links that slide, by name, each with the sign of its way along y.
+        finger_joints: their joints.
+        stroke_m: how far they open.
+    """
+
+    def __init__(self, text: str, limb: str) -> None:
+        """Read a URDF.
+
+        Args:
+            text: its XML.
+            limb: the arm that moves.
+
+        Raises:
+            NotCertifiedError: when it is malformed, or has no such arm.
+        """
+        self.limb = limb
+        self._joints = _joints_of(text)
+        moving = [link for link, joint in self._joints.items() if joint.kind != "fixed"]
+        self.fingers: dict[str, float] = {}
+        self.chain = [c for c in self._path(f"{limb}_gripper") if c in moving][::-1]
+        require(len(self.chain) == ARM_JOINTS, f"the robot has no {limb} arm of seven joints")
+        wrist = self.chain[-1]
+        sliding = [c for c in moving if self._joints[c].kind == "prismatic"]
+        own = [c for c in sliding if wrist in self._path(c)]
+        require(len(own) == FINGERS, f"the {limb} hand has no two fingers")
+        joints = [self._joints[link] for link in self.chain]
+        require([j.kind == "revolute" for j in joints], f"the {limb} arm has another joint")
+        self.names = tuple(joint.name for joint in joints)
+        self.q_min, self.q_max, self.v_max = (
+            np.array([getattr(joint, key) for joint in joints])
+            for key in ("lower", "upper", "velocity")
+        )
+        before = [BASE, *self.chain]
+        self.spans = [
+            self._between(link, base) for link, base in zip(self.chain, before, strict=False)
+        ]
+        self.offsets: Array = np.array([norm_bound(span.p.magnitude) for span in self.spans])
+        self.tip = self._between(f"{limb}_gripper", wrist)
+        self.fingers = {c: 1.0 if self._joints[c].upper > 0.0 else -1.0 for c in own}
+        self.finger_joints = {c: self._joints[c].name for c in own}
+        self.stroke_m = min(max(abs(self._joints[c].lower), self._joints[c].upper) for c in own)
+
+    def __contains__(self, link: str) -> bool:
+        return link == BASE or link in self._joints
+
+    def attached(self, link: str, joints: Mapping[str, float]) -> Attached:
+        """Where a link hangs, while the joints other than the arm's stand as given.
+
+        Raises:
+            NotCertifiedError: when a joint is not given, or the link is not in the robot.
+        """
+        path = self._path(link)
+        finger = next((c for c in self.fingers if c in path), None)
+        level = max((i + 1 for i, c in enumerate(self.chain) if c in path), default=0)
+        base = self.chain[level - 1] if level else BASE
+        return Attached(level, finger, self._between(link, base, joints))
+
+    def carrier(self, link: str) -> str:
+        """The link that moves with a link and hangs on a joint that can move; `BASE` if none."""
+        path = self._path(link)
+        return next(
+            (c for c in path if c in self._joints and self._joints[c].kind != "fixed"), BASE
+        )
+
+    def joints_between(self, first: str, second: str) -> int:
+        """How many joints that can move are between two links."""
+        movable = [
+            {c for c in self._path(link) if c in self._joints and self._joints[c].kind != "fixed"}
+            for link in (first, second)
+        ]
+        return len(movable[0] ^ movable[1])
+
+    def tips(self, q: Interval) -> Pose:
+        """Poses of the tip seen from base, of configurations of shape (n, 7)."""
+        turns, found = rotation(2, q), Pose.identity()
+        for i, span in enumerate(self.spans):
+            found = found * Pose(product(span.R, turns[:, i]), span.p)
+        return found * self.tip
+
+    def _path(self, link: str) -> list[str]:
+        """A link and all that it hangs on."""
+        require(link in self, f"the robot has no link {link}")
+        path = [link]
+        while path[-1] in self._joints:
+            require(len(path) <= len(self._joints), "the links of the robot hang in a circle")
+            path.append(self._joints[path[-1]].parent)
+        return path
+
+    def _between(self, link: str, base: str, joints: Mapping[str, float] | None = None) -> Pose:
+        """Pose of a link seen from one that it hangs on.
+
+        Joints of this arm and its hand are at 0, others where `joints` has them.
+        """
+        T, own = Pose.identity(), {*self.chain, *self.fingers}
+        for child in self._path(link):
+            if child == base:
+                return T
+            if child not in self._joints:
+                break
+            joint = self._joints[child]
+            place = joint.origin
+            if joint.kind != "fixed" and child not in own and joints is not None:
+                require(joint.name in joints, f"the state lacks {joint.name}")
+                value = Interval(float(joints[joint.name]))
+                if joint.kind == "revolute":
+                    place = place * Pose(rotation(2, value), Interval(np.zeros(3)))
+                else:
+                    along = Interval.stacked([Interval(0.0), value, Interval(0.0)], -1)
+                    place = place * Pose(Interval(np.eye(3)), along)
+            T = place * T
+        raise NotCertifiedError(f"{link} does not hang on {base}")
+
+
+def _joints_of(text: str) -> dict[str, _Joint]:
+    """All joints by their child links."""
+    try:
+        elements = list(ET.fromstring(text).iter("joint"))
+    except ET.ParseError as cause:
+        raise NotCertifiedError(f"the URDF is malformed: {cause}") from cause
+    elements = [each for each in elements if each.find("child") is not None]
+    require(len(elements) <= MAX_LINKS, f"the URDF has more than {MAX_LINKS} joints")
+    try:
+        origins = np.array(
+            [[_numbers(e.find("origin"), key) for key in ("xyz", "rpy")] for e in elements]
+        ).reshape(-1, 2, 3)
+        require(np.isfinite(origins), "the URDF has a number that is not finite")
+        roll, pitch, yaw = (rotation(axis, Interval(origins[:, 1, axis])) for axis in range(3))
+        turned, found = product(product(yaw, pitch), roll), {}
+        for number, element in enumerate(elements):
+            name, kind = element.attrib["name"], element.attrib["type"]
+            kind = "revolute" if kind == "continuous" else kind
+            axis = _numbers(element.find("axis"), "xyz")
+            asked = {"revolute": (0.0, 0.0, 1.0), "prismatic": (0.0, 1.0, 0.0), "fixed": axis}
+            require(kind in asked, f"{name} is of an unknown kind, {kind}")
+            require(tuple(axis) == tuple(asked[kind]), f"{name} has another axis")
+            limit = element.find("limit")
+            limits = (
+                float(limit.attrib.get(key, 0.0)) if limit is not None else 0.0
+                for key in ("lower", "upper", "velocity")
+            )
+            child, parent = (_named(element, tag) for tag in ("child", "parent"))
+            origin = Pose(turned[number], Interval(origins[number, 0]))
+            require(child not in found, f"{child} hangs on two joints")
+            found[child] = _Joint(name, kind, parent, origin, *limits)
+    except (KeyError, ValueError) as cause:
+        raise NotCertifiedError(f"the URDF is malformed: {cause!r}") from cause
+    return found
+
+
+def _named(joint: ET.Element, tag: str) -> str:
+    """The link that a joint names as its child or parent."""
+    element = joint.find(tag)
+    if element is None:
+        raise ValueError(f"{joint.attrib['name']} has no {tag}")
+    return element.attrib["link"]
+
+
+def _numbers(element: ET.Element | None, key: str) -> list[float]:
+    text = "0 0 0" if element is None else element.attrib.get(key, "0 0 0")
+    numbers = [float(word) for word in text.split()]
+    if len(numbers) != 3:
+        raise ValueError(f"{key}={text!r}")
+    return numbers

@@ -1,0 +1,663 @@
+"""A plan followed step by step: what stands where, what is held, and which pairs must keep apart.
+
+Everything is derived from the start and the steps before; what the plan states of its states is
+compared with that. A witness adds numbers that are checked here: how far fingers close and push,
+and how long a held body may touch what it stands on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from planner.certificate.body import Body
+from planner.certificate.clusters import Clusters, Shape, stated_pose
+from planner.certificate.errors import NotCertifiedError, require
+from planner.certificate.intervals import Array, Interval, Pose, norm_bound
+from planner.certificate.motion import Cubics, carried
+from planner.certificate.robot import ARM_JOINTS, Robot
+from planner.certificate.rows import Mover, Pair, Step
+from planner.certificate.touching import distance_bound_m
+
+PRESS_M = 5e-4
+"""How deep an intended contact may press, and how far a stated state may be from the derived."""
+
+SLIDE_M = 1e-3
+"""How far a held body may move sideways while it touches its support."""
+
+TOUCH_M = 1e-5
+"""Shapes as near as this touch."""
+
+DROP_M = 0.01
+"""From how high a body may be let go."""
+
+TIP = 1e-6
+"""How far a tip may be from its goal, m, and entries of its rotation matrix."""
+
+STATE = 1e-8
+"""How far joints, velocities and accelerations of successive steps may differ."""
+
+NEIGHBOURS = 2
+"""Links with no more movable joints between them are not checked against each other."""
+
+A_MAX_RAD_S2, J_MAX_RAD_S3 = 2.0, 20.0
+"""Rethink published no limits of acceleration and jerk; these are the presets of the toolkit,
+measured as what real arms follow (`baxter_kin.limits`). The caller may pass others."""
+
+LINE_CELLS = tuple(2**power for power in range(6, 15))
+"""Into how many cells a straight move is cut, until what may happen between is small."""
+
+MAX_STEPS, MAX_BODIES = 1000, 500
+
+
+@dataclass(frozen=True)
+class StepWitness:
+    """What a certificate says of one step; nothing of it is trusted.
+
+    Attributes:
+        margin_m: the distance that is to be proven.
+        closing: of a hand that closes on a body: how far it is open when the first finger touches,
+            and at the end, and how far the body is pushed along y of the tip.
+        contacts: from when to when a held body may touch another, by the name of that.
+    """
+
+    margin_m: float = 0.0
+    closing: tuple[float, float, float] | None = None
+    contacts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Greatest acceleration and jerk of every joint, rad/s^2 and rad/s^3."""
+
+    a_max: float = A_MAX_RAD_S2
+    j_max: float = J_MAX_RAD_S3
+
+
+@dataclass(frozen=True, eq=False)
+class _Thing:
+    """A body of the scene: its parts, seen from it."""
+
+    name: str
+    parts: tuple[tuple[Shape, Pose], ...]
+    is_movable: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Now:
+    """Where everything is between two steps.
+
+    Attributes:
+        arm: positions, velocities and accelerations of the arm.
+        opening_m: how far its fingers are open.
+        at: poses of the bodies that stand, seen from base.
+        held: the body in the hand, and its pose seen from the last joint.
+        released: the body that was let go right before.
+        taken: whether the hand has closed right before.
+        asked: whether the arm stands where a pose of the tip was asked for.
+    """
+
+    arm: tuple[Array, Array, Array]
+    opening_m: float
+    at: Mapping[str, Pose]
+    held: tuple[str, Pose] | None = None
+    released: str | None = None
+    taken: bool = False
+    asked: bool = False
+
+
+class Timeline:
+    """The steps of a plan, with all that must keep apart in each.
+
+    Attributes:
+        robot: the robot.
+        clusters: all trees.
+        steps: what rows must prove, in the order of the certificate.
+    """
+
+    def __init__(
+        self,
+        plan: Mapping[str, Any],
+        states: Sequence[Mapping[str, Any]],
+        robot: Robot,
+        body: Body,
+        witnesses: Sequence[StepWitness],
+        *,
+        limits: Limits | None = None,
+    ) -> None:
+        """Follow a plan to its end.
+
+        Args:
+            plan: as its file has it, and `states` likewise.
+            states: what each state has that the one before has not; empty where none is stated.
+            robot: the robot that it is for.
+            body: its body.
+            witnesses: one a step.
+            limits: what accelerations and jerks are judged by.
+
+        Raises:
+            NotCertifiedError: when the plan breaks a rule that is not about rows.
+        """
+        self.robot, self.clusters = robot, Clusters()
+        self.steps: list[Step] = []
+        self._plan, self._witnesses = plan, witnesses
+        self._limits = limits or Limits()
+        require(plan["failure"] is None, "the plan says itself that it failed")
+        self._plan_steps = plan["steps"]
+        require(len(self._plan_steps) <= MAX_STEPS, f"the plan has more than {MAX_STEPS} steps")
+        require(len(witnesses) == len(self._plan_steps), "the certificate is of other steps")
+        start = plan["start"]
+        joints = {str(name): float(value) for name, value in start["joints"].items()}
+        require(np.isfinite(list(joints.values())), "a joint is not finite")
+        bodies = start["scene"]["bodies"]
+        require(len(bodies) <= MAX_BODIES, f"the scene has more than {MAX_BODIES} bodies")
+        self._things = {name: _thing(name, data) for name, data in bodies.items()}
+        self._place_links(body, joints)
+        now = self._begin(start, joints)
+        stated = _Stated(start, states, self)
+        for number, step in enumerate(self._plan_steps):
+            stated.compare(number, now)
+            now = self._followed(number, step, now)
+        self._require_rest(now, "the arm does not rest at the end")
+
+    # The robot
+
+    def _place_links(self, body: Body, joints: Mapping[str, float]) -> None:
+        """Movers of all links: of the arm by joint, of fingers, and of the rest by carrier."""
+        roots: dict[int | str, list[int]] = {}
+        self._pads: dict[str, list[int]] = {finger: [] for finger in self.robot.fingers}
+        filled: dict[int, list[int]] = {}
+        for each in body.shapes:
+            where = self.robot.attached(each.link, joints)
+            key = where.finger or where.level or self.robot.carrier(each.link)
+            root = self.clusters.add(each.shape, where.T * each.T_link_shape)
+            roots.setdefault(key, []).append(root)
+            if where.finger is None and each.shape.size > 1:
+                solid = self.clusters.add(each.shape.filled(), where.T * each.T_link_shape)
+                filled.setdefault(where.level, []).append(solid)
+            if where.finger is not None and each.link.endswith("_finger_tip"):
+                self._pads[where.finger].append(root)
+        joined = {key: self.clusters.joined(found) for key, found in roots.items()}
+        self._arm = {
+            k: Mover(f"links of {self.robot.names[k - 1]}", joined[k], k)
+            for k in range(1, ARM_JOINTS + 1)
+            if k in joined
+        }
+        self._filled = [
+            Mover("the inside of a link", self.clusters.joined(found), level)
+            for level, found in sorted(filled.items())
+        ]
+        self._fingers = {f: joined[f] for f in self.robot.fingers if f in joined}
+        require(len(self._fingers) == len(self.robot.fingers), "a finger has no shape")
+        self._rest = {
+            str(key): Mover(f"links on {key}", root, 0)
+            for key, root in joined.items()
+            if isinstance(key, str) and key not in self.robot.fingers
+        }
+
+    def _finger(self, name: str, begin_m: float, end_m: float) -> Mover:
+        sign = self.robot.fingers[name]
+        return Mover(name, self._fingers[name], ARM_JOINTS, (sign * begin_m, sign * end_m))
+
+    def _link(self, level: int) -> str:
+        return self.robot.chain[level - 1]
+
+    # The start
+
+    def _begin(self, start: Mapping[str, Any], joints: Mapping[str, float]) -> _Now:
+        robot = self.robot
+        missing = [name for name in robot.names if name not in joints]
+        require(not missing, f"the state lacks {', '.join(missing)}")
+        q = np.array([joints[name] for name in robot.names])
+        openings = [
+            sign * joints.get(robot.finger_joints[finger], np.nan)
+            for finger, sign in robot.fingers.items()
+        ]
+        require(np.abs(np.diff(openings)) <= STATE, "the fingers are not equally open")
+        opening = float(openings[0])
+        is_within = -STATE <= opening <= robot.stroke_m + STATE
+        require(is_within, "the fingers start outside their stroke")
+        at = {
+            name: stated_pose(data["T_base_body"], name)
+            for name, data in start["scene"]["bodies"].items()
+        }
+        held, others = None, {}
+        for each in start["attachments"]:
+            name, link = each["body"], each["link"]
+            require(name in at, f"the scene lacks {name}, which {link} holds")
+            T_link_body = stated_pose(each["T_link_body"], name)
+            where = robot.attached(link, joints)
+            if where.level:
+                is_of_hand = where.level == ARM_JOINTS and where.finger is None
+                require(is_of_hand, f"{name} hangs on {link}, which is no hand")
+                require(held is None, "the hand holds two bodies")
+                held = name, where.T * T_link_body
+            else:
+                others[name] = where.T * T_link_body, link
+            at.pop(name)
+        still = np.zeros(ARM_JOINTS)
+        self._others = {name: T for name, (T, _) in others.items()}
+        now = _Now((q, still, still), opening, at, held)
+        self._stand_at_first(now, {name: link for name, (_, link) in others.items()})
+        return now
+
+    def _stand_at_first(self, now: _Now, others: Mapping[str, str]) -> None:
+        """One instant of all that the arm does not move, and of what it holds.
+
+        Then no body is inside a link either; later it could get there only through its surface.
+        """
+        pairs = []
+        rest = list(self._rest.items())
+        for number, (carrier, one) in enumerate(rest):
+            for other_carrier, other in rest[:number]:
+                if self.robot.joints_between(carrier, other_carrier) > NEIGHBOURS:
+                    pairs.append(_pair(one, other, 0.0))
+        for name, T in now.at.items():
+            body = self._mover(name, T, 0)
+            pairs += self._standing_pairs(body)
+            pairs += [_pair(link, body, 0.0) for link in self._filled]
+        for name, link in others.items():
+            held = self._mover(name, self._others[name], 0)
+            hand = self.robot.carrier(link)
+            for carrier, mover in self._rest.items():
+                if self.robot.joints_between(carrier, hand) > 1:
+                    pairs.append(_pair(held, mover, 0.0))
+            pairs += [_pair(held, self._mover(n, T, 0), 0.0) for n, T in now.at.items()]
+        if now.held is not None:
+            name, T = now.held
+            body = self._mover(name, T, ARM_JOINTS)
+            inside = [mover for mover in self._filled if mover.level < ARM_JOINTS]
+            pairs += [_pair(body, mover, 0.0) for mover in inside]
+            fingers = [self._finger(f, now.opening_m, now.opening_m) for f in self._fingers]
+            pairs += self._between_pairs(body, fingers)
+            self._require_hold("at first", name, T, now.opening_m, tuple(self._fingers))
+        if pairs:
+            self.steps.append(Step("what stands still", pairs, None, now.arm[0]))
+
+    def _standing_pairs(self, body: Mover) -> Iterator[Pair]:
+        for mover in self._rest.values():
+            yield _pair(body, mover, 0.0)
+
+    # Steps
+
+    def _followed(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
+        kind = step["type"]
+        if kind == "Move":
+            return self._moved(number, step, now)
+        require(kind == "Grip", f"a step of unknown kind {kind!r}")
+        self._require_rest(now, f"{step['label']}: the arm does not rest")
+        if step["action"] == "CLOSE":
+            return self._closed(number, step, now)
+        require(step["action"] == "OPEN", f"{step['label']}: an unknown action")
+        return self._opened(number, step, now)
+
+    def _moved(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
+        label, witness = step["label"], self._witnesses[number]
+        require(not step.get("claims"), f"{label}: a claim that is not known")
+        limits = step["trajectory"]["limits"]
+        own = tuple(limits["names"]) == self.robot.names
+        require(own, f"{label}: it moves other joints than the {self.robot.limb} arm's")
+        cubics = Cubics(step["trajectory"], label)
+        first = cubics.q[0], cubics.v[0], cubics.a[0]
+        jumps = [np.abs(a - b).max() <= STATE for a, b in zip(first, now.arm, strict=True)]
+        require(jumps, f"{label}: it does not begin where the arm is")
+        a_max, j_max = (np.full(ARM_JOINTS, x) for x in (self._limits.a_max, self._limits.j_max))
+        cubics.require_limits(self.robot, limits, a_max, j_max)
+        self._require_tip(step, cubics)
+        following = self._grip_after(number)
+        near: set[str] = set()
+        if step["is_straight"] and now.held is None:
+            wanted = following["body"] if following and following["action"] == "CLOSE" else None
+            near = {name for name in (wanted, now.released) if name is not None}
+        puts_down = following is not None and following["action"] == "OPEN"
+        self._require_windows(label, witness, cubics, now, puts_down)
+        if cubics.duration_s > 0.0:
+            pairs = list(self._move_pairs(witness, now, near, cubics.duration_s))
+            self.steps.append(Step(label, pairs, cubics, cubics.q[0]))
+        arm = cubics.q[-1], cubics.v[-1], cubics.a[-1]
+        return replace(
+            now, arm=arm, released=None, taken=False, asked=step["T_base_tip"] is not None
+        )
+
+    def _grip_after(self, number: int) -> Mapping[str, Any] | None:
+        """The step after another, where that is a gripper action."""
+        if number + 1 == len(self._plan_steps):
+            return None
+        following: Mapping[str, Any] = self._plan_steps[number + 1]
+        return following if following["type"] == "Grip" else None
+
+    def _move_pairs(
+        self, witness: StepWitness, now: _Now, near: set[str], end_s: float
+    ) -> Iterator[Pair]:
+        margin_m = witness.margin_m
+        solids, others = self._around(now)
+        for k, arm in self._arm.items():
+            yield from self._link_pairs(arm, k, margin_m, end_s)
+            for name, solid in solids.items():
+                is_palm = k == ARM_JOINTS and name in near
+                yield _pair(arm, solid, 0.0 if is_palm else margin_m, end_s, counts=not is_palm)
+            yield from (_pair(arm, other, margin_m, end_s) for other in others)
+        for name in self._fingers:
+            finger = self._finger(name, now.opening_m, now.opening_m)
+            yield from self._link_pairs(finger, ARM_JOINTS + 1, margin_m, end_s)
+            for of, solid in solids.items():
+                least_m = -PRESS_M if of in near else margin_m
+                yield _pair(finger, solid, least_m, end_s, counts=of not in near)
+            yield from (_pair(finger, other, margin_m, end_s) for other in others)
+        if now.held is not None:
+            yield from self._held_pairs(now.held, witness, solids, others, end_s)
+
+    def _link_pairs(self, mover: Mover, level: int, least_m: float, end_s: float) -> Iterator[Pair]:
+        """Of a link that moves with others of the robot; fingers count as level 8."""
+        link = mover.name if level > ARM_JOINTS else self._link(level)
+        for carrier, rest in self._rest.items():
+            if self.robot.joints_between(link, carrier) > NEIGHBOURS:
+                yield _pair(mover, rest, least_m, end_s)
+        for m, arm in self._arm.items():
+            if level - m > NEIGHBOURS:
+                yield _pair(mover, arm, least_m, end_s)
+
+    def _between_pairs(self, body: Mover, fingers: Sequence[Mover]) -> Iterator[Pair]:
+        """Of a body between the fingers with these and with the palm, all carried by one joint."""
+        yield from (_pair(finger, body, -PRESS_M, counts=False) for finger in fingers)
+        palm = self._arm.get(ARM_JOINTS)
+        if palm is not None:
+            yield _pair(body, palm, 0.0, counts=False)
+
+    def _held_pairs(
+        self,
+        held: tuple[str, Pose],
+        witness: StepWitness,
+        solids: Mapping[str, Mover],
+        others: Sequence[Mover],
+        end_s: float,
+    ) -> Iterator[Pair]:
+        body, margin_m = self._mover(*held, ARM_JOINTS), witness.margin_m
+        for rest in self._rest.values():
+            yield _pair(body, rest, margin_m, end_s)
+        for m, arm in self._arm.items():
+            if m < ARM_JOINTS:
+                yield _pair(body, arm, margin_m, end_s)
+        for other in others:
+            yield _pair(body, other, margin_m, end_s)
+        for name, solid in solids.items():
+            if name not in witness.contacts:
+                yield _pair(body, solid, margin_m, end_s)
+                continue
+            begin_s, until_s = witness.contacts[name]
+            yield Pair(body, solid, -PRESS_M, begin_s, until_s, is_counted=False)
+            if begin_s > 0.0:
+                yield Pair(body, solid, 0.0, 0.0, begin_s, is_counted=False)
+            if until_s < end_s:
+                yield Pair(body, solid, 0.0, until_s, end_s, is_counted=False)
+
+    def _closed(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
+        label, name, witness = step["label"], step["body"], self._witnesses[number]
+        require(now.held is None, f"{label}: the hand is full")
+        if name is None:
+            self._travel(label, now, (now.opening_m, 0.0), None, witness)
+            return replace(now, opening_m=0.0, released=None, taken=True)
+        is_there = name in now.at and self._things[name].is_movable
+        require(is_there, f"{label}: there is no movable body {name!r}")
+        require(now.asked, f"{label}: no pose of the tip was asked for")
+        if witness.closing is None:
+            raise NotCertifiedError(f"{label}: the certificate does not say how the fingers close")
+        touch_m, end_m, push_m = witness.closing
+        is_way = 0.0 <= end_m <= touch_m <= now.opening_m + STATE
+        is_way &= abs(push_m) <= 2.0 * now.opening_m
+        require(is_way, f"{label}: the fingers do not close so")
+        T_joint_base = self._joint_pose(now.arm[0]).inverse()
+        T = T_joint_base * now.at[name]
+        pushed = Pose(T.R, T.p + np.array([0.0, push_m, 0.0]))
+        self._require_hold(label, name, pushed, end_m, tuple(self._fingers))
+        if push_m:
+            pushing = [f for f, sign in self.robot.fingers.items() if sign * push_m < 0.0]
+            self._require_hold(label, name, T, touch_m, tuple(pushing))
+        around = replace(now, at={n: P for n, P in now.at.items() if n != name})
+        self._travel(label, around, (now.opening_m, touch_m), (name, T, 0.0, 0.0), witness)
+        self._travel(label, around, (touch_m, end_m), (name, T, 0.0, push_m), witness)
+        return replace(around, opening_m=end_m, held=(name, pushed), released=None, taken=True)
+
+    def _opened(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
+        label, robot, witness = step["label"], self.robot, self._witnesses[number]
+        name = None if now.held is None else now.held[0]
+        require(step["body"] == name, f"{label}: the hand holds {name or 'nothing'}")
+        asked = step["opening_m"]
+        end_m = robot.stroke_m if asked is None else float(asked)
+        is_way = 0.0 <= end_m <= robot.stroke_m + STATE and (name is None or end_m > now.opening_m)
+        require(is_way, f"{label}: the fingers do not open so")
+        if now.held is None:
+            self._travel(label, now, (now.opening_m, end_m), None, witness)
+            return replace(now, opening_m=end_m, released=None, taken=False)
+        held, T_joint_body = now.held
+        require(now.asked, f"{label}: no pose of the tip was asked for")
+        self._travel(label, now, (now.opening_m, end_m), (held, T_joint_body, 0.0, 0.0), witness)
+        T = self._joint_pose(now.arm[0]) * T_joint_body
+        fall_m = self._fall_m(label, held, T, now.at)
+        landed = Pose(T.R, T.p - np.array([0.0, 0.0, fall_m]))
+        pairs = list(self._standing_pairs(self._mover(held, landed, 0)))
+        self.steps.append(Step(f"{label}: {held} stands", pairs, None, now.arm[0]))
+        return replace(
+            now, opening_m=end_m, at={**now.at, held: landed}, held=None, released=held, taken=False
+        )
+
+    def _travel(
+        self,
+        label: str,
+        now: _Now,
+        way_m: tuple[float, float],
+        between: tuple[str, Pose, float, float] | None,
+        witness: StepWitness,
+    ) -> None:
+        """Fingers travel, and a body between them is pushed, evenly; all ends are exact."""
+        pairs: list[Pair] = []
+        fingers = [self._finger(name, *way_m) for name in self._fingers]
+        solids, others = self._around(now)
+        for finger in fingers:
+            pairs += self._link_pairs(finger, ARM_JOINTS + 1, witness.margin_m, 1.0)
+            pairs += [_pair(finger, s, witness.margin_m) for s in (*solids.values(), *others)]
+        if between is not None:
+            name, T, begin_m, end_m = between
+            body = self._mover(name, T, ARM_JOINTS, (begin_m, end_m))
+            pairs += self._between_pairs(body, fingers)
+            if end_m != begin_m:
+                pushed = replace(witness, contacts=dict.fromkeys(witness.contacts, (0.0, 1.0)))
+                for pair in self._held_pairs((name, T), pushed, solids, others, 1.0):
+                    pairs.append(replace(pair, first=replace(pair.first, slide_m=(begin_m, end_m))))
+        self.steps.append(Step(label, pairs, None, now.arm[0]))
+
+    # Rules that are not about pairs
+
+    def _require_rest(self, now: _Now, reason: str) -> None:
+        require([np.abs(x).max() <= STATE for x in now.arm[1:]], reason)
+
+    def _require_tip(self, step: Mapping[str, Any], cubics: Cubics) -> None:
+        label = step["label"]
+        reached = self.robot.tips(cubics.at(np.array([cubics.duration_s])))
+        if step["T_base_tip"] is not None:
+            asked = stated_pose(step["T_base_tip"], label)
+            off = norm_bound((reached.p - asked.p).magnitude)
+            turned = norm_bound((reached.R - asked.R).magnitude.reshape(-1, 9))
+            require((off <= TIP) & (turned <= 2.0 * TIP), f"{label}: the tip ends elsewhere")
+        if step["is_straight"] and cubics.duration_s > 0.0:
+            self._require_line(label, cubics)
+
+    def _require_line(self, label: str, cubics: Cubics) -> None:
+        """The tip stays near a segment, without turning.
+
+        The distance to a segment is convex, so on the chord of a cell it is greatest at an end;
+        the tip is off its chord by at most w h^2 / 8. Rotations likewise, entry by entry.
+        """
+        tolerance = self._plan["line_tolerance"]
+        allowed_m, allowed_rad = float(tolerance["position_m"]), float(tolerance["rotation_rad"])
+        for count in LINE_CELLS:
+            times_s = np.linspace(0.0, cubics.duration_s, count + 1)
+            bend_m, bend = self._bends(cubics, times_s)
+            if bend_m < 0.1 * allowed_m and bend < 0.1 * allowed_rad:
+                break
+        T = self.robot.tips(cubics.at(times_s))
+        (p, error_p), (R, error_R) = T.p.centred(), T.R.centred()
+        way = p[-1] - p[0]
+        share = np.clip((p - p[0]) @ way / max(float(way @ way), 1e-30), 0.0, 1.0)
+        off = norm_bound(p - p[0] - share[:, None] * way).max() + 8.0 * error_p + 1e-12 + bend_m
+        require(off <= allowed_m, f"{label}: the tip is up to {1e3 * off:.4f} mm off its line")
+        # an angle below 0.1 rad is at most 1.001 / sqrt(2) times the Frobenius norm
+        frobenius = norm_bound((R - R[0]).reshape(-1, 9)).max() + 18.0 * error_R + 1e-12 + bend
+        angle = 0.7079 * frobenius
+        require(
+            frobenius < 0.1 and angle <= allowed_rad,
+            f"{label}: the hand turns by up to {angle:.6f} rad on its line; lines that turn are "
+            "not certified",
+        )
+
+    def _bends(self, cubics: Cubics, times_s: Array) -> tuple[float, float]:
+        """How far the tip, and entries of its rotation together, may be off chords of cells."""
+        starts, ends = times_s[:-1], times_s[1:]
+        v, a = cubics.peaks(starts, ends)
+        eighth = (ends - starts) ** 2 / 8.0 * (1.0 + 1e-9)
+        lever = np.full(len(starts), float(norm_bound(self.robot.tip.p.magnitude)))
+        _, of_tip = carried(v, a, lever, self.robot.offsets)
+        _, of_unit = carried(v, a, np.ones(len(starts)), np.zeros(ARM_JOINTS))
+        slack = cubics.slack_m(float(self.robot.offsets.sum()) + 1.0)
+        bend_m = float((of_tip * eighth).max()) + slack
+        return bend_m, 1.7321 * (float((of_unit * eighth).max()) + slack)
+
+    def _require_windows(
+        self, label: str, witness: StepWitness, cubics: Cubics, now: _Now, puts_down: bool
+    ) -> None:
+        """Contacts of a held body begin or end the step, after a grasp or before a release."""
+        for name, (begin_s, end_s) in witness.contacts.items():
+            require(now.held is not None and name in now.at, f"{label}: no contact of {name}")
+            is_first = begin_s == 0.0 and now.taken
+            is_last = end_s == cubics.duration_s and puts_down
+            is_window = 0.0 <= begin_s < end_s <= cubics.duration_s
+            require((is_first or is_last) and is_window, f"{label}: a contact out of turn")
+            if now.held is not None:
+                self._require_slide(cubics, begin_s, end_s, now.held)
+
+    def _require_slide(
+        self, cubics: Cubics, begin_s: float, end_s: float, held: tuple[str, Pose]
+    ) -> None:
+        times_s = np.linspace(begin_s, end_s, 129)
+        T = self.robot.tips(cubics.at(times_s))
+        (p, error_p), (R, error_R) = T.p.centred(), T.R.centred()
+        bend_m, bend = self._bends(cubics, times_s)
+        reach_m = float(norm_bound(held[1].p.magnitude)) + max(
+            shape.reach_m + float(norm_bound(T.p.magnitude))
+            for shape, T in self._things[held[0]].parts
+        )
+        turned = float(norm_bound((R - R[0]).reshape(-1, 9)).max()) + 18.0 * error_R + bend
+        moved = float(norm_bound(np.ptp(p[:, :2], axis=0))) + 4.0 * error_p + 2.0 * bend_m
+        slide_m = moved + 2.0 * turned * reach_m
+        require(slide_m <= SLIDE_M, f"{cubics.label}: it slides {1e3 * slide_m:.3f} mm in contact")
+
+    def _require_hold(
+        self, label: str, name: str, T_joint_body: Pose, opening_m: float, fingers: Sequence[str]
+    ) -> None:
+        """A pad of each of some fingers touches a body."""
+        body = self._mover(name, T_joint_body, ARM_JOINTS)
+        for finger in fingers:
+            shift = np.array([0.0, self.robot.fingers[finger] * opening_m, 0.0])
+            away_m = min(
+                (
+                    distance_bound_m(self.clusters, pad, body.root, shift, TOUCH_M)
+                    for pad in self._pads[finger]
+                ),
+                default=np.inf,
+            )
+            require(away_m <= TOUCH_M, f"{label}: {finger} is {1e3 * away_m:.3f} mm from {name}")
+
+    def _fall_m(self, label: str, name: str, T: Pose, at: Mapping[str, Pose]) -> float:
+        """How far a body falls until it touches something, to `TOUCH_M`."""
+        body, falls = self._mover(name, T, 0), []
+        for other, T_other in (*at.items(), *self._others.items()):
+            below, fallen_m = self._mover(other, T_other, 0), 0.0
+            while fallen_m <= DROP_M:
+                shift = np.array([0.0, 0.0, -fallen_m])
+                away_m = distance_bound_m(self.clusters, body.root, below.root, shift, TOUCH_M)
+                if away_m <= TOUCH_M:
+                    falls.append(fallen_m)
+                    break
+                fallen_m += max(away_m - 0.5 * TOUCH_M, 0.5 * TOUCH_M)
+        require(len(falls) > 0, f"{label}: {name} would fall farther than {1e3 * DROP_M:g} mm")
+        return min(falls)
+
+    def _joint_pose(self, q: Array) -> Pose:
+        T = self.robot.tips(Interval(q[None])) * self.robot.tip.inverse()
+        return Pose(T.R[0], T.p[0])
+
+    def _around(self, now: _Now) -> tuple[dict[str, Mover], list[Mover]]:
+        """The bodies that stand by themselves, by name, and those in the other hand."""
+        solids = {name: self._mover(name, T, 0) for name, T in now.at.items()}
+        return solids, [self._mover(name, T, 0) for name, T in self._others.items()]
+
+    def _mover(
+        self, name: str, T: Pose, level: int, slide_m: tuple[float, float] = (0.0, 0.0)
+    ) -> Mover:
+        """A body of the scene at a pose seen from the frame that carries it."""
+        roots = [self.clusters.add(shape, T * placed) for shape, placed in self._things[name].parts]
+        return Mover(name, self.clusters.joined(roots), level, slide_m)
+
+
+class _Stated:
+    """The states that a plan states, step by step."""
+
+    def __init__(
+        self, start: Mapping[str, Any], changes: Sequence[Mapping[str, Any]], timeline: Timeline
+    ) -> None:
+        self._changes, self._timeline = changes, timeline
+        self._joints = {name: float(value) for name, value in start["joints"].items()}
+        self._poses = {name: data["T_base_body"] for name, data in start["scene"]["bodies"].items()}
+
+    def compare(self, number: int, now: _Now) -> None:
+        """Refuse a stated state that differs from the derived one."""
+        if not self._changes:
+            return
+        require(number < len(self._changes), "not every step states its state")
+        change = self._changes[number]
+        self._joints |= {name: float(value) for name, value in change["joints"].items()}
+        self._poses |= change["T_base_bodies"]
+        robot = self._timeline.robot
+        label = f"step {number + 1}"
+        q = np.array([self._joints.get(name, np.nan) for name in robot.names])
+        require(np.abs(q - now.arm[0]) <= STATE, f"{label}: the arm is stated elsewhere")
+        for finger, sign in robot.fingers.items():
+            off_m = abs(sign * self._joints[robot.finger_joints[finger]] - now.opening_m)
+            require(off_m <= PRESS_M, f"{label}: the fingers are stated {1e3 * off_m:.2f} mm off")
+        derived = dict(now.at)
+        if now.held is not None:
+            T_base_joint = self._timeline._joint_pose(now.arm[0])
+            derived[now.held[0]] = T_base_joint * now.held[1]
+        for name, T in derived.items():
+            stated = stated_pose(self._poses[name], name)
+            off_m = float(norm_bound((T.p - stated.p).magnitude))
+            turned = float(norm_bound((T.R - stated.R).magnitude.reshape(9)))
+            is_there = off_m <= 2.0 * PRESS_M and turned <= 0.03
+            require(is_there, f"{label}: {name} is stated {1e3 * off_m:.2f} mm off")
+        own = {f"{robot.limb}_gripper"}
+        holds = [each["body"] for each in change["attachments"] if each["link"] in own]
+        expected = [] if now.held is None else [now.held[0]]
+        require(holds == expected, f"{label}: the hand is stated to hold something else")
+
+
+def _thing(name: str, data: Mapping[str, Any]) -> _Thing:
+    parts = data["parts"]
+    require(0 < len(parts) <= MAX_BODIES, f"{name} has no parts, or too many")
+    return _Thing(
+        name,
+        tuple(
+            (Shape.of_file(part["shape"], name), stated_pose(part["T_body_part"], name))
+            for part in parts
+        ),
+        bool(data["is_movable"]),
+    )
+
+
+def _pair(
+    first: Mover, second: Mover, least_m: float, end_s: float = 1.0, *, counts: bool = True
+) -> Pair:
+    """A pair over a whole step."""
+    return Pair(first, second, least_m, 0.0, end_s, is_counted=counts)

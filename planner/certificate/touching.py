@@ -1,0 +1,131 @@
+"""Upper bounds on distances: two points, each proven to be in its cluster, are so far apart.
+
+Where they are is found by the algorithm of Gilbert, Johnson and Keerthi in doubles. It is not
+trusted: what it gives are weights of points, and a convex combination of points of a cluster is in
+the cluster whatever the weights are.
+"""
+
+from __future__ import annotations
+
+import heapq
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.certificate.clusters import LEAF, Clusters
+from planner.certificate.intervals import Array
+
+ROUNDING_M = 1e-12
+"""Of a convex combination of points within some metres."""
+
+MAX_ITERATIONS = 40
+MAX_PAIRS = 2000
+"""Pairs of nodes that are looked at; beyond, the bound is what was found by then."""
+
+_SUBSETS = [s for size in (1, 2, 3, 4) for s in combinations(range(4), size)]
+
+
+def distance_bound_m(
+    clusters: Clusters, first: int, second: int, shift: Array, enough_m: float
+) -> float:
+    """An upper bound on the distance of two trees seen from one frame, m.
+
+    Args:
+        clusters: all trees.
+        first: the root of one tree.
+        second: the root of the other.
+        shift: added to all points of the first, shape (3,), m.
+        enough_m: nothing nearer than this is looked for.
+    """
+    best = np.inf
+    open_: list[tuple[float, int, int]] = [(0.0, first, second)]
+    for _ in range(MAX_PAIRS):
+        if not open_ or best <= enough_m or open_[0][0] >= best:
+            break
+        _, a, b = heapq.heappop(open_)
+        x, y = clusters.points(a) + shift, clusters.points(b)
+        wide = clusters.widths(a), clusters.widths(b)
+        weights_x, weights_y = _nearest(x, y)
+        on_first, on_second = weights_x @ x, weights_y @ y
+        away_m = float(np.linalg.norm(on_first - on_second))
+        kids = [clusters.children(np.array([node]))[0].tolist() for node in (a, b)]
+        are_leaves = [pair[0] == LEAF for pair in kids]
+        if all(are_leaves):
+            on_first = _towards(on_first, on_second, *wide[0])
+            on_second = _towards(on_second, on_first, *wide[1])
+            best = min(best, float(np.linalg.norm(on_first - on_second)) + ROUNDING_M)
+            continue
+        low = max(0.0, away_m - sum(ball + disc for ball, disc, _ in wide) - 1e-9)
+        side = 1 if are_leaves[0] or (not are_leaves[1] and np.ptp(y) > np.ptp(x)) else 0
+        for kid in kids[side]:
+            pair = (kid, b) if side == 0 else (a, kid)
+            heapq.heappush(open_, (low, *pair))
+    return best
+
+
+def _towards(point: Array, goal: Array, ball_m: float, disc_m: float, axis: Array) -> Array:
+    """A point of a widened cluster that is nearer to a goal than a point of what is widened."""
+    way = goal - point
+    if disc_m:
+        across = way - (axis @ way) * axis
+        length = float(np.linalg.norm(across))
+        if length > 0.0:
+            point = point + across * (min(disc_m * (1.0 - 1e-12), length) / length)
+            way = goal - point
+    length = float(np.linalg.norm(way))
+    if ball_m and length > 0.0:
+        point = point + way * (min(ball_m * (1.0 - 1e-12), length) / length)
+    return point
+
+
+def _nearest(x: Array, y: Array) -> tuple[Array, Array]:
+    """Weights of points of two hulls that are nearest to each other, or nearly so."""
+    pairs = [(0, 0)]
+    weights = np.ones(1)
+    for _ in range(MAX_ITERATIONS):
+        simplex, used = np.zeros((1, 4, 3)), np.arange(4)[None] < len(pairs)
+        simplex[0, : len(pairs)] = [x[i] - y[j] for i, j in pairs]
+        found = np.maximum(least_norm_weights(simplex, used)[0, : len(pairs)], 0.0)
+        pairs = [pair for pair, w in zip(pairs, found, strict=True) if w > 0.0]
+        weights = found[found > 0.0]
+        v = weights @ np.array([x[i] - y[j] for i, j in pairs])
+        new = int((x @ v).argmin()), int((y @ v).argmax())
+        gain = v @ v - v @ (x[new[0]] - y[new[1]])
+        if gain <= 1e-14 or new in pairs or len(pairs) == 4:
+            break
+        pairs.append(new)
+    pairs = pairs[: len(weights)]  # the last may have been added without a weight
+    found_x, found_y = np.zeros(len(x)), np.zeros(len(y))
+    for (i, j), w in zip(pairs, weights, strict=True):
+        found_x[i] += w
+        found_y[j] += w
+    return found_x / found_x.sum(), found_y / found_y.sum()
+
+
+def least_norm_weights(simplices: Array, used: NDArray[np.bool_]) -> Array:
+    """Weights of the points of least norm of simplices, shape (n, 4); of unused corners 0.
+
+    Args:
+        simplices: four corners each, shape (n, 4, 3).
+        used: which of the corners count, shape (n, 4).
+    """
+    best, weights = np.full(len(simplices), np.inf), np.zeros((len(simplices), 4))
+    for subset in _SUBSETS:
+        at = np.flatnonzero(used[:, subset].all(axis=1))
+        if not len(at):
+            continue
+        P, k = simplices[at][:, subset], len(subset)
+        K = np.zeros((len(at), k + 1, k + 1))
+        K[:, :k, :k] = P @ P.swapaxes(1, 2) + 1e-14 * np.eye(k)
+        K[:, k, :k] = K[:, :k, k] = 1.0
+        right = np.zeros((len(at), k + 1, 1))
+        right[:, k] = 1.0
+        w = np.linalg.solve(K, right)[:, :k, 0]
+        norm = np.linalg.norm(np.einsum("nk,nkj->nj", w, P), axis=1)
+        is_good = (w > -1e-12).all(axis=1) & (norm < best[at] - 1e-12)
+        good = at[is_good]
+        best[good] = norm[is_good]
+        weights[good] = 0.0
+        weights[np.ix_(good, subset)] = w[is_good]
+    return weights
