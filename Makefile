@@ -6,6 +6,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
+AS_ROOT = $(if $(filter 0,$(shell id -u)),--allow-root) # JupyterLab refuses root without it
 unexport PYTHONDONTWRITEBYTECODE # some images set it; then each process compiles what it imports
 
 .PHONY: demo notebooks docs test check clean
@@ -14,7 +15,7 @@ demo: $(VENV)/.demo
 	$(BIN)/python -m baxter_kin.demo $(ARGS)
 
 notebooks: $(VENV)/.notebooks
-	$(BIN)/python -m jupyterlab --notebook-dir notebooks $(ARGS)
+	$(BIN)/python -m jupyterlab --notebook-dir notebooks $(AS_ROOT) $(ARGS)
 
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -n -W --keep-going -b html docs build/docs $(ARGS)

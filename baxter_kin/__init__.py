@@ -14,7 +14,13 @@ from baxter_kin.lazy import loader
 if TYPE_CHECKING:
     from baxter_kin.description import ElectricGripper, Tool
     from baxter_kin.errors import BaxterError
-    from baxter_kin.frames import Frame, StampedPose, pose_from_quaternion, quaternion_xyzw
+    from baxter_kin.frames import (
+        Frame,
+        NamedFrame,
+        StampedPose,
+        pose_from_quaternion,
+        quaternion_xyzw,
+    )
     from baxter_kin.ik import IKFailure, IKResult, IKService, SeedMode, SeedType, Tolerance
     from baxter_kin.kinematics.arm import Arm
     from baxter_kin.limits import JointLimits
@@ -32,6 +38,7 @@ __all__ = [
     "IKResult",
     "IKService",
     "JointLimits",
+    "NamedFrame",
     "SeedMode",
     "SeedType",
     "StampedPose",

@@ -150,13 +150,13 @@ def add_urdf(parser: Options) -> None:
     """Add `--urdf`, the robot's own description."""
     parser.add_argument(
         "--urdf",
-        type=urdf_file,
+        type=_urdf_file,
         metavar="FILE",
         help="the robot's own description, as it serves it (default: the stock robot)",
     )
 
 
-def urdf_file(text: str) -> Path:
+def _urdf_file(text: str) -> Path:
     """The path of a URDF that is a Baxter's."""
     from baxter_kin.description import RobotDescription  # noqa: PLC0415 - loads Pinocchio
 

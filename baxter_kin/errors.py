@@ -79,12 +79,12 @@ class UnknownNameError(BaxterError, ValueError):
         allowed: the names that exist.
     """
 
-    def __init__(self, kind: str, name: object, allowed: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: object, allowed: Iterable[str], advice: str = "") -> None:
         self.kind = kind
         self.name = name
         self.allowed = tuple(allowed)
         shown = quoted(name, LONGEST_NAME)
-        hint = name_hint(name, self.allowed)
+        hint = name_hint(name, self.allowed) or advice
         super().__init__(f"unknown {kind} {shown}; use one of: {', '.join(self.allowed)}{hint}")
 
 
@@ -167,12 +167,16 @@ def quoted(value: object, longest: int = LONGEST_QUOTE) -> str:
 def shortened(text: str, longest: int = LONGEST_QUOTE) -> str:
     """A text of at most so many characters, its middle left out where it was longer.
 
+    It is cut between words, unless there is no blank in the last third of what is kept.
     What no output can show, as half a surrogate pair in a file's name, is written as an escape.
     """
-    kept = longest - len("...")
-    head, tail = kept - kept // 2, kept // 2
-    shown = text if len(text) <= longest else f"{text[:head]}...{text[-tail:]}"
-    return shown.encode("utf-8", "backslashreplace").decode("utf-8")
+    if len(text) > longest:
+        kept = longest - len("...")
+        head, tail = text[: kept - kept // 2], text[len(text) - kept // 2 :]
+        end, begin = head.rfind(" ", 2 * len(head) // 3), tail.find(" ", 0, len(tail) // 3)
+        head, tail = head if end < 0 else head[: end + 1], tail[max(begin, 0) :]
+        text = f"{head}...{tail}"
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def millimetres_hint(*lengths_m: float, least: float = LEAST_MILLIMETRES) -> str:

@@ -2,7 +2,8 @@
 
 *Frames.* `base` is the robot's base link: x forward, y to the robot's left, z up. `world` stands on
 the floor under it, 0.93 m lower, with the same axes: `z_base = z_world - 0.93`. The `tip` of an
-arm is its `<side>_gripper` link, between the finger tips, z pointing out of the hand.
+arm is its `<side>_gripper` link, between the finger tips, z pointing out of the hand. Frames of
+one's own, such as the map of a mobile base, are `NamedFrame` values: `StampedPose(T_map_tip, map)`.
 
 *Poses.* `T_base_tip` is the pose of *tip* seen from *base*, a `pinocchio.SE3`; it maps points from
 tip to base coordinates. Inner names cancel: `T_world_tip = T_world_base * T_base_tip`.
@@ -12,6 +13,9 @@ of unit length within 1e-4, which is what four written decimals give, or come wi
 `normalise=True`; then they are normalised.
 
 *Twists and Jacobians* are linear first, then angular, both along the axes of base, at the tip.
+
+*Rotation matrices* must be orthonormal within 1e-6 per element of `R^T R - 1`; `checked_pose` takes
+the nearest rotation of one of rounded numbers with `normalise=True`.
 
 *Units* are metres, radians and seconds.
 """
@@ -30,14 +34,15 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.errors import (
+    LONGEST_NAME,
     PoseError,
     QuaternionOrderWarning,
+    UnknownNameError,
     expect,
-    member_of,
     quoted,
 )
-from baxter_kin.validation import FloatArray, finite_array
-from baxter_kin.value_objects import OneLine, numbers, position
+from baxter_kin.validation import FloatArray, finite_array, is_text
+from baxter_kin.value_objects import OneLine, numbers, phrase, position
 
 BASE_HEIGHT_M = 0.93
 """Height of `base` above `world`: where the original demo spawns the robot in Gazebo."""
@@ -45,6 +50,10 @@ BASE_HEIGHT_M = 0.93
 UNIT_QUATERNION_TOLERANCE = 1e-4
 ROTATION_TOLERANCE = 1e-6
 """How far a rotation matrix may be from orthonormal, per element of `R^T R - I`."""
+
+ROUNDED_ROTATION_TOLERANCE = 1e-2
+"""The same for a matrix that is to be normalised. Three written decimals give up to 3e-3; one that
+is farther off was not rounded but scaled or sheared."""
 
 _MADE_BY = "; pose_from_quaternion(position_m, quat_xyzw) makes a pose of such numbers"
 
@@ -62,7 +71,47 @@ class Frame(str, Enum):
         Raises:
             UnknownNameError: when there is none.
         """
-        return member_of(cls, "frame", name)
+        try:
+            return cls(name)
+        except ValueError:
+            hint = "; a frame of your own is given as NamedFrame(name, T_base_frame)"
+            names = [each.value for each in cls]
+            raise UnknownNameError("frame", name, names, hint) from None
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class NamedFrame(OneLine):
+    """A frame of one's own, such as a tilted stand, a fixture, or the map of a mobile base.
+
+    It is where it is: when the base moves, a new one takes its place, and poses are stamped with
+    that.
+
+    Attributes:
+        name: such as "map"; neither "base" nor "world", which `Frame` has.
+        T_base_frame: its pose; one in another frame, a `StampedPose`, is accepted.
+
+    Raises:
+        PoseError: when the name is empty, too long, or that of a `Frame`, or the pose is not a
+            valid one.
+    """
+
+    name: str
+    T_base_frame: pin.SE3
+
+    def __post_init__(self) -> None:
+        if not is_text(self.name) or not 0 < len(self.name) <= LONGEST_NAME:
+            raise PoseError(
+                f"a frame needs a name of 1 .. {LONGEST_NAME} characters, got {quoted(self.name)}"
+            )
+        if self.name in [each.value for each in Frame]:
+            raise PoseError(
+                f"{self.name!r} is a frame that is known already; give yours another name"
+            )
+        object.__setattr__(self, "T_base_frame", checked_pose(self.T_base_frame))
+
+    def _facts(self) -> tuple[str, ...]:
+        T = self.T_base_frame
+        return phrase(self.name), f"at {position(T)}", f"xyzw {numbers(quaternion_xyzw(T))}"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -71,26 +120,34 @@ class StampedPose(OneLine):
 
     Attributes:
         T_frame_tip: the pose, seen from `frame`.
-        frame: `base` or `world`; a plain string is accepted.
+        frame: a `NamedFrame`, or `base` or `world`, for which a plain string is accepted.
+
+    Raises:
+        PoseError: when the pose is not a valid one.
+        UnknownNameError: when a string names neither `base` nor `world`.
     """
 
     T_frame_tip: pin.SE3
-    frame: Frame | str = Frame.BASE
+    frame: Frame | NamedFrame | str = Frame.BASE
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_frame_tip", checked_pose(self.T_frame_tip))
-        object.__setattr__(self, "frame", Frame.of(self.frame))
+        if not isinstance(self.frame, NamedFrame):
+            object.__setattr__(self, "frame", Frame.of(self.frame))
 
     @property
     def T_base_tip(self) -> pin.SE3:
         """The same pose, seen from base."""
+        if isinstance(self.frame, NamedFrame):
+            return self.frame.T_base_frame * self.T_frame_tip
         if self.frame is Frame.WORLD:
             return T_world_base().inverse() * self.T_frame_tip
         return pin.SE3(self.T_frame_tip)
 
     def _facts(self) -> tuple[str, ...]:
-        T = self.T_frame_tip
-        return Frame.of(self.frame).value, position(T), f"xyzw {numbers(quaternion_xyzw(T))}"
+        T, frame = self.T_frame_tip, self.frame
+        name = frame.name if isinstance(frame, NamedFrame) else Frame.of(frame).value
+        return phrase(name), position(T), f"xyzw {numbers(quaternion_xyzw(T))}"
 
 
 PoseLike: TypeAlias = "pin.SE3 | StampedPose | ArrayLike"
@@ -164,16 +221,19 @@ def quaternion_xyzw(T: pin.SE3) -> FloatArray:
     return np.array(-quat if quat[3] < 0.0 else quat)
 
 
-def checked_pose(pose: PoseLike) -> pin.SE3:
+def checked_pose(pose: PoseLike, *, normalise: bool = False) -> pin.SE3:
     """A valid pose seen from base, as a fresh `SE3`.
 
     Args:
         pose: an SE3 or 4 x 4 matrix seen from base, or a `StampedPose`.
+        normalise: whether the rotation may be off by up to `ROUNDED_ROTATION_TOLERANCE`, as one of
+            four written digits is; the nearest rotation is taken then, in the Frobenius norm.
 
     Raises:
         PoseError: when it is no pose: wrong shape, not finite, mirrored or sheared rotation, or a
             last row other than 0, 0, 0, 1.
     """
+    expect(normalise, bool, "normalise", PoseError)
     if isinstance(pose, StampedPose):
         return pose.T_base_tip
     matrix = pose.homogeneous if isinstance(pose, pin.SE3) else pose
@@ -184,8 +244,23 @@ def checked_pose(pose: PoseLike) -> pin.SE3:
         if isinstance(matrix, (list, tuple)) and all(map(np.isscalar, matrix)):
             shape = (len(matrix),)
         raise PoseError(f"{cause}{_MADE_BY if shape in ((3,), (7,)) else ''}") from None
-    _check_homogeneous(T)
-    return pin.SE3(T[:3, :3], T[:3, 3])
+    _check_homogeneous(T, ROUNDED_ROTATION_TOLERANCE if normalise else ROTATION_TOLERANCE)
+    return pin.SE3(nearest_rotation(T[:3, :3]) if normalise else T[:3, :3], T[:3, 3])
+
+
+def nearest_rotation(R: FloatArray) -> FloatArray:
+    """The rotation nearest to a nearly orthonormal matrix, or to each of several.
+
+    The orthogonal factor of the polar decomposition (Higham, 1986).
+
+    Args:
+        R: shape (..., 3, 3), of positive determinant.
+
+    Returns:
+        The same shape.
+    """
+    U, _, Vt = np.linalg.svd(R)
+    return np.asarray(U @ Vt)
 
 
 def raised(T_base: pin.SE3, height_m: float) -> pin.SE3:
@@ -286,15 +361,17 @@ def angle_between(R_base_a: FloatArray, R_base_b: FloatArray) -> float:
     return math.atan2(float(np.linalg.norm(sine_axis)), 0.5 * (float(np.trace(R)) - 1.0))
 
 
-def _check_homogeneous(T: FloatArray) -> None:
+def _check_homogeneous(T: FloatArray, tolerance: float) -> None:
     R = T[:3, :3]
     if np.abs(T[3] - [0.0, 0.0, 0.0, 1.0]).max() > ROTATION_TOLERANCE:
         raise PoseError(f"the last row of a pose is 0, 0, 0, 1; got {quoted(T[3].tolist())}")
     deviation = float(np.abs(R.T @ R - np.eye(3)).max())
-    if deviation > ROTATION_TOLERANCE:
+    if deviation > tolerance:
+        is_rounded = deviation <= ROUNDED_ROTATION_TOLERANCE
+        hint = "; if its numbers are rounded, checked_pose(pose, normalise=True) mends it"
         raise PoseError(
             f"the rotation of the pose is not orthonormal: R^T R differs from 1 by "
-            f"{deviation:.3g}, allowed is {ROTATION_TOLERANCE:g}"
+            f"{deviation:.3g}, allowed is {tolerance:g}{hint if is_rounded else ''}"
         )
     if np.linalg.det(R) < 0.0:
         raise PoseError("the rotation of the pose is mirrored (determinant -1); it must be +1")

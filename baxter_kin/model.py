@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -18,6 +19,8 @@ from baxter_kin.errors import (
 from baxter_kin.kinematics.arm import LIMBS, Arm, known_limb
 from baxter_kin.validation import Checked, FloatArray, finite_array
 from baxter_kin.value_objects import FrozenMapping, OneLine, count
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -40,6 +43,10 @@ class Baxter(Checked, OneLine, error=DescriptionError):
     ) -> Baxter:
         """Read the kinematics of a Baxter; no mesh is touched.
 
+        Joint limits are those of the URDF, be they narrower or wider than the stock robot's. What
+        to know about how the URDF was read, wider limits among it, is logged as warnings and kept
+        in `description.notes`.
+
         Args:
             urdf: the robot's own description, as it serves it: the path of a URDF, or its text, as
                 text that begins with "<" or as bytes. The stock robot when not given.
@@ -52,6 +59,8 @@ class Baxter(Checked, OneLine, error=DescriptionError):
                 a mapping; one sentence says why.
         """
         description = RobotDescription.of(urdf, hands)
+        for note in description.notes:
+            logger.warning("%s: %s", description.source, note)
         model = pin.buildModelFromXML(description.text)
         arms = FrozenMapping({side: Arm(side, model) for side in LIMBS})
         return cls(description=description, model=model, arms=arms)

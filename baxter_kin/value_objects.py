@@ -98,6 +98,9 @@ LONGEST = 120
 LONGEST_PART = 60
 """Characters of one fact that is the text or the name of something else."""
 
+LEAST_PART = 20
+"""Characters that are left of a fact at least when it is shortened."""
+
 LONG_M, LONG_S = 10.0, 1e5
 """From here on lengths are shown in metres, and times without hundredths."""
 
@@ -119,9 +122,20 @@ class OneLine:
 
 
 def line(name: str, facts: Iterable[str]) -> str:
-    """A name, and in parentheses the facts that are not empty; of bounded length, on one line."""
-    text = f"{name}({', '.join(filter(None, facts))})"
-    return shortened(" ".join(text.split()), LONGEST)
+    """A name, and in parentheses the facts that are not empty; of bounded length, on one line.
+
+    Where it would be too long, the longest fact is shortened.
+    """
+    shown = [" ".join(fact.split()) for fact in facts if fact]
+    excess = len(_joined(name, shown)) - LONGEST
+    if excess > 0:
+        number = max(range(len(shown)), key=lambda i: len(shown[i]))
+        shown[number] = shortened(shown[number], max(len(shown[number]) - excess, LEAST_PART))
+    return shortened(" ".join(_joined(name, shown).split()), LONGEST)
+
+
+def _joined(name: str, facts: Iterable[str]) -> str:
+    return f"{name}({', '.join(facts)})"
 
 
 def phrase(text: object) -> str:
@@ -130,8 +144,8 @@ def phrase(text: object) -> str:
 
 
 def sentence(text: object) -> str:
-    """A sentence that is the last fact of a line and may fill it."""
-    return shortened(str(text), LONGEST - 20)
+    """A sentence that is a fact of a line and may fill it; the line shortens it."""
+    return str(text)
 
 
 def count(number: int, noun: str) -> str:

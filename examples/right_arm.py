@@ -2,7 +2,7 @@
 
 Half-round tips are mounted on its right fingers, as the URDF of example-robot-data has them: so the
 hand opens 52.7 mm, with paddles 57.0 mm. It carries a block of 4 cm across the table and back. A
-block of 5 cm, grasped as the demo does, measures 53.2 mm across the hand; it is refused before
+block of 5.4 cm, grasped as the demo does, measures 55.3 mm between the pads; it is refused before
 anything moves.
 """
 
@@ -20,7 +20,7 @@ from sim import Workbench
 from sim.demo.scene import overhead
 
 HALF_ROUND = ElectricGripper(tips="half_round")
-EDGE_M, TOO_WIDE_M = 0.04, 0.05
+EDGE_M, TOO_WIDE_M = 0.04, 0.054
 HERE_M, THERE_M, BESIDE_M = (0.70, -0.15), (0.75, 0.10), (0.60, -0.25)
 """x and y in base."""
 

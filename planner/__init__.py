@@ -1,46 +1,61 @@
-"""From poses to checked, timed motion; knows no simulator and no viewer."""
+"""From poses to checked, timed motion; knows no simulator and no viewer.
 
-import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
-from planner.collision.context import CollisionContext
-from planner.collision.continuous.proof import prove_clear
-from planner.collision.robot.robot_body import RobotBody
-from planner.collision.robot.robot_shapes import RobotShapes
-from planner.errors import PlannerError, StraightMoveError
-from planner.grasping.hand import Hand
-from planner.grasping.overhead import overhead_grasp
-from planner.grasping.tool import tool_of
-from planner.manipulator import Manipulator
-from planner.motion.free_move import plan_free_move
-from planner.motion.joint_move import plan_joint_move
-from planner.motion.response import Response
-from planner.motion.response_fit import fit_response
-from planner.motion.straight_line import LineTolerance, StraightLine
-from planner.motion.straight_move import plan_straight_move
-from planner.pick_place.candidates import transfer_bound_s
-from planner.pick_place.planning import plan_pick_and_place, plan_retract, plan_start_move
-from planner.pick_place.task import PickAndPlace
-from planner.pick_place.tracking.proof import prove_tracking
-from planner.pick_place.tracking.result import TrackingProof
-from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure
-from planner.plan_file import load_plan, save_plan
-from planner.scene.bodies import Body, Box, Cylinder, Part, Scene, Sphere
-from planner.scene.held import Held
-from planner.scene.mesh import Mesh
-from planner.scene.objects import load_object, make_block
-from planner.situation import Situation
-from planner.trajectory import Trajectory
-from planner.verification import Certificate, verify
+Names are loaded when they are first used, as those of `baxter_kin`; so `planner.certificate` runs
+where NumPy alone is installed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from baxter_kin.lazy import loader
+
+if TYPE_CHECKING:
+    from planner.collision.context import CollisionContext
+    from planner.collision.continuous.proof import prove_clear
+    from planner.collision.robot.robot_body import RobotBody
+    from planner.collision.robot.robot_shapes import RobotShapes
+    from planner.completion import complete
+    from planner.errors import PlannerError, StraightMoveError
+    from planner.grasping.hand import Hand
+    from planner.grasping.overhead import overhead_grasp
+    from planner.grasping.tool import tool_of
+    from planner.manipulator import Manipulator
+    from planner.motion.free_move import plan_free_move
+    from planner.motion.joint_move import plan_joint_move
+    from planner.motion.response import Response
+    from planner.motion.response_fit import fit_response
+    from planner.motion.straight_line import LineTolerance, StraightLine
+    from planner.motion.straight_move import plan_straight_move
+    from planner.pick_place.candidates import transfer_bound_s
+    from planner.pick_place.planning import plan_pick_and_place, plan_retract, plan_start_move
+    from planner.pick_place.task import PickAndPlace
+    from planner.pick_place.tracking.proof import prove_tracking
+    from planner.pick_place.tracking.result import TrackingProof
+    from planner.plan import Claim, Grip, GripperAction, Move, Plan, PlanFailure
+    from planner.plan_file import load_plan, save_plan
+    from planner.scene.attachment import Attachment
+    from planner.scene.bodies import Body, Box, Cylinder, Part, Scene, Sphere
+    from planner.scene.contact import Contact
+    from planner.scene.mesh import Mesh
+    from planner.scene.mesh_file import load_mesh
+    from planner.scene.objects import load_object, make_block
+    from planner.state import State
+    from planner.trajectory import Trajectory
+    from planner.verification import Certificate, verify
 
 __all__ = [
+    "Attachment",
     "Body",
     "Box",
     "Certificate",
+    "Claim",
     "CollisionContext",
+    "Contact",
     "Cylinder",
     "Grip",
     "GripperAction",
     "Hand",
-    "Held",
     "LineTolerance",
     "Manipulator",
     "Mesh",
@@ -54,13 +69,15 @@ __all__ = [
     "RobotBody",
     "RobotShapes",
     "Scene",
-    "Situation",
     "Sphere",
+    "State",
     "StraightLine",
     "StraightMoveError",
     "TrackingProof",
     "Trajectory",
+    "complete",
     "fit_response",
+    "load_mesh",
     "load_object",
     "load_plan",
     "make_block",
@@ -78,3 +95,42 @@ __all__ = [
     "transfer_bound_s",
     "verify",
 ]
+
+__getattr__ = loader(
+    __name__,
+    (
+        "baxter_kin.kinematics.pinocchio_loading",
+        "planner.collision.context",
+        "planner.collision.continuous.proof",
+        "planner.collision.robot.robot_body",
+        "planner.collision.robot.robot_shapes",
+        "planner.completion",
+        "planner.errors",
+        "planner.grasping.hand",
+        "planner.grasping.overhead",
+        "planner.grasping.tool",
+        "planner.manipulator",
+        "planner.motion.free_move",
+        "planner.motion.joint_move",
+        "planner.motion.response",
+        "planner.motion.response_fit",
+        "planner.motion.straight_line",
+        "planner.motion.straight_move",
+        "planner.pick_place.candidates",
+        "planner.pick_place.planning",
+        "planner.pick_place.task",
+        "planner.pick_place.tracking.proof",
+        "planner.pick_place.tracking.result",
+        "planner.plan",
+        "planner.plan_file",
+        "planner.scene.attachment",
+        "planner.scene.bodies",
+        "planner.scene.contact",
+        "planner.scene.mesh",
+        "planner.scene.mesh_file",
+        "planner.scene.objects",
+        "planner.state",
+        "planner.trajectory",
+        "planner.verification",
+    ),
+)

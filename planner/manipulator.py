@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,8 +19,10 @@ from planner.collision.robot.robot_body import RobotBody, identity_of
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import TaskError
 from planner.grasping.hand import Hand
+from planner.scene.attachment import Attachment
 from planner.scene.bodies import Scene
-from planner.scene.held import Held
+from planner.scene.contact import Contact, PartContact
+from planner.state import State
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -124,8 +126,8 @@ class Manipulator(Frozen, OneLine):
         finger_m: float | None = None,
         touchable: str | None = None,
         may_press: bool = False,
-        held: Held | None = None,
-        supports: Iterable[str] = (),
+        held: Attachment | None = None,
+        supports: Iterable[PartContact | str] = (),
         margin_m: float = 0.0,
     ) -> CollisionContext:
         """The arm in a situation: among bodies, with what it holds and may touch.
@@ -136,8 +138,9 @@ class Manipulator(Frozen, OneLine):
             touchable: name of a body that the hand may come near, to grasp it.
             may_press: whether its pads may touch that body.
             held: what the hand carries.
-            supports: names of bodies that the held one may touch, because it stood or will stand on
-                them.
+            supports: what the held body may touch, because it stood or will stand on it: pairs of
+                parts, as `part_contacts` gives them, or names of bodies, any part of which it may
+                touch.
             margin_m: distance to keep from everything else, not negative.
 
         Raises:
@@ -158,6 +161,33 @@ class Manipulator(Frozen, OneLine):
         opening_m = self.finger_m if finger_m is None else finger_m
         q_full = next(self.configurations(self.arm.neutral[None], opening_m))
         return CollisionContext(checker, q_full, margin_m=margin_m)
+
+    def at(
+        self, state: State, contacts: Iterable[Contact] = (), *, margin_m: float = 0.0
+    ) -> CollisionContext:
+        """The arm in a state, with what may come near or touch meanwhile.
+
+        Args:
+            state: where all joints and bodies are, and what the hands hold.
+            contacts: as a step has them.
+            margin_m: distance to keep from everything else, not negative.
+
+        Raises:
+            SceneError: when a contact is about a body that is not there.
+            ConfigurationError: when the state lacks a joint.
+            MotionError: when the margin is not a number, or negative.
+        """
+        side, touched = self.arm.side, tuple(contacts)
+        near = [each.body for each in touched if each.other == f"{side} hand"]
+        here = replace(self, q_others=self.robot.configuration(dict(state.joints)))
+        return here.context(
+            state.scene,
+            touchable=near[0] if near else None,
+            may_press=any(each.other == f"{side} pads" for each in touched),
+            held=state.holding(side),
+            supports=[each.support for each in touched if each.other in state.scene.bodies],
+            margin_m=margin_m,
+        )
 
     def _facts(self) -> tuple[str, ...]:
         opening = f"hand opens {millimetres(self.hand.open_gap_m)}"

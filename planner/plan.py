@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TypeAlias
 
@@ -12,11 +12,12 @@ import pinocchio as pin
 
 from baxter_kin import IKResult
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import ConfigurationError, UnknownNameError, expect_all
-from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.errors import ConfigurationError, UnknownNameError, expect, expect_all
+from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from baxter_kin.validation import Checked, FloatArray, check_fields, finite_array, finite_scalar
 from baxter_kin.value_objects import (
     Frozen,
+    FrozenMapping,
     OneLine,
     clear,
     count,
@@ -30,11 +31,44 @@ from planner.errors import TaskError
 from planner.motion.response import Response
 from planner.motion.straight_line import LineTolerance
 from planner.pick_place.summary import CollisionSummary
-from planner.situation import Situation
+from planner.scene.contact import Contact
+from planner.state import State
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
 SHOWN_RAD = 0.005
 """A move that ends nearer to the answer of inverse kinematics than this ends there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Claim(Frozen, OneLine):
+    """A property that a move is stated to have, for which `Move` has no field.
+
+    Plan files keep claims of every kind. `verify` certifies no plan with a claim of a kind that it
+    cannot check; at present there is none that it can.
+
+    Attributes:
+        kind: the name of the property, such as "upright".
+        values: its numbers by name, in SI units.
+
+    Raises:
+        TaskError: when `kind` is no string, or a value is not a finite number.
+    """
+
+    kind: str
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_fields(self, TaskError)
+        values = {
+            expect(name, str, "the name of a value", TaskError): finite_scalar(
+                value, f"{self.kind}: {name}", TaskError
+            )
+            for name, value in self.values.items()
+        }
+        object.__setattr__(self, "values", FrozenMapping(values))
+
+    def _facts(self) -> tuple[str, ...]:
+        return phrase(self.kind), *(f"{name} {value:g}" for name, value in self.values.items())
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -50,6 +84,9 @@ class Move(Checked, OneLine, error=TaskError):
         clearance: the least distance that was met on the way, where it was checked.
         proof: that the whole way is clear, where it was proven.
         is_straight: whether the tip moves along a straight line.
+        state: robot and bodies at its beginning; None in a plan that is not completed.
+        contacts: what may come near or touch meanwhile, because that is meant.
+        claims: further properties that it is stated to have.
     """
 
     label: str
@@ -59,6 +96,14 @@ class Move(Checked, OneLine, error=TaskError):
     clearance: Clearance | None = None
     proof: ContinuousProof | None = None
     is_straight: bool = False
+    state: State | None = None
+    contacts: tuple[Contact, ...] = ()
+    claims: tuple[Claim, ...] = ()
+
+    @property
+    def limb(self) -> str:
+        """The arm that moves, "left" or "right"."""
+        return self.trajectory.limits.names[0].split("_")[0]
 
     @property
     def moved_rad(self) -> float:
@@ -101,6 +146,9 @@ class Grip(OneLine):
         body: name of the body it is about; None when the hand should be empty.
         opening_m: finger position, 0 .. stroke, that an open goes to; None for all the way.
         proof: that the fingers' whole travel is clear, with what they push, where it was proven.
+        state: robot and bodies at its beginning; None in a plan that is not completed.
+        contacts: what may come near or touch meanwhile, because that is meant.
+        limb: the arm whose gripper it is, "left" or "right"; a plan sets its own where this is "".
 
     Raises:
         TaskError: when a value is of another class, or the opening is not finite, is negative, or
@@ -112,6 +160,9 @@ class Grip(OneLine):
     body: str | None = None
     opening_m: float | None = None
     proof: ContinuousProof | None = None
+    state: State | None = None
+    contacts: tuple[Contact, ...] = ()
+    limb: str = ""
 
     def __post_init__(self) -> None:
         check_fields(self, TaskError)
@@ -178,43 +229,57 @@ class PlanFailure(Checked, OneLine, error=TaskError):
 class Plan(Frozen, OneLine):
     """Steps in order. An invalid plan says why and must not be executed.
 
+    In a complete plan every step has its state, and each follows from the one before, the first
+    being `start` itself. Of other steps, such as those of a plan that is given another start or
+    loses a step, states and contacts are left out; `complete` finds them.
+
     Attributes:
-        limb: "left" or "right".
-        q_start: where the arm must stand before the first step, shape (7,), rad.
+        start: robot and bodies before the first step.
         steps: moves and gripper actions; of an invalid plan, those before the failed one, or none
             where a waypoint cannot be reached at all.
         failure: None, or why there is no plan.
-        situation: the world it was made for; None when the maker did not say.
-        robot: which robot it was made for, likewise.
+        robot: which robot it was made for; None when the maker did not say.
         line_tolerance: how far the tip may be off the lines of its straight moves.
         response: of the arm that it was proven to be clear on, and how it is to be sent to it; None
             for an arm that follows exactly.
+        limb: the arm that moves, "left" or "right"; that of its moves when not given.
 
     Raises:
         UnknownNameError: when there is no such limb.
-        ConfigurationError: when `q_start` has another shape or is not finite.
-        TaskError: when a step, failure, situation or robot is of another class, or a move starts
-            elsewhere than the arm stands by then.
+        TaskError: when a step, failure, state or robot is of another class, there is neither limb
+            nor move, the state lacks a joint of the arm, or a move starts elsewhere than the arm
+            stands by then.
     """
 
-    limb: str
-    q_start: FloatArray
+    start: State
     steps: tuple[Step, ...]
     failure: PlanFailure | None = None
-    situation: Situation | None = None
     robot: RobotIdentity | None = None
     line_tolerance: LineTolerance = field(default_factory=LineTolerance)
     response: Response | None = None
+    limb: str = ""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.limb, str) or self.limb not in LIMBS:
-            raise UnknownNameError("limb", self.limb, LIMBS)
         steps = expect_all(self.steps, object, "the steps of a plan", TaskError)
         object.__setattr__(self, "steps", steps)
         check_fields(self, TaskError)
-        q_start = finite_array(self.q_start, (7,), "q_start", ConfigurationError)
-        object.__setattr__(self, "q_start", q_start)
+        object.__setattr__(self, "limb", self.limb or self._limb_of_moves())
+        if self.limb not in LIMBS:
+            raise UnknownNameError("limb", self.limb, LIMBS)
+        own = (
+            replace(step, limb=self.limb) if isinstance(step, Grip) and not step.limb else step
+            for step in self
+        )
+        object.__setattr__(self, "steps", tuple(own))
         self._check_steps()
+        if not self._states_follow():
+            bare = (replace(step, state=None, contacts=()) for step in self)
+            object.__setattr__(self, "steps", tuple(bare))
+
+    @property
+    def q_start(self) -> FloatArray:
+        """Where the arm must stand before the first step, shape (7,), rad."""
+        return self.start.q(f"{self.limb}_{joint}" for joint in JOINTS)
 
     @property
     def is_valid(self) -> bool:
@@ -257,10 +322,27 @@ class Plan(Frozen, OneLine):
         sent = "" if self.response is None else f"sent at speed {self.response.speed:g}"
         return *size, "valid", "" if proven_m is None else clear(proven_m), sent
 
+    def _limb_of_moves(self) -> str:
+        if not self.moves:
+            raise TaskError("a plan without moves must say its limb: limb='left' or 'right'")
+        return self.moves[0].limb
+
+    def _states_follow(self) -> bool:
+        """Whether each state is as the step before leaves it, as far as that is plain to see."""
+        states = [step.state for step in self.steps if step.state is not None]
+        if not states:
+            return True
+        if len(states) < len(self.steps) or states[0] is not self.start:
+            return False
+        pairs = zip(self.steps, states, states[1:], strict=False)
+        return all(_is_after(step, state, following) for step, state, following in pairs)
+
     def _check_steps(self) -> None:
         q = self.q_start
         for step in self.steps:
             if not isinstance(step, Move):
+                if step.limb != self.limb:
+                    raise TaskError(f"{step.label} is of the {step.limb} gripper, the plan is not")
                 continue
             start = finite_array(step.trajectory.q_start, (7,), step.label, ConfigurationError)
             jump = float(np.abs(start - q).max())
@@ -269,3 +351,17 @@ class Plan(Frozen, OneLine):
                     f"{step.label} starts {jump:.3g} rad from where the arm stands then"
                 )
             q = step.trajectory.q_goal
+
+
+def _is_after(step: Step, state: State, following: State) -> bool:
+    """Whether one state may be at the end of a step that begins in another."""
+    if isinstance(step, Move):
+        names, q_goal = step.trajectory.limits.names, step.trajectory.q_goal.tolist()
+        there = dict(zip(names, q_goal, strict=True))
+        held = [(each.body, each.link) for each in state.attachments]
+        still = [(each.body, each.link) for each in following.attachments]
+        return held == still and following.joints == {**state.joints, **there}
+    moved = {name for name in state.joints if state.joints[name] != following.joints.get(name)}
+    grasped = len(following.attachments) - len(state.attachments)
+    is_close = step.action is GripperAction.CLOSE and step.body is not None
+    return all("gripper" in name for name in moved) and (grasped == 1) is is_close

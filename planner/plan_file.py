@@ -1,38 +1,48 @@
 """Plans in files: everything needed to execute one, or to verify it later on another machine.
 
-The file is JSON, UTF-8, of four entries:
+The file is JSON, UTF-8, of five entries or six:
 
 - `format`: "baxter-kin plan",
-- `version`: 3; another number when the same entries get another meaning,
+- `version`: 4; another number when the same entries get another meaning,
 - `sha256`: the SHA-256 of the file's own bytes, with 64 zeros in place of these 64 digits,
-- `plan`: the `Plan`, by the rules of `baxter_kin.json_data`: `limb`, `q_start`, `steps` (each a
-  `Move` with its trajectory's knots and limits, its tip pose and IK result, or a `Grip`),
-  `failure`, `situation` (the scene and all other joints), `robot` (which one the plan is for) and
-  `response` (how that arm follows, and how the plan is sent to it, where it was made for such an
-  arm). SI units, radians, poses seen from base.
+- `plan`: the `Plan`, by the rules of `baxter_kin.json_data`: `start` (the scene, all joints, what
+  the hands hold), `steps` (each a `Move` with its trajectory's knots and limits, its tip pose,
+  IK result and claims, or a `Grip` with its limb; both with their contacts), `failure`, `robot`
+  (which one the plan is for) and `response` (how that arm follows, and how the plan is sent to it,
+  where it was made for such an arm). SI units, radians, poses seen from base,
+- `states`: for each step, what of its state differs from that of the step before; empty for a plan
+  that is not complete,
+- `certificate`, which may be missing: what `planner.certificate` checks the plan by.
 
 Reading makes nothing but these values and runs nothing. A file that was truncated or edited is
-refused, as are foreign versions, files that are no plan, files of more than `LARGEST_FILE_BYTES`
-and plans of more than `MOST` of anything. A file is replaced at once or not at all.
+refused, as are versions but this and the third, files that are no plan, files of more than
+`LARGEST_FILE_BYTES` and plans of more than `MOST` of anything. A file is replaced at once or not at
+all.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import pinocchio as pin
 
 from baxter_kin.errors import FileError, shown_path
 from baxter_kin.files import PathLike, open_to_read, replace_file
 from baxter_kin.json_data import from_json, shown, to_json
-from baxter_kin.json_text import as_lines, from_text
+from baxter_kin.json_text import Json, as_lines, from_text
+from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.value_objects import FrozenMapping
 from planner.errors import PlanFileError, PlannerError
 from planner.plan import Plan
+from planner.scene.attachment import Attachment
 from planner.scene.mesh import Mesh
-from planner.situation import Situation
+from planner.state import State
 
 FORMAT = "baxter-kin plan"
-VERSION = 3
+VERSION = 4
 
 LARGEST_FILE_BYTES = 32 * 2**20
 """A plan of one pick and place takes 0.03 MB; a larger file than this holds something else."""
@@ -50,22 +60,55 @@ MOST: Mapping[str, int] = FrozenMapping(
 4 parts. What reading and checking a plan cost grows with these."""
 
 _NO_CHECKSUM = 64 * "0"
-_ENTRIES = ("format", "version", "sha256", "plan")
+_ENTRIES = ("format", "version", "sha256", "plan", "states")
+_CERTIFICATE = "certificate"
 
 
-def save_plan(plan: Plan, path: PathLike) -> None:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Change:
+    """What of a state differs from another one."""
+
+    joints: Mapping[str, float]
+    T_base_bodies: Mapping[str, pin.SE3]
+    attachments: tuple[Attachment, ...]
+
+    @classmethod
+    def between(cls, before: State, after: State) -> _Change:
+        joints = {n: x for n, x in after.joints.items() if before.joints.get(n) != x}
+        poses = {
+            body.name: body.T_base_body
+            for body in after.scene
+            if body is not before.scene.bodies.get(body.name)
+        }
+        return cls(joints, poses, after.attachments)
+
+    def of(self, state: State) -> State:
+        """The state that it leads to."""
+        scene = state.scene
+        for name, T_base_body in self.T_base_bodies.items():
+            scene = scene.moved(name, T_base_body)
+        return State(scene, {**state.joints, **self.joints}, self.attachments)
+
+
+_Changes: TypeAlias = tuple[_Change, ...]
+
+
+def save_plan(plan: Plan, path: PathLike, *, certificate: Mapping[str, Json] | None = None) -> None:
     """Write a plan to a file, which is replaced when it exists.
+
+    Args:
+        plan: the plan.
+        path: the file.
+        certificate: what `planner.verification.certify` has found for this very plan.
 
     Raises:
         PlanFileError: when it cannot be written, or the plan holds something that has no place in a
             plan file.
     """
-    if not isinstance(plan, Plan):
-        raise PlanFileError(f"only a Plan can be saved, got {type(plan).__name__}")
-    check_size(plan, plan.situation, PlanFileError)
-    data = to_json(plan, Plan, "plan", PlanFileError)
-    entries = (FORMAT, VERSION, _NO_CHECKSUM, data)
-    content = as_lines(dict(zip(_ENTRIES, entries, strict=True))).encode() + b"\n"
+    document = plan_document(plan)
+    if certificate is not None:
+        document[_CERTIFICATE] = dict(certificate)
+    content = as_lines(document).encode() + b"\n"
     checksum = hashlib.sha256(content).hexdigest().encode()
     if len(content) > LARGEST_FILE_BYTES:
         raise PlanFileError(
@@ -76,6 +119,24 @@ def save_plan(plan: Plan, path: PathLike) -> None:
         replace_file(path, content.replace(_NO_CHECKSUM.encode(), checksum, 1))
     except FileError as cause:
         raise PlanFileError(f"{shown_path(path)} cannot be written: {cause.reason}") from cause
+
+
+def plan_document(plan: Plan) -> dict[str, Json]:
+    """What a plan file holds, without its checksum.
+
+    Raises:
+        PlanFileError: when the plan holds something that has no place in a plan file.
+    """
+    if not isinstance(plan, Plan):
+        raise PlanFileError(f"only a Plan can be saved, got {type(plan).__name__}")
+    check_size(plan, plan.start, PlanFileError)
+    states = [step.state for step in plan if step.state is not None]
+    changes = tuple(map(_Change.between, (plan.start, *states), states))
+    bare = replace(plan, steps=tuple(replace(step, state=None) for step in plan))
+    data = to_json(bare, Plan, "plan", PlanFileError)
+    followed = to_json(changes, _Changes, "states", PlanFileError)
+    entries = (FORMAT, VERSION, _NO_CHECKSUM, data, followed)
+    return dict(zip(_ENTRIES, entries, strict=True))
 
 
 def load_plan(path: PathLike) -> Plan:
@@ -91,9 +152,9 @@ def load_plan(path: PathLike) -> Plan:
         raise PlanFileError(f"{shown_path(path)}: {cause}") from cause
 
 
-def check_size(plan: Plan, situation: Situation | None, error: type[PlannerError]) -> None:
-    """Raise an error when a plan, or the scene of a situation, is larger than `MOST` says."""
-    bodies = [] if situation is None else list(situation.scene)
+def check_size(plan: Plan, state: State, error: type[PlannerError]) -> None:
+    """Raise an error when a plan, or the scene of a state, is larger than `MOST` says."""
+    bodies = list(state.scene)
     parts = [part for body in bodies for part in body.parts]
     counts = {
         "steps": len(plan.steps),
@@ -116,19 +177,63 @@ def _plan(content: bytes) -> Plan:
     if document.get("format") != FORMAT:
         stated = shown(document["format"]) if "format" in document else "not stated"
         raise PlanFileError(f"is not a saved plan: its format is {stated}; save_plan writes one")
-    if document.get("version") != VERSION or type(document["version"]) is not int:
+    version = document.get("version")
+    if type(version) is not int or version not in (VERSION, 3):
         raise PlanFileError(
-            f"has version {shown(document.get('version'))}, but only {VERSION} is read here, which "
-            "says for which robot the plan is: plan again with this version of the toolkit"
+            f"has version {shown(version)}, but only {VERSION} and 3 are read here, which say for "
+            "which robot the plan is: plan again with this version of the toolkit"
         )
-    if tuple(document) != _ENTRIES:
-        raise PlanFileError(f"has entries {shown(list(document))}; it must have {list(_ENTRIES)}")
+    entries = _ENTRIES if version == VERSION else _ENTRIES[:-1]
+    further = (_CERTIFICATE,) if version == VERSION else ()
+    if tuple(document) not in (entries, entries + further):
+        raise PlanFileError(f"has entries {shown(list(document))}; it must have {list(entries)}")
     stated = str(document["sha256"])
     blank = content.replace(stated.encode(errors="replace"), _NO_CHECKSUM.encode(), 1)
     if hashlib.sha256(blank).hexdigest() != stated:
         raise PlanFileError("was changed after it was saved, or damaged: its checksum does not fit")
-    plan: Plan = from_json(document["plan"], Plan, "plan", PlanFileError)
-    check_size(plan, plan.situation, PlanFileError)
+    if version == VERSION:
+        plan: Plan = from_json(document["plan"], Plan, "plan", PlanFileError)
+        changes: _Changes = from_json(document["states"], _Changes, "states", PlanFileError)
+        plan = _followed(plan, changes)
+    else:
+        plan = _of_version_3(document["plan"])
+    check_size(plan, plan.start, PlanFileError)
+    return plan
+
+
+def _followed(plan: Plan, changes: _Changes) -> Plan:
+    """A plan with the states of its steps."""
+    if not changes:
+        return plan
+    if len(changes) != len(plan.steps):
+        raise PlanFileError(f"has {len(plan.steps)} steps, and the states of {len(changes)}")
+    states = [plan.start]
+    try:
+        for change in changes[1:]:
+            states.append(change.of(states[-1]))
+    except PlannerError as cause:
+        raise PlanFileError(f"states: {cause}") from cause
+    steps = zip(plan.steps, states, strict=True)
+    return replace(plan, steps=tuple(replace(step, state=state) for step, state in steps))
+
+
+def _of_version_3(data: Any) -> Plan:
+    """A plan whose steps had no states, and whose limb and start stood beside its situation."""
+    try:
+        situation, limb = data["situation"], data["limb"]
+        names = [f"{limb}_{joint}" for joint in JOINTS]
+        held = [
+            {"body": h["body"], "link": f"{h['side']}_gripper", "T_link_body": h["T_tip_body"]}
+            for h in situation.get("held", ())
+        ]
+        joints = situation["joints"] | dict(zip(names, data["q_start"], strict=True))
+        start = {"scene": situation["scene"], "joints": joints, "attachments": held}
+        kept = {n: entry for n, entry in data.items() if n not in ("situation", "q_start")}
+    except (AttributeError, KeyError, TypeError, ValueError) as cause:
+        raise PlanFileError(
+            "is of version 3 and does not say for which situation it was made; plan again"
+        ) from cause
+    plan: Plan = from_json(kept | {"start": start}, Plan, "plan", PlanFileError)
     return plan
 
 

@@ -2,7 +2,7 @@
 
 `python scripts/check_plans.py [--count N] [--family NAME ...] [--seed N] [--json FILE]`
 
-Eight families of problems (`plan_check.problems`). Every plan that the planner calls valid is given
+Ten families of problems (`plan_check.problems`). Every plan that the planner calls valid is given
 to `planner.verify` and to an independent check (`plan_check.checker`): the robot's original meshes,
 all of their triangles, kinematics from the URDF, distances by FCL, every millisecond of every move
 and every 0.05 mm of the fingers' travel. Exit status 1 when a plan is contradicted or rejected, or

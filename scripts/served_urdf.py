@@ -1,18 +1,29 @@
 """URDFs as real Baxters serve them: calibrated, with Rethink's names and another package's meshes.
 
-Made of the installed URDF. Origins of joints are moved and turned and their axes tilted, each by a
-random vector of at most so much; what example-robot-data renamed gets Rethink's name again; meshes
-are said to be in a package that need not be there.
+Made of the installed URDF: what example-robot-data renamed gets Rethink's name again, and meshes
+are said to be in a package that need not be there. There are three kinds of calibration:
 
-    python scripts/served_urdf.py --seed 7 > my_baxter.urdf
+- `MEASURED`: the mounts of both arms as two real robots have them. On all three real Baxters whose
+  own URDF is public, every joint of the arms is exactly as drawn, and only these mounts differ.
+- random mounts (`--mounts`), distributed as those of real robots: 10.5 +- 1 mm lower than drawn, up
+  to 1 mm aside, turned by 4 to 16 mrad;
+- random joints: the origin of every joint of head and arms is moved and turned and its axis tilted,
+  each by a random vector of at most so much. No known robot is so; it is the harder test.
+
+`VARIANTS` are files as people have them: with cameras, other grippers, comments, an older head.
+
+    python scripts/served_urdf.py --robot one > my_baxter.urdf
+    python scripts/served_urdf.py --seed 7 --mounts > my_baxter.urdf
+    python scripts/served_urdf.py --variant null_grippers > my_baxter.urdf
     python -m baxter_kin.demo --urdf my_baxter.urdf
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 import pinocchio as pin
@@ -28,6 +39,25 @@ JOINTS = (
     *(f"{s}_{j}" for s in ("left", "right") for j in ["s0", "s1", "e0", "e1", "w0", "w1", "w2"]),
 )
 """The joints that are calibrated; a gripper's are not, it is mounted by its owner."""
+
+MEASURED: Mapping[str, Mapping[str, tuple[str, str]]] = {
+    "one": {
+        "left": ("0.0242443 0.220509 0.107602", "-0.00709144 0.0132693 0.790668"),
+        "right": ("0.0252076 -0.219127 0.108342", "0.0049102 -0.00625363 -0.785007"),
+    },
+    "another": {
+        "left": ("0.0256429 0.219376 0.107957", "-0.0033612 -0.00248605 0.77988"),
+        "right": ("0.024576 -0.219834 0.108643", "-0.00243505 -0.00226129 -0.783992"),
+    },
+}
+"""Of two real robots, for each side: xyz in m and rpy in rad of `<side>_torso_arm_mount`, as their
+own URDFs state them."""
+
+MOUNT_LOWER_M, MOUNT_LOWER_SPREAD_M = 0.0105, 0.001
+"""How much lower than drawn real mounts are, and by how much that differs from robot to robot."""
+
+MOUNT_ASIDE_M, MOUNT_TURNED_RAD = 0.001, (0.004, 0.016)
+"""How far real mounts are moved along x and y at most, and between which angles they are turned."""
 
 MESHES = "package://baxter_description/meshes"
 
@@ -45,6 +75,8 @@ def served_urdf(
     without_grippers: Iterable[str] = (),
     limit_change: float = 0.0,
     shuffled: bool = False,
+    mounts_only: bool = False,
+    measured: str | None = None,
 ) -> str:
     """The text of a URDF.
 
@@ -56,11 +88,20 @@ def served_urdf(
         without_grippers: sides whose flange is bare.
         limit_change: the most that a position limit is moved by, rad, drawn from `rng`.
         shuffled: whether links and joints come in an order drawn from `rng`.
+        mounts_only: whether the mounts of the arms are calibrated as on real robots, instead of all
+            joints.
+        measured: one of `MEASURED`, a real robot whose mounts it has.
     """
     robot = ET.parse(StockFiles.installed().urdf).getroot()
     for side in without_grippers:
         _take_gripper(robot, side)
-    if rng is not None:
+    if measured is not None:
+        for side, (xyz, rpy) in MEASURED[measured].items():
+            _set_mount(robot, side, xyz, rpy)
+    elif mounts_only and rng is not None:
+        for side in ("left", "right"):
+            _move_mount(robot, side, rng)
+    elif rng is not None:
         for name in joints:
             joint = robot.find(f"joint[@name='{name}']")
             if joint is not None:
@@ -73,14 +114,154 @@ def served_urdf(
     return ET.tostring(robot, encoding="unicode", xml_declaration=True)
 
 
+def variant(name: str) -> str:
+    """The text of one of `VARIANTS`."""
+    return VARIANTS[name](served_urdf())
+
+
 def main() -> None:
     """Print one."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seed", type=int, help="of the calibration; none when not given")
+    parser.add_argument("--mounts", action="store_true", help="calibrate the arms' mounts alone")
+    parser.add_argument("--robot", choices=MEASURED, help="a real robot whose mounts it has")
+    parser.add_argument("--variant", choices=VARIANTS, help="as drawn, in a file of that kind")
     parser.add_argument("--without-gripper", choices=("left", "right"), action="append", default=[])
     options = parser.parse_args()
+    if options.variant is not None:
+        print(variant(options.variant))
+        return
     rng = None if options.seed is None else np.random.default_rng(options.seed)
-    print(served_urdf(rng, without_grippers=options.without_gripper))
+    print(
+        served_urdf(
+            rng,
+            without_grippers=options.without_gripper,
+            mounts_only=options.mounts,
+            measured=options.robot,
+        )
+    )
+
+
+def _set_mount(robot: ET.Element, side: str, xyz: str, rpy: str) -> None:
+    origin = robot.find(f"joint[@name='{side}_torso_arm_mount']/origin")
+    assert origin is not None
+    origin.set("xyz", xyz)
+    origin.set("rpy", rpy)
+
+
+def _move_mount(robot: ET.Element, side: str, rng: np.random.Generator) -> None:
+    origin = robot.find(f"joint[@name='{side}_torso_arm_mount']/origin")
+    assert origin is not None
+    lower_m = MOUNT_LOWER_M + rng.uniform(-MOUNT_LOWER_SPREAD_M, MOUNT_LOWER_SPREAD_M)
+    aside_m = rng.uniform(-MOUNT_ASIDE_M, MOUNT_ASIDE_M, size=2)
+    axis = rng.normal(size=3)
+    turned = axis / np.linalg.norm(axis) * rng.uniform(*MOUNT_TURNED_RAD)
+    R = pin.rpy.rpyToMatrix(_numbers(origin, "rpy")) @ pin.exp3(turned)
+    xyz = _numbers(origin, "xyz") + np.array([*aside_m, -lower_m])
+    _set_mount(robot, side, _words(xyz), _words(pin.rpy.matrixToRpy(R)))
+
+
+def _with(*lines: str) -> Callable[[str], str]:
+    """What adds lines at the end of a URDF."""
+    return lambda text: text.replace("</robot>", "".join(lines) + "</robot>")
+
+
+def _fixed(name: str, parent: str, child: str, xyz: str = "0 0 0.05") -> str:
+    """A joint that does not move, and the link that is on it."""
+    return (
+        f'<link name="{child}"/><joint name="{name}" type="fixed"><origin xyz="{xyz}" rpy="0 0 0"/>'
+        f'<parent link="{parent}"/><child link="{child}"/></joint>'
+    )
+
+
+def _joint(text: str, name: str, pattern: str, by: str) -> str:
+    """A text with something of one joint replaced."""
+    whole = re.search(f'<joint name="{name}".*?</joint>', text, re.DOTALL)
+    assert whole is not None
+    found, count = re.subn(pattern, by, whole[0], flags=re.DOTALL)
+    assert count == 1
+    return text.replace(whole[0], found)
+
+
+def _hands(base_xyz: str, tip_xyz: str) -> Callable[[str], str]:
+    """What replaces both grippers by a base and a tip, named as in Rethink's macros."""
+    lines = [
+        _fixed(f"{side}_gripper_base", f"{side}_hand", f"{side}_gripper_base", base_xyz)
+        + _fixed(f"{side}_endpoint", f"{side}_gripper_base", f"{side}_gripper", tip_xyz)
+        for side in ("left", "right")
+    ]
+    return lambda _: _with(*lines)(served_urdf(without_grippers=("left", "right")))
+
+
+def _electric_bases(text: str) -> str:
+    """Electric grippers as Rethink's macros mount them: on an empty base of the robot's own."""
+    for side in ("left", "right"):
+        base = f"{side}_gripper_base"
+        text = text.replace(f'"{base}"', f'"{side}_gripper_electric_base"')
+        text = _joint(text, f"{base}_joint", f'parent link="{side}_hand"', f'parent link="{base}"')
+        text = _with(_fixed(base, f"{side}_hand", base, "0 0 0"))(text)
+    return text
+
+
+def _older_head(text: str) -> str:
+    """The axis of the head 34.7 mm forward, a camera on it, the screen tilted more."""
+    text = _joint(text, "head_pan", "<origin[^>]*>", '<origin rpy="0 0 0" xyz="0.0947 0 0.686"/>')
+    text = _joint(text, "head_pan", 'lower="[^"]*"', 'lower="-1.57079632679"')
+    for name, xyz in (("head_nod", ".088 0.0 0.0"), ("head_camera_joint", "0.0936 0 0.06368")):
+        text = _joint(
+            text, name, "<origin[^>]*>", f'<origin rpy="1.9198622 0 1.5708" xyz="{xyz}"/>'
+        )
+    return _with(_fixed("lens_mount", "head", "lens", "0.1 0 0.1"))(text)
+
+
+def _older_spheres(text: str) -> str:
+    """The spheres that keep MoveIt's arms from the head, as elsewhere on the robot."""
+    for number in (1, 2):
+        text = _joint(text, f"collision_head_{number}", 'xyz="[^"]*"', 'xyz="0.03 0 0.65"')
+        text = _joint(text, f"collision_head_{number}", 'parent link="base"', 'parent link="torso"')
+    return text
+
+
+def _older_limits(text: str) -> str:
+    """Speeds of 2.5 and 5 rad/s, as older files state them."""
+    text = text.replace('velocity="1.5"', 'velocity="2.5"')
+    return text.replace('velocity="4.0"', 'velocity="5.0"')
+
+
+COMMENT = "<!-- autogenerated by xacro -->\n<!-- editing by hand is not recommended -->\n"
+
+VARIANTS: Mapping[str, Callable[[str], str]] = {
+    "camera_on_the_head": _with(_fixed("cam", "head", "cam"), _fixed("cam_lens", "cam", "lens")),
+    "camera_named_as_a_moving_joint": _with(
+        _fixed("left_eye", "left_hand", "left_w2"), _fixed("left_lens", "left_w2", "left_w1")
+    ),
+    "camera_with_a_joint_named_as_another_link": _with(
+        _fixed("pedestal", "torso", "tripod"), _fixed("left_hand", "tripod", "universe")
+    ),
+    "other_names_beside_the_stock_ones": lambda text: _with(
+        _fixed("alias", "left_hand", "left_hand_link", "0 0 0")
+    )(text.replace('"display"', '"screen_visual"')),
+    "null_grippers": _hands("0 0 0", "0 0 0"),
+    "pneumatic_grippers": _hands("0 0 0", "0 0 0.08"),
+    "grippers_on_bases": _electric_bases,
+    "comments_before_the_declaration": lambda text: COMMENT + text,
+    "comments_before_the_robot": lambda text: text.replace("<robot", COMMENT + "<robot", 1),
+    "blanks_before_the_declaration": lambda text: "\n  \t\n" + text,
+    "torso_that_turns": lambda text: _joint(
+        text,
+        "torso_t0",
+        'type="fixed".*',
+        'type="revolute"><origin rpy="0 0 0" xyz="0 0 0"/>'
+        '<axis xyz="0 0 0"/><parent link="base"/><child link="torso"/>'
+        '<limit effort="50000" lower="0" upper="0" velocity="10000"/></joint>',
+    ),
+    "older_head": _older_head,
+    "older_head_spheres": _older_spheres,
+    "older_limits": _older_limits,
+    "mounts_of_one_robot": lambda _: served_urdf(measured="one"),
+    "mounts_of_another_robot": lambda _: served_urdf(measured="another"),
+}
+"""Files of as many kinds, by what is particular about them."""
 
 
 def _calibrate(

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from sim.view.replay import Replay, write_replay
     from sim.workbench.task_result import TaskResult
     from sim.workbench.workbench import Workbench
-    from sim.world.finger_closing import Closing
+    from sim.world.gripper import Closing
     from sim.world.world import World
 
 __all__ = [
@@ -90,7 +90,6 @@ __getattr__ = loader(
         "baxter_kin.kinematics.pinocchio_loading",
         "sim.perception.closed_loop",
         "sim.perception.transfer",
-        "sim.world.finger_closing",
         "sim.world.contacts",
         "sim.errors",
         "sim.events",
@@ -117,7 +116,6 @@ __getattr__ = loader(
         "sim.recording.rsdk_csv",
         "sim.recording.reading.rsdk_reading",
         "sim.simulation",
-        "sim.world.pushing",
         "sim.world.world",
         "sim.view.replay",
         "sim.view.live.tip_target",

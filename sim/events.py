@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -13,14 +14,13 @@ from baxter_kin.errors import quoted
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_scalar, float_array
 from baxter_kin.value_objects import Frozen, FrozenMapping, OneLine, count, phrase, seconds
-from planner import Body, Move, Situation
+from planner import Body, Move, State
 from planner.grasping import Grasp
 from planner.grasping.grasp import Miss
 from sim.errors import SimulationError
 from sim.world.contacts import Contact
 from sim.world.falling import Rest
-from sim.world.gripper import GripperState
-from sim.world.pushing import Push
+from sim.world.gripper import GripperState, Push
 
 JOINTS_OF_ROBOT = (15, 17, 19)
 """Of a full configuration: head, both arms, and the fingers of no hand, one or two."""
@@ -128,7 +128,7 @@ class Snapshot(Frozen, OneLine):
 class Observer(OneLine):
     """Sees what a simulation does; the methods do nothing until overridden."""
 
-    def on_start(self, situation: Situation) -> None:
+    def on_start(self, state: State) -> None:
         """A simulation begins, with these bodies in its world; time starts at zero."""
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
@@ -136,3 +136,75 @@ class Observer(OneLine):
 
     def on_event(self, event: Event) -> None:
         """Something happened."""
+
+
+FULLY = 99.9
+"""Per cent from which on a gripper is called open, without saying how far."""
+
+
+def grasp_text(body: str, grasp: Grasp, percent: float) -> str:
+    """A body was grasped; near an edge, how much of a pad is on it."""
+    width = f"{1e3 * grasp.width_m:.1f} mm between the finger pads"
+    text = f"{body} grasped, {width} ({percent:.0f} % open)"
+    if not grasp.is_near_edge:
+        return text
+    on, off = f"{1e3 * grasp.pad_m:.1f} mm", f"{1e3 * grasp.centre_off_m:.1f} mm"
+    return (
+        f"{text}, near an edge: only {on} of a finger pad on it, its centre {off} outside of them"
+    )
+
+
+def opening_text(side: str, percent: float) -> str:
+    """The empty hand opened; how far, unless all the way."""
+    return f"{side} gripper open" + ("" if percent >= FULLY else f", {percent:.0f} %")
+
+
+def miss_text(miss: Miss | None, wanted: str | None, gap_m: float, *, is_closed: bool) -> str:
+    """Nothing was grasped, and why."""
+    how = "closed fully" if is_closed else "stopped"
+    on = f" on {wanted}" if wanted else ""
+    reason = f": {miss}" if miss is not None else ""
+    return f"missed: the fingers {how}{on}, {1e3 * gap_m:.1f} mm apart, and hold nothing{reason}"
+
+
+def push_text(push: Push, side: str) -> str:
+    """A closing finger pushed a body, or what it pushed did."""
+    finger = f"the {push.finger} finger of the {side} hand"
+    by = finger if push.by == f"{push.finger} finger" else f"{push.by}, which {finger} pushes"
+    return f"{push.body} pushed {1e3 * push.distance_m:.1f} mm by {by}"
+
+
+def contact_text(contact: Contact, side: str) -> str:
+    """Something was run into."""
+    what = _what(contact, side)
+    if contact.stops:
+        return f"{what} would pass through {_the(contact.other)}; the arm stops before it"
+    return f"{what} hit {contact.other}, which is left where it is"
+
+
+def stop_text(contact: Contact, side: str) -> str:
+    """Why a move ended early."""
+    return f"{_what(contact, side)} would pass through {_the(contact.other)}"
+
+
+def rest_text(body: str, rest: Rest) -> str:
+    """A body came to rest."""
+    text = f"{body} at rest on {' and '.join(rest.supports)}"
+    if rest.tilt_rad > 0.0:
+        text += f", tilted by {math.degrees(rest.tilt_rad):.2f} deg as that lies"
+    if rest.fell_off:
+        text += f"; it tipped off {' and '.join(rest.fell_off)}"
+    if rest.beside_m > 0.0:
+        text += f"; it leans, its centre {1e3 * rest.beside_m:.1f} mm outside of what it stands on"
+    return text
+
+
+def _what(contact: Contact, side: str) -> str:
+    if contact.is_held:
+        return f"the held {contact.mover}"
+    is_hand = "gripper" in contact.mover or "hand" in contact.mover
+    return f"the {side} {'hand' if is_hand else 'arm'} ({contact.mover})"
+
+
+def _the(name: str) -> str:
+    return f"the {name}"

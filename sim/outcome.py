@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from baxter_kin.validation import Checked, finite_scalar
-from baxter_kin.value_objects import OneLine, seconds, sentence
+from baxter_kin.value_objects import OneLine, count, millimetres, phrase, seconds, sentence
 from sim.errors import SimulationError
+from sim.world.contacts import Contact
 
 ROBOT_DWELL_S = 1.0
 """How long a real arm stands before and after its gripper acts, as in the original demo. At speed
@@ -41,10 +42,13 @@ class Outcome(Checked, OneLine, error=SimulationError):
     Attributes:
         failure: None, or why it stopped early, as one sentence.
         duration_s: simulated time it took.
+        hits: what the arm, its hand or what it held ran into, in order, each at the depth at which
+            it was first seen. Bodies that give way stop no move, so a success may have some.
     """
 
     failure: str | None
     duration_s: float
+    hits: tuple[Contact, ...] = field(default=(), kw_only=True)
 
     @property
     def is_success(self) -> bool:
@@ -53,4 +57,12 @@ class Outcome(Checked, OneLine, error=SimulationError):
 
     def _facts(self) -> tuple[str, ...]:
         failure = "success" if self.failure is None else f"failed: {sentence(self.failure)}"
-        return seconds(self.duration_s), failure
+        return seconds(self.duration_s), failure, self._told_hits()
+
+    def _told_hits(self) -> str:
+        """The hits as a phrase, the deepest by name; empty where there are none."""
+        if not self.hits:
+            return ""
+        worst = max(self.hits, key=lambda hit: hit.depth_m)
+        names = f"{phrase(worst.mover)} {millimetres(worst.depth_m)} inside {phrase(worst.other)}"
+        return f"{count(len(self.hits), 'hit')}: {names}"

@@ -49,7 +49,7 @@ _HIDDEN = "structure_needs_at_least_one_member"
 """The library's field of a message without fields."""
 
 
-class FieldKind(NamedTuple):
+class _FieldKind(NamedTuple):
     """What a field holds.
 
     Attributes:
@@ -148,17 +148,17 @@ def _seconds(value: float) -> dict[str, int]:
     return {"sec": seconds, "nanosec": rest}
 
 
-def _kind(desc: FieldDesc) -> FieldKind:
+def _kind(desc: FieldDesc) -> _FieldKind:
     """What the library says of a field, in our words."""
     numbered: Any = desc
     is_array = numbered[0] not in (_BASE, _NAMED)
     item, length = numbered[1] if is_array else (numbered, None)
     is_message = item[0] == _NAMED
     name = item[1] if is_message else item[1][0]
-    return FieldKind(name, is_message, is_array, length if numbered[0] == _ARRAY else None)
+    return _FieldKind(name, is_message, is_array, length if numbered[0] == _ARRAY else None)
 
 
-def _filler(kind: FieldKind, store: Typestore) -> Fill:
+def _filler(kind: _FieldKind, store: Typestore) -> Fill:
     """What makes a field's value of what is given."""
     if kind.is_array:
         if kind.name in DTYPES:
@@ -230,7 +230,7 @@ def _items(values: object, fill: Fill, fixed: int | None) -> list[object]:
     return items
 
 
-def _emptiness(kind: FieldKind, store: Typestore) -> Callable[[], object]:
+def _emptiness(kind: _FieldKind, store: Typestore) -> Callable[[], object]:
     """What makes the value of a field that is not given."""
     if kind.is_array:
         count = kind.length or 0
@@ -244,7 +244,7 @@ def _emptiness(kind: FieldKind, store: Typestore) -> Callable[[], object]:
     return _EMPTY.get(kind.name, int)
 
 
-def _checker(kind: FieldKind, store: Typestore) -> Callable[[Any], str] | None:
+def _checker(kind: _FieldKind, store: Typestore) -> Callable[[Any], str] | None:
     """What finds a fault in a field's value that the library would not; None where it would."""
     if kind.is_message:
         maker = MessageMaker(kind.name, store)

@@ -7,12 +7,13 @@ plus the dwell that was asked for.
 
 Moves and opening fingers are looked at for contacts (`sim.world.contacts`), whatever a plan says of
 itself, unless a certificate of this very plan is at hand (`planner.verify`) and the world is as the
-plan has it: as its `situation` says before the first step, and changed since then only by grasps
+plan has it: as its `state` says before the first step, and changed since then only by grasps
 that went as planned. A release may let a body fall a little, so certificates count until then.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable
 
 import numpy as np
@@ -23,15 +24,12 @@ from baxter_kin.value_objects import OneLine, seconds
 from planner import Body, Certificate, Grip, GripperAction, Move, Plan
 from planner.collision.robot.robot_body import identity_of
 from planner.plan import Step
-from sim import event_text
-from sim.clock import DEFAULT_TICK_S
 from sim.errors import SimulationError
-from sim.events import EventKind, Observer
+from sim.events import EventKind, Observer, contact_text, stop_text
 from sim.grip_steps import GripSteps
 from sim.outcome import Dwell, Outcome
-from sim.timeline import Timeline
-from sim.world.as_planned import is_as_planned
-from sim.world.contacts import ContactWatch
+from sim.timeline import DEFAULT_TICK_S, Timeline
+from sim.world.contacts import ContactWatch, is_as_planned
 from sim.world.gripper import Gripper
 from sim.world.world import World
 
@@ -39,6 +37,8 @@ LONGEST_WAIT_S = 86_400.0
 
 START_TOLERANCE_RAD = 1e-6
 """How far an arm may stand from where a plan starts."""
+
+_LOG = logging.getLogger(__name__)
 
 
 class Simulation(OneLine):
@@ -94,7 +94,8 @@ class Simulation(OneLine):
         """Add a body; a movable one falls on what is below it.
 
         Raises:
-            SceneError: when the name is taken.
+            SceneError: when the name is taken; of a movable body also when it would be inside
+                another, or what is below it is too steep.
         """
         self._timeline.spawn(body)
 
@@ -119,15 +120,24 @@ class Simulation(OneLine):
         self._timeline.pass_s(duration_s)
 
     def execute(
-        self, plan: Plan, title: str = "", *, certificate: Certificate | None = None
+        self,
+        plan: Plan,
+        title: str = "",
+        *,
+        certificate: Certificate | None = None,
+        unverified: bool = False,
     ) -> Outcome:
         """Do every step of a plan, or stop at the first that fails.
+
+        A plan without a certificate, or with one that is not valid or of another plan, is executed
+        after a warning in the log; its moves are looked at for contacts then.
 
         Args:
             plan: a valid plan that starts where the arm stands.
             title: put before each caption.
             certificate: what `verify` made of this very plan; while the world is as the plan has
                 it, moves are then not looked at for contacts.
+            unverified: whether the certificate is missing on purpose, so that nothing is warned of.
 
         Raises:
             SimulationError: when the plan is invalid, is for another robot or starts elsewhere;
@@ -137,7 +147,9 @@ class Simulation(OneLine):
         self._check_start(expect(plan, Plan, "plan", SimulationError))
         if certificate is not None:
             expect(certificate, Certificate, "certificate", SimulationError)
-        started = self.time_s
+        if not expect(unverified, bool, "unverified", SimulationError):
+            _warn_without_certificate(plan, certificate)
+        started, hits_before = self.time_s, len(self._timeline.hits)
         failure = None
         is_certified = certificate is not None and certificate.is_valid and certificate.is_of(plan)
         self._watch.is_trusted = is_certified and is_as_planned(self.world, plan)
@@ -146,7 +158,8 @@ class Simulation(OneLine):
             failure = self._do(plan.limb, step)
             if failure is not None:
                 break
-        return Outcome(failure, self.time_s - started)
+        hits = tuple(self._timeline.hits[hits_before:])
+        return Outcome(failure, self.time_s - started, hits=hits)
 
     def finish(self) -> None:
         """Show the world as it is now, unless that was done; a run ends between two ticks."""
@@ -189,11 +202,9 @@ class Simulation(OneLine):
         for contact in self._watch.along(limb, move.trajectory):
             end_s = contact.free_s if contact.stops else contact.time_s
             self._follow(limb, move, begin_s, end_s)
-            self._timeline.tell(
-                EventKind.HIT, event_text.of_contact(contact, limb), limb, detail=contact
-            )
+            self._timeline.tell(EventKind.HIT, contact_text(contact, limb), limb, detail=contact)
             if contact.stops:
-                return f"{move.label}: {event_text.of_stop(contact, limb)}"
+                return f"{move.label}: {stop_text(contact, limb)}"
         self._follow(limb, move, begin_s, move.trajectory.duration)
         return None
 
@@ -204,3 +215,20 @@ class Simulation(OneLine):
         times = np.clip(np.append(ticks - begin_s, end_s), 0.0, end_s)
         path = iter(move.trajectory.sample(times).q)
         self._timeline.pass_s(duration_s, lambda _: self.world.move_arm(limb, next(path)))
+
+
+def _warn_without_certificate(plan: Plan, certificate: Certificate | None) -> None:
+    """Log why the certificate of a plan that is about to be executed does not count."""
+    if certificate is None:
+        _LOG.warning(
+            "the plan for the %s arm is executed without a certificate; give "
+            "certificate=verify(plan), or unverified=True if that is meant",
+            plan.limb,
+        )
+    elif not certificate.is_valid:
+        _LOG.warning("the plan is executed although its certificate is %s", certificate.verdict)
+    elif not certificate.is_of(plan):
+        _LOG.warning(
+            "the plan is executed with the certificate of another plan, world or tolerances, which "
+            "does not count; give certificate=verify(plan)"
+        )

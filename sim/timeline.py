@@ -1,21 +1,85 @@
-"""Timeline: the simulated time of a world; what passes in it is shown, and told as it happens."""
+"""The simulated time of a world: a clock with ticks, and the timeline that informs observers."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Protocol
 
+import numpy as np
+
 from baxter_kin.errors import expect_all
 from baxter_kin.kinematics.arm import LIMBS
-from planner import Body, Move, Situation
-from sim.clock import Clock
+from baxter_kin.validation import FloatArray, positive_scalar
+from planner import Body, Move
 from sim.errors import SimulationError
 from sim.events import Detail, Event, EventKind, Observer, Snapshot
+from sim.world.contacts import Contact
 from sim.world.gripper import NO_GRIPPER, GripperState
 from sim.world.world import World
 
+DEFAULT_TICK_S = 0.01
+"""100 Hz, the rate of the original's commands and of its recorder."""
 
-class ReportsState(Protocol):
+SHORTEST_TICK_S = 1e-6
+"""Shorter ticks only fill memory."""
+
+
+class Clock:
+    """Time that ends anywhere, and ticks at whole multiples of their length.
+
+    Attributes:
+        time_s: time since the start.
+    """
+
+    def __init__(self, tick_s: float) -> None:
+        """At time zero.
+
+        Raises:
+            SimulationError: when the tick is not a number or shorter than `SHORTEST_TICK_S`.
+        """
+        self._tick_s = positive_scalar(tick_s, "tick_s", SimulationError)
+        if self._tick_s < SHORTEST_TICK_S:
+            raise SimulationError(
+                f"tick_s must be at least {SHORTEST_TICK_S:g} s, got {self._tick_s:g}"
+            )
+        self.time_s = 0.0
+        self._next_tick = 0
+
+    @property
+    def is_past_tick(self) -> bool:
+        """Whether time has passed since the last tick."""
+        return self.time_s > (self._next_tick - 1) * self._tick_s
+
+    def ticks_until(self, end_s: float) -> FloatArray:
+        """The times of the ticks from now until then, shape (n,), s."""
+        return self._tick_s * np.array(self._numbers(end_s), dtype=np.float64)
+
+    def advance(
+        self, duration_s: float, update: Callable[[float], None], show: Callable[[], None]
+    ) -> None:
+        """Let time pass and end exactly at the end.
+
+        Args:
+            duration_s: how long.
+            update: brings the world to a time since the beginning; called at each tick and at the
+                end.
+            show: called at each tick after that.
+        """
+        begin_s = self.time_s
+        for tick in self._numbers(begin_s + duration_s):
+            self.time_s = tick * self._tick_s
+            self._next_tick = tick + 1
+            update(self.time_s - begin_s)
+            show()
+        update(duration_s)
+        self.time_s = begin_s + duration_s
+
+    def _numbers(self, end_s: float) -> range:
+        return range(self._next_tick, math.floor(end_s / self._tick_s) + 1)
+
+
+class _ReportsState(Protocol):
     """What is shown of a gripper, simulated or real."""
 
     @property
@@ -28,12 +92,13 @@ class Timeline(Clock):
 
     Attributes:
         caption: what is going on, in words.
+        hits: every contact that was told of as a hit, in order.
     """
 
     def __init__(
         self,
         world: World,
-        grippers: Mapping[str, ReportsState],
+        grippers: Mapping[str, _ReportsState],
         observers: Iterable[Observer],
         tick_s: float,
     ) -> None:
@@ -49,13 +114,13 @@ class Timeline(Clock):
         self._told = {body.name: body for body in world.scene}
         self._shown_s: float | None = None
         self.caption = ""
+        self.hits: list[Contact] = []
 
     def begin(self) -> None:
         """Tell all observers how the world is before anything happens."""
-        joints = dict(zip(self._world.robot.joint_names, self._world.q.tolist(), strict=True))
-        situation = Situation(self._world.scene, joints, self._world.held)
+        state = self._world.state
         for observer in self._observers:
-            observer.on_start(situation)
+            observer.on_start(state)
 
     def finish(self) -> None:
         """Show the world as it is now, unless that was done; a run ends between two ticks."""
@@ -97,6 +162,8 @@ class Timeline(Clock):
     ) -> None:
         """Tell all observers what happened; arguments as of `Event`."""
         event = Event(self.time_s, kind, text, side, move, body, detail)
+        if kind is EventKind.HIT and isinstance(detail, Contact):
+            self.hits.append(detail)
         if body is not None and kind is EventKind.SPAWNED:
             self._told[body.name] = body
         elif body is not None and kind is EventKind.DELETED:
@@ -108,10 +175,11 @@ class Timeline(Clock):
         """Add a body to the world, and tell; a movable one falls on what is below it.
 
         Raises:
-            SceneError: when the name is taken.
+            SceneError: as of `World.spawn`.
         """
-        support = self._world.spawn(body)
-        on = f", at rest on {support}" if body.is_movable else ""
+        self._world.spawn(body)
+        on = " and ".join(self._world.supports.get(body.name, ()))
+        on = f", at rest on {on}" if on else ""
         settled = self._world.body(body.name)
         self.tell(EventKind.SPAWNED, f"{body.name} spawned{on}", body=settled)
 

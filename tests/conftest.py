@@ -12,11 +12,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import settings
+from numpy.typing import ArrayLike
 
 from baxter_kin import Arm, Baxter, IKService, pose_from_quaternion
 from baxter_kin.description import StockFiles
 from baxter_kin.files import PathLike
-from planner import Body, Manipulator, Scene, load_object
+from baxter_kin.kinematics.arm import JOINTS
+from planner import Body, Manipulator, Scene, State, load_object
 from planner.collision.robot.robot_body import RobotBody
 from tests.bodies import with_plain_fingers
 from tests.calibrated import calibrated_arm
@@ -42,6 +44,12 @@ def overhead(x: float, y: float, z: float) -> pin.SE3:
 def at(x: float, y: float, z: float) -> pin.SE3:
     """An unrotated pose in base."""
     return pin.SE3(np.eye(3), np.array([x, y, z]))
+
+
+def state_at(q: ArrayLike, side: str = "left") -> State:
+    """An arm that stands somewhere, and nothing else is known."""
+    names = (f"{side}_{joint}" for joint in JOINTS)
+    return State(Scene.of(), dict(zip(names, np.array(q).tolist(), strict=True)))
 
 
 @pytest.fixture(scope="session")

@@ -17,12 +17,12 @@ import sim.recording
 import sim.world
 
 LAZY = (
-    *(baxter_kin, planner.collision, planner.grasping),
+    *(baxter_kin, planner, planner.collision, planner.grasping),
     *(sim, sim.perception, sim.recording, sim.world),
 )
 """Those whose names are loaded when they are first used."""
 
-FRONT_DOORS = (*LAZY, baxter_kin.ik, planner, planner.verification)
+FRONT_DOORS = (*LAZY, baxter_kin.ik, planner.verification)
 
 DOCUMENTED = (*FRONT_DOORS, baxter_kin.parallel, planner.atlas, planner.atlas.redundancy)
 """These and packages for larger work: the reference has all of their names."""

@@ -12,6 +12,16 @@ if SCRIPTS not in sys.path:
     sys.path.insert(0, SCRIPTS)
 
 
+served = importlib.import_module("served_urdf")
+
+VARIANTS: tuple[str, ...] = tuple(served.VARIANTS)
+
+
 def served_urdf(*args: Any, **options: Any) -> str:
     """The text of a URDF; arguments as of the script's function."""
-    return str(importlib.import_module("served_urdf").served_urdf(*args, **options))
+    return str(served.served_urdf(*args, **options))
+
+
+def variant(name: str) -> str:
+    """The text of one of `VARIANTS`."""
+    return str(served.variant(name))

@@ -29,7 +29,7 @@ import sim
 import sim.perception
 import sim.recording
 import sim.world
-from baxter_kin import Arm, Baxter, BaxterError, ElectricGripper, IKService, StampedPose
+from baxter_kin import Arm, Baxter, BaxterError, ElectricGripper, IKService, NamedFrame, StampedPose
 from baxter_kin.errors import CopyError, UnknownNameError
 from baxter_kin.value_objects import FrozenMapping
 from planner import (
@@ -98,7 +98,7 @@ def everything(
         "tool": IKService(arm.with_tip(at(0.0, 0.0, 0.1))),
         "result": ik.solve(arm.T_base_tip(arm.neutral)),
         "no result": ik.solve(FAR),
-        "poses": (StampedPose(FAR), inverse.Tolerance.about("z")),
+        "poses": (StampedPose(FAR, NamedFrame("map", FAR)), inverse.Tolerance.about("z")),
         "self-motion": inverse.trace_self_motion(arm, arm.neutral),
         "plan": plan,
         "no plan": plan_pick_and_place(refused, manipulator, SCENE, arm.start),
@@ -124,6 +124,7 @@ def everything(
         "looks": looks(simulation, manipulator),
         "fingers": fingers(manipulator.hand, simulation.world.body("block")),
         "notes": sim.recording.NotedRecording(recorder.recording(), ("a line is cut off",)),
+        "commands": sim.recording.Commands(np.arange(2.0), np.zeros((2, 7)), np.ones((2, 7))),
         "shapes": (planner.Sphere(0.1), planner.Cylinder(0.1, 0.2)),
         "hands": (
             ElectricGripper(slot=3),
@@ -163,10 +164,11 @@ def fingers(hand: planner.Hand, body: planner.Body) -> tuple[object, ...]:
         planner.grasping.MissKind.NOTHING, "nothing is between the finger pads"
     )
     push = sim.world.Push("block", "left", "pad", 0.01, 0.005, np.eye(3)[1], FAR)
-    holding = planner.Held("left", "block", FAR)
+    holding = planner.Attachment("block", "left_gripper", FAR)
     contact = sim.world.Contact(0.1, "left_hand", "block", False, 1e-3, True, 0.0)
     closing = sim.Closing(0.01, miss=miss, pushes=(push,))
-    return hand, planner.overhead_grasp(hand, body), closing, holding, contact
+    claim = planner.Claim("upright", {"angle_rad": 0.1})
+    return hand, planner.overhead_grasp(hand, body), closing, holding, contact, claim
 
 
 def same(a: Any, b: Any) -> bool:

@@ -30,7 +30,7 @@ from planner import Body, Grip, Manipulator, Plan, PlanFailure, RobotBody, Scene
 from planner.collision import Clearance
 from sim import Recorder, Simulation, World
 from sim.view.live.viewer import Viewer
-from tests.conftest import at, overhead
+from tests.conftest import at, overhead, state_at
 from tests.front_doors import FRONT_DOORS
 
 
@@ -137,10 +137,12 @@ class TestWhatMatters:
 
     def test_a_plan_that_is_none(self, left: Arm) -> None:
         failure = PlanFailure("pick: approach", "it is 12 mm too far")
-        assert repr(Plan("left", left.start, (), failure)) == (
+        assert repr(Plan(state_at(left.start), (), failure, limb="left")) == (
             "Plan(left, 0 steps, 0.00 s, invalid: pick: approach: it is 12 mm too far)"
         )
-        unproven = Plan("right", left.start, (Grip("open", planner.GripperAction.OPEN),))
+        unproven = Plan(
+            state_at(left.start, "right"), (Grip("open", planner.GripperAction.OPEN),), limb="right"
+        )
         assert repr(unproven) == "Plan(right, 1 step, 0.00 s, valid)"
 
 
@@ -203,9 +205,9 @@ def test_odd_names_and_numbers_are_shown_too(
     near = Clearance(length, name, name, time_s)
     body = Body(name, (planner.Part(Sphere(0.1), at(0.0, 0.0, 0.0)),), at(0.0, 0.0, 1000.0))
     proof = planner.collision.ContinuousProof(length, near, 0.0, 1, 1)
-    situation = planner.Situation(Scene.of([body]), {}, ())
+    state = planner.State(Scene.of([body]), {}, ())
     odd: tuple[object, ...] = (
-        *(near, body, proof, situation, situation.scene, IKFailure(name * 5)),
+        *(near, body, proof, state, state.scene, IKFailure(name * 5)),
         planner.verification.Check(
             name, length, planner.verification.Relation.ABOVE, 1.0, name, name
         ),
@@ -225,6 +227,19 @@ def test_odd_names_and_numbers_are_shown_too(
         assert shown.startswith(f"{type(each).__name__}(")
         assert len(shown) <= LONGEST
         assert len(shown.splitlines()) == 1
+
+
+def test_a_reason_is_left_out_in_one_place_between_words(left: Arm) -> None:
+    reason = (
+        "wide measures 50.0 mm, 51.3 mm between the pads as it lies, which the right hand opens "
+        "for (52.7 mm), but off its middle: a pad would come down 0.1 mm inside it"
+    )
+    shown = repr(Plan(state_at(left.start), (), PlanFailure("pick: open", reason), limb="left"))
+    assert shown.startswith("Plan(left, 0 steps, 0.00 s, invalid: pick: open: wide measures ")
+    assert shown.endswith("inside it)")
+    (head, tail) = shown.split(" ... ")
+    assert head.removeprefix("Plan(left, 0 steps, 0.00 s, invalid: pick: open: ") + " " in reason
+    assert " " + tail.removesuffix(")") in reason
 
 
 @given(st.lists(st.text()))

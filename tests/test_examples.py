@@ -160,7 +160,7 @@ def test_one_arm_waits_in_neutral_while_the_other_moves(
 
 def test_the_right_hand_refuses_the_wide_block(runs: Callable[[str], Run]) -> None:
     run = runs("right_arm")
-    assert "wide measures 50.0 mm, 53.2 mm across the hand as it lies" in run.said
+    assert "wide measures 54.0 mm, 55.3 mm between the pads as it lies" in run.said
     assert "the right hand opens only 52.7 mm" in run.said
     assert {move.limb for move in run.recording.moves} == {"right"}
     np.testing.assert_allclose(run.centre("block")[:2], right_arm.HERE_M, atol=PLACED_WITHIN_M)

@@ -107,7 +107,7 @@ def test_begins_by_saying_what_is_learned_and_needed(name: str) -> None:
     assert re.match(r"# \w", first.source)
     assert "You will learn" in first.source
     assert "`make notebooks`" in first.source
-    assert "pip install '.[notebook]'" in first.source
+    assert "pip install -e '.[notebook]'" in first.source
     assert "pip install 'FILE.whl[notebook]'" in first.source
     assert "baxter-kin[" not in first.source  # no index has it
 

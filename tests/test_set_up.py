@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -284,3 +286,20 @@ def test_without_pip_there_is_no_environment_and_one_sentence(
     monkeypatch.setattr(script, "succeeds", lambda *_: False)
     with pytest.raises(SystemExit, match="install pip: apt-get install python3-pip"):
         script.environment(tmp_path / "venv")
+
+
+@pytest.mark.parametrize(("user", "is_root"), [(0, True), (1000, False)])
+def test_jupyterlab_is_allowed_to_run_as_root_only_for_root(
+    user: int, is_root: bool, system: System
+) -> None:
+    make = shutil.which("make", path=os.defpath)
+    if make is None:
+        pytest.skip("make is not installed")
+    who = system.programs / "id"
+    who.write_text(f"#!/bin/sh\necho {user}\n")
+    who.chmod(0o755)
+    dry_run = [make, "--dry-run", "notebooks", "ARGS=--no-browser"]
+    printed = subprocess.check_output(dry_run, cwd=SCRIPTS.parent, text=True)
+    (starts,) = re.findall(r"-m jupyterlab .*", printed)
+    assert ("--allow-root" in starts) == is_root
+    assert starts.endswith("--no-browser")

@@ -129,6 +129,7 @@ PEERS = (
     _toolbox("rtb-tight", 4e-13),
     _trac_ik("trac-ik", 1e-5),
     _trac_ik("trac-ik-tight", 5e-7),
+    Entrant("optik", "solvers.optik", needs=("optik",), install=run_to_install("optik-py")),
     Entrant(
         "pink",
         "solvers.pink_loop",

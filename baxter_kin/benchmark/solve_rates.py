@@ -74,7 +74,7 @@ def measure_rates(
     """
     urdf, answers = robot.description.text, dict[tuple[str, int], Answers]()
     pieces = [piece for key in contestants for piece in _pieces(key, urdf, poses)]
-    for piece, answer in engine.run(answers_to, pieces):
+    for piece, answer in engine.run(_answers_to, pieces):
         answers[piece.key, piece.first] = answer
         tick(len(answer.verdicts))
     return [
@@ -83,7 +83,7 @@ def measure_rates(
     ]
 
 
-def answers_to(piece: Piece) -> Answers:
+def _answers_to(piece: Piece) -> Answers:
     """What workers do."""
     contestant, verifier, robot = _solver(piece.key, piece.side, piece.urdf)
     arm = robot.arm(piece.side)

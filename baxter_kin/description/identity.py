@@ -31,9 +31,11 @@ class RobotIdentity:
         hands: digest of what is on the flanges of both arms, and where it is.
         limits: digest of what the joints may do.
         body: digest of the shapes that plans keep apart; empty where no shapes count.
-        places: of each joint that moves, where it is on the link that it is on: x, y, z in m, then
-            roll, pitch, yaw in rad. It serves to say what differs, as does the next.
-        ranges: of each, lowest and highest position and greatest speed, in rad or m and s.
+        places: of each joint that moves, and of each fixed one between such a joint and the root,
+            where it is on the link that it is on: x, y, z in m, then roll, pitch, yaw in rad. It
+            serves to say what differs, as does the next.
+        ranges: of each that moves, lowest and highest position and greatest speed, in rad or m
+            and s.
 
     Raises:
         ConfigurationError: when a value is of another class.
@@ -57,12 +59,13 @@ class RobotIdentity:
         """That of a robot without a body."""
         on_hand = frozenset(link for side in SIDES for link in hand_links(tree, side))
         moving = [joint for joint in tree.joints if joint.range is not None]
+        carrying = {joint.name for each in moving for joint in tree.chain(each.child)}
         return cls(
             kinematics=_digest(_place(j) for j in tree.joints if j.child not in on_hand),
             hands=_digest(_place(j) for j in tree.joints if j.child in on_hand),
             limits=_digest(f"{joint.name} {_words(_range(joint))}" for joint in moving),
             body="",
-            places={joint.name: (*joint.xyz, *joint.rpy) for joint in moving},
+            places={j.name: (*j.xyz, *j.rpy) for j in tree.joints if j.name in carrying},
             ranges={joint.name: _range(joint) for joint in moving},
         )
 
@@ -86,10 +89,11 @@ class RobotIdentity:
 
     def _where_apart(self, other: RobotIdentity) -> str:
         """The joint that lies farthest from where it is on the other robot, if any does."""
-        only = set(self.places) ^ set(other.places)
+        only = set(self.ranges) ^ set(other.ranges)
         if only:
             return f"only one of the two has the joint {min(only)}"
-        apart = {name: _apart_m(self.places[name], other.places[name]) for name in self.places}
+        both = self.places.keys() & other.places.keys()
+        apart = {name: _apart_m(self.places[name], other.places[name]) for name in sorted(both)}
         farthest = max(apart, key=lambda name: apart[name], default="")
         if not farthest or apart[farthest] < SHOWN_M:
             return ""

@@ -15,13 +15,19 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import TypeAlias
 
-from baxter_kin.description.calibration import ROOT, as_baxter
+from baxter_kin.description.calibration import (
+    ROOT,
+    SIDES,
+    as_baxter,
+    remarks,
+    with_unique_names,
+)
 from baxter_kin.description.hands import DEFAULT_RIGHT, HandMount, checked_hands
 from baxter_kin.description.identity import RobotIdentity
 from baxter_kin.description.mounting import drawn_like, mounted, with_known_meshes, without
 from baxter_kin.description.urdf import Urdf
 from baxter_kin.description.urdf_reading import read_urdf
-from baxter_kin.description.xml_text import LARGEST_TEXT_BYTES
+from baxter_kin.description.xml_text import LARGEST_TEXT_BYTES, read_xml
 from baxter_kin.distribution.extras import run_to_install
 from baxter_kin.errors import DescriptionError, FileError, quoted, shown_path
 from baxter_kin.files import open_to_read
@@ -85,11 +91,14 @@ class RobotDescription:
             those of its hands, which differ from robot to robot.
         stock: the files that have the shapes of its links.
         source: where it came from, as a phrase; it does not count when two are compared.
+        notes: what to know about how it was read, a phrase each, such as limits that are wider than
+            those of the stock robot; likewise.
     """
 
     text: str
     stock: StockFiles
     source: str = field(default="a text", compare=False)
+    notes: tuple[str, ...] = field(default=(), compare=False)
 
     @classmethod
     def of(
@@ -118,10 +127,12 @@ class RobotDescription:
             for side in given:
                 tree = without(tree, side)
             own = as_baxter(tree, drawn_like(tree, drawn))
-            tree = mounted(with_known_meshes(own, drawn), given, drawn)
+            notes = remarks(tree, own, drawn)
+            tree = with_unique_names(mounted(with_known_meshes(own, drawn), given, drawn))
         except DescriptionError as cause:
-            raise DescriptionError(f"{source} cannot be used: {cause}") from None
-        return cls(tree.text, stock, source)
+            only = "" if _is_like_baxter(text) else _FOR_BAXTER_ONLY
+            raise DescriptionError(f"{source} cannot be used: {only}{cause}") from None
+        return cls(tree.text, stock, source, notes)
 
     @classmethod
     def drawn(cls) -> RobotDescription:
@@ -161,6 +172,23 @@ def _drawn_tree(files: StockFiles) -> Urdf:
         return with_known_meshes(as_baxter(tree, tree), tree)
     except DescriptionError as cause:
         raise DescriptionError(f"{source} cannot be used: {cause}; reinstall its package") from None
+
+
+_FOR_BAXTER_ONLY = "this toolkit is for Baxter only; "
+
+
+def _is_like_baxter(text: str | bytes) -> bool:
+    """Whether a URDF names most joints of Baxter's arms, or is none at all."""
+    try:
+        names = {joint.attributes.get("name") for joint in read_xml(text).all("joint")}
+    except DescriptionError:
+        return True
+    return len(names.intersection(_ARM_JOINTS)) > len(_ARM_JOINTS) / 2
+
+
+_ARM_JOINTS = frozenset(
+    f"{side}_{joint}" for side in SIDES for joint in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
+)
 
 
 @lru_cache(maxsize=16)

@@ -40,6 +40,10 @@ LEAST_AXIS = 1e-3
 ROUNDING = 1e-9
 """How far from 1 the length of an axis may be where it counts as written in full."""
 
+WITHOUT_MOTOR = ("torso_t0", "head_nod")
+"""Joints that some files let move and no Baxter can: the first has no motor, and the screen nods by
+a message of its own, not to an angle. They need no range and no axis."""
+
 SHAPED = ("_finger", "_tool_")
 """In names of links whose shapes are read."""
 
@@ -120,8 +124,13 @@ def _name(element: Element) -> str:
 
 def _joint(element: Element, shapes: Mapping[str, tuple[UrdfShape, ...]]) -> UrdfJoint:
     name = _name(element)
-    kind = _kind(name, element.attributes.get("type", ""))
     origin, axis = element.first("origin"), element.first("axis")
+    if name in WITHOUT_MOTOR:
+        is_fixed = element.attributes.get("type") == JointKind.FIXED.value
+        kind = JointKind.FIXED if is_fixed else JointKind.REVOLUTE
+    else:
+        kind = _kind(name, element.attributes.get("type", ""))
+    moves = kind is not JointKind.FIXED and name not in WITHOUT_MOTOR
     child = _link(name, element, "child")
     return UrdfJoint(
         name,
@@ -130,10 +139,8 @@ def _joint(element: Element, shapes: Mapping[str, tuple[UrdfShape, ...]]) -> Urd
         child,
         _triple(f"joint {name}", origin, "xyz", (0.0, 0.0, 0.0)),
         _triple(f"joint {name}", origin, "rpy", (0.0, 0.0, 0.0)),
-        X_AXIS
-        if kind is JointKind.FIXED
-        else _unit(name, _triple(f"joint {name}", axis, "xyz", X_AXIS)),
-        None if kind is JointKind.FIXED else _range(name, element.first("limit")),
+        _unit(name, _triple(f"joint {name}", axis, "xyz", X_AXIS)) if moves else X_AXIS,
+        _range(name, element.first("limit")) if moves else None,
         shapes.get(child, ()),
     )
 

@@ -7,6 +7,7 @@ bounded. The parser is Expat, as it comes with Python; it resolves nothing by it
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from xml.parsers import expat
@@ -63,6 +64,7 @@ def read_xml(text: str | bytes) -> Element:
         raise DescriptionError(
             f"it is larger than {LARGEST_TEXT_BYTES >> 20} MB, so it is no description of a robot"
         )
+    content = _from_declaration(content)
     reader = _Reader()
     parser = expat.ParserCreate(encoding)
     parser.StartElementHandler = reader.start
@@ -75,6 +77,14 @@ def read_xml(text: str | bytes) -> Element:
     except (expat.ExpatError, ValueError, LookupError) as cause:
         raise DescriptionError(f"it is no XML: {shortened(str(cause))}") from None
     return reader.root
+
+
+def _from_declaration(content: bytes) -> bytes:
+    """A text without the blanks and comments before its XML declaration, where XML allows none."""
+    rest = content.removeprefix(BOM_UTF8).lstrip()
+    while rest.startswith(b"<!--") and b"-->" in rest:
+        rest = rest.partition(b"-->")[2].lstrip()
+    return rest if rest.startswith(b"<?xml") else content
 
 
 class _Reader:

@@ -1,7 +1,8 @@
-"""Packages that only some of the toolkit needs, and the command that installs them.
+"""Packages that only some features need, and the command that installs them.
 
-The command names the packages themselves, so that it works in a checkout and with an installed
-wheel, and the Python that runs, so that it does so in every virtual environment.
+The command names the packages themselves, never this distribution: `pip install '.[plot]'` would
+replace an editable checkout by a copy, and an installed wheel has no checkout to name. It names
+the Python that runs, so that the packages go to its environment.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 def run_to_install(*packages: str) -> str:
-    """The end of a message on missing packages: the command that installs them.
+    """The command that installs packages, as the end of a message that says they are missing.
 
     Args:
-        packages: their names in an index.
+        packages: their names in a package index, with options of `pip install` before them.
     """
     return f"run: {_python()} -m pip install {' '.join(packages)}"
 
 
 def run_to_install_extra(extra: str) -> str:
-    """The same for the packages of an extra.
+    """The command that installs the packages of an extra.
 
     Args:
         extra: a key of `EXTRAS`.

@@ -33,7 +33,7 @@ def versions() -> Mapping[str, str]:
 
 
 @lru_cache(maxsize=1)
-def code_digest() -> str:
+def _code_digest() -> str:
     """Of all modules of the toolkit, as they lie there when this is first asked."""
     digest = hashlib.sha256()
     for package in _PACKAGES:
@@ -47,7 +47,7 @@ def code_digest() -> str:
 def software() -> dict[str, str]:
     """Versions, that of Python, too, and as "code" the digest of the toolkit's modules."""
     python = ".".join(map(str, sys.version_info[:2]))
-    return {**versions(), "Python": python, "code": code_digest()}
+    return {**versions(), "Python": python, "code": _code_digest()}
 
 
 @lru_cache

@@ -114,7 +114,7 @@ class ComputedStarts(Protocol):
         """So many for each pose, shape (m, 4, 4), best first: shape (m, count, 7), rad."""
 
 
-class ScatteredStarts:
+class _ScatteredStarts:
     """Starts all over the joint ranges, the same ones for every pose.
 
     Computed starts crowd together where most of a pose's self-motion is nearly inside the limits;
@@ -176,7 +176,7 @@ class NullSpaceMap:
     @cached_property
     def scattered(self) -> ComputedStarts:
         """Has starts everywhere."""
-        return ScatteredStarts(self._arm)
+        return _ScatteredStarts(self._arm)
 
 
 class _StartsInTurns:

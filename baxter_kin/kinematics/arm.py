@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping
 from copy import copy
+from typing import NoReturn
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike
 from baxter_kin.errors import (
     ConfigurationError,
     DescriptionError,
+    LimitsError,
     UnknownNameError,
     expect,
     quoted,
@@ -52,7 +54,8 @@ class Arm:
     Attributes:
         side: "left" or "right".
         joint_names: the seven names, shoulder first, such as "left_s0".
-        limits: what the joints may do.
+        limits: what the joints may do: positions and velocities of the robot's URDF, or those of
+            `with_limits`.
         neutral: Rethink's neutral pose, shape (7,), rad.
         start: where the pick-and-place demo starts, shape (7,), rad.
         tip_frame: the frame whose pose is controlled; "<side>_gripper" unless made by `with_tip`.
@@ -66,7 +69,7 @@ class Arm:
         self.joint_names = tuple(f"{side}_{joint}" for joint in JOINTS)
         self.tip_frame = f"{side}_gripper"
         self.model = _reduced_model(robot_model, self.joint_names)
-        self.limits = _limits(self.model, self.joint_names)
+        self._limits = _limits(self.model, self.joint_names)
         sign = MIRROR if side == "right" else np.ones(7)
         self.neutral = finite_array(_NEUTRAL, (7,), "neutral", ConfigurationError)
         self.start = finite_array(sign * _LEFT_START, (7,), "start", ConfigurationError)
@@ -78,6 +81,18 @@ class Arm:
     def __repr__(self) -> str:
         tip = "" if self.tip_frame == self.gripper_frame else f", tip={self.tip_frame!r}"
         return f"Arm({self.side!r}{tip})"
+
+    @property
+    def limits(self) -> JointLimits:
+        """What the joints may do."""
+        return self._limits
+
+    @limits.setter
+    def limits(self, _: object) -> NoReturn:
+        raise AttributeError(
+            "an arm's limits cannot be set, since others may use it; arm.with_limits(limits) "
+            "returns the same arm with others"
+        )
 
     @property
     def gripper_frame(self) -> str:
@@ -119,12 +134,44 @@ class Arm:
         arm._workspace = _Workspace(arm.model)
         return arm
 
+    def with_limits(self, limits: JointLimits) -> Arm:
+        """The same arm with other limits, which IK, self-motion and planning then keep.
+
+        For planning, put the arm into a robot:
+        `dataclasses.replace(robot, arms={**robot.arms, arm.side: arm})`. `verify` judges plans by
+        the limits of the robot's URDF.
+
+        Args:
+            limits: of the seven joints of this arm, such as
+                `dataclasses.replace(arm.limits, q_max=...)` or `arm.limits.preset("safe")`. Ranges
+                may be narrower than those of the robot's URDF, but not wider, since there are the
+                stops of the joints.
+
+        Raises:
+            LimitsError: when they are of another class or of other joints, or a range is wider.
+        """
+        expect(limits, JointLimits, "limits", LimitsError)
+        if limits.names != self.joint_names:
+            raise LimitsError(
+                f"limits of the {self.side} arm are for {', '.join(self.joint_names)}; got some "
+                f"for {shortened(', '.join(limits.names))}"
+            )
+        lowest, highest = self.model.lowerPositionLimit, self.model.upperPositionLimit
+        for i in np.flatnonzero((limits.q_min < lowest) | (limits.q_max > highest)):
+            raise LimitsError(
+                f"{limits.names[i]} from {limits.q_min[i]:.6g} to {limits.q_max[i]:.6g} rad is "
+                f"wider than the robot's URDF allows: {lowest[i]:.6g} to {highest[i]:.6g} rad"
+            )
+        arm = copy(self)
+        arm._limits = limits
+        return arm
+
     def _frame_of_hand(self, name: str) -> str:
         """A frame that is fixed to the last link; the URDF ends most of their names in "_link"."""
-        full = {name, f"{name}_link"} & set(self._hand_frames)
-        if not full:
-            raise UnknownNameError(f"frame of the {self.side} hand", name, self._hand_frames)
-        return full.pop()
+        for full in (name, f"{name}_link"):
+            if full in self._hand_frames:
+                return full
+        raise UnknownNameError(f"frame of the {self.side} hand", name, self._hand_frames)
 
     def T_base_tip(self, q: ArrayLike) -> pin.SE3:
         """Forward kinematics: the pose of the tip seen from base.

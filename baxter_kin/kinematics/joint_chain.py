@@ -1,6 +1,8 @@
-"""A chain of joints: where all of them are at many configurations at once."""
+"""Chains of joints: where all of them are at many configurations at once."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -9,15 +11,21 @@ from baxter_kin.validation import FloatArray
 
 
 class JointChain:
-    """A chain of n revolute joints.
+    """A chain of n revolute joints, or several chains side by side with n joints in all.
 
     Attributes:
         axes: of each joint in its own frame, unit vectors, shape (n, 3).
     """
 
-    def __init__(self, T_parent_joints: FloatArray, axes: FloatArray) -> None:
-        """By the poses of the joints at zero, each seen from the one before, shape (n, 4, 4)."""
+    def __init__(
+        self, T_parent_joints: FloatArray, axes: FloatArray, first: Sequence[int] = (0,)
+    ) -> None:
+        """By the poses of the joints at zero, each seen from the one before, shape (n, 4, 4).
+
+        `first` are the joints that follow none, but begin a chain.
+        """
         self._T_parent_joints, self.axes = T_parent_joints, axes
+        self._followers = [joint for joint in range(len(axes)) if joint not in first]
         x, y, z = axes.T
         zero = np.zeros_like(x)
         self._K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
@@ -30,17 +38,24 @@ class JointChain:
         axes = [np.ravel(joint.S)[3:] for joint in model.createData().joints[1:]]
         return cls(np.array(placements), np.array(axes))
 
+    @classmethod
+    def side_by_side(cls, chains: Sequence[JointChain]) -> JointChain:
+        """Simple chains that are mounted on the same thing."""
+        first = np.cumsum([0, *(len(chain.axes) for chain in chains[:-1])])
+        placements, axes = ([getattr(c, x) for c in chains] for x in ("_T_parent_joints", "axes"))
+        return cls(np.concatenate(placements), np.concatenate(axes), first.tolist())
+
     def poses(self, qs: FloatArray) -> FloatArray:
         """Poses of the joints at configurations, shape (m, n), rad: shape (m, n, 4, 4).
 
-        Seen from where the first is mounted. What Pinocchio gives one configuration at a time;
-        rotations by the formula of Rodrigues.
+        Seen from where the first of each chain is mounted. What Pinocchio gives one configuration
+        at a time; rotations by the formula of Rodrigues.
         """
         sine, versine = np.sin(qs)[..., None, None], (1.0 - np.cos(qs))[..., None, None]
         turns = np.zeros((*qs.shape, 4, 4))
         turns[..., :3, :3] = np.eye(3) + sine * self._K + versine * self._K_squared
         turns[..., 3, 3] = 1.0
         poses: FloatArray = self._T_parent_joints @ turns
-        for joint in range(1, len(self.axes)):
+        for joint in self._followers:
             poses[:, joint] = poses[:, joint - 1] @ poses[:, joint]
         return poses

@@ -159,7 +159,7 @@ class DaskCluster(OneLine):
 
     def _submitted(self, parcel: bytes) -> Any:
         try:
-            return self._client.submit(carried_out_alone, parcel, pure=False)
+            return self._client.submit(_carried_out_alone, parcel, pure=False)
         except Exception as cause:  # Dask raises a bare Exception when its client is closed
             raise self._gone() from cause
 
@@ -244,7 +244,7 @@ class DaskCluster(OneLine):
         return self._address, count(self.workers, "worker")
 
 
-def carried_out_alone(parcel: bytes) -> bytes:
+def _carried_out_alone(parcel: bytes) -> bytes:
     """Run a task while no other runs in this process: what workers of a cluster do."""
     with _ONE_AT_A_TIME:
         keep_freed_memory()

@@ -1,5 +1,6 @@
 """Maps of what Baxter can reach: every "yes" has a witness, every "no" a proof."""
 
+import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
 from planner.atlas.building import BlockReport, build_reach_map
 from planner.atlas.cell import Cell
 from planner.atlas.contents import ArmContents, count_contents

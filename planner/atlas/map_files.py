@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from baxter_kin.distribution.extras import run_to_install_extra
+from baxter_kin.distribution.extras import run_to_install, run_to_install_extra
 from baxter_kin.errors import MissingLibraryError, shown_path
 from planner.atlas.blocks import REACH_MAP, Block, Chunked, Layout
 from planner.errors import AtlasError
@@ -38,7 +38,7 @@ COMPRESSION = 3
 """Level of Zstandard: a third of the bytes; higher levels save little and take longer."""
 
 
-def zarr_library() -> Any:
+def _zarr_library() -> Any:
     """Zarr, which only who builds or reads maps needs.
 
     Raises:
@@ -52,7 +52,8 @@ def zarr_library() -> Any:
         ) from cause
     if int(zarr.__version__.split(".")[0]) < 3:
         raise MissingLibraryError(
-            f"maps need zarr 3, this is {zarr.__version__}; {run_to_install_extra('atlas')}"
+            f"maps need zarr 3, and it Python 3.11 or later; this is zarr {zarr.__version__};"
+            f" {run_to_install('--upgrade', 'zarr')}"
         )
     return zarr
 
@@ -81,7 +82,7 @@ def create_arrays(
         AtlasError: when there is something at that path, or it cannot be written.
     """
     check_vacant(path, (*whole, *(array.name for array in chunked)))
-    zarr = zarr_library()
+    zarr = _zarr_library()
     with explained(path):
         for name, values in whole.items():
             zarr.create_array(
@@ -106,7 +107,7 @@ def create_arrays(
 
 def stored_bytes(parts: Iterable[Any]) -> int:
     """What arrays take on disk."""
-    zarr = zarr_library()
+    zarr = _zarr_library()
     stored = 0
     for part in parts:
         made = zarr.create_array(
@@ -168,7 +169,7 @@ def open_group(path: Path, layout: Layout = REACH_MAP) -> Any:
     Raises:
         AtlasError: when there is none, or it is of another format or version.
     """
-    zarr = zarr_library()
+    zarr = _zarr_library()
     if not is_map(path):
         raise AtlasError(f"there is no map at {shown_path(path)}; build one there first")
     with explained(path):

@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from baxter_kin.frames import nearest_rotation
 from baxter_kin.validation import Checked, FloatArray, finite_array, whole_scalar
 from baxter_kin.value_objects import Frozen, OneLine, count
 from planner.errors import AtlasError
@@ -74,7 +75,7 @@ class RotationGrid(Frozen, Checked, OneLine, error=AtlasError):
         Rs = _rotation(azimuth, np.arccos(z))
         down = np.diag([1.0, -1.0, -1.0])
         rolls = np.arange(6 * 2**level, dtype=np.float64) * (2.0 * math.pi / (6 * 2**level))
-        return cls(_orthonormal(down @ Rs[0].T @ Rs), rolls)
+        return cls(nearest_rotation(down @ Rs[0].T @ Rs), rolls)
 
     @classmethod
     def of(cls, rotations: Sequence[ArrayLike]) -> RotationGrid:
@@ -137,12 +138,6 @@ def _rotation(azimuth: FloatArray, polar: FloatArray) -> FloatArray:
     rows = [cosine, zero, sine, zero, zero + 1.0, zero, -sine, zero, cosine]
     tilts: FloatArray = about_z(azimuth) @ np.stack(rows, axis=-1).reshape(-1, 3, 3)
     return tilts
-
-
-def _orthonormal(Rs: FloatArray) -> FloatArray:
-    """Rotations rid of what products have added by rounding."""
-    u, _, vh = np.linalg.svd(Rs)
-    return np.asarray(u @ vh)
 
 
 def _healpix_centres(sides: int) -> tuple[FloatArray, FloatArray]:

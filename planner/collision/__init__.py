@@ -15,6 +15,7 @@ __all__ = ["Clearance", "ClearanceChecker", "ContinuousContact", "ContinuousProo
 __getattr__ = loader(
     __name__,
     (
+        "baxter_kin.kinematics.pinocchio_loading",
         "planner.clearance",
         "planner.collision.checker",
     ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cached_property, partial
 
+import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
@@ -16,12 +17,13 @@ from baxter_kin.value_objects import OneLine, count
 from planner.clearance import Clearance
 from planner.collision.continuous.motion_bounds import MotionBounds
 from planner.collision.distances import UNKNOWN_DEPTH_M
+from planner.collision.mover import Mover
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.collision.shape_pairs import ShapePairs
 from planner.errors import SceneError
+from planner.scene.attachment import Attachment
 from planner.scene.bodies import Scene
-from planner.scene.contact import boxed, has_depth
-from planner.scene.held import Held
+from planner.scene.contact import Contact, PartContact, boxed, has_depth, hull
 
 FARTHEST_JOINT = 1000.0
 """Joint values beyond this, rad or m, are refused; distances would lose digits."""
@@ -44,6 +46,7 @@ class ClearanceChecker(OneLine):
         robot: the model of the whole robot.
         checked: the pairs of shapes that are checked.
         geometry: all shapes, without pairs.
+        contacts: what may come near or touch, because that is meant.
     """
 
     def __init__(
@@ -54,8 +57,8 @@ class ClearanceChecker(OneLine):
         *,
         touchable: str | None = None,
         may_press: bool = True,
-        held: Held | None = None,
-        supports: Iterable[str] = (),
+        held: Attachment | None = None,
+        supports: Iterable[PartContact | str] = (),
     ) -> None:
         """Build the geometry of that situation.
 
@@ -66,8 +69,9 @@ class ClearanceChecker(OneLine):
             touchable: name of the body that the hand grasps, is about to, or has let go.
             may_press: whether the pads may touch that body.
             held: what the hand carries.
-            supports: names of bodies that the held one may touch, because it stood or will stand on
-                them.
+            supports: what the held body may touch, because it stood or will stand on it: pairs of
+                parts, as `part_contacts` gives them, or names of bodies, any part of which it may
+                touch.
 
         Raises:
             SceneError: when the touchable or the held body is not in the scene, another hand holds
@@ -89,23 +93,33 @@ class ClearanceChecker(OneLine):
             held=held,
             supports=touched,
         )
+        near = (
+            () if touchable is None else Contact.of_hand(arm.side, touchable, may_press=may_press)
+        )
+        own = () if held is None else Contact.of_supports(held.body, touched)
+        self.contacts: tuple[Contact, ...] = (*near, *own)
         self.robot: pin.Model = shapes.robot.model
         self.shapes, pairs = shapes, ShapePairs(shapes, arm)
         still = scene if held is None else scene.without(held.body)
         bodies = pairs.add_scene(still, touchable, may_press=may_press, supports=touched)
         if held is not None:
-            pairs.add_held(scene[held.body], held.T_tip_body, bodies, touched)
+            pairs.add_held(scene[held.body], held.T_link_body, bodies, touched)
         self.checked = pairs.built()
         self.geometry = self.checked.geometry
+        self._hulls: dict[int, coal.CollisionGeometry] = {}
 
     def __reduce__(self) -> tuple[partial[ClearanceChecker], tuple[()]]:
         return self._made_by, ()
 
     @cached_property
+    def mover(self) -> Mover:
+        """The arm that moves, as the robot of the shapes has it: they move as theirs does."""
+        return Mover.of(self.shapes.robot.arm(self.arm.side))
+
+    @cached_property
     def motion_bounds(self) -> MotionBounds:
-        """Bounds on distances and motions of the shapes while the arm moves."""
-        arm = self.shapes.robot.arm(self.arm.side)  # the shapes move as theirs does
-        return MotionBounds(self.robot, self.geometry, arm, self.checked.covers)
+        """Bounds on distances and motions of the shapes while the mover moves."""
+        return MotionBounds(self.robot, self.geometry, self.mover, self.checked.covers)
 
     @cached_property
     def for_contacts(self) -> pin.GeometryModel:
@@ -122,6 +136,14 @@ class ClearanceChecker(OneLine):
         for first, second in np.searchsorted(kept, self.pairs).tolist():
             geometry.addCollisionPair(pin.CollisionPair(first, second))
         return geometry
+
+    def hull(self, shape: int) -> coal.CollisionGeometry:
+        """The convex hull of a shape, made once; coal's functors hold bare pointers to it."""
+        if shape < len(self.shapes.links):
+            return self.shapes.hull(shape)
+        if shape not in self._hulls:
+            self._hulls[shape] = hull(self.geometry.geometryObjects[shape].geometry)
+        return self._hulls[shape]
 
     def clearance(self, q: ArrayLike) -> Clearance:
         """The least distance at a full configuration, shape (19,).
@@ -195,13 +217,15 @@ class ClearanceChecker(OneLine):
         return nearest, least_m
 
 
-def _check_situation(arm: Arm, scene: Scene, touchable: str | None, held: Held | None) -> None:
+def _check_situation(
+    arm: Arm, scene: Scene, touchable: str | None, held: Attachment | None
+) -> None:
     expect(scene, Scene, "scene", SceneError)
     if touchable is not None:
         _ = scene[touchable]  # says what there is
     if held is None:
         return
-    _ = scene[expect(held, Held, "held", SceneError).body]
+    _ = scene[expect(held, Attachment, "held", SceneError).body]
     if held.side != arm.side:
         raise SceneError(
             f"{held.body!r} is in the {held.side} hand; the {arm.side} arm cannot carry it"

@@ -63,11 +63,12 @@ class CollisionContext(OneLine):
         self.margin_m = checked_margin_m(margin_m)
         q_full = finite_array(q_others, (checker.robot.nq,), "q_others", ConfigurationError)
         self._q_full = self.checker.configuration(q_full).copy()
-        self._where = np.array(checker.shapes.robot.indices(checker.arm.joint_names))
-        self._proven: tuple[Trajectory | None, ContinuousResult | None] = (
-            None,
-            None,
-        )  # asked for twice
+        self._where = np.array(checker.shapes.robot.indices(checker.mover.joint_names))
+
+    @property
+    def joints(self) -> int:
+        """How many joints move, J."""
+        return len(self._where)
 
     @property
     def q_others(self) -> FloatArray:
@@ -92,11 +93,7 @@ class CollisionContext(OneLine):
 
     def prove(self, trajectory: Trajectory) -> ContinuousResult:
         """A proof that a motion keeps the margin, or what speaks against it."""
-        known, result = self._proven
-        if known is not trajectory or result is None:
-            result = prove_clear(self.checker, trajectory, self._q_full, margin_m=self.margin_m)
-            self._proven = trajectory, result
-        return result
+        return prove_clear(self.checker, trajectory, self._q_full, margin_m=self.margin_m)
 
     def is_clear(self, trajectory: Trajectory) -> bool:
         """Whether a motion is proven to keep the margin; looked at in samples first."""
@@ -146,8 +143,9 @@ class CollisionContext(OneLine):
 
     def _full(self, q: ArrayLike) -> FloatArray:
         """A configuration with the rest of the robot, shape (19,); the next call overwrites it."""
-        if not _is_near(q):
-            q = finite_array(q, (7,), "q", ConfigurationError)
+        is_array = type(q) is np.ndarray and q.dtype == np.float64 and q.shape == (self.joints,)
+        if not (is_array and np.abs(q).max() < NEAR_RAD):  # nor where one is NaN
+            q = finite_array(q, (self.joints,), "q", ConfigurationError)
             full = self._q_full.copy()
             full[self._where] = q
             self.checker.configuration(full)
@@ -163,12 +161,6 @@ class CollisionContext(OneLine):
         found = [self.checker.distances_m(q, pairs, within_m) for q in qs_full]
         least: FloatArray = np.min(found, axis=0)
         return least
-
-
-def _is_near(q: ArrayLike) -> bool:
-    """Whether it is an array that needs no closer look; False for one that is not finite."""
-    is_array = type(q) is np.ndarray and q.dtype == np.float64 and q.shape == (7,)
-    return is_array and bool(np.abs(q).max() < NEAR_RAD)
 
 
 class Touches:

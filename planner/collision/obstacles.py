@@ -19,10 +19,8 @@ from baxter_kin.validation import FloatArray, Indices
 from planner.collision.checker import ClearanceChecker
 from planner.collision.continuous.motion_bounds import Placed
 from planner.collision.distances import NO_DISTANCE_M, UNKNOWN_DEPTH_M
-from planner.scene.contact import DISTANCE_TOLERANCE_M, hull
+from planner.scene.contact import DISTANCE_TOLERANCE_M
 from planner.splines import weights_at
-
-JOINTS = 7
 
 PAIRS = 6
 """Of shapes, whose distances are bounded at one time: the nearest ones."""
@@ -46,7 +44,7 @@ class LinearBounds(NamedTuple):
 
     Attributes:
         weights: of the four controls where they are asked for, shape (n, 4).
-        numbers: slopes by the joints, m/rad, and offsets, m, shape (n, PAIRS, 8).
+        numbers: slopes by the joints, m/rad, and offsets, m, shape (n, PAIRS, J + 1).
         excess_m: the least excess, over all intervals; `REACH_M` where nothing is as near.
     """
 
@@ -70,7 +68,7 @@ class Obstacles:
         Args:
             checker: of the situation.
             q_others: a full configuration, which says where all joints but the arm's stand.
-            resting: configurations at which the arm rests in it, shape (k, 7), rad.
+            resting: configurations at which the arm rests in it, shape (k, J), rad.
             margin_m: distance to keep, as far as it is kept there.
         """
         self._motion_bounds, self._checked = checker.motion_bounds, checker.checked
@@ -78,9 +76,8 @@ class Obstacles:
         self._numbers: Indices = np.flatnonzero(~checker.may_touch)
         self._pairs = checker.pairs[self._numbers]
         self._padding_m = self._checked.padding_m[self._numbers]
-        self._shapes, self._others = checker.shapes, checker.geometry.geometryObjects
-        self._is_own = (self._pairs < len(self._shapes.links)).all(axis=1)
-        self._hulls: dict[int, coal.CollisionGeometry] = {}
+        self._hull = checker.hull
+        self._is_own = (self._pairs < len(checker.shapes.links)).all(axis=1)
         self._functors: dict[int, coal.ComputeDistance] = {}
         self._poses: dict[int, coal.Transform3s] = {}
         self._posed, self._at = np.zeros(0), 0
@@ -91,11 +88,11 @@ class Obstacles:
             self.needed_m = self._kept(self._motion_bounds.place(self._full, resting), margin_m)
 
     def bounds(self, controls: FloatArray) -> LinearBounds:
-        """Near a motion by its controls, shape (n + 3, 7)."""
+        """Near a motion by its controls, shape (n + 3, J)."""
         fractions = np.arange(LOOKS) / LOOKS
-        windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)  # n, 7, 4
+        windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)  # n, J, 4
         intervals = len(windows)
-        qs = (windows @ weights_at(fractions).T).swapaxes(1, 2).reshape(-1, JOINTS)
+        qs = (windows @ weights_at(fractions).T).swapaxes(1, 2).reshape(-1, controls.shape[1])
         placed = self._motion_bounds.place(self._full, qs)
         gaps = self._gaps_m(placed) - self.needed_m
         least = np.full(len(qs), REACH_M)
@@ -105,8 +102,8 @@ class Obstacles:
                 for excess, _ in self._nearest(placed, k, gaps[k], 1, within_m):
                     least[k] = within_m = min(within_m, excess)
         deepest = least.reshape(intervals, LOOKS).argmin(axis=1)
-        numbers = np.zeros((intervals, PAIRS, JOINTS + 1))
-        numbers[:, :, JOINTS] = REACH_M
+        numbers = np.zeros((intervals, PAIRS, qs.shape[1] + 1))
+        numbers[:, :, -1] = REACH_M
         axes = self._motion_bounds.axes(placed)
         for interval, k in enumerate((LOOKS * np.arange(intervals) + deepest).tolist()):
             if least[k] < REACH_M:
@@ -156,13 +153,6 @@ class Obstacles:
         found = found if found > NO_DISTANCE_M else UNKNOWN_DEPTH_M
         return found - float(self._padding_m[i])
 
-    def _hull(self, shape: int) -> coal.CollisionGeometry:
-        if shape < len(self._shapes.links):
-            return self._shapes.hull(shape)
-        if shape not in self._hulls:  # kept: coal's functors hold bare pointers
-            self._hulls[shape] = hull(self._others[shape].geometry)
-        return self._hulls[shape]
-
     def _pose(self, placed: Placed, k: int, shape: int) -> coal.Transform3s:
         """Made once for as long as the same configuration is asked for."""
         if self._posed is not placed.shapes or self._at != k:
@@ -173,15 +163,14 @@ class Obstacles:
         return self._poses[shape]
 
     def _slope(self, placed: Placed, k: int, i: int, axes: FloatArray) -> FloatArray:
-        """Of a distance at a configuration, by the joints, shape (7,)."""
+        """Of a distance at a configuration, by the joints, shape (J,)."""
         self._distance(placed, k, i)
-        joints = placed.joints[k]
+        origins = placed.joints[k, :, :3, 3]
         x, y, z = np.array(self._result.normal)
         across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # r @ across = r x normal
         points = self._result.getNearestPoint1(), self._result.getNearestPoint2()
-        slope = np.zeros(JOINTS)
+        slope = np.zeros(len(axes))
         for shape, point, sign in zip(self._pairs[i], points, (-1.0, 1.0), strict=True):
-            depth = self._motion_bounds.depth[shape]
-            arms = (point - joints[:depth, :3, 3]) @ across
-            slope[:depth] += sign * np.einsum("ij,ij->i", axes[:depth], arms)
+            towards = np.einsum("ij,ij->i", axes, (point - origins) @ across)
+            slope += sign * self._motion_bounds.moves[shape] * towards
         return slope

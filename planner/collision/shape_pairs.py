@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Set
 from itertools import product
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -22,7 +23,16 @@ from planner.collision.distances import Distances, Enclosure
 from planner.collision.robot.link_shapes import LinkShape
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.scene.bodies import Body, Scene
-from planner.scene.contact import PRESSING_TOLERANCE_M, coal_shape, convex_pieces, has_depth
+from planner.scene.contact import (
+    PRESSING_TOLERANCE_M,
+    PartContact,
+    coal_shape,
+    convex_pieces,
+    has_depth,
+)
+
+Supports: TypeAlias = Set[PartContact | str]
+"""What a held or pushed body may touch: parts that touch, or bodies of which any part may."""
 
 
 class ShapePairs:
@@ -43,9 +53,10 @@ class ShapePairs:
         self.numbers: list[tuple[int, int]] = list(shapes.pairs_of(arm))
         self.made: list[LinkShape] = list(shapes.made)
         self.needs_m: dict[int, float] = {}
+        self._part_of: dict[int, int] = {}  # shape of a body -> number of its part
 
     def add_scene(
-        self, scene: Scene, touchable: str | None, *, may_press: bool, supports: Set[str]
+        self, scene: Scene, touchable: str | None, *, may_press: bool, supports: Supports
     ) -> dict[str, list[int]]:
         """Add bodies that stand still, and their pairs with the arm; gives the shapes of each.
 
@@ -53,15 +64,16 @@ class ShapePairs:
             scene: the bodies.
             touchable: name of the one that the hand may come near.
             may_press: whether its pads may touch it.
-            supports: names of those that something else may touch.
+            supports: what another body may touch of them.
         """
+        supporting = _names_of(supports)
         shapes, arm = self._robot, self._robot.of_arm(self._arm)
         hand, pads = shapes.of_hand(self._arm), shapes.of_pads(self._arm)
         added = {}
         for body in scene:
             is_near = body.name == touchable
             of_arm = sorted(arm & (shapes.details if is_near else shapes.wholes))
-            in_pieces = is_near or body.name in supports
+            in_pieces = is_near or body.name in supporting
             added[body.name] = self._add(body, 0, body.T_base_body, in_pieces=in_pieces)
             for index, other in product(added[body.name], of_arm):
                 need_m = None
@@ -71,7 +83,7 @@ class ShapePairs:
         return added
 
     def add_held(
-        self, body: Body, T_tip_body: pin.SE3, bodies: Mapping[str, list[int]], supports: Set[str]
+        self, body: Body, T_tip_body: pin.SE3, bodies: Mapping[str, list[int]], supports: Supports
     ) -> None:
         """Add what is in the hand, and its pairs with the robot and with bodies by their shapes.
 
@@ -79,38 +91,42 @@ class ShapePairs:
             body: what is held.
             T_tip_body: its pose seen from the tip.
             bodies: the shapes of all others.
-            supports: names of those that it may touch.
+            supports: what it may touch of them.
         """
         robot = self._robot.robot.model
         tip = robot.frames[robot.getFrameId(self._arm.tip_frame)]
-        in_pieces = not supports.isdisjoint(bodies)
+        in_pieces = not _names_of(supports).isdisjoint(bodies)
         T_joint_body = tip.placement * T_tip_body
         links = self._robot.wholes - self._robot.of_hand(self._arm)
         for index in self._add(body, tip.parentJoint, T_joint_body, in_pieces=in_pieces):
             self.pair_with_all(index, links, bodies, supports)
 
     def pair_with_all(
-        self, index: int, links: Set[int], bodies: Mapping[str, list[int]], supports: Set[str]
+        self, index: int, links: Set[int], bodies: Mapping[str, list[int]], supports: Supports
     ) -> None:
         """Check a shape of a body against links and other bodies, some of which it may touch."""
         for link in sorted(links):
             self.pair(index, link)
+        part = self._part_of[index]
         for name, others in bodies.items():
             for other in others:
-                self.pair(index, other, need_m=-PRESSING_TOLERANCE_M if name in supports else None)
+                contact = PartContact(part, name, self._part_of[other])
+                may_touch = name in supports or contact in supports
+                self.pair(index, other, need_m=-PRESSING_TOLERANCE_M if may_touch else None)
 
     def _add(
         self, body: Body, joint: int, T_joint_body: pin.SE3, *, in_pieces: bool = False
     ) -> list[int]:
         """Add a body's shapes; in convex pieces where a depth must be known, as in contacts."""
         added = []
-        for part in body.parts:
+        for number, part in enumerate(body.parts):
             placement = T_joint_body * part.T_body_part
             shapes = convex_pieces(part.shape) if in_pieces else (coal_shape(part.shape),)
             for shape in shapes:
                 name = f"{body.name}/{len(self.made)}"
                 placed = pin.GeometryObject(name, joint, placement, shape)
                 added.append(int(self.geometry.addGeometryObject(placed)))
+                self._part_of[added[-1]] = number
                 inside = None if has_depth(shape) else Enclosure.none()
                 self.made.append(LinkShape(body.name, shape, inside))
         return added
@@ -124,6 +140,11 @@ class ShapePairs:
     def built(self) -> CheckedPairs:
         """What is checked; nothing may be added any more."""
         return CheckedPairs(self, self._robot)
+
+
+def _names_of(supports: Supports) -> frozenset[str]:
+    """Names of the bodies that may be touched."""
+    return frozenset(each if isinstance(each, str) else each.other for each in supports)
 
 
 class CheckedPairs:

@@ -11,4 +11,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Grasp", "Miss", "MissKind"]
 
-__getattr__ = loader(__name__, ("planner.grasping.grasp",))
+__getattr__ = loader(
+    __name__, ("baxter_kin.kinematics.pinocchio_loading", "planner.grasping.grasp")
+)

@@ -29,7 +29,7 @@ from planner.collision.shape_pairs import CheckedPairs, ShapePairs
 from planner.grasping.grasp import Grasp
 from planner.manipulator import Manipulator
 from planner.scene.bodies import Scene
-from planner.scene.contact import touching
+from planner.scene.contact import PartContact, part_contacts
 
 FINGER_SPEED_M_S = 0.05
 """Speed of each finger: the whole stroke of 20.8 mm takes 0.42 s. The URDF's 5 m/s is a placeholder
@@ -52,7 +52,7 @@ class FingerTravel:
         end_m: finger position where it ends.
         touchable: name of the body that the pads may press on.
         pushed_m: how far a finger pushes that body along y of the tip meanwhile.
-        supports: names of the bodies that it may touch then.
+        supports: what that body may touch then.
     """
 
     scene: Scene
@@ -60,7 +60,7 @@ class FingerTravel:
     end_m: float
     touchable: str | None = None
     pushed_m: float = 0.0
-    supports: frozenset[str] = frozenset()
+    supports: frozenset[PartContact] = frozenset()
 
 
 def closing_travel(
@@ -71,7 +71,7 @@ def closing_travel(
     coming = FingerTravel(scene, opening_m, touch_m, name)
     if abs(grasp.push_m) <= NO_PUSH_M:
         return (coming,)
-    supports = touching(scene[name], scene)
+    supports = part_contacts(scene[name], scene)
     return coming, FingerTravel(scene, touch_m, grasp.finger_m, name, grasp.push_m, supports)
 
 
@@ -117,11 +117,11 @@ class TravelCheck:
         motion, counts = self._motion(poses, T_base_tip), counts & (self._rates > 0.0)
         return contact_of(self._checked, motion, margin_m, np.flatnonzero(counts))
 
-    def _motion(self, poses: FloatArray, T_base_tip: pin.SE3) -> FingerMotion:
+    def _motion(self, poses: FloatArray, T_base_tip: pin.SE3) -> _FingerMotion:
         travel = self._travel
         poses[1, self._pushed, :3, 3] += travel.pushed_m * T_base_tip.rotation[:, 1]
         length_m = max(abs(travel.end_m - travel.begin_m), abs(travel.pushed_m))
-        return FingerMotion(poses, length_m, self._rates, self._checked)
+        return _FingerMotion(poses, length_m, self._rates, self._checked)
 
     def _poses(self, q: FloatArray) -> FloatArray:
         """Poses of all shapes with the fingers where they begin and end, shape (2, n, 4, 4)."""
@@ -142,7 +142,7 @@ def travel_check(manipulator: Manipulator, travel: FingerTravel) -> TravelCheck:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FingerMotion:
+class _FingerMotion:
     """Shapes that slide along the closing axis at one speed.
 
     Attributes:

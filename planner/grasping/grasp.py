@@ -14,21 +14,33 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from itertools import product
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import millimetres_hint
-from baxter_kin.validation import Checked
+from baxter_kin.validation import Checked, FloatArray
 from baxter_kin.value_objects import OneLine, millimetres, sentence
 from planner.errors import SceneError
-from planner.scene.bodies import Body, Part
+from planner.scene.bodies import Body, Box, Cylinder, Part, Sphere
+from planner.scene.contact import travel_to_contact
+from planner.scene.mesh import Mesh, cuboid
 
 LEAST_PAD_M = 0.002
 """With less of a pad on a body it slips off. Chosen: nobody published one for these pads."""
 
 NEAR_EDGE_M = 0.010
 """A grasp with less of a pad on the body is near an edge: a quarter of the left hand's pads."""
+
+ROUNDING_M = 1e-12
+"""How far a point on the edge of a pad may be beside it by rounding."""
+
+PLATE_M = 0.01
+"""Thickness of a plate that finds out how far a round shape reaches; any will do."""
+
+_Interval: TypeAlias = tuple[float, float]
 
 _WHOLE_M = 1e-6
 """How much may be missing where a pad counts as wholly used, by rounding."""
@@ -149,6 +161,90 @@ def extent(part: Part, axis: int) -> tuple[float, float]:
     T = part.T_body_part
     middle, along_part = float(T.translation[axis]), T.rotation.T @ along
     return middle - part.shape.support_m(-along_part), middle + part.shape.support_m(along_part)
+
+
+def width_between_m(pads: Sequence[Part], parts: Sequence[Part], gap_m: float) -> float:
+    """How much of the closing axis is covered between the pads, 0 where nothing is.
+
+    Only what lies in front of the pads counts: shapes cut off at the rectangle of the pads along x
+    and z, of which some is less than half the gap from the middle between them. So a mug that is
+    held by its handle is as wide as the handle, and a tray that is held by its rim as the rim. Of a
+    mesh that is not convex, each triangle counts by itself.
+
+    Args:
+        pads: the shapes of both pads, placed in the frame of the tip.
+        parts: shapes, placed in the same frame.
+        gap_m: distance between the pads.
+    """
+    x, z = _span(pads, 0), _span(pads, 2)
+    covered = np.concatenate([_covered(part, x, z) for part in parts])
+    between = covered[(covered[:, 0] < gap_m / 2) & (covered[:, 1] > -gap_m / 2)]
+    return float(between[:, 1].max() - between[:, 0].min()) if len(between) else 0.0
+
+
+def _covered(part: Part, x: _Interval, z: _Interval) -> FloatArray:
+    """The intervals along y that a shape covers inside a rectangle of x and z, shape (n, 2), m."""
+    if isinstance(part.shape, (Cylinder, Sphere)):
+        return _covered_by_round(part, x, z)
+    mesh = part.shape if isinstance(part.shape, Mesh) else cuboid(part.shape.size_m)
+    T = part.T_body_part
+    intervals = _clipped(mesh.corners @ T.rotation.T + T.translation, x, z)
+    if not mesh.is_convex or not len(intervals):
+        return intervals
+    return np.array([[intervals[:, 0].min(), intervals[:, 1].max()]])
+
+
+def _covered_by_round(part: Part, x: _Interval, z: _Interval) -> FloatArray:
+    """That of a cylinder or a ball: how far a plate in the rectangle gets from either side."""
+    low, high = extent(part, 1)
+    size = x[1] - x[0], PLATE_M, z[1] - z[0]
+    ends = []
+    for sign, start in ((1.0, low), (-1.0, high)):
+        middle = np.array([sum(x) / 2, start - sign * PLATE_M, sum(z) / 2])
+        plate = Part(Box(size), pin.SE3(np.eye(3), middle))
+        travel = travel_to_contact(plate, sign * np.eye(3)[1], part, high - low + PLATE_M)
+        if travel is None:
+            return np.empty((0, 2))
+        ends.append(start + sign * (travel - PLATE_M / 2))
+    return np.array([ends])
+
+
+def _clipped(triangles: FloatArray, x: _Interval, z: _Interval) -> FloatArray:
+    """The intervals along y of triangles, shape (n, 3, 3), m, cut off at a rectangle of x and z.
+
+    A triangle is cut off to a polygon, whose corners are those of the triangle that are inside the
+    rectangle, where its edges cross the sides of the rectangle, and the corners of the rectangle
+    that the triangle covers, seen along y.
+
+    Returns:
+        Of those that have something inside, shape (m, 2), m.
+    """
+    sides = np.array([x, z])
+    starts, ways = triangles, triangles[:, [1, 2, 0]] - triangles
+    found = [triangles]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for axis, bounds in zip((0, 2), sides, strict=True):
+            for bound in bounds:
+                share = (bound - starts[..., axis]) / ways[..., axis]
+                share = np.where((share >= 0.0) & (share <= 1.0), share, np.nan)
+                found.append(starts + share[..., None] * ways)
+        normals = np.cross(ways[:, 0], ways[:, 1])
+        for corner in product(*sides):
+            way = np.array([corner[0], 0.0, corner[1]]) - starts[:, 0]
+            y = -(normals[:, 0] * way[:, 0] + normals[:, 2] * way[:, 2]) / normals[:, 1]
+            above = np.stack(
+                [np.full(len(y), corner[0]), starts[:, 0, 1] + y, np.full(len(y), corner[1])], 1
+            )
+            turns = np.cross(ways, above[:, None] - starts)[..., 1] * np.sign(normals[:, None, 1])
+            above[~(turns >= 0.0).all(axis=1)] = np.nan
+            found.append(above[:, None])
+    points = np.concatenate(found, axis=1)
+    inside = np.isfinite(points[..., 1])
+    for axis, (low, high) in zip((0, 2), sides, strict=True):
+        inside &= (points[..., axis] >= low - ROUNDING_M) & (points[..., axis] <= high + ROUNDING_M)
+    lows = np.where(inside, points[..., 1], np.inf).min(axis=1)
+    highs = np.where(inside, points[..., 1], -np.inf).max(axis=1)
+    return np.stack([lows, highs], axis=1)[inside.any(axis=1)]
 
 
 def centre_off_m(pads: Sequence[Sequence[Part]], body: Body) -> float:

@@ -7,7 +7,7 @@ finger tips. The model of closing, and its limits, are on `planner.grasping.gras
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,7 @@ from planner.grasping.grasp import (
     extent,
     misfit,
     slips,
+    width_between_m,
 )
 from planner.scene.bodies import Body, Part
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m, travel_to_contact
@@ -147,14 +148,17 @@ class Hand(Checked, OneLine, error=SceneError):
         return 100.0 * finger_m / self.stroke_m
 
     def width_across_m(self, T_base_tip: PoseLike, body: Body) -> float:
-        """How much of the closing axis a body covers where it is.
+        """How wide a body is between the pads of the open hand, along the closing axis.
+
+        Only what is in front of the pads counts, and lies between them: of a mug, the handle that
+        they are around. 0 where nothing is there.
 
         Raises:
             PoseError: when the pose is not a valid one.
         """
-        closing_axis = checked_pose(T_base_tip).rotation[:, 1]
-        low, high = expect(body, Body, "body", SceneError).extent_m(closing_axis)
-        return high - low
+        T_tip_base = checked_pose(T_base_tip).inverse()
+        seen = expect(body, Body, "body", SceneError).at(T_tip_base * body.T_base_body)
+        return self._width_m(seen, self.open_gap_m)
 
     def close_on(self, T_base_tip: PoseLike, body: Body, finger_m: float) -> Grasp | Miss:
         """What happens when the fingers close from `finger_m` around a body that can slide.
@@ -169,9 +173,10 @@ class Hand(Checked, OneLine, error=SceneError):
             ConfigurationError: when the finger position is outside 0 .. stroke.
         """
         self._check_finger(finger_m)
-        width, opening = self.width_across_m(T_base_tip, body), self.closed_gap_m + 2 * finger_m
+        expect(body, Body, "body", SceneError)
         T_tip_body = checked_pose(T_base_tip).inverse() * body.T_base_body
-        seen = body.at(T_tip_body)
+        seen, opening = body.at(T_tip_body), self.closed_gap_m + 2 * finger_m
+        width = self._width_m(seen, opening)
         if width > opening:
             return misfit(MissKind.TOO_WIDE, body.name, width, opening)
         travels = self._travels(seen, finger_m)
@@ -186,28 +191,32 @@ class Hand(Checked, OneLine, error=SceneError):
     def _facts(self) -> tuple[str, ...]:
         return self.side, f"opens {1e3 * self.closed_gap_m:.1f} .. {1e3 * self.open_gap_m:.1f} mm"
 
+    def _width_m(self, seen: Body, gap_m: float) -> float:
+        """How wide a body seen from the tip is between pads that are so far apart."""
+        first, second = self.pads
+        return width_between_m((*first, *second), seen.placed_parts, gap_m)
+
     def _travels(self, seen: Body, finger_m: float) -> tuple[float, float] | Miss:
         """How far each pad moves until it touches a body seen from the tip."""
         parts = seen.placed_parts
         room = 2 * finger_m
         first, second = self._pads_at(finger_m)
-        first_m, second_m = _travel(first, -1.0, parts, room), _travel(second, +1.0, parts, room)
-        if any(m is not None and m <= -PRESSING_TOLERANCE_M for m in (first_m, second_m)):
+        if any(
+            nearer(pad, part, -PRESSING_TOLERANCE_M) for pad in (*first, *second) for part in parts
+        ):
             text = f"{seen.name} reaches into a finger before they close"
             return Miss(MissKind.NOT_BETWEEN, text, seen.name)
+        first_m, second_m = _travel(first, -1.0, parts, room), _travel(second, +1.0, parts, room)
         if first_m is None or second_m is None or first_m + second_m > room:
             return self._untouched(seen)
         return first_m, second_m
 
     def _untouched(self, seen: Body) -> Miss:
         """Why the pads do not touch a body seen from the tip: too thin for them, or beside them."""
-        width = sum(seen.extent_m(sign * CLOSING_AXIS)[1] for sign in (1, -1))
-        is_between = centre_off_m(self._pads_at(0.0), seen) == 0.0 and width < self.closed_gap_m
-        return (
-            misfit(MissKind.TOO_THIN, seen.name, width, self.closed_gap_m)
-            if is_between
-            else beside(seen)
-        )
+        width = self._width_m(seen, self.open_gap_m)
+        if 0.0 < width < self.closed_gap_m:
+            return misfit(MissKind.TOO_THIN, seen.name, width, self.closed_gap_m)
+        return beside(seen)
 
     def _held(self, moved: Body, finger_m: float, push_m: float) -> Grasp | Miss:
         """The grasp of a body, seen from the tip, that both pads touch, if they hold it."""
@@ -231,6 +240,12 @@ class Hand(Checked, OneLine, error=SceneError):
         first, second = self.pads
         return [_shifted(p, finger_m) for p in first], [_shifted(p, -finger_m) for p in second]
 
+    def fingers_at(self, T_base_tip: pin.SE3, finger_m: float) -> Iterator[Part]:
+        """All shapes of both fingers where they are at a finger position, seen from base."""
+        for finger, sign in zip(self.fingers, (1.0, -1.0), strict=True):
+            for part in finger:
+                yield part.at(T_base_tip * _along_y(sign * finger_m) * part.T_body_part)
+
     def pads_at(self, T_base_tip: PoseLike, finger_m: float) -> tuple[Part, ...]:
         """The shapes of both pads where they are, seen from base.
 
@@ -242,6 +257,16 @@ class Hand(Checked, OneLine, error=SceneError):
         T = checked_pose(T_base_tip)
         first, second = self._pads_at(finger_m)
         return tuple(part.at(T * part.T_body_part) for part in (*first, *second))
+
+    def room_m(self, T_base_tip: PoseLike, finger_m: float, body: Body) -> float:
+        """The least distance of the pads from a body, m; negative where they are inside it.
+
+        Raises:
+            PoseError: when the pose is not a valid one.
+            ConfigurationError: when the finger position is outside 0 .. stroke.
+        """
+        pads, parts = self.pads_at(T_base_tip, finger_m), body.placed_parts
+        return min(gap_m(pad, part) for pad in pads for part in parts)
 
     def _check_finger(self, finger_m: float) -> None:
         x = finite_scalar(finger_m, "finger position", ConfigurationError)
@@ -281,6 +306,16 @@ def _travel(
     hits = [travel_to_contact(piece, along, part, room_m) for piece in begin for part in parts]
     least = min((hit for hit in hits if hit is not None), default=None)
     return None if least is None else least - PRESSING_TOLERANCE_M
+
+
+def nearer(finger: Part, part: Part, than_m: float) -> bool:
+    """Whether a shape of a finger and another are nearer than that; depths are negative."""
+    room_m = max(_gap(extent(finger, axis), extent(part, axis)) for axis in range(3))
+    return room_m < max(than_m, 0.0) and gap_m(finger, part) < than_m
+
+
+def _gap(one: tuple[float, float], other: tuple[float, float]) -> float:
+    return max(one[0], other[0]) - min(one[1], other[1])
 
 
 def _overlap(pad: Sequence[Part], parts: Sequence[Part]) -> Overlap:

@@ -7,16 +7,18 @@ of base. At yaw zero the closing axis, y of the gripper frame, is y of base.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.errors import expect
+from baxter_kin.errors import expect, expect_all
 from baxter_kin.validation import FloatArray, finite_scalar, positive_scalar
 from planner.errors import SceneError
-from planner.grasping.grasp import extent
-from planner.grasping.hand import Hand
+from planner.grasping.grasp import Grasp, Miss, extent
+from planner.grasping.hand import Hand, nearer
 from planner.scene.bodies import Body, Box, Cylinder, Part, Shape
 from planner.scene.mesh import Mesh
 
@@ -33,6 +35,13 @@ AS_NARROW_M = 1e-6
 MESH_STEP_RAD = math.radians(1.0)
 """Between the yaws that are tried for a mesh, whose sides are not known."""
 
+ROUND_STEP_RAD = math.radians(15.0)
+"""Between the yaws that are tried for something round."""
+
+LEAST_ROOM_M = 3e-4
+"""Fingers that cannot open all the way leave at least so much room between pads and body; so much
+they keep from its neighbours as well."""
+
 LEVEL = 1e-6
 """An axis with less of its length in the plane is vertical; it says nothing about yaw."""
 
@@ -41,23 +50,33 @@ R_BASE_DOWN = np.diag([-1.0, 1.0, -1.0])
 
 
 def overhead_grasp(
-    hand: Hand, body: Body, *, yaw_rad: float = 0.0, clear_m: float = FINGER_CLEARANCE_M
+    hand: Hand,
+    body: Body,
+    *,
+    neighbours: Iterable[Body] = (),
+    yaw_rad: float = 0.0,
+    clear_m: float = FINGER_CLEARANCE_M,
 ) -> pin.SE3:
     """Where the tip must be to grasp a body from above, where it stands now.
 
     The closing axis is level, along the narrowest side of the body that the hand can hold. Of sides
-    equally narrow, and of both ways round, the yaw nearest to `yaw_rad` is taken. The pads go to
-    half the body's height, or higher: the fingers stay above its lowest point, so clear of what it
-    stands on, and the palm above its highest.
+    equally narrow, and of both ways round, the yaw nearest to `yaw_rad` is taken. Where a neighbour
+    leaves no room for the fingers there, the next side that the hand can hold is taken. The pads go
+    to half the body's height, or higher: the fingers stay above its lowest point, so clear of what
+    it stands on, and the palm above its highest.
 
     Sides are those of the body's boxes and cylinders, so that pads lie flush on them; of a mesh,
-    every degree is tried. Whether the grasp holds is not asked here: for a body that does not fit
-    into the hand the pose that comes nearest is given. `Hand.close_on` tells what comes of it, and
-    a plan with it is refused with the reason.
+    every degree is tried, of something round, every 15 degrees. A body of several parts that does
+    not fit in the middle is grasped by one of its parts that does, such as a mug by its handle.
+
+    Whether the grasp holds is not asked here: for a body that does not fit into the hand, or that
+    neighbours enclose, the pose that comes nearest is given. `Hand.close_on` tells what comes of
+    it, and a plan with it is refused with the reason.
 
     Args:
         hand: the hand; either arm's.
         body: what to grasp.
+        neighbours: what stands around it, such as a scene; the body itself may be among them.
         yaw_rad: preferred angle from y of base to the closing axis, about z of base.
         clear_m: how far the fingers stay above the body's lowest point, above zero; a third of
             its height where that is less.
@@ -66,26 +85,99 @@ def overhead_grasp(
         The tip pose, seen from base.
 
     Raises:
-        SceneError: when `hand` is no Hand, `body` no Body, the yaw is no finite number, or the
-            clearance is not above zero.
+        SceneError: when `hand` is no Hand, `body` no Body, a neighbour no Body, the yaw is no
+            finite number, or the clearance is not above zero.
     """
     expect(hand, Hand, "hand", SceneError)
     expect(body, Body, "body", SceneError)
+    known = expect_all(neighbours, Body, "neighbours", SceneError)
     preferred = finite_scalar(yaw_rad, "yaw_rad", SceneError)
     least_m = positive_scalar(clear_m, "clear_m", SceneError)
-    R_base_tip = _yawed(_best_yaw(hand, body, preferred))
-    level = sum(axis * sum(body.extent_m(axis)) / 2 for axis in R_base_tip.T[:2])
-    return pin.SE3(R_base_tip, level + np.array([0.0, 0.0, _tip_z(hand, body, least_m)]))
+    others = [part for other in known if other.name != body.name for part in other.placed_parts]
+    wholes = list(_candidates(hand, body, body.parts, preferred, least_m))
+    fitting = [each for each in wholes if each.fits]
+    if not fitting and len(body.parts) > 1:
+        by_part = [_candidates(hand, body, (part,), preferred, least_m) for part in body.parts]
+        held = (each for each in chain(*by_part) if each.fits)
+        fitting = [each for each in held if isinstance(each.closed(hand, body), Grasp)]
+    ranked = _ranked(fitting or wholes)
+    free = (each for each in ranked if each.is_free(hand, body, others))
+    return next(free, ranked[0]).T_base_tip if fitting else ranked[0].T_base_tip
 
 
-def _best_yaw(hand: Hand, body: Body, preferred: float) -> float:
-    """The yaw of the narrowest side that fits, of several the one nearest to the preferred."""
-    sides = [yaw for part in body.parts for yaw in _sides(part, body.T_base_body.rotation)]
-    yaws = [yaw + turn for yaw in sides or [preferred] for turn in (0.0, math.pi)]
-    costs = np.array([_cost(hand, body, yaw) for yaw in yaws])
-    is_as_good = (costs <= np.array(min(costs.tolist())) + AS_NARROW_M).all(axis=1)
-    best = (yaws[i] for i in np.flatnonzero(is_as_good))
-    return min(best, key=lambda yaw: abs(math.remainder(yaw - preferred, math.tau)))
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    """A pose of the tip from which a body might be grasped.
+
+    Attributes:
+        T_base_tip: the pose.
+        misfit_m: how much too wide or too thin for the hand the body is there.
+        width_m: how wide it is between the pads.
+        turned_rad: how far the yaw is from the preferred one.
+    """
+
+    T_base_tip: pin.SE3
+    misfit_m: float
+    width_m: float
+    turned_rad: float
+
+    @property
+    def fits(self) -> bool:
+        return self.misfit_m == 0.0
+
+    def closed(self, hand: Hand, body: Body) -> Grasp | Miss:
+        """What happens when the open hand closes there."""
+        return hand.close_on(self.T_base_tip, body, hand.stroke_m)
+
+    def is_free(self, hand: Hand, body: Body, others: Sequence[Part]) -> bool:
+        """Whether the fingers, open as little as they can be around the body, are in nothing."""
+        if not others:
+            return True
+        found = self.closed(hand, body)
+        if isinstance(found, Miss):
+            return False
+        least_m = min(found.finger_m + abs(found.push_m) + LEAST_ROOM_M, hand.stroke_m)
+        fingers = hand.fingers_at(self.T_base_tip, least_m)
+        return not any(
+            nearer(finger, other, LEAST_ROOM_M) for finger in fingers for other in others
+        )
+
+
+def _candidates(
+    hand: Hand, body: Body, parts: Sequence[Part], preferred: float, clear_m: float
+) -> Iterator[_Candidate]:
+    """Poses above the middle of some parts of a body, for each of their sides."""
+    yaws = [yaw for part in parts for yaw in _sides(part, body.T_base_body.rotation)]
+    yaws = yaws or [preferred + turn for turn in np.arange(0.0, math.pi, ROUND_STEP_RAD).tolist()]
+    grasped, z = replace(body, parts=tuple(parts)), _tip_z(hand, body, parts, clear_m)
+    for yaw in yaws:
+        R = _yawed(yaw)
+        level = sum(axis * sum(grasped.extent_m(axis)) / 2 for axis in R.T[:2])
+        point = level + np.array([0.0, 0.0, z])
+        width = hand.width_across_m(pin.SE3(R, point), body)
+        misfit = max(width - hand.open_gap_m, hand.closed_gap_m - width, 0.0)
+        for turn in (0.0, math.pi):
+            turned = abs(math.remainder(yaw + turn - preferred, math.tau))
+            yield _Candidate(pin.SE3(_yawed(yaw + turn), point), misfit, width, turned)
+
+
+def _ranked(candidates: Iterable[_Candidate]) -> list[_Candidate]:
+    """The candidates, the best one first: those that fit, the narrowest, the least turned.
+
+    Of those that are as narrow within `AS_NARROW_M`, the least turned one comes first.
+    """
+    left, ranked = sorted(candidates, key=lambda each: (each.misfit_m, each.width_m)), []
+    while left:
+        first = left[0]
+        alike = [
+            each
+            for each in left
+            if each.misfit_m <= first.misfit_m + AS_NARROW_M
+            and each.width_m <= first.width_m + AS_NARROW_M
+        ]
+        ranked += sorted(alike, key=lambda each: each.turned_rad)
+        left = [each for each in left if each not in alike]
+    return ranked
 
 
 def _sides(part: Part, R_base_body: FloatArray) -> Iterator[float]:
@@ -105,21 +197,15 @@ def _axes(shape: Shape) -> FloatArray:
     return np.eye(3)[2:] if isinstance(shape, Cylinder) else np.empty((0, 3))
 
 
-def _cost(hand: Hand, body: Body, yaw: float) -> tuple[float, float]:
-    """How much too wide or too thin the body is for the hand at that yaw, and how wide."""
-    low, high = body.extent_m(_yawed(yaw)[:, 1])
-    width = high - low
-    return max(width - hand.open_gap_m, hand.closed_gap_m - width, 0.0), width
-
-
-def _tip_z(hand: Hand, body: Body, clear_m: float) -> float:
-    """How high the tip goes, in base: z of the gripper points down there."""
+def _tip_z(hand: Hand, body: Body, parts: Sequence[Part], clear_m: float) -> float:
+    """How high the tip goes to grasp parts of a body, in base: z of the gripper points down."""
     low, high = body.extent_m((0.0, 0.0, 1.0))
+    middle = sum(replace(body, parts=tuple(parts)).extent_m((0.0, 0.0, 1.0))) / 2
     pads = [extent(part, 2) for pad in hand.pads for part in pad]
     pad_middle = (min(begin for begin, _ in pads) + max(end for _, end in pads)) / 2
     reach = max(extent(part, 2)[1] for finger in hand.fingers for part in finger)
     palm = hand.palm_z_m
-    centred = (low + high) / 2 + pad_middle
+    centred = middle + pad_middle
     off_the_ground = low + min(clear_m, LOWEST_SHARE * (high - low)) + reach
     under_the_palm = high + palm + FINGER_CLEARANCE_M
     return max(centred, off_the_ground, under_the_palm)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 from planner.collision.obstacles import LinearBounds, Obstacles
-from planner.motion.program.motion_program import Clearances
+from planner.motion.program.clearance_rows import Clearances
 from planner.splines import Sketch
 from planner.trajectory import Trajectory
 
@@ -54,7 +54,7 @@ def led_around(
     found: list[Motions] = []
     failures, trust_rad, bounds = 0, TRUST_RAD, _bounds(obstacles, sketches)
     for number in range(1, ROUNDS + 1):
-        led = solve(sketches, Clearances.of(bounds, trust_rad))
+        led = solve(sketches, Clearances(bounds, trust_rad))
         if led is None or number > ROUNDS // 2:
             trust_rad *= LESS_TRUST
         if led is None:

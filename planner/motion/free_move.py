@@ -22,11 +22,17 @@ from baxter_kin.errors import MissingLibraryError, expect
 from baxter_kin.validation import FloatArray, positive_scalar
 from planner.clearance import checked_margin_m
 from planner.collision.context import CollisionContext
-from planner.collision.obstacles import JOINTS, Obstacles
+from planner.collision.obstacles import Obstacles
 from planner.collision.sampling import SCREENING_STEP_RAD, IsFree, looks_clear
 from planner.errors import FreeMoveError, MotionError
 from planner.motion.avoidance import led_around
-from planner.motion.joint_move import plan_joint_move, rest_to_rest_s, stopping_at
+from planner.motion.joint_move import (
+    ROUNDING_RAD,
+    checked_start,
+    plan_joint_move,
+    rest_to_rest_s,
+    stopping_at,
+)
 from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.phases import MotionTask, Phase
 from planner.paths.rrt import EDGE_STEP_RAD, search_corners
@@ -66,6 +72,7 @@ def plan_free_move(
     rng: np.random.Generator | None = None,
     timeout_s: float = TIMEOUT_S,
     margin_m: float = DEFAULT_MARGIN_M,
+    clip_start: bool = False,
 ) -> Trajectory:
     """A fast motion from rest to rest that touches nothing, around obstacles if need be.
 
@@ -80,6 +87,9 @@ def plan_free_move(
             not up. Always the same when not given.
         timeout_s: when to give up searching for ways around; to make them fast takes its own time.
         margin_m: distance to keep while searching; near start and goal, what they leave.
+        clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
+            warning in the log, instead of refused; a start outside by no more than 1e-6 rad
+            always is, without one.
 
     Raises:
         FreeMoveError: when start or goal collides, no way is found or proven, or OMPL would have to
@@ -98,9 +108,10 @@ def plan_free_move(
     if not callable(judge):
         raise MotionError(f"is_clear must be callable, got {type(judge).__name__}")
     margin_m = checked_margin_m(margin_m)
-    ends = np.array([limits.check(q_start, "q_start"), limits.check(q_goal, "q_goal")])
-    if ends.shape[1] != JOINTS:
-        raise MotionError(f"the limits are of {ends.shape[1]} joints; an arm has {JOINTS}")
+    start = checked_start(q_start, limits, clip_start=clip_start)
+    ends = np.array([start, limits.check(q_goal, "q_goal", ROUNDING_RAD)])
+    if ends.shape[1] != context.joints:
+        raise MotionError(f"the limits are of {ends.shape[1]} joints; an arm has {context.joints}")
     for which, q in zip(("start", "goal"), ends, strict=True):
         if not context.is_free(q):
             near = context.clearance(q).too_near(context.margin_m)
@@ -165,8 +176,9 @@ class _Search:
     def _led(self, obstacles: Obstacles, sketch: Sketch) -> Trajectory | None:
         """The first clear motion near a sketch, led around obstacles."""
         task = MotionTask(self.straight.q_start, q_goal=self.straight.q_goal)
+        program = _program(len(self.limits.names))
         motions = led_around(
-            lambda sketches, near: _program().solve(sketches, task, None, self.limits, near),
+            lambda sketches, near: program.solve(sketches, task, None, self.limits, near),
             [obstacles],
             [sketch],
             enough_s=ENOUGH * self.straight.duration,
@@ -189,8 +201,8 @@ class _Search:
 
 
 @cache
-def _program() -> MotionProgram:
-    return MotionProgram([Phase(INTERVALS, rests=True, at_goal=True)], keeps_clear=True)
+def _program(joints: int) -> MotionProgram:
+    return MotionProgram([Phase(INTERVALS, rests=True, at_goal=True)], joints)
 
 
 def _through(corners: FloatArray, limits: JointLimits) -> Sketch:
@@ -199,4 +211,4 @@ def _through(corners: FloatArray, limits: JointLimits) -> Sketch:
     t = np.linspace(0.0, 1.0, INTERVALS + 1)
     at = times[-1] * t**2 * (3.0 - 2.0 * t)
     q = np.stack([np.interp(at, times, joint) for joint in corners.T], axis=1)
-    return Sketch(q, np.zeros((2, JOINTS)), float(times[-1]))
+    return Sketch(q, np.zeros((2, q.shape[1])), float(times[-1]))

@@ -55,7 +55,7 @@ def along(arm: Arm, limits: JointLimits, q: FloatArray, way: Way) -> Sketch | Fo
     if len(there.qs) < way.intervals:
         return there
     qs = np.array([q, *there.qs])
-    v_ends, duration_s = np.zeros((2, 7)), float(rest_to_rest_s(qs[-1] - q, limits))
+    v_ends, duration_s = np.zeros((2, len(q))), float(rest_to_rest_s(qs[-1] - q, limits))
     if way.ends_at_rest:
         controls = Sketch(qs, v_ends, 1.0).controls
         velocity, acceleration, _ = trajectory_of(controls, 1.0, limits).peak_ratios()

@@ -4,21 +4,38 @@ Ruckig (Berscheid and Kroeger 2021) finds the fastest motion under limits on vel
 and jerk. It checks little of what it is given, so everything is checked before: wrong sizes and
 NaN make it read out of bounds, and limits left unset count as infinite. Its position limits are
 ignored by the library, so the exact extrema of the result are compared with ours.
+
+Between moving states each joint is planned on its own, with limits that are wider by rounding, and
+compared with the closed forms of `joint_profile`, which says why. Then all joints are given the
+duration of the slowest.
 """
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import re
-from itertools import pairwise
+from collections.abc import Iterator
+from itertools import pairwise, starmap
+from typing import NamedTuple
 
 import numpy as np
 import ruckig
 from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
-from baxter_kin.errors import expect
+from baxter_kin.errors import ConfigurationError, degrees_hint, expect
 from baxter_kin.validation import FloatArray, finite_array, float_array
 from planner.errors import MotionError, TrajectoryError
+from planner.motion.joint_profile import (
+    ROUNDING,
+    Profile,
+    Rates,
+    State,
+    corrected,
+    direct,
+    through_rest,
+)
 from planner.trajectory import CONTINUITY_TOLERANCE, JointState, Trajectory, joined
 
 SHORTEST_SEGMENT_S = 1e-12
@@ -37,8 +54,45 @@ GOAL_TOLERANCE_RAD = CONTINUITY_TOLERANCE
 POSITION_TOLERANCE_RAD = 1e-9
 """How far a motion may leave the position limits, by rounding."""
 
-RATIO_TOLERANCE = 1e-9
+RATIO_TOLERANCE = ROUNDING
 """How far a velocity, acceleration or jerk may exceed its limit, relative to it, by rounding."""
+
+_WIDENING = 1e-12, 0.5 * RATIO_TOLERANCE, 0.99 * RATIO_TOLERANCE
+"""By which shares limits are widened between moving states; the first is enough for most.
+
+A state sampled from a time-optimal motion lies on the boundary of what can be reached in the time
+that remains: rounding decides on which side, and on the wrong side the fastest motion may take
+seconds longer. Under wider limits the state lies inside. Where a motion needs the second, its
+samples may need the third.
+"""
+
+_DELAYS_S = 0.0, 1e-9, 1e-8, 1e-7
+"""Delays to try where Ruckig finds no profile of a given duration, next to its shortest."""
+
+_SAME_END = 0.2 * CONTINUITY_TOLERANCE
+"""By how much a joint may be off, in rad and rad/s, because it ends a little before the others."""
+
+_EXACT = 1e-11
+"""By how much a profile may miss its goal, in rad, rad/s and rad/s^2; Ruckig allows itself 1e-8."""
+
+_SAME_KNOT_S = 1e-14
+"""Knots of several joints that are closer are one; farther ones would matter at the end of a long
+motion: a jerk that lasts too long by dt moves the end by j dt t^2 / 2."""
+
+_ROUNDS = 50
+"""How often the duration is raised before each joint goes through rest; seven joints need a few."""
+
+_FASTER_S = 1e-7
+"""A profile has to be faster by this to be preferred to one that is closer to the limits given."""
+
+
+ROUNDING_RAD = 1e-6
+"""How far outside the position limits a start or goal may be by rounding; it is moved inside."""
+
+MAX_CLIP_RAD = 0.1
+"""How far outside its limits a real arm stands at most, as tucked ones do."""
+
+_LOG = logging.getLogger(__name__)
 
 
 def plan_joint_move(
@@ -50,12 +104,18 @@ def plan_joint_move(
     a_start: ArrayLike | None = None,
     v_goal: ArrayLike | None = None,
     a_goal: ArrayLike | None = None,
+    clip_start: bool = False,
 ) -> Trajectory:
     """The fastest motion between two joint states; from rest to rest unless said otherwise.
 
     The slowest joint sets the duration and all joints end together. From rest to rest they also
     move in proportion, along a straight line in joint space, where the limits allow that in the
     same time.
+
+    A velocity or acceleration that exceeds its limit by at most `RATIO_TOLERANCE` of the limit is
+    moved to it, and so is a velocity that would exceed it once the acceleration has gone to zero.
+    The motion begins and ends in the states so given, and its rates exceed no limit by more than
+    the same share. Planning again and again from samples of the motion before is therefore fine.
 
     Args:
         q_start: shape (n,), rad, inside the limits.
@@ -65,6 +125,9 @@ def plan_joint_move(
         a_start: shape (n,), rad/s^2.
         v_goal: shape (n,), rad/s.
         a_goal: shape (n,), rad/s^2.
+        clip_start: whether a start up to `MAX_CLIP_RAD` outside the limits is moved to them, with a
+            warning in the log, instead of refused; a start outside by no more than `ROUNDING_RAD`
+            always is, without one.
 
     Raises:
         ConfigurationError: when a position has another shape, is not finite or outside the limits.
@@ -72,17 +135,56 @@ def plan_joint_move(
             motion inside the limits joins the states within `LONGEST_MOTION_S`.
     """
     expect(limits, JointLimits, "limits", MotionError)
-    start = _checked_state("start", q_start, v_start, a_start, limits)
+    q_first = checked_start(q_start, limits, clip_start=clip_start)
+    start = _checked_state("start", q_first, v_start, a_start, limits)
     goal = _checked_state("goal", q_goal, v_goal, a_goal, limits)
-    at_rest = not np.any([start.v, start.a, goal.v, goal.a])
     if _same(start, goal):
         return _instant(goal, limits)
-    synchronization = ruckig.Synchronization.Phase if at_rest else ruckig.Synchronization.Time
     _refuse_endless(start, goal, limits)
-    profile = _solved(_problem(start, goal, limits, synchronization), limits.names)
-    trajectory = _trajectory(profile, start, goal, limits)
+    if np.any([start.v, start.a, goal.v, goal.a]):
+        trajectory = _between_moving_states(start, goal, limits)
+    else:
+        profile = _solved(_problem(start, goal, limits), limits.names)
+        trajectory = _trajectory(profile, start, goal, limits)
     _check_bounds(trajectory)
     return trajectory
+
+
+def checked_start(
+    q: ArrayLike, limits: JointLimits, what: str = "q_start", *, clip_start: bool = False
+) -> FloatArray:
+    """Where a motion starts, inside the limits, shape (n,), rad.
+
+    Args:
+        q: where the arm stands, shape (n,), rad.
+        limits: of those n joints.
+        what: what messages call `q`.
+        clip_start: whether a start up to `MAX_CLIP_RAD` outside the limits is moved to them, with a
+            warning in the log; a start outside by no more than `ROUNDING_RAD` always is, without.
+
+    Raises:
+        ConfigurationError: when `q` has another shape, is not finite or farther outside.
+        MotionError: when `clip_start` is not a bool.
+    """
+    clip_rad = MAX_CLIP_RAD if expect(clip_start, bool, "clip_start", MotionError) else 0.0
+    given = finite_array(q, (len(limits.names),), what, ConfigurationError)
+    outside = limits.violations(given, ROUNDING_RAD)
+    beyond_rad = float(np.maximum(limits.q_min - given, given - limits.q_max).max())
+    if beyond_rad > clip_rad + ROUNDING_RAD:
+        raise ConfigurationError(
+            f"{what} is outside the joint limits: {'; '.join(outside)}, by {beyond_rad:.3g} rad at "
+            f"most; move the arm inside: clip_start=True plans from the limits where it is up to "
+            f"{MAX_CLIP_RAD:g} rad outside{degrees_hint(*given)}"
+        )
+    if outside:
+        _LOG.warning(
+            "%s is outside the joint limits by up to %.3g rad, so the plan starts at the limits: "
+            "%s; move the arm there first",
+            what,
+            beyond_rad,
+            "; ".join(outside),
+        )
+    return limits.check(given, what, clip_rad + ROUNDING_RAD)
 
 
 def rest_to_rest_s(displacement: ArrayLike, limits: JointLimits) -> FloatArray:
@@ -129,7 +231,7 @@ def _same(state: JointState, other: JointState) -> bool:
 def _checked_state(
     which: str, q: ArrayLike, v: ArrayLike | None, a: ArrayLike | None, limits: JointLimits
 ) -> JointState:
-    position = limits.check(q, f"q_{which}")
+    position = limits.check(q, f"q_{which}", ROUNDING_RAD)
     velocity = _checked_rate(f"v_{which}", v, limits.v_max, limits.names)
     acceleration = _checked_rate(f"a_{which}", a, limits.a_max, limits.names)
     return JointState(position, velocity, acceleration)
@@ -141,19 +243,15 @@ def _checked_rate(
     if rate is None:
         return np.zeros(len(names))
     array = finite_array(rate, (len(names),), what, MotionError)
-    for i in np.flatnonzero(np.abs(array) > bound):
+    for i in np.flatnonzero(np.abs(array) > bound * (1.0 + RATIO_TOLERANCE)):
         raise MotionError(
-            f"{what} asks {array[i]:g} of {names[i]}, whose limit is {bound[i]:g}; slow it down"
+            f"{what} asks {array[i]:.12g} of {names[i]}, whose limit is {bound[i]:g}; slow it down"
         )
     return array
 
 
-def _problem(
-    start: JointState,
-    goal: JointState,
-    limits: JointLimits,
-    synchronization: ruckig.Synchronization,
-) -> ruckig.InputParameter:
+def _problem(start: JointState, goal: JointState, limits: JointLimits) -> ruckig.InputParameter:
+    """From rest to rest, in proportion where the limits allow that in the same time."""
     problem = ruckig.InputParameter(len(limits.names))
     problem.current_position = start.q.tolist()
     problem.current_velocity = start.v.tolist()
@@ -164,8 +262,159 @@ def _problem(
     problem.max_velocity = limits.v_max.tolist()
     problem.max_acceleration = limits.a_max.tolist()
     problem.max_jerk = limits.j_max.tolist()
-    problem.synchronization = synchronization
+    problem.synchronization = ruckig.Synchronization.Phase
     return problem
+
+
+class _Joint(NamedTuple):
+    """The task of one joint between moving states."""
+
+    start: State
+    goal: State
+    rates: Rates
+
+    @classmethod
+    def moved_inside(cls, start: State, goal: State, rates: Rates) -> _Joint:
+        """The task, with states that exceed a limit by rounding moved inside it."""
+        widest = rates.widened(_WIDENING[-1])
+        goal_backwards = widest.moved_inside(goal.reversed())
+        return cls(widest.moved_inside(start), goal_backwards.reversed(), rates)
+
+    def fastest(self, at_least_s: float = 0.0, soon_enough_s: float = 0.0) -> Profile:
+        """The fastest profile found.
+
+        The first of `direct`, Ruckig's under the narrower limits and under the wider ones, and
+        `through_rest`, unless a later one is faster.
+
+        Args:
+            at_least_s: what it must not take less than.
+            soon_enough_s: a profile that takes no longer is returned even if another is faster.
+        """
+        found = []
+        least_s = max(self.rates.least_s(self.start, self.goal), at_least_s, soon_enough_s)
+        for profile in self._candidates(at_least_s):
+            if profile.duration <= least_s + _FASTER_S:
+                return profile
+            found.append(profile)
+        least_s = min(profile.duration for profile in found)
+        return next(profile for profile in found if profile.duration <= least_s + _FASTER_S)
+
+    def _candidates(self, at_least_s: float) -> Iterator[Profile]:
+        shortest = direct(*self)
+        if shortest is not None and shortest.duration >= at_least_s - self.same_time_s:
+            yield shortest
+        for widening in _WIDENING:
+            profile = self._by_ruckig(self.rates.widened(widening), at_least_s)
+            if profile is not None:
+                yield profile
+        yield through_rest(*self, at_least_s)
+
+    def lasting(self, duration: float, profile: Profile) -> Profile:
+        """A profile that does not take less than `duration`, given one that does."""
+        stretched = self.stretched(duration, profile)
+        return stretched if self._fits(stretched, duration) else self.fastest(duration)
+
+    def stretched(self, duration: float, profile: Profile) -> Profile:
+        """The profile made to take a little longer, if it can be corrected so."""
+        if duration - profile.duration > _FASTER_S:
+            return profile
+        found = corrected(profile, self.start, self.goal, duration)
+        return found if self._fits(found, duration) else profile
+
+    @property
+    def same_time_s(self) -> float:
+        """How much earlier than the others the joint may end and still end with them."""
+        return _SAME_END / max(self.rates.v, self.rates.a)
+
+    def _by_ruckig(self, rates: Rates, at_least_s: float) -> Profile | None:
+        """Ruckig's profile, or None where it finds none or one that does not fit."""
+        problem = ruckig.InputParameter(1)
+        problem.current_position, problem.target_position = [self.start.q], [self.goal.q]
+        problem.current_velocity, problem.target_velocity = [self.start.v], [self.goal.v]
+        problem.current_acceleration, problem.target_acceleration = [self.start.a], [self.goal.a]
+        problem.max_velocity, problem.max_acceleration = [rates.v], [rates.a]
+        problem.max_jerk = [rates.j]
+        for delay_s in _DELAYS_S if at_least_s else _DELAYS_S[:1]:
+            if at_least_s:
+                problem.minimum_duration = at_least_s + delay_s
+            with contextlib.suppress(MotionError):
+                (phases,) = _solved(problem, ("",)).profiles[0]
+                lengths_s = tuple(
+                    t if t > SHORTEST_SEGMENT_S else 0.0 for t in (*phases.brake.t, *phases.t)
+                )
+                profile = Profile(lengths_s, (*phases.brake.j, *phases.j))
+                if self._miss(profile) > _EXACT:
+                    profile = corrected(profile, self.start, self.goal)
+                if self._fits(profile, at_least_s):
+                    return profile
+        return None
+
+    def _fits(self, profile: Profile, at_least_s: float) -> bool:
+        in_time = at_least_s - self.same_time_s <= profile.duration <= LONGEST_MOTION_S
+        return (
+            in_time and self._miss(profile) <= _EXACT and profile.is_within(self.rates, self.start)
+        )
+
+    def _miss(self, profile: Profile) -> float:
+        return max(abs(x - y) for x, y in zip(profile.end(self.start), self.goal, strict=True))
+
+
+def _between_moving_states(start: JointState, goal: JointState, limits: JointLimits) -> Trajectory:
+    rates = zip(limits.v_max.tolist(), limits.a_max.tolist(), limits.j_max.tolist(), strict=True)
+    joints = [
+        _Joint.moved_inside(*joint)
+        for joint in zip(_by_joint(start), _by_joint(goal), starmap(Rates, rates), strict=True)
+    ]
+    profiles = _in_the_same_time(joints)
+    duration = max(profile.duration for profile in profiles)
+    if duration > LONGEST_MOTION_S:
+        raise MotionError(f"no motion under the limits: {_TOO_LONG}")
+    start, goal = (
+        JointState(*np.array(states).T)
+        for states in ([x.start for x in joints], [x.goal for x in joints])
+    )
+    if duration <= SHORTEST_SEGMENT_S:
+        return _instant(goal, limits)
+    phases = [(np.cumsum([0.0, *p.lengths_s]), np.array([*p.jerks, 0.0])) for p in profiles]
+    knots = _merged([begins for begins, _ in phases], duration, shortest_s=_SAME_KNOT_S)
+    middles = (knots[:-1] + knots[1:]) / 2
+    states = []
+    for joint, profile, (begins, jerks) in zip(joints, profiles, phases, strict=True):
+        # of the phase that follows a knot: its state counts through a segment that may be long
+        i = np.searchsorted(begins, [*middles, duration], side="right") - 1
+        q, v, a = np.array(list(profile.states(joint.start))).T[:, i]
+        t, j = knots - begins[i], jerks[i]
+        states.append((q + t * (v + t * (a / 2 + t * j / 6)), v + t * (a + t * j / 2), a + t * j))
+    at_knots = JointState(*np.array(states).transpose(1, 2, 0))
+    return _exact_trajectory(knots, at_knots, phases, (start, goal), limits)
+
+
+def _by_joint(state: JointState) -> list[State]:
+    return list(starmap(State, np.transpose(state).tolist()))
+
+
+def _in_the_same_time(joints: list[_Joint]) -> list[Profile]:
+    """The fastest profiles found that end together.
+
+    A joint may not be able to take a little longer than its fastest, because it would have to turn
+    round; then it takes much longer, and the others wait for it.
+    """
+    profiles = []
+    duration = 0.0
+    for joint in joints:
+        profiles.append(joint.fastest(soon_enough_s=duration))
+        duration = max(duration, profiles[-1].duration)
+    for _ in range(_ROUNDS):
+        duration = max(profile.duration for profile in profiles)
+        last_s = [duration - joint.same_time_s for joint in joints]
+        early = [i for i, p in enumerate(profiles) if p.duration < last_s[i]]
+        if not early:
+            pairs = zip(joints, profiles, strict=True)
+            return [joint.stretched(duration, profile) for joint, profile in pairs]
+        for i in early:
+            profiles[i] = joints[i].lasting(duration, profiles[i])
+    duration = max(p.duration for p in (*profiles, *starmap(through_rest, joints)))
+    return [through_rest(*joint, duration) for joint in joints]
 
 
 def _instant(state: JointState, limits: JointLimits) -> Trajectory:
@@ -213,11 +462,23 @@ def _trajectory(
         return _instant(goal, limits)
     joints = [_phases(joint) for joint in profile.profiles[0]]
     knots = _merged([begins for begins, _ in joints], profile.duration)
-    states = [profile.at_time(t) for t in knots.tolist()]
-    q, v, a = np.array(states).swapaxes(0, 1)
+    q, v, a = np.array([profile.at_time(t) for t in knots.tolist()]).swapaxes(0, 1)
+    return _exact_trajectory(knots, JointState(q, v, a), joints, (start, goal), limits)
+
+
+def _exact_trajectory(
+    knots: FloatArray,
+    states: JointState,
+    phases: list[tuple[FloatArray, FloatArray]],
+    ends: tuple[JointState, JointState],
+    limits: JointLimits,
+) -> Trajectory:
+    """The motion through states at the knots, made to begin and end exactly where asked."""
+    q, v, a = states
+    start, goal = ends
     middles = (knots[:-1] + knots[1:]) / 2
     j = np.array(
-        [jerks[np.searchsorted(begins, middles, side="right") - 1] for begins, jerks in joints]
+        [jerks[np.searchsorted(begins, middles, side="right") - 1] for begins, jerks in phases]
     ).T
     miss = float(np.abs(q[-1] - goal.q).max())
     if miss > GOAL_TOLERANCE_RAD:
@@ -240,11 +501,13 @@ def _phases(profile: ruckig.Profile) -> tuple[FloatArray, FloatArray]:
     return np.cumsum([0.0, *lasting]), np.array(jerks)
 
 
-def _merged(times: list[FloatArray], duration: float) -> FloatArray:
+def _merged(
+    times: list[FloatArray], duration: float, *, shortest_s: float = SHORTEST_SEGMENT_S
+) -> FloatArray:
     """All phase boundaries in order, those closer than rounding made one; 0 and the end stay."""
     knots = [0.0]
     for t in np.unique(np.concatenate(times)).tolist():
-        if t - knots[-1] > SHORTEST_SEGMENT_S and duration - t > SHORTEST_SEGMENT_S:
+        if t - knots[-1] > shortest_s and duration - t > shortest_s:
             knots.append(t)
     return np.array([*knots, duration])
 

@@ -22,12 +22,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect
+from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
 from baxter_kin.value_objects import Frozen, OneLine, seconds
 from planner.errors import ResponseError
 from planner.trajectory import Trajectory
-
-JOINTS = 7
 
 TICK_S = 0.01
 """Between two set-points: 100 Hz, at which the original clients command."""
@@ -160,8 +159,8 @@ def left_over(time_s: float | FloatArray, lag_s: FloatArray) -> FloatArray:
 def _lags(given: ArrayLike) -> FloatArray:
     lags = float_array(given, "lag_s", ResponseError)
     if lags.shape == (2,):
-        lags = np.tile(lags, (JOINTS, 1))
-    lags = finite_array(lags, (JOINTS, 2), "lag_s", ResponseError)
+        lags = np.tile(lags, (len(JOINTS), 1))
+    lags = finite_array(lags, (len(JOINTS), 2), "lag_s", ResponseError)
     for number, (least, most) in enumerate(lags.tolist()):
         if not 0.0 <= least <= most <= LONGEST_LAG_S:
             raise ResponseError(
@@ -174,8 +173,8 @@ def _lags(given: ArrayLike) -> FloatArray:
 def _errors(given: ArrayLike) -> FloatArray:
     errors = float_array(given, "settled_error_rad", ResponseError)
     if errors.ndim == 0:
-        errors = np.full(JOINTS, errors)
-    errors = finite_array(errors, (JOINTS,), "settled_error_rad", ResponseError)
+        errors = np.full(len(JOINTS), errors)
+    errors = finite_array(errors, (len(JOINTS),), "settled_error_rad", ResponseError)
     if not ((errors >= 0.0) & (errors <= LARGEST_ERROR_RAD)).all():
         raise ResponseError(
             f"settled_error_rad must be from 0 to {LARGEST_ERROR_RAD:g} rad, got {errors.tolist()}"

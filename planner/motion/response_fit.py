@@ -27,15 +27,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.validation import FloatArray, finite_array, float_array
 from planner.errors import ResponseError
-from planner.motion.response import (
-    JOINTS,
-    LARGEST_ERROR_RAD,
-    LONGEST_LAG_S,
-    Response,
-    left_over,
-)
+from planner.motion.response import LARGEST_ERROR_RAD, LONGEST_LAG_S, Response, left_over
 
 LEAST_SAMPLES, LONGEST_GAP_S = 50, 0.25
 """Of a recording: set-points come at 100 Hz; longer gaps leave open what was sent and done."""
@@ -47,10 +42,13 @@ LEAST_TRAVEL_RAD = 0.02
 """Joints that were commanded to go less far say nothing of their lag."""
 
 LEAST_SPEED = 0.05
-"""Joints, and pieces of their motion, that are slower on average do not either, rad/s."""
+"""Pieces of a joint's motion that are slower on average (RMS) say nothing either, rad/s."""
 
 LEAST_SHARE = 0.3
 """Nor do joints of whose speed an offset explains all but less than this share."""
+
+SAME_RAD = 1e-9
+"""Set-points this near to what was measured are not what was sent: no arm is there at once."""
 
 GRID_S = np.concatenate([[0.0], np.geomspace(2e-3, LONGEST_LAG_S, 80)])
 
@@ -88,9 +86,9 @@ def fit_response(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) ->
     if float(errors.max()) > LARGEST_ERROR_RAD:
         joint = int(errors.argmax())
         raise ResponseError(
-            f"joint {joint} is measured {errors[joint]:.3g} rad from any lag's answer to its "
-            f"commands; up to {LARGEST_ERROR_RAD:g} rad can be stated: was it pushed, or are these "
-            "columns of other joints?"
+            f"{_named(joint)} is measured {_rounded(errors[joint], up=True)} rad from any lag's "
+            f"answer to its commands; up to {LARGEST_ERROR_RAD:g} rad can be stated: was it "
+            "pushed, or are these columns of other joints?"
         )
     return Response(np.column_stack([low, high]), errors)
 
@@ -119,15 +117,20 @@ class _Data(NamedTuple):
 def _checked(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) -> _Data:
     times = float_array(t, "t", ResponseError)
     times = finite_array(times, (times.size,), "t", ResponseError)
-    u = finite_array(q_commanded, (times.size, JOINTS), "q_commanded", ResponseError)
-    q = finite_array(q_measured, (times.size, JOINTS), "q_measured", ResponseError)
+    u = finite_array(q_commanded, (times.size, len(JOINTS)), "q_commanded", ResponseError)
+    q = finite_array(q_measured, (times.size, len(JOINTS)), "q_measured", ResponseError)
     _check_times(times)
+    if np.abs(u - q).max() <= SAME_RAD:
+        raise ResponseError(
+            "q_commanded is q_measured: give the set-points that were sent, such as "
+            "`recording.commands[limb]` has them; `recording.motion` has what was measured"
+        )
     for what, values in (("commanded", u), ("measured", q)):
         travel = np.ptp(values, axis=0)
         if float(travel.min()) < LEAST_TRAVEL_RAD:
             raise ResponseError(
-                f"joint {int(travel.argmin())} was {what} over {travel.min():.3g} rad only; every "
-                f"joint must go {LEAST_TRAVEL_RAD:g} rad to tell its lag"
+                f"{_named(int(travel.argmin()))} was {what} over {_rounded(travel.min())} rad "
+                f"only; every joint must go {LEAST_TRAVEL_RAD:g} rad to tell its lag"
             )
     return _Data.of(times, u, q)
 
@@ -173,7 +176,7 @@ def _speeds(data: _Data, lags_s: FloatArray) -> FloatArray:
 def _off(data: _Data, lags_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Measured less answered, and how an offset of 1 shows there, shape (k, ..., 7) both."""
     since_s = data.since_s.reshape(-1, *(1,) * lags_s.ndim)
-    measured = data.q.reshape(len(data.t), *(1,) * (lags_s.ndim - 1), JOINTS)
+    measured = data.q.reshape(len(data.t), *(1,) * (lags_s.ndim - 1), data.q.shape[1])
     return measured - _answers(data, lags_s), 1.0 - left_over(since_s, lags_s)
 
 
@@ -193,7 +196,7 @@ def _best_offset(off: FloatArray, course: FloatArray) -> FloatArray:
 
 def _best(data: _Data, *, has_offset: bool) -> FloatArray:
     """The lag of each joint that fits best, shape (7,), s; the longest where none does."""
-    grid = np.repeat(GRID_S[:, None], JOINTS, axis=1)
+    grid = np.repeat(GRID_S[:, None], data.q.shape[1], axis=1)
     best = _misfit(data, grid, has_offset=has_offset).argmin(axis=0)
     low, high = GRID_S[np.maximum(best - 1, 0)], GRID_S[np.minimum(best + 1, len(GRID_S) - 1)]
     for _ in range(REFINEMENTS):
@@ -202,7 +205,7 @@ def _best(data: _Data, *, has_offset: bool) -> FloatArray:
         is_first = first < second
         low, high = np.where(is_first, low, inner[0]), np.where(is_first, inner[1], high)
     middle = (low + high) / 2
-    none, some = _misfit(data, np.array([np.zeros(JOINTS), middle]), has_offset=has_offset)
+    none, some = _misfit(data, np.array([np.zeros_like(middle), middle]), has_offset=has_offset)
     lags_s: FloatArray = np.where(none <= some, 0.0, middle)
     return lags_s
 
@@ -216,8 +219,8 @@ def _lags(data: _Data) -> FloatArray:
     lag_s = _best(data, has_offset=True)
     if float(lag_s.max()) > SLOWEST * LONGEST_LAG_S:
         raise ResponseError(
-            f"joint {int(lag_s.argmax())} does not follow its commands within {LONGEST_LAG_S:g} s; "
-            "was the arm enabled, and are these columns of the same joints?"
+            f"{_named(int(lag_s.argmax()))} does not follow its commands within "
+            f"{LONGEST_LAG_S:g} s; was the arm enabled, and are these columns of the same joints?"
         )
     return lag_s
 
@@ -230,20 +233,22 @@ def _offsets(data: _Data, lag_s: FloatArray) -> FloatArray:
 def _intervals(data: _Data, lag_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Least and greatest lag of each joint, shape (7,) both, s."""
     speeds = _speeds(data, lag_s)
-    usual = np.sqrt((speeds**2).mean(axis=0))
-    if float(usual.min()) < LEAST_SPEED:
+    fastest = np.max([_rms(speeds[piece]) for piece in _parts(data)], axis=0)
+    if float(fastest.min()) < LEAST_SPEED:
         raise ResponseError(
-            f"joint {int(usual.argmin())} went at {usual.min():.3g} rad/s on average, which does "
-            f"not tell its lag; every joint must go at {LEAST_SPEED:g} rad/s"
+            f"{_named(int(fastest.argmin()))} went at {_rounded(fastest.min())} rad/s in its "
+            "fastest second, which does not tell its lag; every joint must go at "
+            f"{LEAST_SPEED:g} rad/s or more, if only for a second"
         )
+    usual = _rms(speeds)
     off, course = _off(data, lag_s)
     offsets = _best_offset(off, course)
     telling = speeds - course * _best_offset(speeds, course)
-    share = np.sqrt((telling**2).mean(axis=0)) / usual
+    share = _rms(telling) / usual
     if float(share.min()) < LEAST_SHARE:
         raise ResponseError(
-            f"joint {int(share.argmin())} went at one speed nearly all the time, so its lag cannot "
-            "be told from an offset; let it go there and back"
+            f"{_named(int(share.argmin()))} went at one speed nearly all the time, so its lag "
+            "cannot be told from an offset; let it go there and back"
         )
     noise = (off - course * offsets).std(axis=0)
     spread = SIGMAS * noise / (share * usual * np.sqrt(len(data.t)))
@@ -254,14 +259,25 @@ def _intervals(data: _Data, lag_s: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _pieces(data: _Data, lag_s: FloatArray, speeds: FloatArray) -> FloatArray:
     """The lags that fit best in each piece, shape (pieces, 7), s; those of the whole otherwise."""
-    count = max(1, int((data.t[-1] - data.t[0]) / PIECE_S))
-    ends = np.linspace(0, len(data.t), count + 1).astype(np.intp)
     found = []
-    for first, last in pairwise(ends.tolist()):
-        piece = _Data.of(*(values[first:last] for values in (data.t, data.u, data.q)))
-        tells = np.sqrt((speeds[first:last] ** 2).mean(axis=0)) >= LEAST_SPEED
+    for part in _parts(data):
+        piece = _Data.of(*(values[part] for values in (data.t, data.u, data.q)))
+        tells = _rms(speeds[part]) >= LEAST_SPEED
         found.append(np.where(tells, _best(piece, has_offset=False), lag_s))
     return np.array(found)
+
+
+def _parts(data: _Data) -> list[slice]:
+    """The samples of each piece of `PIECE_S`."""
+    count = max(1, int((data.t[-1] - data.t[0]) / PIECE_S))
+    ends = np.linspace(0, len(data.t), count + 1).astype(np.intp)
+    return [slice(first, last) for first, last in pairwise(ends.tolist())]
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    """Root mean square over the samples."""
+    rms: FloatArray = np.sqrt((values**2).mean(axis=0))
+    return rms
 
 
 def _outside(data: _Data, low_s: FloatArray, high_s: FloatArray, offsets: FloatArray) -> FloatArray:
@@ -279,3 +295,14 @@ def _outside(data: _Data, low_s: FloatArray, high_s: FloatArray, offsets: FloatA
         low = aim + (low - aim) * np.where(low > aim, least, most)
         farthest = np.maximum(farthest, np.maximum(measured - high, low - measured))
     return farthest
+
+
+def _named(joint: int) -> str:
+    """A column as a joint of the arm."""
+    return f"joint {joint} ({JOINTS[joint]})"
+
+
+def _rounded(value: float, *, up: bool = False) -> str:
+    """A number beyond a limit, rounded so that it reads as one: 0.04998 is not 0.05."""
+    steps = value * 1e4
+    return f"{1e-4 * (np.ceil(steps) if up else np.floor(steps)):.4f}".rstrip("0").rstrip(".")

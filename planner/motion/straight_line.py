@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect, millimetres_hint
-from baxter_kin.frames import PoseLike, angle_between, checked_pose
+from baxter_kin.frames import PoseLike, angle_between, checked_pose, nearest_rotation
 from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
 from baxter_kin.value_objects import Frozen, OneLine, millimetres, position
@@ -191,10 +191,7 @@ class StraightLine(Frozen, OneLine):
 
 
 def _orthonormal(pose: PoseLike) -> pin.SE3:
-    """The pose with the rotation nearest to its own, which may be off by rounded digits.
-
-    The orthogonal factor of the polar decomposition (Higham, 1986).
-    """
+    """The pose with the rotation nearest to its own, which may be off by rounded digits."""
     T = checked_pose(pose)
     farthest = float(np.abs(T.translation).max())
     if farthest > FARTHEST_M:
@@ -202,5 +199,4 @@ def _orthonormal(pose: PoseLike) -> pin.SE3:
             f"a line leads to {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
             f"{millimetres_hint(farthest)}"
         )
-    U, _, Vt = np.linalg.svd(T.rotation)
-    return pin.SE3(U @ Vt, T.translation)
+    return pin.SE3(nearest_rotation(T.rotation), T.translation)

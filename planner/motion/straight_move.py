@@ -15,7 +15,12 @@ from baxter_kin.ik.geometry.reach import ReachBound
 from baxter_kin.validation import FloatArray, finite_scalar, whole_scalar
 from planner.errors import MotionError, StraightMoveError
 from planner.motion.guess import Followed, Way, along, drawn_to
-from planner.motion.joint_move import plan_joint_move, rest_to_rest_s, stopping_at
+from planner.motion.joint_move import (
+    checked_start,
+    plan_joint_move,
+    rest_to_rest_s,
+    stopping_at,
+)
 from planner.motion.line_knots import at_knots, intervals_on, is_on_line
 from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.phases import MotionTask, Phase
@@ -51,6 +56,7 @@ def plan_straight_move(
     acceleration_end_m_s2: float = 0.0,
     line_tolerance: LineTolerance = STRICT,
     fineness: int = 1,
+    clip_start: bool = False,
 ) -> Trajectory:
     """The fastest motion that takes the tip along a straight line; from rest to rest by default.
 
@@ -73,6 +79,9 @@ def plan_straight_move(
         line_tolerance: how far the tip may be off.
         fineness: how many times as many intervals of constant jerk as usual, 1 to 16: more take
             longer and come nearer to the optimum.
+        clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
+            warning in the log, instead of refused; a start outside by no more than 1e-6 rad
+            always is, without one.
 
     Raises:
         ConfigurationError: when `q_start` has another shape, is not finite or outside the limits.
@@ -90,7 +99,7 @@ def plan_straight_move(
             f"{', '.join(arm.joint_names)}"
         )
     tolerance = expect(line_tolerance, LineTolerance, "line_tolerance", MotionError)
-    q = limits.check(q_start, "q_start")
+    q = checked_start(q_start, limits, clip_start=clip_start)
     line = StraightLine(arm.T_base_tip(q), T_base_goal)
     rates = (
         *_rates(line, "start", speed_start_m_s, acceleration_start_m_s2),
@@ -168,7 +177,7 @@ def _near(
         phase = Phase(intervals, 0, rests=not leaves, enters=enters, leaves=leaves)
         if other is not None:
             guess = drawn_to(guess, *other)
-        found = _program(phase).solve([guess], task, arm, limits)
+        found = _program(phase, len(limits.names)).solve([guess], task, arm, limits)
         if other is not None and (found is None or found[0].duration >= GAIN * other[1]):
             return None
         if found is not None and is_on_line(arm, line, found[0], tolerance):
@@ -184,8 +193,8 @@ def _near(
 
 
 @lru_cache(maxsize=16)
-def _program(phase: Phase) -> MotionProgram:
-    return MotionProgram((phase,))
+def _program(phase: Phase, joints: int) -> MotionProgram:
+    return MotionProgram((phase,), joints)
 
 
 def _rates(line: StraightLine, which: str, speed: float, acceleration: float) -> FloatArray:

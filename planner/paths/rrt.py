@@ -43,6 +43,10 @@ LONGEST_EDGE_RAD = 0.75
 """Longest edge of a tree. OMPL would choose a fifth of the arm's extent, 2.5; between the boards of
 a shelf such edges are blocked."""
 
+SHORTCUTS = 120
+"""Straight lines between random points of a way that are tried in its place (Geraerts and Overmars,
+Int. J. Robotics Research 26(8), 2007). A way that no program shortens is stopped on at corners."""
+
 FINEST_FRACTION, COARSEST_FRACTION = 1e-9, 0.01
 """Bounds of a step as a fraction of the extent: what OMPL can count, and what makes sense."""
 
@@ -182,7 +186,10 @@ def _solution(
     search.solve(ompl.base.PlannerTerminationCondition(lambda: time.monotonic() >= deadline_s))
     if not problem.hasExactSolution():
         return None
-    return np.array([_vector(s, ends[0].size) for s in problem.getSolutionPath().getStates()])
+    path = problem.getSolutionPath()
+    shortener = ompl.geometric.PathSimplifier(space)
+    shortener.partialShortcutPath(path, SHORTCUTS, SHORTCUTS, 1.0)
+    return np.array([_vector(s, ends[0].size) for s in path.getStates()])
 
 
 def _state(space: base.SpaceInformation, q: FloatArray) -> base.State:

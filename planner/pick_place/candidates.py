@@ -24,9 +24,8 @@ from planner.motion.free_move import DEFAULT_MARGIN_M
 from planner.motion.joint_move import rest_to_rest_s
 from planner.pick_place.cycle import PICK_LINES, PLACE_LINES
 from planner.pick_place.plan_builder import NoSolutionError
-from planner.pick_place.request import PlanRequest
 from planner.pick_place.summary import CollisionSummary
-from planner.pick_place.task import PickAndPlace
+from planner.pick_place.task import PickAndPlace, PlanRequest
 from planner.plan import PlanFailure
 
 BOUND_TURNS = 192

@@ -18,8 +18,7 @@ from planner.collision.context import CollisionContext
 from planner.errors import MotionError
 from planner.motion.straight_move import plan_straight_move
 from planner.pick_place.plan_builder import NoSolutionError, free_motion, proven
-from planner.pick_place.request import PlanRequest
-from planner.pick_place.task import PickAndPlace
+from planner.pick_place.task import PickAndPlace, PlanRequest
 from planner.trajectory import Trajectory
 
 PICK_LINES = ("pick: descend", "pick: close", "pick: retract")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
@@ -11,13 +12,13 @@ from planner.collision.context import CollisionContext
 from planner.motion.avoidance import LED_CLEAR_M, Motions, led_around
 from planner.motion.guess import Followed, Way, along, backwards, between
 from planner.motion.line_knots import at_knots, intervals_on, is_on_line
-from planner.motion.program.motion_program import Clearances, MotionProgram
+from planner.motion.program.clearance_rows import Clearances
+from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.phases import MotionTask, Phase
 from planner.motion.straight_line import StraightLine
 from planner.pick_place.candidates import CandidatePair
-from planner.pick_place.cycle import MOVES, Cycle
-from planner.pick_place.request import PlanRequest
-from planner.pick_place.task import PickAndPlace
+from planner.pick_place.cycle import MOVES, SIDEWAYS, Cycle
+from planner.pick_place.task import PickAndPlace, PlanRequest
 from planner.splines import Sketch
 
 ENTRY, ACROSS = 14, 20
@@ -25,6 +26,10 @@ ENTRY, ACROSS = 14, 20
 
 LED_ENTRY, LED_ACROSS = 20, 28
 """The same where the motion is led around obstacles, which takes more turns."""
+
+LED_ON_LINE = 1.5
+"""How many times as many intervals lines have where the arm is led around what it meets on one: an
+elbow that swings aside takes the tip off the line between knots."""
 
 LEAST_ON_LINE, MOST_ON_LINE, SHORTEST_LINE_M = 10, 80, 1e-4
 """Intervals on a line. Longer and shorter lines are left to others."""
@@ -79,7 +84,9 @@ class CycleProgram:
         sketches = self._sketched(pair) if self._is_usual else None
         return None if sketches is None else self._solved(sketches)
 
-    def around(self, cycle: Cycle, contexts: Mapping[str, CollisionContext]) -> list[Cycle]:
+    def around(
+        self, cycle: Cycle, contexts: Mapping[str, CollisionContext], *, on_lines: bool = False
+    ) -> list[Cycle]:
         """Cycles near one, clear or not, that are led around what is there; the last found first.
 
         Whether they are clear is for the caller to prove.
@@ -87,15 +94,23 @@ class CycleProgram:
         Args:
             cycle: where to begin.
             contexts: of each stage, by its label.
+            on_lines: whether it collides on a line.
         """
         if not self._is_usual:
             return []
-        sketches = Sketch.of_each(cycle, self._led)
-        at_rest = (sketch.q[where] for sketch, where in zip(sketches, RESTING, strict=True))
-        obstacles = [
-            contexts[stage].obstacles(contexts[stage].margin_m + LED_CLEAR_M, qs)
-            for stage, qs in zip(MOVES, at_rest, strict=True)
+        finer = LED_ON_LINE if on_lines else 1.0
+        intervals = [
+            n if stage in SIDEWAYS else math.ceil(finer * n)
+            for stage, n in zip(MOVES, self._led, strict=True)
         ]
+        sketches = Sketch.of_each(cycle, intervals)
+        obstacles = []
+        for stage, sketch, resting in zip(MOVES, sketches, RESTING, strict=True):
+            context = contexts[stage]
+            free = [knot for knot in resting if context.is_free(sketch.q[knot])]
+            if resting and not free:
+                return []
+            obstacles.append(context.obstacles(context.margin_m + LED_CLEAR_M, sketch.q[free]))
         return [Cycle(*motions) for motions in led_around(self._motions, obstacles, sketches)]
 
     def _solved(self, sketches: Sequence[Sketch]) -> Cycle | None:
@@ -107,7 +122,7 @@ class CycleProgram:
     ) -> Motions | None:
         arm, limits = self._manipulator.arm, self._manipulator.limits
         intervals = tuple(sketch.intervals for sketch in sketches)
-        program = _program(intervals, keeps_clear=clearances is not None)
+        program = _program(intervals, len(limits.names))
         found = program.solve(sketches, self._task, arm, limits, clearances)
         if found is None:
             return None
@@ -133,14 +148,14 @@ class CycleProgram:
         if isinstance(up_end, Followed):
             return None
         down_pick, down_place = backwards(up_pick), backwards(up_place)
-        standing = Sketch(self._task.q_start[None], np.zeros((2, 7)), 0.0)
+        standing = Sketch(self._task.q_start[None], np.zeros((2, len(limits.names))), 0.0)
         to_pick = between(standing, down_pick, limits, entry)
         to_place = between(up_pick, down_place, limits, across)
         return [to_pick, down_pick, up_pick, to_place, down_place, up_end]
 
 
 @lru_cache(maxsize=8)
-def _program(intervals: tuple[int, ...], *, keeps_clear: bool = False) -> MotionProgram:
+def _program(intervals: tuple[int, ...], joints: int) -> MotionProgram:
     entry, down_pick, up_pick, across, down_place, up_end = intervals
     down, up = (1.0, 0.0), (0.0, 1.0)
     return MotionProgram(
@@ -152,5 +167,5 @@ def _program(intervals: tuple[int, ...], *, keeps_clear: bool = False) -> Motion
             Phase(down_place, 1, down, rests=True),
             Phase(up_end, 2, up, rests=True),
         ),
-        keeps_clear=keeps_clear,
+        joints,
     )

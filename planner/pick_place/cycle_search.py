@@ -12,7 +12,7 @@ is the guess for the same program, whose motion takes its place where that is cl
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -20,14 +20,14 @@ from itertools import islice
 import numpy as np
 import pinocchio as pin
 
+from planner.clearance import ContinuousProof
 from planner.pick_place.candidates import CandidatePair, Candidates, Solutions
-from planner.pick_place.cycle import SIDEWAYS, STAGES, Cycle, StoppingCycles
+from planner.pick_place.cycle import MOVES, SIDEWAYS, STAGES, Cycle, StoppingCycles
 from planner.pick_place.cycle_program import CycleProgram
 from planner.pick_place.hand_lines import refuse_blocked_hand
 from planner.pick_place.phases import PhaseMaker
 from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder, proven, refuse_blocked
-from planner.pick_place.request import PlanRequest
-from planner.pick_place.task import PickAndPlace
+from planner.pick_place.task import PickAndPlace, PlanRequest
 from planner.plan import GripperAction, Plan, PlanFailure
 from planner.trajectory import Trajectory
 
@@ -138,16 +138,21 @@ class CycleSearch:
         self._picks = Solutions("pick: descend", found.picks, contexts["pick: descend"])
         self._picks.refuse_none_free()
         self._places = Solutions("place: descend", found.places, contexts["place: descend"])
+        taken = self._phases.taken
+        if taken is not None and len(found.places):
+            raise NoSolutionError(replace(taken, tallies=(self._places.summary(),)))
         self._places.refuse_none_free()
         self._phases.refuse_impossible()
 
     def _fastest(self) -> Iterator[Plan]:
         """Cycles whose six motions are one program, from the first few pairs that differ.
 
-        The first one that collides sideways is led around what is there. Their failures speak
-        against no pairs: the program leaves the solutions that it begins from.
+        The first one that collides sideways is led around what is there. Where every one collides
+        on a line, the first of these is. Failures rule out no pairs: the program leaves the
+        solutions that it begins from.
         """
         tried: list[Cycle] = []
+        on_a_line: Cycle | None = None
         for pair in islice(self._different(), MOST_OPTIMISED):
             cycle = self._program.of(pair)
             if cycle is None or any(_are_alike(cycle, other) for other in tried):
@@ -157,9 +162,15 @@ class CycleSearch:
             if plan.failure is not None and len(tried) == 1:
                 refuse_blocked_hand(self._task, self._contexts)  # and so for all other pairs
             yield plan
-            if plan.failure is not None and plan.failure.stage in SIDEWAYS:
+            stage = None if plan.failure is None else plan.failure.stage
+            if stage in SIDEWAYS:
                 yield from map(self._along, self._program.around(cycle, self._contexts))
                 return
+            if stage in MOVES:
+                on_a_line = on_a_line or cycle
+        if on_a_line is not None:
+            led = self._program.around(on_a_line, self._contexts, on_lines=True)
+            yield from map(self._along, led)
 
     def _different(self) -> Iterator[CandidatePair]:
         """Open pairs in order, but for those too near to one before."""
@@ -206,15 +217,19 @@ class CycleSearch:
         """The plan of a cycle up to the stage that fails; no steps where a move does."""
         builder = PlanBuilder(self._request)
         try:
-            for stage in PROVEN_FIRST:
-                proven(stage, cycle.by_stage[stage], self._contexts[stage])
-            self._add(cycle, builder)
+            proofs = {
+                stage: proven(stage, cycle.by_stage[stage], self._contexts[stage])
+                for stage in PROVEN_FIRST
+            }
+            self._add(cycle, builder, proofs)
         except NoSolutionError as stop:
             return self._missing(builder, stop.failure)
         return builder.plan()
 
-    def _add(self, cycle: Cycle, builder: PlanBuilder) -> None:
-        """Add every step, each proven clear.
+    def _add(
+        self, cycle: Cycle, builder: PlanBuilder, proofs: Mapping[str, ContinuousProof]
+    ) -> None:
+        """Add every step, each proven clear; the moves of some stages are so already.
 
         Raises:
             NoSolutionError: when one is not.
@@ -223,7 +238,10 @@ class CycleSearch:
 
         def move(label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
             context, is_straight = self._contexts[label], label not in SIDEWAYS
-            builder.add_move(label, trajectory, context, T_base_tip, is_straight=is_straight)
+            proof = proofs.get(label) or proven(label, trajectory, context)
+            builder.add_move(
+                label, trajectory, context, T_base_tip, proof=proof, is_straight=is_straight
+            )
 
         builder.add_open("pick: open", phases.opening_m)
         move("pick: approach", cycle.to_pick, task.T_base_above_pick)

@@ -67,8 +67,8 @@ def _contacts(
     """
     checked, arm = context.checker.checked, context.checker.arm
     bounds, of_robot = context.checker.motion_bounds, len(context.checker.shapes.links)
-    moves = bounds.depth == len(arm.joint_names)
-    stands = (bounds.joints == 0) & (np.arange(len(bounds.joints)) >= of_robot)
+    moves = bounds.moves[:, -1]
+    stands = ~bounds.moves.any(axis=1) & (np.arange(len(bounds.moves)) >= of_robot)
     first, second = checked.numbers.T
     pairs = np.flatnonzero((moves[first] & stands[second]) | (stands[first] & moves[second]))
     standing = bounds.place(context.q_others, arm.neutral[None]).shapes

@@ -21,6 +21,7 @@ is in its way for every solution of the arm, and is said where the first cycle f
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -34,20 +35,23 @@ from planner.collision.context import CollisionContext
 from planner.collision.continuous.proof import RESOLUTION_M
 from planner.grasping.finger_travel import FingerTravel, closing_travel, travel_check
 from planner.grasping.grasp import Grasp, Miss
+from planner.grasping.overhead import LEAST_ROOM_M
 from planner.pick_place.plan_builder import NoSolutionError, blocked_fingers
-from planner.pick_place.request import PlanRequest
-from planner.pick_place.task import PickAndPlace
+from planner.pick_place.task import PickAndPlace, PlanRequest
 from planner.plan import GripperAction, PlanFailure
+from planner.scene.attachment import Attachment
 from planner.scene.bodies import Body, Scene
-from planner.scene.contact import gap_m, touching
-from planner.scene.held import Held
-from planner.scene.support import Landing, land, levelled
+from planner.scene.contact import (
+    PRESSING_TOLERANCE_M,
+    PartContact,
+    depth_m,
+    part_contacts,
+    touching,
+)
+from planner.scene.support import MAX_TILT_RAD, UP, Landing, come_down, land
 
 LONGEST_DROP_M = 0.01
 """From how high above its support a body may be let go."""
-
-LEAST_ROOM_M = 3e-4
-"""Fingers that cannot open all the way leave at least so much room between pads and body."""
 
 OPENING_STEP_M = 1e-4
 """How closely the farthest free opening is sought."""
@@ -69,6 +73,7 @@ class Phases:
         contexts: the situation of every move, by its label.
         refusals: why it cannot be done though each pose is free: what stands in the way of the
             fingers however far they open, or that the body would fall.
+        taken: which body stands where this one is to be put, if one does.
     """
 
     opening_m: float
@@ -76,6 +81,7 @@ class Phases:
     releasing: tuple[FingerTravel, ...]
     contexts: Mapping[str, CollisionContext]
     refusals: tuple[PlanFailure, ...] = ()
+    taken: PlanFailure | None = None
 
     def refuse_impossible(self) -> None:
         """Stop when there is such a reason.
@@ -103,9 +109,11 @@ class PhaseMaker:
         """All of them.
 
         Raises:
-            NoSolutionError: when the body does not fit into the hand, or cannot be held.
+            NoSolutionError: when something stands on the body, it does not fit into the hand, or it
+                cannot be held.
         """
         body, task = self.request.scene[self.task.body], self.task
+        self._refuse_loaded(body)
         self._refuse_wide(body)
         grasp = self._grasp(body)
         opening_m, closing, blocked_closing = self._at_pick(grasp)
@@ -124,19 +132,65 @@ class PhaseMaker:
                 "place: retract": self._near(after, leaving_m, task.T_base_place),
             },
             (*blocked_closing, *no_rest, *blocked_opening),
+            self._taken(body, grasp),
         )
 
+    def _refuse_loaded(self, body: Body) -> None:
+        """Stop when another body stands on the one to be lifted, be it on others, too."""
+        scene, in_hands = self.request.scene, {held.body for held in self.request.held}
+        for name in sorted(touching(body, scene) - in_hands):
+            if not scene[name].is_movable:
+                continue
+            landing = land(scene[name], scene.without(name))
+            if body.name in landing.supports and landing.drop_m <= PRESSING_TOLERANCE_M:
+                too = ", too" if len(landing.supports) > 1 else ""
+                raise NoSolutionError.at(
+                    "pick: retract",
+                    f"{name} stands on {body.name}{too}; carry that away first",
+                    is_certain=True,
+                )
+
+    def _taken(self, body: Body, grasp: Grasp) -> PlanFailure | None:
+        """The body that stands where this one is to be put.
+
+        Of fixed ones only those that reach as high: in a lower one the place is merely too low.
+        """
+        placed = body.at(self.task.T_base_place * grasp.T_tip_body)
+        away = {body.name, *(held.body for held in self.request.held)}
+        for other in self.request.scene:
+            if other.name in away:
+                continue
+            inside_m = depth_m(placed, other)
+            is_beside = other.is_movable or other.extent_m(UP)[1] >= placed.extent_m(UP)[1]
+            if inside_m > PRESSING_TOLERANCE_M and is_beside:
+                reason = (
+                    f"{other.name} stands there: {body.name} would be {1e3 * inside_m:.1f} mm "
+                    "inside it"
+                )
+                return PlanFailure("place: descend", reason, is_certain=True)
+        return None
+
     def _refuse_wide(self, body: Body) -> None:
-        hand = self.request.manipulator.hand
-        width = hand.width_across_m(self.task.T_base_pick, body)
-        if width > hand.open_gap_m:
-            raise NoSolutionError.at(
-                "pick: open",
-                f"{body.name} measures {1e3 * _least_width_m(body):.1f} mm, "
-                f"{1e3 * width:.1f} mm across the hand as it lies, but the {hand.side} hand opens "
-                f"only {1e3 * hand.open_gap_m:.1f} mm",
-                is_certain=True,
+        """Stop when the open pads cannot come down on both sides of the body."""
+        hand, T_base_pick = self.request.manipulator.hand, self.task.T_base_pick
+        width = hand.width_across_m(T_base_pick, body)
+        room_m = hand.room_m(T_base_pick, hand.stroke_m, body)
+        is_between = 0.0 < width <= hand.open_gap_m
+        if width <= hand.open_gap_m and (room_m >= -RESOLUTION_M or not is_between):
+            return
+        if is_between:
+            fault = (
+                f"which the {hand.side} hand opens for ({1e3 * hand.open_gap_m:.1f} mm), but off "
+                f"its middle: a pad would come down {-1e3 * room_m:.1f} mm inside it"
             )
+        else:
+            fault = f"but the {hand.side} hand opens only {1e3 * hand.open_gap_m:.1f} mm"
+        raise NoSolutionError.at(
+            "pick: open",
+            f"{body.name} measures {1e3 * _least_width_m(body):.1f} mm, "
+            f"{1e3 * width:.1f} mm between the pads as it lies, {fault}",
+            is_certain=True,
+        )
 
     def _grasp(self, body: Body) -> Grasp:
         hand = self.request.manipulator.hand
@@ -215,11 +269,11 @@ class PhaseMaker:
         """The situations with the body in the hand: on its supports, and free of them."""
         others = self.request.scene.without(self.task.body)
         placed = body.at(self.task.T_base_place * grasp.T_tip_body)
-        stood, will_stand = touching(body, self.request.scene), touching(placed, others)
-        held = Held(self.request.manipulator.arm.side, self.task.body, grasp.T_tip_body)
+        stood, will_stand = part_contacts(body, self.request.scene), part_contacts(placed, others)
+        held = Attachment(self.task.body, self.request.manipulator.arm.tip_frame, grasp.T_tip_body)
         lifted, free, lowered = (
             self._context(self.request.scene, finger_m=grasp.finger_m, held=held, supports=supports)
-            for supports in (stood, frozenset[str](), will_stand)
+            for supports in (stood, frozenset[PartContact](), will_stand)
         )
         return {"pick: retract": lifted, "place: approach": free, "place: descend": lowered}
 
@@ -230,13 +284,19 @@ class PhaseMaker:
     def _landing(self, body: Body, grasp: Grasp) -> tuple[Landing, tuple[PlanFailure, ...]]:
         """Where the body comes to rest when it is let go; why it must not, where it must not."""
         let_go = body.at(self.task.T_base_place * grasp.T_tip_body)
-        landing = land(levelled(let_go), self.request.scene.without(self.task.body))
+        landing = come_down(let_go, list(self.request.scene.without(self.task.body)))
         on, way = " and ".join(landing.supports), landing.beside
         reason = None
         if landing.drop_m > LONGEST_DROP_M:
             reason = (
                 f"{body.name} would fall: nothing is within {1e3 * LONGEST_DROP_M:.0f} mm below "
                 f"it, and {on} is {1e3 * landing.drop_m:.0f} mm below"
+            )
+        elif landing.slope_rad > 0.0:
+            reason = (
+                f"{body.name} would not stand: {on} slopes by "
+                f"{math.degrees(landing.slope_rad):.1f} deg there, and at most "
+                f"{math.degrees(MAX_TILT_RAD):g} deg is taken for level"
             )
         elif way is not None:
             beside_mm = 1e3 * float(np.linalg.norm(way))
@@ -249,9 +309,8 @@ class PhaseMaker:
 
     def _near(self, scene: Scene, finger_m: float, T_base_tip: pin.SE3) -> CollisionContext:
         """The open hand around its body; the pads touch it only where they cannot but."""
-        body, hand = scene[self.task.body], self.request.manipulator.hand
-        pads = hand.pads_at(T_base_tip, finger_m)
-        room_m = min(gap_m(pad, part) for pad in pads for part in body.placed_parts)
+        hand, body = self.request.manipulator.hand, scene[self.task.body]
+        room_m = hand.room_m(T_base_tip, finger_m, body)
         may_press = room_m <= RESOLUTION_M
         return self._context(
             scene, finger_m=finger_m, touchable=self.task.body, may_press=may_press

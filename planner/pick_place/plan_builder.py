@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pinocchio as pin
 
@@ -10,14 +11,15 @@ from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray
 from planner.clearance import ContinuousContact, ContinuousProof
 from planner.collision.context import CollisionContext
-from planner.errors import MotionError
+from planner.completion import after, during, of_grip
+from planner.errors import MotionError, TaskError
 from planner.grasping.finger_travel import FingerTravel, prove_travel
 from planner.manipulator import Manipulator
 from planner.motion.free_move import DEFAULT_MARGIN_M, TIMEOUT_S, plan_free_move
 from planner.motion.straight_move import plan_straight_move
-from planner.pick_place.request import PlanRequest
+from planner.pick_place.task import PlanRequest
 from planner.plan import Grip, GripperAction, Move, Plan, PlanFailure, Step
-from planner.situation import Situation
+from planner.state import State
 from planner.trajectory import Trajectory
 
 
@@ -44,25 +46,24 @@ class PlanBuilder:
     def __init__(self, request: PlanRequest) -> None:
         self.steps: list[Step] = []
         self._request, self._manipulator = request, request.manipulator
-        self._start = Situation.of(request.manipulator, request.scene, request.held)
+        self._start = State.of(request.manipulator, request.scene, request.held, request.q_start)
+        self._state = self._start
 
     @property
     def q(self) -> FloatArray:
         """Where the arm stands after the steps so far, shape (7,), rad."""
-        moves = [step for step in self.steps if isinstance(step, Move)]
-        return moves[-1].trajectory.q_goal if moves else self._request.q_start
+        return self._state.q(self._manipulator.arm.joint_names)
 
     def plan(self, failure: PlanFailure | None = None) -> Plan:
         """The plan of the steps so far, or why it ends there."""
         request, arm = self._request, self._manipulator
         return Plan(
-            arm.arm.side,
-            request.q_start,
+            self._start,
             tuple(self.steps),
             failure,
-            self._start,
             arm.identity,
             request.line_tolerance,
+            limb=arm.arm.side,
         )
 
     def add_move(
@@ -72,25 +73,28 @@ class PlanBuilder:
         context: CollisionContext,
         T_base_tip: pin.SE3 | None = None,
         *,
+        proof: ContinuousProof | None = None,
         is_straight: bool = False,
     ) -> None:
-        """Add a move.
+        """Add a move that is proven clear.
 
         Args:
             label: stage and waypoint.
             trajectory: from where the arm stands.
             context: the situation meanwhile.
             T_base_tip: the pose that it ends at; None for a move in joint angles.
+            proof: that it is clear; found when not given.
             is_straight: whether the tip moves along a straight line.
 
         Raises:
             NoSolutionError: when it is not proven clear.
         """
-        proof, ik = proven(label, trajectory, context), None
+        found, ik = proof or proven(label, trajectory, context), None
         if T_base_tip is not None:
             ik = self._manipulator.ik.solve(T_base_tip, current=trajectory.q_start)
-        move = Move(label, trajectory, T_base_tip, ik, proof.nearest, proof, is_straight)
-        self.steps.append(move)
+        contacts = during(context.checker.contacts, trajectory.duration)
+        known = found.nearest, found, is_straight, self._state, contacts
+        self._add(Move(label, trajectory, T_base_tip, ik, *known))
 
     def add_free_move(self, label: str, q_goal: FloatArray, context: CollisionContext) -> None:
         """Add a move to a configuration, around what is in the way.
@@ -137,7 +141,7 @@ class PlanBuilder:
         """
         proof = self._proven(label, action, travels)
         opening_m = self._told(travels[-1].end_m) if action is GripperAction.OPEN else None
-        self.steps.append(Grip(label, action, body, opening_m, proof))
+        self._add(Grip(label, action, body, opening_m, proof, self._state))
 
     def add_open(self, label: str, opening_m: float) -> None:
         """Add the opening of the empty hand before anything else has moved a body.
@@ -147,7 +151,20 @@ class PlanBuilder:
         """
         travel = FingerTravel(self._start.scene, self._manipulator.finger_m, opening_m)
         proof = self._proven(label, GripperAction.OPEN, (travel,))
-        self.steps.append(Grip(label, GripperAction.OPEN, None, self._told(opening_m), proof))
+        told = self._told(opening_m)
+        self._add(Grip(label, GripperAction.OPEN, None, told, proof, self._state))
+
+    def _add(self, step: Step) -> None:
+        """Add a step, and take note of how it leaves robot and bodies."""
+        state = self._state
+        try:
+            self._state = after(step, state, self._manipulator)
+        except TaskError as cause:  # where the hand is by rounding, the fingers may miss
+            raise NoSolutionError.at(step.label, str(cause)) from cause
+        if isinstance(step, Grip):
+            contacts = of_grip(step, state, self._state, self._manipulator)
+            step = replace(step, contacts=contacts)
+        self.steps.append(step)
 
     def _told(self, opening_m: float) -> float | None:
         """A finger position as a step says it: None for all the way."""

@@ -18,36 +18,42 @@ both and free moves in between, which keep no height (`planner.pick_place.cycle_
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect
-from planner.errors import ResponseError, TaskError
+from planner.errors import ResponseError, SceneError, TaskError
 from planner.manipulator import Manipulator
+from planner.motion.joint_move import ROUNDING_RAD
 from planner.motion.response import Response
 from planner.motion.straight_line import STRICT, LineTolerance
 from planner.pick_place.cycle_search import CycleSearch
 from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder
-from planner.pick_place.request import PlanRequest
-from planner.pick_place.task import PickAndPlace, checked_height_m
+from planner.pick_place.task import PickAndPlace, PlanRequest, checked_height_m
 from planner.pick_place.tracking.proof import planned_for
-from planner.plan import Plan
+from planner.plan import Plan, PlanFailure
+from planner.scene.attachment import Attachment
 from planner.scene.bodies import Scene
-from planner.scene.held import Held
+from planner.state import State
 
 
 def plan_pick_and_place(
     task: PickAndPlace,
     manipulator: Manipulator,
-    scene: Scene,
-    q_start: ArrayLike,
+    scene: Scene | None = None,
+    q_start: ArrayLike | None = None,
     *,
+    state: State | None = None,
     margin_m: float = 0.0,
-    held: Sequence[Held] = (),
+    held: Sequence[Attachment] = (),
     line_tolerance: LineTolerance = STRICT,
     response: Response | None = None,
+    clip_start: bool = False,
 ) -> Plan:
     """Every step from `q_start` until the arm has retracted from the placed body.
 
@@ -56,6 +62,8 @@ def plan_pick_and_place(
         manipulator: the arm and its hand.
         scene: all bodies, the one to carry among them.
         q_start: where the arm stands, shape (7,), rad.
+        state: robot and bodies, such as `World.state`, in place of `scene`, `q_start`, `held` and
+            the manipulator's `q_others`.
         margin_m: distance that is proven to be kept from everything at all times, contacts on
             purpose left out, the hand from what it grasps, and links up to two joints apart; not
             negative.
@@ -66,10 +74,14 @@ def plan_pick_and_place(
             is to be sent at the greatest speed up to the response's at which every path that the
             joints may take is proven to keep the margin (`prove_tracking`): `Plan.response` says
             it. All of it is sent at one speed.
+        clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
+            warning in the log, instead of refused; a start outside by no more than 1e-6 rad
+            always is, without one.
 
     Returns:
         A plan; when a step has no solution, an invalid one that says which and why; so as well when
-        no speed is found at which it is clear on an arm of that response.
+        the other hand holds the body, or no speed is found at which the plan is clear on an arm of
+        that response.
 
     Raises:
         SceneError: when the body is not in the scene.
@@ -82,9 +94,16 @@ def plan_pick_and_place(
     expect(task, PickAndPlace, "task", TaskError)
     if response is not None:
         expect(response, Response, "response", ResponseError)
-    request = PlanRequest(manipulator, scene, q_start, margin_m, held, line_tolerance)
+    manipulator, scene, q_start, held = _begun(manipulator, scene, q_start, held, state)
+    request = PlanRequest(
+        manipulator, scene, q_start, margin_m, held, line_tolerance, clip_start=clip_start
+    )
     if not scene[task.body].is_movable:
         raise TaskError(f"{task.body!r} is not movable, so it cannot be picked")
+    for holding in request.held:
+        if holding.body == task.body:
+            reason = f"{task.body} is in the {holding.side} hand"
+            return PlanBuilder(request).plan(PlanFailure("pick: close", reason, is_certain=True))
     plan = CycleSearch(request, task).shortest()
     if response is None:
         return plan
@@ -93,12 +112,14 @@ def plan_pick_and_place(
 
 def plan_start_move(
     manipulator: Manipulator,
-    scene: Scene,
-    q_now: ArrayLike,
+    scene: Scene | None = None,
+    q_now: ArrayLike | None = None,
     q_start: ArrayLike | None = None,
     *,
+    state: State | None = None,
     margin_m: float = 0.0,
-    held: Sequence[Held] = (),
+    held: Sequence[Attachment] = (),
+    clip_start: bool = False,
 ) -> Plan:
     """The way to where a task starts, around what is in the way, then an open gripper.
 
@@ -107,9 +128,14 @@ def plan_start_move(
         scene: all bodies.
         q_now: where the arm stands, shape (7,), rad.
         q_start: where it shall stand; every joint at zero when not given.
+        state: robot and bodies, such as `World.state`, in place of `scene`, `q_now`, `held` and the
+            manipulator's `q_others`.
         margin_m: distance that is proven to be kept from everything, links up to two joints apart
             left out; not negative.
         held: what the other hand holds, as `World.held` says.
+        clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
+            warning in the log, instead of refused; a start outside by no more than 1e-6 rad
+            always is, without one.
 
     Returns:
         A plan; when there is no way, an invalid one that says what is in it.
@@ -118,11 +144,15 @@ def plan_start_move(
         ConfigurationError: when a configuration is malformed or outside the limits.
         MotionError: when the margin is not a number, or negative.
     """
-    request = PlanRequest(manipulator, scene, q_now, margin_m, held, q_name="q_now")
-    goal = manipulator.arm.limits.check(np.zeros(7) if q_start is None else q_start, "q_start")
+    manipulator, known, q_now, held = _begun(manipulator, scene, q_now, held, state)
+    request = PlanRequest(
+        manipulator, known, q_now, margin_m, held, q_name="q_now", clip_start=clip_start
+    )
+    q_goal = np.zeros(7) if q_start is None else q_start
+    goal = manipulator.arm.limits.check(q_goal, "q_start", ROUNDING_RAD)
 
     def add_steps(builder: PlanBuilder) -> None:
-        context = manipulator.context(scene, margin_m=request.margin_m)
+        context = manipulator.context(known, margin_m=request.margin_m)
         builder.add_free_move("move to start", goal, context)
         builder.add_open("open", manipulator.hand.stroke_m)
 
@@ -131,13 +161,15 @@ def plan_start_move(
 
 def plan_retract(
     manipulator: Manipulator,
-    scene: Scene,
-    q_now: ArrayLike,
-    height_m: float,
+    scene: Scene | None = None,
+    q_now: ArrayLike | None = None,
+    height_m: float = math.nan,
     *,
+    state: State | None = None,
     margin_m: float = 0.0,
-    held: Sequence[Held] = (),
+    held: Sequence[Attachment] = (),
     line_tolerance: LineTolerance = STRICT,
+    clip_start: bool = False,
 ) -> Plan:
     """Open the fingers, and rise straight up from where the arm stands.
 
@@ -148,11 +180,16 @@ def plan_retract(
         scene: all bodies that must not be touched.
         q_now: where the arm stands, shape (7,), rad.
         height_m: how far to rise, above zero.
+        state: robot and bodies, such as `World.state`, in place of `scene`, `q_now`, `held` and the
+            manipulator's `q_others`.
         margin_m: distance that is proven to be kept from everything, links up to two joints apart
             left out; not negative.
         held: what the other hand holds, as `World.held` says.
         line_tolerance: how far the tip may be off its straight lines, for which `verify` judges the
             plan by it: 0.1 mm and 0.02 deg when not given.
+        clip_start: whether a start up to 0.1 rad outside the limits is moved to them, with a
+            warning in the log, instead of refused; a start outside by no more than 1e-6 rad
+            always is, without one.
 
     Returns:
         A plan; when there is no way up, an invalid one that says why.
@@ -162,16 +199,40 @@ def plan_retract(
         TaskError: when the height is not a number above zero, or is beyond `FARTHEST_M`.
         MotionError: when the margin is not a number, or negative, or a tolerance of another class.
     """
-    request = PlanRequest(manipulator, scene, q_now, margin_m, held, line_tolerance, "q_now")
+    manipulator, known, q_now, held = _begun(manipulator, scene, q_now, held, state)
+    request = PlanRequest(
+        manipulator, known, q_now, margin_m, held, line_tolerance, "q_now", clip_start
+    )
     rise_m = checked_height_m(height_m, "height_m", TaskError)
     opening_m = manipulator.hand.stroke_m
 
     def add_steps(builder: PlanBuilder) -> None:
         builder.add_open("open", opening_m)
-        context = manipulator.context(scene, finger_m=opening_m, margin_m=request.margin_m)
+        context = manipulator.context(known, finger_m=opening_m, margin_m=request.margin_m)
         builder.add_rise("retract", rise_m, context)
 
     return _built(request, add_steps)
+
+
+def _begun(
+    manipulator: Manipulator,
+    scene: Scene | None,
+    q: ArrayLike | None,
+    held: Sequence[Attachment],
+    state: State | None,
+) -> tuple[Manipulator, Scene, Any, Sequence[Attachment]]:
+    """Arm, bodies, where it stands and what is held, all from the state where one is given."""
+    expect(manipulator, Manipulator, "manipulator", TaskError)
+    if state is None:
+        if scene is None and q is None:
+            raise TaskError("give the scene and where the arm stands, or state=")
+        return manipulator, expect(scene, Scene, "scene", SceneError), q, held
+    expect(state, State, "state", TaskError)
+    if scene is not None or q is not None or held:
+        raise TaskError("give state= alone, or the scene, where the arm stands and what is held")
+    others = manipulator.robot.configuration(dict(state.joints))
+    there = replace(manipulator, q_others=others)
+    return there, state.scene, state.q(manipulator.arm.joint_names), state.attachments
 
 
 def _built(request: PlanRequest, add_steps: Callable[[PlanBuilder], None]) -> Plan:

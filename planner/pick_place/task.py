@@ -1,17 +1,30 @@
-"""PickAndPlace: what goes where, and the poses that lead the tip there and away."""
+"""PickAndPlace, what goes where, and PlanRequest, the arm, the scene and the promises of a plan."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import InitVar, dataclass, field
 
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from baxter_kin.errors import BaxterError, expect, millimetres_hint
+from baxter_kin.errors import BaxterError, expect, expect_all, millimetres_hint
 from baxter_kin.frames import checked_pose, raised
-from baxter_kin.validation import positive_scalar
+from baxter_kin.validation import FloatArray, positive_scalar
 from baxter_kin.value_objects import OneLine, phrase, position
-from planner.errors import TaskError
-from planner.scene.bodies import FARTHEST_M
+from planner.clearance import checked_margin_m
+from planner.errors import MotionError, SceneError, TaskError
+from planner.manipulator import Manipulator
+from planner.motion.joint_move import checked_start
+from planner.motion.straight_line import STRICT, LineTolerance
+from planner.scene.attachment import Attachment
+from planner.scene.bodies import FARTHEST_M, Scene
+
+DEFAULT_HOVER_M = 0.15
+"""Height above the place where the arm ends; the original demo's hover distance."""
+
+DEFAULT_CLEAR_M = 0.05
+"""Height above pick and place from which the arm may move sideways: a third of that."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -35,8 +48,8 @@ class PickAndPlace(OneLine):
     body: str
     T_base_pick: pin.SE3
     T_base_place: pin.SE3
-    hover_m: float = 0.15
-    clear_m: float = 0.05
+    hover_m: float = DEFAULT_HOVER_M
+    clear_m: float = DEFAULT_CLEAR_M
 
     def __post_init__(self) -> None:
         expect(self.body, str, "name of the body", TaskError)
@@ -81,3 +94,53 @@ def checked_height_m(value: object, what: str, error: type[BaxterError]) -> floa
         hint = millimetres_hint(height_m)
         raise error(f"{what} must be at most {FARTHEST_M:g} m, got {height_m:g}{hint}")
     return height_m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanRequest:
+    """What a plan is made for.
+
+    Attributes:
+        manipulator: the arm and its hand, which is empty.
+        scene: all bodies.
+        q_given: where the arm stands before the first step, shape (7,), rad; checked, `q_start`.
+        margin_m: distance that everything keeps at all times, contacts on purpose left out, the
+            hand from what it grasps, and links up to two joints apart.
+        held: what the other hand holds.
+        line_tolerance: how far the tip may be off its straight lines.
+        q_name: what messages call `q_start`.
+        clip_start: whether a start up to 0.1 rad outside the limits is moved to them.
+
+    Raises:
+        SceneError: when `scene` is not a `Scene`.
+        TaskError: when `manipulator` is not a `Manipulator`, or its hand holds something.
+        ConfigurationError: when `q_start` is malformed or outside the limits.
+        MotionError: when the margin is not a number, or negative, or `line_tolerance` is not a
+            `LineTolerance`, or `clip_start` not a bool.
+    """
+
+    manipulator: Manipulator
+    scene: Scene
+    q_given: InitVar[ArrayLike]
+    margin_m: float = 0.0
+    held: Sequence[Attachment] = ()
+    line_tolerance: LineTolerance = STRICT
+    q_name: InitVar[str] = "q_start"
+    clip_start: InitVar[bool] = False
+    q_start: FloatArray = field(init=False)
+
+    def __post_init__(self, q_given: ArrayLike, q_name: str, clip_start: bool) -> None:
+        arm = expect(self.manipulator, Manipulator, "manipulator", TaskError).arm
+        expect(self.scene, Scene, "scene", SceneError)
+        expect(self.line_tolerance, LineTolerance, "line_tolerance", MotionError)
+        held = expect_all(self.held, Attachment, "what the hands hold", TaskError)
+        for holding in held:
+            if holding.side == arm.side:
+                raise TaskError(
+                    f"the {holding.side} hand holds {holding.body!r}; it must be empty to begin "
+                    "with: open it first"
+                )
+        q_start = checked_start(q_given, arm.limits, q_name, clip_start=clip_start)
+        object.__setattr__(self, "q_start", q_start)
+        object.__setattr__(self, "margin_m", checked_margin_m(self.margin_m))
+        object.__setattr__(self, "held", held)

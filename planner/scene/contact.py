@@ -5,9 +5,11 @@ coal enters here; the geometry models of `planner.collision.checker` are made of
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import coal
 import numpy as np
@@ -15,7 +17,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect, quoted
-from baxter_kin.validation import FloatArray, Indices, finite_array, finite_scalar
+from baxter_kin.validation import Checked, FloatArray, Indices, finite_array, finite_scalar
+from baxter_kin.value_objects import OneLine, millimetres
 from planner.errors import SceneError
 from planner.scene.bodies import Body, Box, Cylinder, Part, Scene, Shape, Sphere
 from planner.scene.mesh import Mesh
@@ -42,6 +45,9 @@ _MAX_ADVANCES = 1000
 
 _Placed: TypeAlias = tuple[coal.CollisionGeometry, coal.Transform3s]
 
+BOTH_SIDES = np.array([[0, 1, 2], [0, 2, 1]])
+"""A triangle seen from either side, as a surface without a volume."""
+
 FLAT_M = 1e-5
 """Triangles whose extent along some axis is less than this get so thick that they have a hull."""
 
@@ -54,8 +60,8 @@ def travel_to_contact(
     Conservative advancement (Mirtich 1996): two planes across the shortest connection keep convex
     shapes apart, so a shape may move until it has used up the gap between them, and never touches
     when it does not move towards them. Shapes in contact touch at once, unless one slides along
-    the other or leaves it. A mesh that is not convex is taken triangle by triangle, so what slides
-    along its surface stops at the next edge.
+    the other or leaves it. A mesh that is not convex is taken triangle by triangle, of those that
+    lie in the way, so what slides along its surface stops at the next edge.
 
     Args:
         moving: the shape that moves, placed in some frame.
@@ -64,18 +70,41 @@ def travel_to_contact(
         room_m: how far it may move at most.
 
     Raises:
-        SceneError: when an argument is malformed, the direction is not of unit length, or a mesh
-            that is not convex has more than `MOST_TOUCHED_TRIANGLES`.
+        SceneError: when an argument is malformed, or the direction is not of unit length.
     """
     along = _unit(direction)
     finite_scalar(room_m, "room_m", SceneError)
     for part in (moving, still):
         expect(part, Part, "a shape to move", SceneError)
-    travels = (
-        _travel(first, second, along, room_m)
-        for first, second in product(_pieces(moving), _pieces(still))
-    )
+    way = room_m * along
+    swept, there = _swept(_bounds(moving), way), _bounds(still)
+    if _are_apart(swept, there):
+        return None
+    firsts, seconds = _pieces(moving, _swept(there, -way)), _pieces(still, swept)
+    travels = (_travel(first, second, along, room_m) for first, second in product(firsts, seconds))
     return min((travel for travel in travels if travel is not None), default=None)
+
+
+def depth_m(body: Body, other: Body) -> float:
+    """How deep a body is inside another: the least way that parts two of their shapes; 0 outside.
+
+    What is wholly inside a mesh that is not convex touches nothing.
+    """
+    gaps = [_gap(*pair) for pair in _near_pieces(body, other)]
+    return max(0.0, -min(gaps, default=0.0))
+
+
+def lift_m(body: Body, other: Body) -> float:
+    """How far up a body must go until no shape of it presses deeper than allowed into another's."""
+    up, lifts = np.array([0.0, 0.0, 1.0]), [0.0]
+    top_m, bottom_m = other.extent_m(up)[1], body.extent_m(up)[0]
+    above_m = max(0.0, top_m - bottom_m) + PRESSING_TOLERANCE_M
+    for moving, still in _near_pieces(body, other):
+        if _gap(moving, still) < -PRESSING_TOLERANCE_M:
+            shape, T = moving
+            high = shape, coal.Transform3s(T.getRotation(), T.getTranslation() + above_m * up)
+            lifts.append(above_m - (_travel(high, still, -up, above_m) or 0.0))
+    return max(lifts)
 
 
 def _travel(moving: _Placed, still: _Placed, along: FloatArray, room_m: float) -> float | None:
@@ -108,14 +137,97 @@ def contact_point(first: Part, second: Part) -> FloatArray:
     return _nearest(_pieces(first), _pieces(second))[1]
 
 
-def touching(body: Body, scene: Scene) -> frozenset[str]:
-    """Names of the other bodies that a body touches within `PRESSING_TOLERANCE_M`."""
+@dataclass(frozen=True, slots=True, repr=False)
+class Contact(Checked, OneLine, error=SceneError):
+    """Two things that may come near each other or touch, because that is meant.
+
+    Attributes:
+        body: name of a body.
+        other: name of another body, or of what of a hand it is about: "left hand", "left pads".
+        part: number of the part of `body`; None for any.
+        other_part: number of the other body's part; None for any.
+        least_m: the gap that they must keep, negative where they may press.
+        begin_s: from when on, since the step began.
+        end_s: until when.
+
+    Raises:
+        SceneError: when a value is of another class, or a number is not finite.
+    """
+
+    body: str
+    other: str
+    part: int | None = None
+    other_part: int | None = None
+    least_m: float = 0.0
+    begin_s: float = 0.0
+    end_s: float = 0.0
+
+    @classmethod
+    def of_hand(cls, side: str, body: str, *, may_press: bool) -> tuple[Contact, ...]:
+        """A hand that is about to grasp a body, or has let it go; may its pads press on it?"""
+        near = cls(body, f"{side} hand")
+        return (near, cls(body, f"{side} pads", least_m=-PRESSING_TOLERANCE_M))[: 1 + may_press]
+
+    @classmethod
+    def of_supports(cls, body: str, supports: Iterable[PartContact | str]) -> tuple[Contact, ...]:
+        """A body on what it stood or will stand on."""
+        found = (
+            cls(body, each, least_m=-PRESSING_TOLERANCE_M)
+            if isinstance(each, str)
+            else cls(body, each.other, each.part, each.other_part, -PRESSING_TOLERANCE_M)
+            for each in supports
+        )
+        return tuple(sorted(found, key=lambda contact: contact.pair))
+
+    def _facts(self) -> tuple[str, ...]:
+        return (self.pair, millimetres(self.least_m), f"{self.begin_s:.3f}..{self.end_s:.3f} s")
+
+    @property
+    def support(self) -> PartContact | str:
+        """What a held or pushed body may touch: a pair of parts, or a body of which any part."""
+        if self.part is None or self.other_part is None:
+            return self.other
+        return PartContact(self.part, self.other, self.other_part)
+
+    @property
+    def pair(self) -> str:
+        """The two as a phrase."""
+        numbered = ((self.body, self.part), (self.other, self.other_part))
+        return " and ".join(n if i is None else f"{n}, part {i + 1}" for n, i in numbered)
+
+
+class PartContact(NamedTuple):
+    """A part of one body that touches a part of another; `Body.parts` numbers them.
+
+    Attributes:
+        part: number of the part of the body itself.
+        other: name of the other body.
+        other_part: number of that body's part.
+    """
+
+    part: int
+    other: str
+    other_part: int
+
+
+def part_contacts(body: Body, scene: Scene) -> frozenset[PartContact]:
+    """The parts of a body and of others in a scene that touch within `PRESSING_TOLERANCE_M`.
+
+    Parts farther apart are no contact, even where other parts of the same two bodies touch.
+    """
     placed = _placed(body)
     return frozenset(
-        other.name
+        PartContact(part, other.name, other_part)
         for other in scene
-        if other.name != body.name and _nearest(placed, _placed(other))[0] <= PRESSING_TOLERANCE_M
+        if other.name != body.name
+        for (part, one), (other_part, two) in product(enumerate(placed), enumerate(_placed(other)))
+        if _nearest([one], [two])[0] <= PRESSING_TOLERANCE_M
     )
+
+
+def touching(body: Body, scene: Scene) -> frozenset[str]:
+    """Names of the other bodies that a body touches within `PRESSING_TOLERANCE_M`."""
+    return frozenset(contact.other for contact in part_contacts(body, scene))
 
 
 @lru_cache(maxsize=64)
@@ -145,8 +257,7 @@ def convex_pieces(shape: Shape) -> tuple[coal.ShapeBase, ...]:
             f"a mesh that is not convex is touched, but has {len(shape.triangles)} triangles; at "
             f"most {MOST_TOUCHED_TRIANGLES} can be: thin it out, or give its convex hull"
         )
-    both_sides = np.array([[0, 1, 2], [0, 2, 1]])
-    return tuple(convex(corners, both_sides) for corners in shape.corners)
+    return tuple(convex(corners, BOTH_SIDES) for corners in shape.corners)
 
 
 def has_depth(geometry: coal.CollisionGeometry) -> bool:
@@ -256,9 +367,66 @@ def _nearest(first: list[_Placed], second: list[_Placed]) -> tuple[float, FloatA
     return min(found, key=lambda pair: pair[0])
 
 
-def _pieces(part: Part) -> list[_Placed]:
-    pose = coal_pose(part.T_body_part)
-    return [(piece, pose) for piece in convex_pieces(part.shape)]
+def _gap(one: _Placed, other: _Placed) -> float:
+    """Distance of two convex shapes; negative inside each other."""
+    return float(coal.distance(*one, *other, coal.DistanceRequest(), coal.DistanceResult()))
+
+
+def _near_pieces(body: Body, other: Body) -> Iterator[tuple[_Placed, _Placed]]:
+    """Pairs of convex shapes of two bodies of which boxes do not tell that they are apart."""
+    parts = [(part, _bounds(part)) for part in body.placed_parts]
+    others = [(part, _bounds(part)) for part in other.placed_parts]
+    for (one, here), (two, there) in product(parts, others):
+        if not _are_apart(here, there):
+            yield from product(_pieces(one, there), _pieces(two, here))
+
+
+def _pieces(part: Part, near: FloatArray | None = None) -> list[_Placed]:
+    """Convex shapes that a part consists of; of triangles only those near a box, if one is given.
+
+    Args:
+        part: placed in some frame.
+        near: least and greatest corner in that frame, shape (2, 3), m.
+    """
+    pose, shape = coal_pose(part.T_body_part), part.shape
+    if near is None or not isinstance(shape, Mesh) or shape.is_convex:
+        return [(piece, pose) for piece in convex_pieces(shape)]
+    corners = _placed_points(shape.corners, part.T_body_part)
+    is_far = (corners.min(axis=1) > near[1] + FLAT_M) | (corners.max(axis=1) < near[0] - FLAT_M)
+    corners = shape.corners[~is_far.any(axis=1)]
+    return [(convex(triangle, BOTH_SIDES), pose) for triangle in corners]
+
+
+def _bounds(part: Part) -> FloatArray:
+    """The box around a placed part: least and greatest corner, shape (2, 3), m."""
+    shape, T = part.shape, part.T_body_part
+    if isinstance(shape, Mesh):
+        points = _placed_points(shape.vertices, T)
+        return np.stack([points.min(axis=0), points.max(axis=0)])
+    if isinstance(shape, Box):
+        half = np.abs(T.rotation) @ shape.size_m / 2
+    elif isinstance(shape, Cylinder):
+        up = T.rotation[:, 2]
+        across = np.sqrt(np.maximum(0.0, 1.0 - up * up))
+        half = shape.radius_m * across + np.abs(up) * shape.length_m / 2
+    else:
+        half = np.full(3, shape.radius_m)
+    return np.array([T.translation - half, T.translation + half])
+
+
+def _placed_points(points: FloatArray, T: pin.SE3) -> FloatArray:
+    placed: FloatArray = points @ T.rotation.T + T.translation
+    return placed
+
+
+def _swept(box: FloatArray, way: FloatArray) -> FloatArray:
+    """The box around a box that moves."""
+    return np.array([box[0] + np.minimum(way, 0.0), box[1] + np.maximum(way, 0.0)])
+
+
+def _are_apart(box: FloatArray, other: FloatArray) -> bool:
+    """Whether a gap greater than rounding is between two boxes."""
+    return bool((box[0] > other[1] + FLAT_M).any() or (box[1] < other[0] - FLAT_M).any())
 
 
 def _placed(body: Body) -> list[_Placed]:

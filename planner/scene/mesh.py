@@ -7,6 +7,8 @@ wholly inside it touches nothing, so a room or a bin can be one mesh.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +30,12 @@ MOST_TRIANGLES = 200_000
 
 SLIVER = 1e-9
 """A triangle whose height is a smaller share of its longest edge has no area."""
+
+_CUBOID = (
+    *((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5)),
+    *((0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6)),
+    *((0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
+)
 
 FLATNESS = 1e-9
 """How far a corner may stand out of a convex mesh's face, relative to the mesh's size."""
@@ -81,6 +89,13 @@ class Mesh(Frozen, OneLine):
         return *sizes, "convex" if self.is_convex else "not convex"
 
 
+@lru_cache(maxsize=64)
+def cuboid(size_m: tuple[float, float, float]) -> Mesh:
+    """The surface of a box centred on its frame, by its edge lengths along x, y and z."""
+    corners = np.array(list(product((-0.5, 0.5), repeat=3))) * size_m
+    return Mesh(corners, np.array(_CUBOID))
+
+
 def checked_size(value: float, what: str) -> float:
     """An edge or radius that distances can be measured to.
 
@@ -128,7 +143,7 @@ def _refuse_slivers(corners: FloatArray) -> None:
 
 def _is_convex(vertices: FloatArray, triangles: Indices) -> bool:
     """Whether the triangles are the whole surface of a convex volume, seen from outside."""
-    if not _is_closed(triangles):
+    if open_edges(triangles):
         return False
     corners = vertices[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -142,9 +157,11 @@ def _is_convex(vertices: FloatArray, triangles: Indices) -> bool:
     return True
 
 
-def _is_closed(triangles: Indices) -> bool:
-    """Whether every edge joins two triangles that run along it in opposite directions."""
+def open_edges(triangles: Indices) -> int:
+    """How many edges do not join two triangles that run along it in opposite directions."""
     ends = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     count = int(triangles.max()) + 1
     forth, back = ends @ [count, 1], ends @ [1, count]
-    return len(np.unique(forth)) == len(forth) and bool(np.isin(forth, back).all())
+    _, where, times = np.unique(forth, return_inverse=True, return_counts=True)
+    is_open = (times[where] > 1) | ~np.isin(forth, back)
+    return len(np.unique(np.sort(ends[is_open], axis=1), axis=0))

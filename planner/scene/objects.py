@@ -62,12 +62,17 @@ def make_block(
     edges = float_array(edge_m, "edge_m", SceneError)
     is_cube = edges.ndim == 0
     x, y, z = finite_array(np.full(3, edges) if is_cube else edges, (3,), "edge_m", SceneError)
-    rgba = _rgba(colour, name)
+    rgba = colour_of(colour, name)
     part = Part(Box((float(x), float(y), float(z))), pin.SE3.Identity(), rgba)
     return Body(name, (part,), checked_pose(T_base_centre), is_movable)
 
 
-def _rgba(colour: str | Sequence[float] | None, name: str) -> tuple[float, float, float, float]:
+def colour_of(colour: str | Sequence[float] | None, name: str) -> tuple[float, float, float, float]:
+    """Red, green, blue and opacity of a colour that is given, or else of that name, or grey.
+
+    Raises:
+        SceneError: when there is no such colour.
+    """
     if colour is None:
         return COLOURS.get(name, GREY) if isinstance(name, str) else GREY
     if isinstance(colour, str):

@@ -3,8 +3,10 @@
 `python -m planner.verification FILE` checks a saved plan; see `planner.verification.command_line`.
 """
 
+import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
 from planner.verification.certificate import Certificate, Check, Relation
 from planner.verification.inspection import verify
+from planner.verification.prover import certificate_of
 from planner.verification.tolerances import Tolerances
 
-__all__ = ["Certificate", "Check", "Relation", "Tolerances", "verify"]
+__all__ = ["Certificate", "Check", "Relation", "Tolerances", "certificate_of", "verify"]

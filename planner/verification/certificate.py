@@ -15,7 +15,10 @@ from baxter_kin.validation import Checked, check_fields
 from baxter_kin.value_objects import OneLine, count, seconds, sentence
 from planner.errors import TaskError
 from planner.plan import Plan
-from planner.situation import Situation
+from planner.state import State
+
+NOT_MEASURED = "not measured"
+"""Stands for a value that is not a number."""
 
 _RELATIONS = {"<=": operator.le, ">=": operator.ge, ">": operator.gt}
 
@@ -34,7 +37,8 @@ class Check(OneLine):
 
     Attributes:
         name: what was checked, such as "velocity limit".
-        value: the worst value; infinite when there is none, such as a support that is missing.
+        value: the worst value; infinite when there is none, such as a support that is missing; not
+            a number when it was not measured.
         relation: how it must stand to the bound.
         bound: the bound.
         unit: of value and bound; empty for a ratio or a count.
@@ -56,14 +60,15 @@ class Check(OneLine):
 
     @property
     def is_passed(self) -> bool:
-        """Whether the value keeps the bound; a value that is no number keeps none."""
+        """Whether the value keeps the bound; a value that was not measured keeps none."""
         kept: bool = _RELATIONS[self.relation.value](self.value, self.bound)
         return kept
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
+        value = NOT_MEASURED if math.isnan(self.value) else f"{self.value:.6g}{unit}"
         return (
-            f"{self.name} {self.value:.6g}{unit}, must be {self.relation.value} {self.bound:.6g}"
+            f"{self.name} {value}, must be {self.relation.value} {self.bound:.6g}"
             f"{unit} ({self.where})"
         )
 
@@ -112,13 +117,13 @@ class Subject(Checked, error=TaskError):
 
     Attributes:
         plan: the plan that was checked.
-        situation: the world that it was checked in.
+        state: the world that it was checked in.
         is_standard: whether it was checked with the toolkit's tolerances, and a plan that states a
             response with that one.
     """
 
     plan: Plan
-    situation: Situation
+    state: State
     is_standard: bool
 
 
@@ -160,7 +165,7 @@ class Certificate(Checked, OneLine, error=TaskError):
         """The checks that are not passed."""
         return tuple(check for check in self.checks if not check.is_passed)
 
-    def is_of(self, plan: Plan, situation: Situation | None = None) -> bool:
+    def is_of(self, plan: Plan, state: State | None = None) -> bool:
         """Whether `verify` made it in this process, of this very plan in just that world.
 
         The plan must be the same object; a copy, or one read from a file again, is another one.
@@ -170,18 +175,18 @@ class Certificate(Checked, OneLine, error=TaskError):
 
         Args:
             plan: what is about to be executed.
-            situation: the world before its first step; the plan's own when not given.
+            state: the world before its first step; the plan's own when not given.
 
         Raises:
             TaskError: when one of them is of another class.
         """
         expect(plan, Plan, "plan", TaskError)
-        if situation is not None:
-            expect(situation, Situation, "situation", TaskError)
-        subject, known = self.subject, plan.situation if situation is None else situation
-        if subject is None or known is None or subject.plan is not plan:
+        if state is not None:
+            expect(state, State, "state", TaskError)
+        subject, known = self.subject, plan.start if state is None else state
+        if subject is None or subject.plan is not plan:
             return False
-        made_in = subject.situation
+        made_in = subject.state
         is_same = made_in is known or _world(made_in, plan.limb) == _world(known, plan.limb)
         return subject.is_standard and is_same
 
@@ -255,17 +260,18 @@ class Certificate(Checked, OneLine, error=TaskError):
         return self.limb, count(self.steps, "step"), seconds(self.motion_time_s), state
 
 
-def _world(situation: Situation, limb: str) -> Any:
-    """All that counts of a situation: no colours, and no joints of the arm of that limb."""
-    data = unchecked(situation, Situation)
+def _world(state: State, limb: str) -> Any:
+    """All that counts of a state: no colours, and no joints of the arm of that limb."""
+    data = unchecked(state, State)
     bodies = list(data["scene"]["bodies"].values())
     for part in (part for body in bodies for part in body["parts"]):
         del part["rgba"]
     joints = {n: at for n, at in data["joints"].items() if not n.startswith(f"{limb}_")}
-    return bodies, joints, data["held"]
+    return bodies, joints, data["attachments"]
 
 
 def _row(check: Check) -> tuple[str, ...]:
     verdict = "ok" if check.is_passed else "FAILS"
-    numbers = (f"{check.value:.6g}", check.relation.value, f"{check.bound:.6g}")
+    value = NOT_MEASURED if math.isnan(check.value) else f"{check.value:.6g}"
+    numbers = (value, check.relation.value, f"{check.bound:.6g}")
     return (verdict, check.name, *numbers, check.unit, check.where)

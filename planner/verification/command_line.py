@@ -26,7 +26,7 @@ from planner.motion.response import Response
 from planner.plan import Plan
 from planner.plan_file import load_plan
 from planner.response_file import load_response
-from planner.verification.inspection import verify
+from planner.verification.inspection import robot_difference, verify
 from planner.verification.motion.judged_limits import robot_limits
 from planner.verification.urdf_robot import UrdfRobot
 
@@ -65,7 +65,10 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     _add_judging(parser)
     robot = parser.add_argument_group("robot")
     robot.add_argument(
-        "--urdf", metavar="FILE", help="the robot's own description (default: the stock robot)"
+        "--urdf",
+        metavar="FILE",
+        help="the robot's own description (default: the stock robot); a plan for another robot is "
+        "judged on this one",
     )
     add_hands(robot)
     output = parser.add_argument_group("output")
@@ -125,7 +128,17 @@ def _checked(options: argparse.Namespace) -> int:
         description=robot,
         limits=_limits(plan, robot, options),
         response=_response(plan, options),
+        on_another_robot=True,
     )
+    difference = robot_difference(plan, robot)
+    if difference:
+        off_mm = 1e3 * certificate["tip position"].value
+        off_mrad = 1e3 * certificate["tip orientation"].value
+        print(
+            f"{options.file}: {difference}; judged on {robot.source}, where the tip is up to "
+            f"{off_mm:.1f} mm and {off_mrad:.1f} mrad off",
+            file=sys.stderr,
+        )
     if options.json:
         print(json.dumps(certificate.as_dict(), indent=1, allow_nan=False))
     elif not options.quiet:

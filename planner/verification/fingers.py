@@ -7,8 +7,9 @@ advancement: Mirtich 1996); that holds for shapes of any kind. All shapes of bot
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import coal
 import numpy as np
@@ -118,6 +119,17 @@ def drop_m(body: Body, below: Body, room_m: float) -> float:
     moving = solids_of(body, 0, body.T_base_body)
     still = solids_of(below, 0, below.T_base_body)
     return travel_m(moving, still, np.array([0.0, 0.0, -1.0]), room_m, np.zeros(3))
+
+
+def gaps_of_parts(
+    body: Body, other: Body, within_m: float
+) -> Iterator[tuple[tuple[int, int], float]]:
+    """Which parts of two bodies are so near, by their numbers, and how near; 0 inside."""
+    ones, others = (solids_of(each, 0, each.T_base_body) for each in (body, other))
+    for (i, one), (j, two) in product(enumerate(ones), enumerate(others)):
+        gap_m = _distance(one, pin.SE3.Identity(), two)
+        if gap_m <= within_m:
+            yield (i, j), gap_m
 
 
 def travel_m(

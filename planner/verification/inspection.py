@@ -10,12 +10,13 @@ Shared with the planner are
 - Pinocchio's kinematics, which a test compares with frames multiplied by hand,
 - coal's distances, which a test compares with an independent distance on random pairs,
 - what a scene's shapes are (`planner.scene`, and coal's shapes made of them),
-- the values `Plan`, `Situation` and `Trajectory`, of which only knots, states and jerks are used;
+- the values `Plan`, `State` and `Trajectory`, of which only knots, states and jerks are used;
   limits and proofs that they state are compared, never believed; and the bounds of a `Response`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator
 from functools import cache
 from os import PathLike
@@ -27,8 +28,8 @@ from planner.errors import TaskError
 from planner.motion.response import Response
 from planner.plan import Plan
 from planner.plan_file import check_size
-from planner.situation import Situation
-from planner.verification.body.robot_body import robot_body
+from planner.state import State
+from planner.verification.body.robot_body import MissingMeshesError, SolidBody, robot_body
 from planner.verification.body.stretches import Stretches
 from planner.verification.certificate import Certificate, Check, Subject, Worst
 from planner.verification.checks import (
@@ -42,27 +43,32 @@ from planner.verification.fingers import Fingers
 from planner.verification.motion.judged_limits import described, judged_by
 from planner.verification.motion.motion_checks import motion_checks
 from planner.verification.motion.tip_checks import tip_checks
+from planner.verification.statements import statement_checks
 from planner.verification.story import Story
 from planner.verification.tolerances import Tolerances
 from planner.verification.tracking.tracking_checks import Follower, tracked, tracking_checks
 from planner.verification.urdf_robot import UrdfRobot
 
+NOTHING_MEASURED = "no shapes, as the meshes are missing"
+"""What the clearances of a certificate were measured on then."""
+
 
 def verify(
     plan: Plan,
-    situation: Situation | None = None,
+    state: State | None = None,
     *,
     straight: Collection[str] = (),
     tolerances: Tolerances | None = None,
     description: RobotDescription | None = None,
     limits: JointLimits | None = None,
     response: Response | None = None,
+    on_another_robot: bool = False,
 ) -> Certificate:
     """Check everything about a plan, independently of what planned it.
 
     Args:
         plan: what to check.
-        situation: the world before its first step; the plan's own when not given.
+        state: the world before its first step; the plan's own when not given.
         straight: labels of more moves that shall be straight; those that say so are tested anyhow.
         tolerances: what is allowed; the toolkit's promises when not given, and off its lines what
             the plan states.
@@ -72,29 +78,31 @@ def verify(
             toolkit's stated acceleration and jerk (`baxter_kin.limits`).
         response: how a real arm follows its set-points, for checks of wherever its joints may be
             then; the plan's own when not given, and no such checks where it has none.
+        on_another_robot: whether to judge a plan on the robot that is given although it is for
+            another one of the same joints, instead of refusing it. Its joint angles are the same
+            there, and the checks of the tip say how far off it is. Such a certificate is of no
+            plan (`is_of`).
 
     Returns:
         Every check with its worst value, its bound and where that was found.
 
     Raises:
-        TaskError: when an argument is of another class, the plan is for another robot, nobody says
-            the situation, its joints are not the robot's, limits are those of other joints, or plan
-            or scene are too large (`planner.plan_file.MOST`).
-        DescriptionError: when the URDF cannot be read; where only its meshes cannot, the verdict
-            says what was measured instead.
+        TaskError: when an argument is of another class, the plan is for another robot, the state's
+            joints are not the robot's, limits are those of other joints, or plan or scene are too
+            large (`planner.plan_file.MOST`).
+        DescriptionError: when the URDF cannot be read; where only its meshes cannot, no distance is
+            measured, so the certificate is not valid, and says which package brings them.
     """
     files = _installed() if description is None else description
     expect(files, RobotDescription, "description", TaskError)
     if isinstance(plan, (str, PathLike)):
         raise TaskError(f"plan must be of class Plan, got {quoted(plan)}; load_plan reads a file")
-    _check_robot(expect(plan, Plan, "plan", TaskError), files)
-    known = plan.situation if situation is None else situation
-    if known is None:
-        raise TaskError(
-            "the plan does not say for which situation it was made; give the scene and all joints: "
-            "verify(plan, Situation(scene, joints))"
-        )
-    expect(known, Situation, "situation", TaskError)
+    difference = robot_difference(expect(plan, Plan, "plan", TaskError), files)
+    if difference and not (on_another_robot and _has_its_joints(plan, files)):
+        there = "" if on_another_robot else ", or judge it there by on_another_robot=True"
+        raise TaskError(f"{difference}; give the description of the robot that it is for{there}")
+    known = plan.start if state is None else state
+    expect(known, State, "state", TaskError)
     check_size(plan, known, TaskError)
     labels = expect_all(straight, str, "the labels of straight moves", TaskError)
     for label in labels:
@@ -111,13 +119,17 @@ def verify(
     return _Inspection(plan, known, files, allowed, limits).certificate(labels, follows)
 
 
-def _check_robot(plan: Plan, description: RobotDescription) -> None:
+def robot_difference(plan: Plan, description: RobotDescription) -> str:
+    """That a plan is for another robot, and what differs, as a phrase; empty where it is not."""
     difference = "" if plan.robot is None else description.identity.difference(plan.robot)
-    if difference:
-        raise TaskError(
-            f"the plan is for another robot than {description.source}: {difference}; give the "
-            "description of the robot that it is for"
-        )
+    if not difference:
+        return ""
+    return f"the plan is for another robot than {description.source}: {difference}"
+
+
+def _has_its_joints(plan: Plan, description: RobotDescription) -> bool:
+    """Whether a robot has the joints of the one that a plan is for; else nothing can be judged."""
+    return plan.robot is None or plan.robot.ranges.keys() == description.identity.ranges.keys()
 
 
 @cache
@@ -126,60 +138,85 @@ def _installed() -> RobotDescription:
 
 
 class _Inspection:
-    """The robot, the story of the plan, and what was found so far."""
+    """A plan in its state, and the robot that it is judged for."""
 
     def __init__(
         self,
         plan: Plan,
-        situation: Situation,
+        state: State,
         files: RobotDescription,
         allowed: Tolerances,
         limits: JointLimits | None,
     ) -> None:
-        self._plan, self._situation, self._allowed = plan, situation, allowed
+        self._plan, self._state, self._allowed = plan, state, allowed
+        self._files = files
         self._robot = UrdfRobot(files, plan.limb)
         self._judge = judged_by(limits, self._robot)
-        self._standing = self._robot.standing(situation.joints)
-        self._body = robot_body(files)
-        self._fingers = Fingers(self._robot, self._body.solids)
-        self._story = Story(plan, situation, self._robot, self._fingers)
+        self._standing = self._robot.standing(state.joints)
 
     def certificate(self, straight: Collection[str], response: Response | None) -> Certificate:
+        """All checks; without the robot's meshes, those that need no shapes."""
         plan, robot, allowed = self._plan, self._robot, self._allowed
-        stretches = Stretches(
-            robot, self._body.solids, self._standing, self._story.elsewhere, straight
-        )
-        stages = (survey(stage, stretches, robot, allowed) for stage in self._story.stages)
-        found = [stage for stage in stages if stage is not None]
-        rest = survey_rest(self._story.scene, stretches, robot, allowed)
         checks = (
             self._completeness(),
             *motion_checks(plan, robot, self._judge, allowed),
             *tip_checks(plan, robot, self._standing, straight, allowed),
-            *start_checks(robot, self._standing, self._story, allowed),
-            *finger_checks(self._story, self._fingers, allowed),
+        )
+        try:
+            body = robot_body(self._files)
+        except MissingMeshesError as cause:
+            missing = Worst(math.nan, f"not measured: {cause}").above(
+                allowed.clearance_m, "clearance", "m"
+            )
+            return self._certified((*checks, missing), 0, response, NOTHING_MEASURED)
+        found, of_shapes = self._of_shapes(body, straight, response)
+        return self._certified((*checks, *of_shapes), found, response, body.source)
+
+    def _of_shapes(
+        self, body: SolidBody, straight: Collection[str], response: Response | None
+    ) -> tuple[int, tuple[Check, ...]]:
+        """How many configurations were measured, and the checks that need the robot's shapes."""
+        robot, allowed, plan, state = self._robot, self._allowed, self._plan, self._state
+        fingers = Fingers(robot, body.solids)
+        story = Story(plan, state, robot, fingers)
+        stretches = Stretches(robot, body.solids, self._standing, story.elsewhere, straight)
+        stages = (survey(stage, stretches, robot, allowed) for stage in story.stages)
+        found = [stage for stage in stages if stage is not None]
+        rest = survey_rest(story.scene, stretches, robot, allowed)
+        checks = (
+            *start_checks(robot, self._standing, story, allowed),
+            *finger_checks(story, fingers, allowed),
             *clearance_checks(found, rest, allowed),
             *proof_checks(step for stage in found for step in stage.steps),
-            *(() if response is None else self._tracking(response, stretches)),
+            *(statement_checks(plan, story, robot, allowed) if state is plan.start else ()),
+            *(() if response is None else self._tracking(story, response, stretches)),
         )
+        return sum(stage.samples for stage in found), checks
+
+    def _certified(
+        self, checks: tuple[Check, ...], samples: int, response: Response | None, measured_on: str
+    ) -> Certificate:
+        plan = self._plan
         return Certificate(
             plan.limb,
             float(sum(move.trajectory.knots_s[-1] for move in plan.moves)),
-            sum(stage.samples for stage in found),
+            samples,
             checks,
             steps=len(plan.steps),
             limits=described(self._judge),
-            geometry=self._body.source,
+            geometry=measured_on,
             subject=Subject(
                 plan,
-                self._situation,
-                allowed == Tolerances.of(plan) and plan.response in (None, response),
+                self._state,
+                self._allowed == Tolerances.of(plan)
+                and plan.response in (None, response)
+                and not robot_difference(plan, self._files),
             ),
         )
 
-    def _tracking(self, response: Response, stretches: Stretches) -> Iterator[Check]:
+    def _tracking(self, story: Story, response: Response, stretches: Stretches) -> Iterator[Check]:
         follower = Follower(self._robot, self._standing, stretches, response)
-        found = list(tracked(self._story.stages, follower, self._allowed))
+        found = list(tracked(story.stages, follower, self._allowed))
         return tracking_checks(found, self._allowed)
 
     def _completeness(self) -> Check:

@@ -6,6 +6,7 @@ travels of the fingers, in which nothing changes but them and what they push.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -15,10 +16,14 @@ import pinocchio as pin
 from baxter_kin.errors import quoted
 from baxter_kin.validation import FloatArray
 from planner.plan import Grip, GripperAction, Move, Plan
+from planner.scene.attachment import Attachment
 from planner.scene.bodies import Body, Scene
-from planner.situation import Situation
-from planner.verification.fingers import ClosingFingers, Fingers
+from planner.state import State
+from planner.verification.fingers import ClosingFingers, Fingers, drop_m
 from planner.verification.urdf_robot import UrdfRobot
+
+MOST_DROP_M = 0.02
+"""A body that falls farther is left where it was let go: a check of its own refuses that."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +63,12 @@ class Run:
     wanted: str | None = None
     is_put_down: bool = False
 
+    @property
+    def q(self) -> FloatArray:
+        """Where the arm stands after the moves, shape (7,), rad."""
+        last: FloatArray = self.moves[-1].trajectory.q[-1] if self.moves else self.q_start
+        return last
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FingerMove:
@@ -88,6 +99,7 @@ class FingerMove:
 class GraspEvent:
     """The hand closes on a body: where both are, how far it is open, and how that ends."""
 
+    number: int
     label: str
     T_base_tip: pin.SE3
     body: Body
@@ -99,6 +111,7 @@ class GraspEvent:
 class ReleaseEvent:
     """The hand lets a body go: where it is, and the bodies around."""
 
+    number: int
     label: str
     T_base_tip: pin.SE3
     body: Body
@@ -118,48 +131,56 @@ class Story:
         faults: gripper actions that contradict what the hand holds or what there is.
         scene: the bodies that stand by themselves at first.
         elsewhere: what the other hand holds, where that is.
+        others_hold: the same, as attachments.
         apart_m: how far each body that a hand holds stands, in the scene, from where the hand is.
+        runs: the run, as far as it goes before each step of the plan, and at the end.
+        standing: where all joints are at first, as `UrdfRobot` orders them.
     """
 
-    def __init__(self, plan: Plan, situation: Situation, robot: UrdfRobot, fingers: Fingers):
+    def __init__(self, plan: Plan, state: State, robot: UrdfRobot, fingers: Fingers):
         self.stages: list[Stage] = []
         self.grasps: list[GraspEvent] = []
         self.releases: list[ReleaseEvent] = []
         self.faults: list[str] = []
         self.elsewhere: list[Body] = []
+        self.others_hold: list[Attachment] = []
+        self.runs: list[Run] = []
         self.apart_m: dict[str, float] = {}
         self._robot, self._fingers = robot, fingers
-        self._standing = robot.standing(situation.joints)
-        self._run = self._begin(plan.q_start, situation)
+        self.standing = robot.standing(state.joints)
+        self._run = self._begin(plan.q_start, state)
         self.scene = self._run.scene
         if self._run.carried is not None:
             self._hold(self._run.carried)
-        for step in plan.steps:
+        for self._number, step in enumerate(plan.steps):
+            self.runs.append(self._run)
             if isinstance(step, Move):
                 self._run = replace(self._run, moves=(*self._run.moves, step))
             else:
                 self._grip(step)
         self.stages.append(self._run)
+        self.runs.append(self._run)
 
-    def _begin(self, q_start: FloatArray, situation: Situation) -> Run:
+    def _begin(self, q_start: FloatArray, state: State) -> Run:
         """What the hands hold is no part of the scene."""
-        scene, carried = situation.scene, None
-        for holding in situation.held:
+        scene, carried = state.scene, None
+        for holding in state.attachments:
             body = scene[holding.body]
             is_own = holding.side == self._robot.limb
             T_base_tip = (
-                self._robot.T_base_tip(self._standing, q_start)
+                self._robot.T_base_tip(self.standing, q_start)
                 if is_own
-                else self._robot.T_base_other_tip(self._standing, holding.side)
+                else self._robot.T_base_other_tip(self.standing, holding.side)
             )
-            placed = body.at(T_base_tip * holding.T_tip_body)
+            placed = body.at(T_base_tip * holding.T_link_body)
             self.apart_m[body.name] = _apart_m(body.T_base_body, placed.T_base_body)
             scene = scene.without(body.name)
             if is_own:
-                carried = Carried(body, holding.T_tip_body)
+                carried = Carried(body, holding.T_link_body)
             else:
                 self.elsewhere.append(placed)
-        return Run(q_start, (), scene, self._robot.opening(self._standing), carried)
+                self.others_hold.append(holding)
+        return Run(q_start, (), scene, self._robot.opening(self.standing), carried)
 
     def _hold(self, carried: Carried) -> None:
         """What the hand holds from the start it holds as after closing on it."""
@@ -167,15 +188,8 @@ class Story:
         at = (run.finger_m, run.finger_m, run.finger_m)
         self.stages.append(FingerMove(grip, run.q_start, run.scene, carried, *at))
 
-    @property
-    def _q(self) -> FloatArray:
-        """Where the arm stands now."""
-        moves = self._run.moves
-        last: FloatArray = moves[-1].trajectory.q[-1] if moves else self._run.q_start
-        return last
-
     def _grip(self, grip: Grip) -> None:
-        T_base_tip = self._robot.T_base_tip(self._standing, self._q)
+        T_base_tip = self._robot.T_base_tip(self.standing, self._run.q)
         if grip.action is GripperAction.CLOSE:
             self._close(grip, T_base_tip)
         else:
@@ -196,7 +210,9 @@ class Story:
     def _grasp(self, grip: Grip, T_base_tip: pin.SE3, body: Body) -> None:
         run, T_tip_body = self._run, T_base_tip.inverse() * body.T_base_body
         closing = self._fingers.closing(body, T_tip_body, run.finger_m)
-        self.grasps.append(GraspEvent(grip.label, T_base_tip, body, run.finger_m, closing))
+        self.grasps.append(
+            GraspEvent(self._number, grip.label, T_base_tip, body, run.finger_m, closing)
+        )
         self._run, rest = replace(run, wanted=body.name), run.scene.without(body.name)
         self._travel(grip, rest, Carried(body, T_tip_body), closing.finger_m, closing)
         if closing.is_hold:
@@ -216,9 +232,19 @@ class Story:
             self._next(run.scene, end_m)
             return
         body = carried.body.at(T_base_tip * carried.T_tip_body)
-        self.releases.append(ReleaseEvent(grip.label, T_base_tip, body, run.scene))
+        self.releases.append(ReleaseEvent(self._number, grip.label, T_base_tip, body, run.scene))
         self.stages[-2] = replace(run, is_put_down=True)
-        self._next(run.scene.with_body(body), end_m, released=body.name)
+        landed = self._landed(body, run.scene)
+        self._next(run.scene.with_body(landed), end_m, released=body.name)
+
+    def _landed(self, body: Body, scene: Scene) -> Body:
+        """Where a body that is let go comes to rest: straight below, on the first that it meets."""
+        falls = [drop_m(body, below, MOST_DROP_M) for below in (*scene, *self.elsewhere)]
+        T = pin.SE3(body.T_base_body)
+        fall_m = min(falls, default=math.inf)
+        if math.isfinite(fall_m):
+            T.translation = T.translation - np.array([0.0, 0.0, fall_m])
+        return body.at(T)
 
     def _opening(self, grip: Grip) -> float:
         """How far an open goes; it must be within the stroke, and further than what is held."""
@@ -243,7 +269,7 @@ class Story:
         """The run so far ends, and the fingers travel."""
         begin_m = self._run.finger_m
         touch_m, push_m = (end_m, 0.0) if closing is None else (closing.touch_m, closing.push_m)
-        travel = FingerMove(grip, self._q, scene, between, begin_m, touch_m, end_m, push_m)
+        travel = FingerMove(grip, self._run.q, scene, between, begin_m, touch_m, end_m, push_m)
         self.stages += [self._run, travel]
 
     def _next(
@@ -254,7 +280,7 @@ class Story:
         released: str | None = None,
     ) -> None:
         """A new run begins where the arm stands."""
-        self._run = Run(self._q, (), scene, finger_m, carried, released)
+        self._run = Run(self._run.q, (), scene, finger_m, carried, released)
 
     def _fault(self, grip: Grip, reason: str) -> None:
         self.faults.append(f"{grip.label}: {reason}")

@@ -143,7 +143,7 @@ class UrdfRobot:
         for name in [*joints, *names]:
             if name not in joints or name not in names:
                 raise TaskError(
-                    f"the situation {'lacks' if name in names else 'has an unknown'} joint "
+                    f"the state {'lacks' if name in names else 'has an unknown'} joint "
                     f"{name!r}; the robot has: {', '.join(names)}"
                 )
         return np.array([joints[name] for name in names])
@@ -151,6 +151,11 @@ class UrdfRobot:
     def opening(self, q: FloatArray) -> float:
         """How far the fingers of a full configuration are open, m."""
         return float((q[self._indices(self.fingers)] * self._opening).mean())
+
+    def finger_values(self, finger_m: float) -> dict[str, float]:
+        """The finger joints of the arm's hand that is so far open, by name, m."""
+        names = (str(self.model.names[joint]) for joint in self.fingers)
+        return dict(zip(names, (finger_m * self._opening).tolist(), strict=True))
 
     def configurations(self, q_standing: FloatArray, qs: FloatArray, finger_m: float) -> FloatArray:
         """Full configurations for arm configurations, shape (k, 7), and an opening of the hand."""

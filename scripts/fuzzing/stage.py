@@ -30,6 +30,7 @@ from baxter_kin import (
     Frame,
     IKFailure,
     IKService,
+    NamedFrame,
     SeedMode,
     SeedType,
     StampedPose,
@@ -42,6 +43,7 @@ from planner.verification import Relation
 from sim.recording.playback import retell
 from sim.ros1.definitions import message_type
 from sim.ros1_messages import MessageType
+from sim.samples import Sample
 
 TABLE_Z_M = -0.155
 
@@ -127,6 +129,10 @@ class _Lasting:
     @cached_property
     def SE3(self) -> pin.SE3:
         return self.Arm.T_base_tip(self.q)
+
+    @cached_property
+    def NamedFrame(self) -> NamedFrame:
+        return NamedFrame("map", self.SE3)
 
     @cached_property
     def StampedPose(self) -> StampedPose:
@@ -241,12 +247,12 @@ class _Lasting:
         return p.Scene.of([table, self.Body])
 
     @cached_property
-    def Held(self) -> p.Held:
-        return p.Held("right", BODY, pin.SE3.Identity())
+    def Attachment(self) -> p.Attachment:
+        return p.Attachment(BODY, "right_gripper", pin.SE3.Identity())
 
     @cached_property
-    def Situation(self) -> p.Situation:
-        return p.Situation.of(self.Manipulator, self.Scene)
+    def State(self) -> p.State:
+        return p.State.of(self.Manipulator, self.Scene)
 
     @cached_property
     def T_grasp(self) -> pin.SE3:
@@ -318,6 +324,10 @@ class _Lasting:
         return p.collision.ContinuousContact(self.Clearance, 0.0, 1.0, 1, 1)
 
     @cached_property
+    def Claim(self) -> p.Claim:
+        return p.Claim("upright", {"angle_rad": 0.1})
+
+    @cached_property
     def Grip(self) -> p.Grip:
         return p.Grip("open", p.GripperAction.OPEN)
 
@@ -331,7 +341,7 @@ class _Lasting:
 
     @cached_property
     def Plan(self) -> p.Plan:
-        return p.Plan("left", self.q, (self.Move, self.Grip), situation=self.Situation)
+        return p.Plan(self.State, (self.Move, self.Grip))
 
     @cached_property
     def PlanFailure(self) -> p.PlanFailure:
@@ -371,6 +381,17 @@ class _Lasting:
     @cached_property
     def NotedRecording(self) -> s.recording.NotedRecording:
         return s.recording.NotedRecording(self.Recording, ())
+
+    @cached_property
+    def Commands(self) -> s.recording.Commands:
+        q = self.Recording.motion("left").q
+        return s.recording.Commands(self.Recording.times_s, q, q)
+
+    @cached_property
+    def Sample(self) -> Sample:
+        q, still = np.array(self.Arm.neutral), np.zeros(7)
+        flags = {"is_enabled": True, "is_stopped": False, "has_error": False}
+        return Sample(0.0, "left", q, q, q, still, 0.0, 0.0, **flags)
 
     @cached_property
     def RecordedMove(self) -> s.recording.RecordedMove:
@@ -421,7 +442,7 @@ class _Lasting:
 
     @cached_property
     def Rest(self) -> s.world.Rest:
-        return s.world.Rest(self.Body.T_base_body, "table", 0.0)
+        return s.world.Rest(self.Body.T_base_body, ("table",), 0.0)
 
     @cached_property
     def Dwell(self) -> s.Dwell:

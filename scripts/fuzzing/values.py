@@ -110,7 +110,7 @@ BY_PARAMETER: MappingProxyType[str, Make] = MappingProxyType(
         "Trajectory.v": lambda _: np.zeros((1, 7)),
         "Trajectory.a": lambda _: np.zeros((1, 7)),
         "Trajectory.j": lambda _: np.zeros((0, 7)),
-        "joints": lambda stage: dict(stage["Situation"].joints),
+        "joints": lambda stage: dict(stage["State"].joints),
         "Arm.configuration.joints": _seven,
         "links": lambda stage: stage["RobotBody"].links,
         "skipped_pairs": lambda stage: stage["RobotBody"].skipped_pairs,
@@ -149,6 +149,7 @@ TAKEN_FROM = MappingProxyType(
         "planner.Hand": "Hand",
         "sim.recording.ArmMotion": "ArmMotion",
         "sim.Recording": "Recording",
+        "sim.recording.Commands": "Commands",
         "baxter_kin.JointLimits": "JointLimits",
     }
 )

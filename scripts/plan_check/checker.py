@@ -23,7 +23,7 @@ from plan_check.findings import Finding
 from plan_check.fingers import Closing, Travel, closing, line_travel
 from plan_check.motion import arm_joints, motion_faults, sampled
 from plan_check.pairs import Span, When, broken
-from plan_check.rules import BRUSHING, CONTACT_M, DROP_M, FORBIDDEN, PRESSING, Rule, apart
+from plan_check.rules import BRUSHING, CONTACT_M, DROP_M, FORBIDDEN, PRESS_M, PRESSING, Rule, apart
 from plan_check.solids import Array
 from plan_check.stage import Stage, Thing
 from plan_check.supported import held_findings
@@ -35,20 +35,24 @@ STRAIGHT_M, STRAIGHT_RAD = 2e-4, 1e-3
 JOINED_M = 1e-5
 """How far a body in a hand may be from where the scene says it is."""
 
+STATED_M, LEVELLED = 5e-4, 0.018
+"""How far a finger, or a body that was held, may be from where a step states it, and how much a
+body may turn as it comes down: the planner's fingers are hulls of those that close here."""
 
-def check_plan(plan: Any, *, margin_m: float = 0.0, situation: Any = None) -> list[Finding]:
+
+def check_plan(plan: Any, *, margin_m: float = 0.0, state: Any = None) -> list[Finding]:
     """Everything that speaks against a plan; nothing when it is right.
 
     Args:
-        plan: its steps, `q_start`, limb and situation.
+        plan: its steps, `q_start`, limb and state.
         margin_m: the distance that it was asked to keep.
-        situation: the world before it; the plan's own when not given.
+        state: the world before it; the plan's own when not given.
     """
     robot = load_robot()
     findings = list(motion_faults(plan, robot))
     if any(finding.kind == "jumps" for finding in findings):
         return findings
-    known = plan.situation if situation is None else situation
+    known = plan.start if state is None else state
     return findings + list(_Check(plan, known, robot, margin_m).findings())
 
 
@@ -75,15 +79,40 @@ class _Run:
         return self.labels[sample], float(self.times_s[sample])
 
 
+def stated_otherwise(step: Any, stage: Stage) -> Iterator[Finding]:
+    """Where the state that a step states differs from the stage at its beginning."""
+    state, things = step.state, dict(stage.things)
+    if state is None:
+        return
+    if stage.in_hand is not None:
+        things[stage.in_hand.name] = stage.in_hand
+    for name, value in stage.joints.items():
+        off = abs(float(state.joints.get(name, np.inf)) - value)
+        if off > (STATED_M if "finger" in name else JOINED_M):
+            yield Finding("is not as stated", step.label, 0.0, name, "state", off)
+    for name in things.keys() ^ state.scene.bodies.keys():
+        yield Finding("is there or stated, not both", step.label, 0.0, name, "state", np.nan)
+    for name in things.keys() & state.scene.bodies.keys():
+        T = np.array(state.scene[name].T_base_body.homogeneous)
+        off = float(np.abs(T[:3, 3] - things[name].T[:3, 3]).max())
+        turned = float(np.abs(T[:3, :3] - things[name].T[:3, :3]).max())
+        if off > STATED_M + 0.1 * turned or turned > LEVELLED:
+            yield Finding("is not where it is stated", step.label, 0.0, name, "state", off)
+    own = [each.body for each in state.attachments if each.side == stage.limb]
+    if own != ([] if stage.held is None else [stage.held.name]):
+        yield Finding("is not what is held", step.label, 0.0, str(own), "state", np.nan)
+
+
 class _Check:
     """The stage as it changes, and the findings."""
 
-    def __init__(self, plan: Any, situation: Any, robot: Robot, margin_m: float) -> None:
+    def __init__(self, plan: Any, state: Any, robot: Robot, margin_m: float) -> None:
         self._steps = list(plan.steps)
         self._rest = apart(margin_m)
         self._margin_m = margin_m
-        self._situation = situation
-        self._stage = Stage.of(plan, situation, robot)
+        self._state = state
+        self._judges_states = state is plan.start
+        self._stage = Stage.of(plan, state, robot)
         self._released: str | None = None
 
     def findings(self) -> Iterator[Finding]:
@@ -96,14 +125,16 @@ class _Check:
                 continue
             yield from self._moved(moves, step)
             moves = []
+            if self._judges_states:
+                yield from stated_otherwise(step, self._stage)
             yield from self._gripped(step)
         yield from self._moved(moves, None)
 
     def _held_elsewhere(self) -> Iterator[Finding]:
         """Bodies in hands that the scene sees somewhere else."""
-        for holding in self._situation.held:
-            said = np.array(self._situation.scene[holding.body].T_base_body.homogeneous)
-            T = self._stage.tip(holding.side) @ np.array(holding.T_tip_body.homogeneous)
+        for holding in self._state.attachments:
+            said = np.array(self._state.scene[holding.body].T_base_body.homogeneous)
+            T = self._stage.tip(holding.side) @ np.array(holding.T_link_body.homogeneous)
             off = float(np.abs(T - said).max())
             if off > JOINED_M:
                 names = holding.body, f"{holding.side} hand"
@@ -119,6 +150,10 @@ class _Check:
         links = stage.links(joints)
         moving = stage.robot.below(set(arm_joints(stage.limb)))
         wanted = grip.body if grip is not None and _closes(grip) else None
+        if self._judges_states:
+            for move in moves:
+                yield from stated_otherwise(move, stage.moved(np.array(move.trajectory.q_start)))
+            yield from self._stated_to_touch(moves, grip, wanted)
         yield from self._robot_itself(links, moving, len(run.q), run.when)
         for link in moving & links.keys():
             for track in links[link]:
@@ -130,6 +165,31 @@ class _Check:
             yield from self._carried(run, links, grip)
         self._stage = stage.moved(run.q[-1])
         self._released = None
+
+    def _stated_to_touch(
+        self, moves: list[Any], grip: Any, wanted: str | None
+    ) -> Iterator[Finding]:
+        """What moves state to touch, and nothing says that it should."""
+        stage, hand = self._stage, f"{self._stage.limb} hand"
+        for number, move in enumerate(moves):
+            is_last = number == len(moves) - 1
+            may: set[tuple[str, str]] = set()
+            if stage.held is not None:
+                puts_down = is_last and grip is not None and not _closes(grip)
+                at = [stage] * (number == 0) + [stage.moved(move.trajectory.q_goal)] * puts_down
+                for held in (moment.in_hand for moment in at):
+                    assert held is not None
+                    may |= {
+                        (held.name, name)
+                        for name, thing in stage.things.items()
+                        if held.gap_m(thing) <= PRESS_M + CONTACT_M
+                    }
+            else:
+                names = {wanted} if is_last and wanted else {self._released} if number == 0 else ()
+                may = {(name, hand) for name in names if name is not None and move.is_straight}
+            stated = {(each.body, each.other.replace("pads", "hand")) for each in move.contacts}
+            for first, second in stated - may:
+                yield Finding("is stated to touch", move.label, 0.0, first, second, np.nan)
 
     def _run(self, moves: list[Any]) -> _Run:
         states = [sampled(move.trajectory) for move in moves]

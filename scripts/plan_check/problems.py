@@ -1,6 +1,7 @@
-"""Random problems of eight families, each the same for the same seed and number.
+"""Random problems of ten families, each the same for the same seed and number.
 
-Everything stands on the demo's table. Some problems have no solution, on purpose.
+Everything stands on the demo's table, or on meshes that do. Some problems have no solution, on
+purpose.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from plan_check.solids import Array, hull_solid
 from plan_check.stage import Thing
 from plan_check.urdf import load_robot
 from planner import (
+    Attachment,
     Body,
     Box,
     Cylinder,
-    Held,
     Manipulator,
     Mesh,
     Part,
@@ -32,6 +33,7 @@ from planner import (
     load_object,
     overhead_grasp,
 )
+from planner.scene.support import come_down
 from sim import World
 
 TABLE_Z_M = -0.155
@@ -82,7 +84,7 @@ class Problem:
     task: PickAndPlace | None = None
     q_goal: Array | None = None
     margin_m: float = 0.0
-    held: tuple[Held, ...] = ()
+    held: tuple[Attachment, ...] = ()
 
 
 def make_problem(family: str, number: int, seed: int) -> Problem:
@@ -176,6 +178,48 @@ def _free(rng: np.random.Generator) -> Problem:
     return _crowded(rng, problem, int(rng.integers(0, 3)))
 
 
+def _several_parts(rng: np.random.Generator) -> Problem:
+    """Parts that hang a little above what the body stands on, which is often in parts, too."""
+    m = _manipulator(_limb(rng))
+    maker = (_mug, _tee)[int(rng.integers(2))]
+    problem = _transfer(rng, m, maker(rng, m), highest_m=0.001)
+    assert problem.task is not None
+    if rng.random() < 0.4:  # off the middle, so that a finger pushes the body along its support
+        aside = _at(0.0, float(rng.uniform(-0.004, 0.004)), 0.0)
+        ends = problem.task.T_base_pick * aside, problem.task.T_base_place * aside
+        problem = replace(
+            problem, task=replace(problem.task, T_base_pick=ends[0], T_base_place=ends[1])
+        )
+    if rng.random() < 0.5:
+        problem = _on_a_step(rng, problem)
+    if rng.random() < 0.3:
+        problem = replace(problem, margin_m=float(rng.uniform(0.0, 0.003)))
+    return problem
+
+
+def _on_meshes(rng: np.random.Generator) -> Problem:
+    """A pick, a place or both on surfaces: bins, trays, stairs, plates off level or with holes."""
+    problem = _plain(rng)
+    assert problem.task is not None
+    scene, task = problem.scene.without(BODY), problem.task
+    ends = [task.T_base_pick.translation[:2], task.T_base_place.translation[:2]]
+    chosen = ([0], [1], [0, 1])[int(rng.integers(3))]
+    for i in chosen:
+        scene = _with(scene, [_mesh_support(rng, f"support{i}", ends[i])])
+    body = problem.scene[BODY]
+    T_body_pick = body.T_base_body.inverse() * task.T_base_pick
+    T_move = task.T_base_place * task.T_base_pick.inverse()
+    lift_m = float(rng.choice([0.0, rng.uniform(0.0, 0.004)]))
+    rested, placed = (
+        come_down(each.at(_at(0.0, 0.0, 0.15) * each.T_base_body), list(scene)).body
+        for each in (body, body.at(T_move * body.T_base_body))
+    )
+    T_pick = rested.T_base_body * T_body_pick
+    T_place = _at(0.0, 0.0, lift_m) * placed.T_base_body * T_body_pick
+    task = replace(task, T_base_pick=T_pick, T_base_place=T_place)
+    return replace(problem, scene=scene.with_body(rested), task=task)
+
+
 FAMILIES: dict[str, Callable[[np.random.Generator], Problem]] = {
     "plain": _plain,
     "obstacles": _obstacles,
@@ -185,6 +229,8 @@ FAMILIES: dict[str, Callable[[np.random.Generator], Problem]] = {
     "rods": _rods,
     "other hand holding": _other_hand,
     "free moves": _free,
+    "several parts near supports": _several_parts,
+    "meshes as supports": _on_meshes,
 }
 
 
@@ -233,6 +279,59 @@ def _prism(rng: np.random.Generator, m: Manipulator) -> tuple[list[Part], None]:
     return [_part(_convex_mesh(points))], None
 
 
+def _gap(rng: np.random.Generator) -> float:
+    """How far a part is above what another part of its body stands on; about nothing at times."""
+    return float(rng.choice([0.0, rng.uniform(2e-4, 1e-3), rng.uniform(1e-3, 0.04)]))
+
+
+def _mug(rng: np.random.Generator, m: Manipulator) -> list[Part]:
+    """A cylinder with a handle on either side, turned by up to half a right angle."""
+    radius, height, gap = (
+        _width(rng, m, narrowest=0.03) / 2,
+        float(rng.uniform(0.06, 0.1)),
+        _gap(rng),
+    )
+    long, high = float(rng.uniform(0.015, 0.03)), float(rng.uniform(0.015, height - 0.042))
+    turn = float(rng.choice([0.0, math.pi])) + float(rng.uniform(-math.pi / 4, math.pi / 4))
+    place = _at(0.0, 0.0, 0.0, turn) * _at(radius + long / 2 - 0.002, 0.0, gap + high / 2)
+    handle = Part(Box((long, float(rng.uniform(0.005, 0.012)), high)), place)
+    return [_part(Cylinder(radius, height), z=height / 2), handle]
+
+
+def _tee(rng: np.random.Generator, m: Manipulator) -> list[Part]:
+    """A post with one or two blocks at its sides."""
+    width, height = _width(rng, m), float(rng.uniform(0.06, 0.1))
+    parts = [_part(Box((width, width, height)), z=height / 2)]
+    for side in ((1.0,), (-1.0,), (1.0, -1.0))[int(rng.integers(3))]:
+        gap, high, long = (
+            _gap(rng),
+            float(rng.uniform(0.01, height - 0.045)),
+            float(rng.uniform(0.01, 0.03)),
+        )
+        beside = side * (width / 2 + long / 2)
+        parts.append(_part(Box((long, min(width, 0.02), high)), x=beside, z=gap + high / 2))
+    return parts
+
+
+def _on_a_step(rng: np.random.Generator, problem: Problem) -> Problem:
+    """The same problem with a body of two heights where its body goes, which it is put on."""
+    assert problem.task is not None
+    body, task = problem.scene[BODY], problem.task
+    height, drop = float(rng.uniform(0.02, 0.06)), _gap(rng)
+    low, wide = max(0.004, height - drop), float(rng.uniform(0.05, 0.09))
+    parts = (
+        _part(Box((wide, wide, height)), z=height / 2),
+        _part(Box((0.05, wide, low)), x=wide / 2 + 0.025, z=low / 2),
+    )
+    T_place_body = task.T_base_place * task.T_base_pick.inverse() * body.T_base_body
+    x, y = T_place_body.translation[:2]
+    T_step = _at(float(x), float(y), TABLE_Z_M, float(rng.uniform(-math.pi, math.pi)))
+    step = Body("step", parts, T_step, is_movable=bool(rng.integers(2)))
+    raised = _at(0.0, 0.0, height) * task.T_base_place
+    scene = _with(problem.scene, [step])
+    return replace(problem, scene=scene, task=replace(task, T_base_place=raised))
+
+
 def _dumbbell(rng: np.random.Generator, m: Manipulator) -> tuple[list[Part], float]:
     """A rod between two discs."""
     radius, height = _width(rng, m, widest=0.026) / 2, float(rng.uniform(0.08, 0.13))
@@ -275,6 +374,84 @@ def _bin(rng: np.random.Generator, name: str, centre: Array) -> list[Body]:
         T = T_bin * _at(dx * (x + 0.004), dy * (y + 0.004), 0.0)
         walls.append(Body(f"{name}_wall{number}", (_part(Box(size)),), T))
     return walls
+
+
+def _mesh_support(rng: np.random.Generator, name: str, centre: Array) -> Body:
+    """A surface on the table, around a point or with it somewhere on its edge."""
+    makers = (_bin_sheets, _tray_sheets, _stair_sheets, _plate_sheets, _grate_sheets)
+    corners = np.concatenate(makers[int(rng.integers(len(makers)))](rng))
+    vertices, numbers = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    off = rng.uniform(-0.02, 0.02, size=2)
+    T = _at(*(centre + off).tolist(), TABLE_Z_M + 0.001, float(rng.uniform(-math.pi, math.pi)))
+    return Body(name, (_part(Mesh(vertices, numbers.reshape(-1, 3))),), T)
+
+
+def _bin_sheets(rng: np.random.Generator) -> list[Array]:
+    """A floor and four walls without thickness."""
+    x, y = rng.uniform(0.06, 0.12, size=2).tolist()
+    return [_level((-x, x), (-y, y), 0.0), *_walls(x, y, 0.0, float(rng.uniform(0.01, 0.06)))]
+
+
+def _tray_sheets(rng: np.random.Generator) -> list[Array]:
+    """A floor, and around it a rim that is broad and higher."""
+    (x, y), rim = rng.uniform(0.06, 0.12, size=2).tolist(), float(rng.uniform(0.002, 0.012))
+    wide, found = 0.015, [_level((-x, x), (-y, y), 0.0), *_walls(x, y, 0.0, rim)]
+    for sign in (-1.0, 1.0):
+        found.append(_level((-x - wide, x + wide), (sign * y, sign * (y + wide)), rim))
+        found.append(_level((sign * x, sign * (x + wide)), (-y, y), rim))
+    return found
+
+
+def _stair_sheets(rng: np.random.Generator) -> list[Array]:
+    """Three steps with risers."""
+    deep, high = float(rng.uniform(0.05, 0.10)), float(rng.uniform(0.002, 0.03))
+    found = []
+    for number in range(3):
+        x, z = (number - 1.5) * deep, number * high
+        found.append(_level((x, x + deep), (-0.08, 0.08), z))
+        if number:
+            found.append(
+                _sheet((x, -0.08, z - high), (x, 0.08, z - high), (x, 0.08, z), (x, -0.08, z))
+            )
+    return found
+
+
+def _plate_sheets(rng: np.random.Generator) -> list[Array]:
+    """A plate off level, most by less than a degree, with a triangle that rises at its far edge."""
+    reach, rise = 0.1, float(rng.uniform(0.0, 0.002))
+    slope = math.radians(float(rng.choice([0.0, 1e-3, rng.uniform(0.0, 1.2)])))
+    turn = pin.exp3(slope * _at(0.0, 0.0, 0.0, float(rng.uniform(-3.0, 3.0))).rotation[:, 0])
+    plate = _level((-reach, reach), (-reach, reach), 0.0)
+    flap = np.array([[[reach, -reach, 0.0], [reach, reach, 0.0], [reach + 0.1, 0.0, rise]]])
+    return [np.concatenate([plate, flap]) @ turn.T + [0.0, 0.0, 0.004]]
+
+
+def _grate_sheets(rng: np.random.Generator) -> list[Array]:
+    """A plate with a hole, into which some bodies fall."""
+    outer, hole, z = 0.1, float(rng.uniform(0.005, 0.06)), 0.004
+    return [
+        _level((-outer, outer), (-outer, -hole), z),
+        _level((-outer, outer), (hole, outer), z),
+        _level((-outer, -hole), (-hole, hole), z),
+        _level((hole, outer), (-hole, hole), z),
+    ]
+
+
+def _sheet(*corners: tuple[float, float, float]) -> Array:
+    """Two triangles between four corners, shape (2, 3, 3)."""
+    a, b, c, d = np.array(corners)
+    return np.array([[a, b, c], [a, c, d]])
+
+
+def _level(xs: tuple[float, float], ys: tuple[float, float], z: float) -> Array:
+    (x0, x1), (y0, y1) = sorted(xs), sorted(ys)
+    return _sheet((x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z))
+
+
+def _walls(x: float, y: float, low: float, high: float) -> list[Array]:
+    corners = [(-x, -y), (x, -y), (x, y), (-x, y)]
+    ends = zip(corners, corners[1:] + corners[:1], strict=True)
+    return [_sheet((*a, low), (*b, low), (*b, high), (*a, high)) for a, b in ends]
 
 
 def _among(rng: np.random.Generator, problem: Problem, count: int) -> Problem:

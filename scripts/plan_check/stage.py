@@ -82,14 +82,14 @@ class Stage:
     T_tip_held: Array | None = None
 
     @classmethod
-    def of(cls, plan: Any, situation: Any, robot: Robot) -> Stage:
+    def of(cls, plan: Any, state: Any, robot: Robot) -> Stage:
         """The moment before the first step."""
-        joints = {name: float(value) for name, value in situation.joints.items()}
+        joints = {name: float(value) for name, value in state.joints.items()}
         joints |= dict(zip(arm_joints(plan.limb), np.array(plan.q_start).tolist(), strict=True))
-        things = {body.name: Thing.of(body) for body in situation.scene}
+        things = {body.name: Thing.of(body) for body in state.scene}
         stage = cls(robot, plan.limb, joints, things)
-        for holding in situation.held:
-            T_tip_body = np.array(holding.T_tip_body.homogeneous)
+        for holding in state.attachments:
+            T_tip_body = np.array(holding.T_link_body.homogeneous)
             T = stage.tip(holding.side) @ T_tip_body
             stage = stage.with_thing(stage.things[holding.body].at(T))
             if holding.side == plan.limb:
@@ -128,6 +128,13 @@ class Stage:
         palm = {link for link, group in self.robot.group.items() if group == wrist}
         return palm | self.fingers
 
+    @property
+    def in_hand(self) -> Thing | None:
+        """What is held, where it is now."""
+        if self.held is None or self.T_tip_held is None:
+            return None
+        return self.held.at(self.tip(self.limb) @ self.T_tip_held)
+
     def moved(self, q: Array) -> Stage:
         """The arm elsewhere; what it holds comes along."""
         return replace(
@@ -154,9 +161,8 @@ class Stage:
 
     def released(self) -> Stage:
         """What is held, left where it is."""
-        assert self.held is not None
-        assert self.T_tip_held is not None
-        thing = self.held.at(self.tip(self.limb) @ self.T_tip_held)
+        thing = self.in_hand
+        assert thing is not None
         return replace(self.with_thing(thing), held=None, T_tip_held=None)
 
     def links(self, joints: Mapping[str, Array | float]) -> dict[str, list[Track]]:

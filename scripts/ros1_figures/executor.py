@@ -61,7 +61,7 @@ class _Stage:
         manipulator = Manipulator.of(self.robot, "left", q_others=world.q)
         task = PickAndPlace(BLOCK, overhead((0.7, 0.15, -0.129)), overhead((0.75, 0.0, -0.129)))
         self.plan: Plan = plan_pick_and_place(task, manipulator, world.scene, arm.start)
-        simulation.execute(self.plan)
+        simulation.execute(self.plan, unverified=True)
         self.block_m = world.body(BLOCK).T_base_body.translation
 
     def run(

@@ -22,6 +22,9 @@ from sim.demo.argument_types import FARTHEST_M, coordinate, height, port, ratio,
 from sim.demo.options import DEFAULT_POSES_M, LIMITS, LONGEST_DWELL_S, ROBOT_DWELL_S, DemoOptions
 
 DEFAULT_HOVER_M = 0.15
+"""That of `planner.pick_place.task`, repeated so that `--help` need not load the planner; a test
+compares the two."""
+
 MOST_NOISE_MM, MOST_NOISE_DEG = 1000.0, 180.0
 STRICT, LEAST_TOLERANCE, MOST_TOLERANCE = (0.1, 0.02), 1e-3, 100.0
 DEFAULT_RETRIES = 3

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import os
 import sys
-import threading
-import webbrowser
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
 
 from sim.demo.narration import Narrator
 from sim.demo.options import DemoOptions
+from sim.view.live.in_browser import can_open, open_page, where_to_look
 from sim.world.world import World
 
 if TYPE_CHECKING:  # a headless run needs no web server
     from sim.view.live.viewer import Viewer
-
-_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def live_view(
@@ -64,47 +60,3 @@ def shown(views: Iterable[Viewer], failure: Callable[[], str | None]) -> Iterato
         yield
         for viewer in views:
             viewer.close(failure() or "")
-
-
-def can_open(environ: Mapping[str, str], platform: str) -> bool:
-    """Whether this program may open a page before the user's eyes.
-
-    Not over SSH, as that browser would run on the wrong machine, not without a display, and not in
-    CI, where nobody looks.
-
-    Args:
-        environ: environment variables.
-        platform: as `sys.platform` has it.
-    """
-    if any(environ.get(name) for name in ("CI", "SSH_CONNECTION")):
-        return False
-    has_windows = platform in ("darwin", "win32")
-    return has_windows or any(environ.get(name) for name in _DISPLAYS)
-
-
-def where_to_look(
-    url: str, environ: Mapping[str, str], is_opened: bool, wait_s: float
-) -> Iterator[str]:
-    """What the user is told before the demo begins, line by line."""
-    if is_opened:
-        yield f"watch it at {url}, which opens in your browser"
-    else:
-        yield f"open {url} in a browser to watch"
-    if environ.get("SSH_CONNECTION"):
-        port = urlsplit(url).port
-        yield (
-            "(over SSH, forward that port first, on your own machine: "
-            f"ssh -L {port}:127.0.0.1:{port} user@host)"
-        )
-    if wait_s > 0.0:
-        yield f"(starts when the page is open, or in {wait_s:g} s)"
-
-
-def open_page(url: str) -> None:
-    """Open a page in the user's browser, and wait for nothing: some only return when closed."""
-
-    def attempt() -> None:
-        with suppress(webbrowser.Error, OSError):
-            webbrowser.open(url)
-
-    threading.Thread(target=attempt, name="browser", daemon=True).start()

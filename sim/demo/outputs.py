@@ -21,7 +21,7 @@ from sim import (
 from sim.demo.interrupt import Interrupt
 from sim.demo.narration import Narrator
 from sim.demo.options import DemoOptions
-from sim.recording.csv_writing import PlanCsvFile
+from sim.recording.csv_writing import PlanCsvFile, warn_if_as_drawn
 from sim.recording.npz_file import save_recording
 
 REPLAY_SNAPSHOTS = 12_000
@@ -45,6 +45,7 @@ def outputs(
     robot = world.robot
     if options.csv is not None and options.dwell_s is None:
         csv = CsvRecorder(options.csv, robot)
+        warn_if_as_drawn(robot.description.identity, options.csv)
         cleanup.callback(csv.close)
         yield csv
     if options.record is not None:

@@ -161,9 +161,9 @@ def _refuse_other_task(plan: Plan) -> None:
     Raises:
         Mistake: unless it brings the block from `FROM_BASE` to `TO_BASE`.
     """
-    if plan.situation is None or "red" not in plan.situation.scene.bodies:
+    if "red" not in plan.start.scene.bodies:
         raise Mistake("the plan has no block named red; plan in the scene `fresh`")
-    start = plan.situation.scene["red"].centre_base
+    start = plan.start.scene["red"].centre_base
     if np.linalg.norm(start - FROM_BASE) > NEAR_M:
         raise Mistake(f"in this plan's scene the block is at {shown(start)} m; plan in `fresh`")
     places = [move.T_base_tip for move in plan.moves if move.label == "place: descend"]

@@ -43,11 +43,12 @@ def check_tower(answer: Any) -> str:
         raise Mistake(f"the workbench lacks a block named {missing[0]}: bench.add_block(...)")
     wanted = dict(zip(TOWER, ("table", *TOWER), strict=False))
     for name, support in wanted.items():
-        stands_on = world.supports.get(name)
-        if stands_on != support:
+        stands_on = world.supports.get(name, ())
+        if stands_on != (support,):
             refused = [str(task) for task in bench.tasks if not task.is_done]
             why = f"; {refused[-1]}" if refused else ""
-            raise Mistake(f"{name} stands on {stands_on}, and it should stand on {support}{why}")
+            on = " and ".join(stands_on) or "nothing"
+            raise Mistake(f"{name} stands on {on}, and it should stand on {support}{why}")
     return f"{', '.join(TOWER)}, from the table up, in {bench.motion_s:.1f} s of motion"
 
 
@@ -110,14 +111,14 @@ def _goal(plan: Plan) -> Any:
     Raises:
         Mistake: when it does not carry that.
     """
-    if plan.situation is None or "red" not in plan.situation.scene.bodies:
+    if "red" not in plan.start.scene.bodies:
         raise Mistake("the plan has no block named red; plan in world.scene")
     poses = {step.label: step.T_base_tip for step in plan if isinstance(step, Move)}
     pick, place = poses.get("pick: descend"), poses.get("place: descend")
     carried = {step.body for step in plan if not isinstance(step, Move)} - {None}
     if pick is None or place is None or carried != {"red"}:
         raise Mistake("asked for is one pick and one place of the red block")
-    start = plan.situation.scene["red"].centre_base
+    start = plan.start.scene["red"].centre_base
     if start[2] < BACK_BASE[2] + NEAR_M:
         raise Mistake("in this plan red stands on the table at first; plan in world.scene as it is")
     return place.act(pick.actInv(start))

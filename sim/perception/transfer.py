@@ -11,7 +11,7 @@ from baxter_kin.frames import checked_pose
 from baxter_kin.validation import Checked
 from baxter_kin.value_objects import OneLine, count, millimetres, phrase, position, sentence
 from planner import Body, Plan
-from planner.pick_place.task import checked_height_m
+from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M, checked_height_m
 from sim.errors import SimulationError
 
 
@@ -34,8 +34,8 @@ class Transfer(OneLine):
     body: str
     T_body_tip: pin.SE3
     T_base_goal: pin.SE3
-    hover_m: float = 0.15
-    clear_m: float = 0.05
+    hover_m: float = DEFAULT_HOVER_M
+    clear_m: float = DEFAULT_CLEAR_M
 
     def __post_init__(self) -> None:
         expect(self.body, str, "name of the body", SimulationError)

@@ -13,26 +13,33 @@ speeds only shortly, came to 0.09 rad at a ratio of 0.3. `joint_position_file_pl
 file, too, but nothing stops it, and it leaves the robot at its own speed ratio: 0.3 by default,
 which caps joints at 0.6 rad/s and wrists at 1.2, above the 0.375 and 1.0 of a plan at 0.25. Both
 scripts take *both* arms to the first row, on a way that nobody has checked.
+
+Nothing there knows for which robot the set-points are. Those of a plan for Baxter as it is drawn
+put the hand of a real one 9 to 13 mm beside, so whoever writes such a file is warned.
 """
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 
-from baxter_kin.errors import expect
+from baxter_kin.description import RobotDescription, RobotIdentity
+from baxter_kin.errors import expect, shown_path
 from baxter_kin.files import PathLike
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, finite_scalar
 from baxter_kin.value_objects import NotCopied, OneLine
 from planner import Grip, GripperAction, Move, Plan
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
-from planner.situation import Situation
-from sim.clock import DEFAULT_TICK_S, Clock
 from sim.errors import RecordingError
 from sim.outcome import LONGEST_DWELL_S, ROBOT_DWELL_S
 from sim.recording.recorded_motion import arm_joints, finger_joints
 from sim.recording.recording import Recording
 from sim.recording.rsdk_csv import CsvFile, arm_indices
+from sim.timeline import DEFAULT_TICK_S, Clock
+
+logger = logging.getLogger(__name__)
 
 STROKE_M = 0.020833
 """A finger's travel from 0 to 100 %, of the electric gripper in Rethink's URDF."""
@@ -63,7 +70,7 @@ class PlanCsvFile(NotCopied, OneLine):
         self._dwell_s = finite_scalar(dwell_s, "dwell_s", RecordingError)
         if not 0.0 <= self._dwell_s <= LONGEST_DWELL_S:
             raise RecordingError(f"dwell_s must be 0 to {LONGEST_DWELL_S:g} s, got {dwell_s:g} s")
-        self._file = CsvFile(path)
+        self._file, self._path = CsvFile(path), path
         self._clock = Clock(DEFAULT_TICK_S)
         self._arms: dict[str, FloatArray] = {}
         self._percent: dict[str, float] = {}
@@ -106,9 +113,11 @@ class PlanCsvFile(NotCopied, OneLine):
         return self._file._facts()
 
     def _begin(self, plan: Plan) -> None:
-        situation = _checked(plan)
+        _refuse_invalid(plan)
         if not self._arms:
-            self._arms, self._percent = _start(plan, situation)
+            self._arms, self._percent = _start(plan)
+            if plan.robot is not None:
+                warn_if_as_drawn(plan.robot, self._path)
         off = float(np.abs(self._arms[plan.limb] - plan.q_start).max())
         if off > SAME_RAD:
             raise RecordingError(
@@ -142,13 +151,33 @@ class PlanCsvFile(NotCopied, OneLine):
         self._file.write_row(self._clock.time_s, joints, [self._percent[side] for side in LIMBS])
 
 
+def warn_if_as_drawn(robot: RobotIdentity, path: PathLike) -> None:
+    """Log a warning where the arms of a robot are mounted as drawn, as on no real Baxter known.
+
+    Args:
+        robot: for which the set-points in a file are.
+        path: the file.
+    """
+    drawn = RobotDescription.drawn().identity
+    mounts = [f"{side}_torso_arm_mount" for side in LIMBS]
+    has_own = any(robot.places.get(name) != drawn.places[name] for name in mounts)
+    if robot.kinematics == drawn.kinematics or not has_own:
+        logger.warning(
+            "%s has set-points for Baxter as it is drawn; real Baxters' shoulders sit about 10 mm "
+            "lower, so their hands would be 9 to 13 mm off: plan with the robot's own URDF "
+            "(--urdf, Baxter.load(urdf=...); docs/how_to/my_baxters_urdf.md)",
+            shown_path(path),
+        )
+
+
 def write_csv(what: Recording | Plan, path: PathLike, *, dwell_s: float | None = None) -> None:
     """Write a recording, or a plan for a robot to play back, as the RSDK's CSV.
 
     A recording is written as it happened, of one arm alone when no more was recorded. A plan is
     written as it is commanded, at 100 Hz, its grippers with dwells: for
     `joint_trajectory_file_playback.py`, planned at a speed ratio of at most 0.25
-    (`sim.recording.csv_writing` says why).
+    (`sim.recording.csv_writing` says why). A plan for Baxter as it is drawn is written with a
+    warning in the log.
 
     Args:
         what: what to write.
@@ -162,7 +191,8 @@ def write_csv(what: Recording | Plan, path: PathLike, *, dwell_s: float | None =
             other arm stands.
     """
     if isinstance(what, Plan):
-        _start(what, _checked(what))
+        _refuse_invalid(what)
+        _start(what)
         with PlanCsvFile(path, dwell_s=ROBOT_DWELL_S if dwell_s is None else dwell_s) as plans:
             plans.add(what)
         return
@@ -176,26 +206,19 @@ def write_csv(what: Recording | Plan, path: PathLike, *, dwell_s: float | None =
             file.write(float(time_s), q[indices], grippers)
 
 
-def _checked(plan: Plan) -> Situation:
-    """The situation of a plan that can be played back."""
+def _refuse_invalid(plan: Plan) -> None:
     if plan.failure is not None:
         raise RecordingError(f"an invalid plan cannot be executed: {plan.failure}")
-    if plan.situation is None:
-        raise RecordingError(
-            "the plan does not say for which situation it is, so where the other arm stands is not "
-            "known; give it one with dataclasses.replace(plan, situation=...)"
-        )
-    return plan.situation
 
 
-def _start(plan: Plan, situation: Situation) -> tuple[dict[str, FloatArray], dict[str, float]]:
+def _start(plan: Plan) -> tuple[dict[str, FloatArray], dict[str, float]]:
     """Where both arms stand and what both grippers were told before a plan's first step."""
-    joints, full = situation.joints, {held.side for held in situation.held}
+    joints, full = plan.start.joints, {held.side for held in plan.start.attachments}
     arms, percent = {plan.limb: plan.q_start}, {}
     for side in LIMBS:
         missing = [name for name in arm_joints(side) if name not in joints]
         if side != plan.limb and missing:
-            raise RecordingError(f"the plan's situation lacks {', '.join(missing)}")
+            raise RecordingError(f"the plan's state lacks {', '.join(missing)}")
         if side != plan.limb:
             arms[side] = np.array([joints[name] for name in arm_joints(side)])
         finger_m = joints.get(finger_joints(side)[0], STROKE_M)  # some hands have none

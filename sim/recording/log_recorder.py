@@ -3,17 +3,16 @@
 The file is JSON Lines: ASCII, one object to a line, each handed to the system as it is written.
 Every line but the first has one entry that says what it is:
 
-- first `{"format": "baxter-kin log", "version": 2, "joint_names": [...], "robot": {...}}`, of which
+- first `{"format": "baxter-kin log", "version": 4, "joint_names": [...], "robot": {...}}`, of which
   the last says which robot it is and may be missing,
 - `{"body": {...}}`: shapes and pose of a body, before it appears or disappears,
 - `{"event": {...}}`: time, kind, text, the name of the body and the side that it is about,
-- `{"move": {...}}`: a command: when it starts, its label, its exact trajectory, and what inverse
-  kinematics answered,
+- `{"move": {...}}`: a command: when it starts, its label, its exact trajectory, what inverse
+  kinematics answered, and which contacts are meant,
 - `{"snapshot": {...}}`: `time_s`, `q` and `gripper_percent`; `caption` where it changed; `poses`,
   x, y, z and quaternion x, y, z, w by name, of the bodies whose pose changed, null of one that is
   gone,
-- `{"sample": {...}}`: what was sent to a robot and measured at a tick, as
-  `sim.ros1.execution.samples.Sample`; it is no part of the recording,
+- `{"sample": {...}}`: what was sent to a robot and measured at a tick, as `sim.samples.Sample`,
 - last `{"end": n}`: the number of snapshots; missing when the run was cut short.
 
 SI units, radians, poses seen from base; the rules of `baxter_kin.json_data`, so every number reads
@@ -30,7 +29,7 @@ from baxter_kin.json_data import to_json
 from baxter_kin.json_text import Json, as_text
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.value_objects import NotCopied
-from planner import Body, Scene, Situation
+from planner import Body, Scene, State
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot
 from sim.files import LineFile
@@ -38,17 +37,14 @@ from sim.recording.recorded_motion import RecordedMove, recorded_move
 from sim.recording.recorder import StoredEvent, pose_row
 
 FORMAT = "baxter-kin log"
-VERSION = 2
-VERSION_WITH_SAMPLES = 3
-READABLE = (1, 2, 3)
-"""In the first one events named no side, and moves not what inverse kinematics answered; only the
-third has samples."""
+VERSION = 4
+READABLE = (1, 2, 3, 4)
+"""In the first one events named no side, and moves not what inverse kinematics answered; the first
+two have no samples, and in the first three moves do not name the contacts that are meant."""
 
 
 class LogRecorder(NotCopied, Observer):
     """Writes the log while the simulation runs. Its memory does not grow."""
-
-    _version = VERSION
 
     def __init__(self, path: PathLike, robot: Baxter, *, scene: Scene | None = None) -> None:
         """Open the file.
@@ -71,20 +67,20 @@ class LogRecorder(NotCopied, Observer):
         self._file = LineFile(path)
         head: dict[str, Json] = {
             "format": FORMAT,
-            "version": self._version,
+            "version": VERSION,
             "joint_names": list(names),
         }
         self._write({**head, "robot": robot_data})
         self._written: set[str] = set()
         self._write_bodies(bodies)
 
-    def on_start(self, situation: Situation) -> None:
+    def on_start(self, state: State) -> None:
         """Write the bodies that are there, unless they are written.
 
         Raises:
-            RecordingError: when it is no situation, or the file cannot be written.
+            RecordingError: when it is no state, or the file cannot be written.
         """
-        self._write_bodies(expect(situation, Situation, "situation", RecordingError).scene)
+        self._write_bodies(expect(state, State, "state", RecordingError).scene)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
         """Write it.

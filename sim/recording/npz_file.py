@@ -5,11 +5,13 @@ said otherwise:
 
 - `times_s` (n,), `q` (n, joints), `gripper_percent` (n, 2) and `body_poses` (bodies, n, 7), as in
   `Recording`, the bodies in the order of `tracks` in the document,
-- `document`: JSON as bytes of UTF-8 (uint8): `format` "baxter-kin recording"; `version` 4, or an
+- `document`: JSON as bytes of UTF-8 (uint8): `format` "baxter-kin recording"; `version` 5, or an
   earlier one; `joint_names`, `bodies` with their shapes, `tracks`, `captions`, `events`, `moves`
   with their exact trajectories, `robot`, which one it was, where that is known, and `limbs`, the
   arms that were recorded,
-- and arrays whose names begin with `ADDED`, which are no part of the recording.
+- `added_commands_left` and `added_commands_right` (k, 15), where a robot was driven: the times, the
+  set-points that were sent and what was measured, as in `Commands`,
+- and other arrays whose names begin with `ADDED`, which are no part of the recording.
 
 Kept is everything but the moves that events carry; a loaded event has the body of its name, as it
 is in `bodies`. Reading makes nothing but these values: no pickle is read, and a file that was
@@ -43,14 +45,14 @@ from sim.errors import RecordingError
 from sim.files import checked_path, opened, replace_file
 from sim.recording.recorded_motion import RecordedMove
 from sim.recording.recorder import StoredEvent
-from sim.recording.recording import Recording
+from sim.recording.recording import Commands, Recording
 
 FORMAT = "baxter-kin recording"
-VERSION = 4
-READABLE = (1, 2, 3, 4)
+VERSION = 5
+READABLE = (1, 2, 3, 4, 5)
 """In the first one events named no side, and moves not what inverse kinematics answered; the first
 two had an entry `sha256`, the SHA-256 of the others, which is not read any more. Before the fourth
-all recordings had both arms."""
+all recordings had both arms; before the fifth moves did not name the contacts that were meant."""
 
 ADDED = "added_"
 """What the names of further arrays begin with: what an execution on a robot has sent, say."""
@@ -59,6 +61,7 @@ LARGEST_FILE_BYTES = 4 * 2**30
 """Unpacked; an hour at 100 Hz takes 0.1 GB."""
 
 _ARRAYS = {"times_s": 1, "q": 2, "gripper_percent": 2, "body_poses": 3}
+_COMMANDS = {limb: f"{ADDED}commands_{limb}" for limb in LIMBS}
 _KINDS = {**{name: ("float64", axes) for name, axes in _ARRAYS.items()}, "document": ("uint8", 1)}
 
 
@@ -121,7 +124,11 @@ def _arrays(recording: Recording) -> dict[str, FloatArray]:
     poses = list(recording.body_poses.values())
     tracks = np.array(poses).reshape(len(poses), count, 7)
     arrays = recording.times_s, recording.q, recording.gripper_percent, tracks
-    return dict(zip(_ARRAYS, arrays, strict=True))
+    commands = {
+        _COMMANDS[limb]: np.column_stack([sent.times_s, sent.q_sent, sent.q_measured])
+        for limb, sent in recording.commands.items()
+    }
+    return dict(zip(_ARRAYS, arrays, strict=True)) | commands
 
 
 def _document(recording: Recording) -> str:
@@ -159,6 +166,11 @@ def _recording(arrays: Mapping[str, NDArray[Any]]) -> Recording:
         moves=document.moves,
         robot=document.robot,
         limbs=document.limbs,
+        commands={
+            limb: Commands(arrays[name][:, 0], arrays[name][:, 1:8], arrays[name][:, 8:])
+            for limb, name in _COMMANDS.items()
+            if name in arrays
+        },
     )
 
 
@@ -180,11 +192,13 @@ def _arrays_in(stream: IO[bytes]) -> dict[str, NDArray[Any]]:
     try:
         with zipfile.ZipFile(stream) as archive:
             _check_entries(archive)
-            arrays = {name: _array_in(archive, name) for name in _KINDS}
+            there = {entry.filename.removesuffix(".npy") for entry in archive.infolist()}
+            names = [*_KINDS, *there.intersection(_COMMANDS.values())]
+            arrays = {name: _array_in(archive, name) for name in names}
     except _DAMAGE as cause:
         raise RecordingError(f"is no npz file, or a truncated or damaged one: {cause}") from cause
     for name, array in arrays.items():
-        kind, axes = _KINDS[name]
+        kind, axes = _KINDS.get(name, ("float64", 2))
         if array.dtype.name != kind or array.ndim != axes:
             raise RecordingError(
                 f"has an entry {name} of {array.dtype} and {array.ndim} axes, where it must be of "

@@ -8,7 +8,7 @@ from baxter_kin import Baxter
 from baxter_kin.errors import expect
 from baxter_kin.model import given_or_stock
 from planner import Plan, RobotBody
-from planner.situation import Situation
+from planner.state import State
 from sim.errors import RecordingError
 from sim.recording.recorder import Recorder
 from sim.recording.recording import Recording
@@ -22,14 +22,13 @@ def planned_recording(
     """What would be recorded if a plan were executed just as it says; nobody looks for contacts.
 
     Args:
-        plan: a valid plan; the world it begins in is its own `situation`, or one without bodies
-            where it has none.
+        plan: a valid plan; the world it begins in is its own `start`.
         robot: the robot that it is for; the stock robot when not given.
         body: what that is taken to be; `RobotBody.load()` when not given.
 
     Raises:
         RecordingError: when it is no plan, an invalid one, or for another robot.
-        SceneError: when its situation has what this robot cannot be put into, likewise
+        SceneError: when its state has what this robot cannot be put into, likewise
             `ConfigurationError` and `SimulationError`.
     """
     expect(plan, Plan, "plan", RecordingError)
@@ -41,7 +40,8 @@ def planned_recording(
         raise RecordingError(f"the plan is for another robot: {difference}; give that one")
     world, recorder = _initial_world(plan, known, body), Recorder(known)
     simulation = Simulation(world, [recorder], check_contacts=False)
-    simulation.execute(replace(plan, robot=None))  # its body may be another one than is shown
+    shown = replace(plan, robot=None)  # its body may be another one than is shown
+    simulation.execute(shown, unverified=True)
     simulation.finish()
     return recorder.recording()
 
@@ -49,16 +49,13 @@ def planned_recording(
 def _initial_world(plan: Plan, robot: Baxter, body: RobotBody | None) -> World:
     """Robot and bodies where they are before the first step."""
     world = World(robot, body)
-    if plan.situation is not None:
-        _put_joints(world, plan.situation)
-    world.move_arm(plan.limb, plan.q_start)
-    if plan.situation is not None:
-        _put_bodies(world, plan.situation)
+    _put_joints(world, plan.start)
+    _put_bodies(world, plan.start)
     return world
 
 
-def _put_joints(world: World, situation: Situation) -> None:
-    joints = situation.joints
+def _put_joints(world: World, state: State) -> None:
+    joints = state.joints
     for side, arm in world.robot.arms.items():
         if all(name in joints for name in arm.joint_names):
             world.move_arm(side, [joints[name] for name in arm.joint_names])
@@ -69,13 +66,13 @@ def _put_joints(world: World, situation: Situation) -> None:
         world.turn_head(joints["head_pan"])
 
 
-def _put_bodies(world: World, situation: Situation) -> None:
+def _put_bodies(world: World, state: State) -> None:
     """All of them exactly where they are said to be, whatever they would fall on."""
-    for each in situation.scene:
+    for each in state.scene:
         world.spawn(each)
-    for each in situation.scene:
+    for each in state.scene:
         world.slide(each.name, each.T_base_body)
-    for each in situation.scene:
+    for each in state.scene:
         world.place_body(each.name, each.T_base_body)
-    for held in situation.held:
-        world.attach(held.side, held.body, held.T_tip_body)
+    for held in state.attachments:
+        world.attach(held.side, held.body, held.T_link_body)

@@ -12,7 +12,7 @@ import pinocchio as pin
 from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
-from planner import Scene, Situation
+from planner import Scene, State
 from sim.errors import RecordingError
 from sim.events import Event, EventKind, Observer, Snapshot
 from sim.recording.recording import Recording
@@ -35,7 +35,7 @@ def retell(recording: Recording, observer: Observer) -> None:
     events = deque(_with_moves(recording))
     captions = deque(recording.captions)
     caption = ""
-    observer.on_start(_situation(recording))
+    observer.on_start(_state(recording))
     for row, time_s in enumerate(recording.times_s.tolist()):
         while events and events[0].time_s <= time_s:
             observer.on_event(events.popleft())
@@ -46,7 +46,7 @@ def retell(recording: Recording, observer: Observer) -> None:
         observer.on_event(event)
 
 
-def _situation(recording: Recording) -> Situation:
+def _state(recording: Recording) -> State:
     """What was there at the beginning and no event tells of."""
     start_s = float(recording.times_s[0])
     told = {
@@ -60,7 +60,7 @@ def _situation(recording: Recording) -> Situation:
         for name, row in rows.items()
         if name in recording.bodies and np.isfinite(row).all()
     )
-    return Situation(scene, dict(zip(recording.joint_names, recording.q[0].tolist(), strict=True)))
+    return State(scene, dict(zip(recording.joint_names, recording.q[0].tolist(), strict=True)))
 
 
 def _with_moves(recording: Recording) -> Iterator[Event]:

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin import IKResult
-from baxter_kin.errors import expect, quoted
+from baxter_kin.errors import expect, expect_all, quoted
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_rows, finite_scalar
 from baxter_kin.value_objects import Frozen, OneLine, count, phrase, seconds, side_of
 from planner import Move, Trajectory
+from planner.scene.contact import Contact
 from sim.errors import RecordingError
 from sim.events import Event
 
@@ -38,6 +39,7 @@ class RecordedMove(OneLine):
         label: what it was for, such as "cycle 1, pick: approach".
         trajectory: the exact motion; its limits name the joints.
         ik: what inverse kinematics answered for where it ends; None where it was not asked.
+        contacts: those that were meant; None where nobody said.
 
     Raises:
         RecordingError: when a part is of another type, or the joints are not those of one arm.
@@ -47,6 +49,7 @@ class RecordedMove(OneLine):
     label: str
     trajectory: Trajectory
     ik: IKResult | None = None
+    contacts: tuple[Contact, ...] | None = None
 
     def __post_init__(self) -> None:
         start = finite_scalar(self.start_s, "start_s of a move", RecordingError)
@@ -55,14 +58,17 @@ class RecordedMove(OneLine):
         expect(self.trajectory, Trajectory, "the trajectory of a move", RecordingError)
         if self.ik is not None:
             expect(self.ik, IKResult, "the ik of a move", RecordingError)
-        if limb_of(self.trajectory) is None:
+        if self.contacts is not None:
+            contacts = expect_all(self.contacts, Contact, "contacts", RecordingError)
+            object.__setattr__(self, "contacts", contacts)
+        if _limb_of(self.trajectory) is None:
             names = ", ".join(self.joint_names)
             raise RecordingError(f"a move must be of the joints of one arm, got {names}")
 
     @property
     def limb(self) -> str:
         """The arm's side, "left" or "right"."""
-        return str(limb_of(self.trajectory))
+        return str(_limb_of(self.trajectory))
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -131,12 +137,14 @@ class ArmMotion(Frozen, OneLine):
 
 def recorded_move(event: Event) -> RecordedMove | None:
     """The move that began; None for other events, and for moves that name no arm's joints."""
-    if event.move is None or limb_of(event.move.trajectory) is None:
+    move = event.move
+    if move is None or _limb_of(move.trajectory) is None:
         return None
-    return RecordedMove(event.time_s, event.text, event.move.trajectory, event.move.ik)
+    contacts = None if move.state is None else move.contacts
+    return RecordedMove(event.time_s, event.text, move.trajectory, move.ik, contacts)
 
 
-def limb_of(trajectory: Trajectory) -> str | None:
+def _limb_of(trajectory: Trajectory) -> str | None:
     """The arm that a trajectory moves, by the names of its joints; None when it is of no arm."""
     names = sorted(trajectory.limits.names)
     return next((side for side in LIMBS if names == sorted(arm_joints(side))), None)

@@ -23,11 +23,12 @@ from baxter_kin.errors import expect
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, whole_scalar
 from baxter_kin.value_objects import count
-from planner import Body, Scene, Situation
+from planner import Body, Scene, State
 from sim.errors import RecordingError
-from sim.events import Event, EventKind, Observer, Snapshot
+from sim.events import Event, EventKind, Snapshot
 from sim.recording.recorded_motion import RecordedMove, recorded_move
-from sim.recording.recording import Recording
+from sim.recording.recording import Commands, Recording
+from sim.samples import Sample, SampleObserver
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +80,27 @@ class Row(NamedTuple):
     caption: str
 
 
+class CommandSample(NamedTuple):
+    """What is recorded of a `Sample`.
+
+    Attributes:
+        limb: "left" or "right".
+        time_s: since the execution began.
+        q_sent: the set-point, shape (7,), rad.
+        q_measured: what was measured last, shape (7,), rad.
+    """
+
+    limb: str
+    time_s: float
+    q_sent: FloatArray
+    q_measured: FloatArray
+
+    @classmethod
+    def of(cls, sample: Sample) -> CommandSample:
+        """The commands of a sample."""
+        return cls(sample.limb, sample.time_s, sample.q_sent, sample.q_measured)
+
+
 class RecordingMemory:
     """What happened so far, in memory: of a simulation, or of the lines of a log.
 
@@ -87,6 +109,7 @@ class RecordingMemory:
         bodies: by name, as last told.
         events: in order.
         moves: in order.
+        samples: what was sent to a robot and measured, in order.
     """
 
     def __init__(
@@ -98,6 +121,7 @@ class RecordingMemory:
         self.bodies: dict[str, Body] = {}
         self.events: deque[Event] = deque()
         self.moves: deque[RecordedMove] = deque()
+        self.samples: deque[CommandSample] = deque()
 
     def recording(self) -> Recording:
         """All of it.
@@ -117,6 +141,7 @@ class RecordingMemory:
             events=tuple(self.events),
             moves=tuple(self.moves),
             robot=self._robot,
+            commands=self._commands(),
         )
 
     def forget_the_past(self) -> None:
@@ -128,6 +153,17 @@ class RecordingMemory:
             self.moves.popleft()
         while self.events and self.events[0].time_s < first_s:
             self.events.popleft()
+        while self.samples and self.samples[0].time_s < first_s:
+            self.samples.popleft()
+
+    def _commands(self) -> dict[str, Commands]:
+        found = {}
+        for limb in sorted({sample.limb for sample in self.samples}):
+            times, sent, measured = zip(
+                *(sample[1:] for sample in self.samples if sample.limb == limb), strict=True
+            )
+            found[limb] = Commands(np.array(times), np.array(sent), np.array(measured))
+        return found
 
     def _track(self, name: str) -> FloatArray:
         absent = np.full(7, np.nan)
@@ -141,7 +177,7 @@ class RecordingMemory:
         return tuple(captions)
 
 
-class Recorder(Observer):
+class Recorder(SampleObserver):
     """Collects snapshots and events in memory; `recording()` makes data of them."""
 
     def __init__(self, robot: Baxter, *, keep: int | None = None) -> None:
@@ -176,13 +212,13 @@ class Recorder(Observer):
         """
         self._story.bodies.update(expect(scene, Scene, "scene", RecordingError).bodies)
 
-    def on_start(self, situation: Situation) -> None:
+    def on_start(self, state: State) -> None:
         """Note the shapes of the bodies that are there.
 
         Raises:
-            RecordingError: when it is no situation.
+            RecordingError: when it is no state.
         """
-        self.remember(expect(situation, Situation, "situation", RecordingError).scene)
+        self.remember(expect(state, State, "state", RecordingError).scene)
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
         """Keep it.
@@ -209,6 +245,15 @@ class Recorder(Observer):
         if move is not None:
             self._story.moves.append(move)
         self._story.forget_the_past()
+
+    def on_sample(self, sample: Sample) -> None:
+        """Keep what was sent to a robot and measured.
+
+        Raises:
+            RecordingError: when it is no sample.
+        """
+        expect(sample, Sample, "sample", RecordingError)
+        self._story.samples.append(CommandSample.of(sample))
 
     def recording(self) -> Recording:
         """All so far.

@@ -9,7 +9,7 @@ Files: npz by `save_recording` and `load_recording`, the RSDK's CSV by `write_cs
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +35,33 @@ from sim.recording.recorded_motion import ArmMotion, RecordedMove, arm_joints, a
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Commands(Frozen, OneLine):
+    """The set-points that an arm was sent, and what was measured at these times.
+
+    Attributes:
+        times_s: shape (k,), in the recording's time.
+        q_sent: set-points, each in force until the next, shape (k, 7), rad.
+        q_measured: positions measured last at these times, shape (k, 7), rad.
+
+    Raises:
+        RecordingError: when an array has another shape or is not finite.
+    """
+
+    times_s: FloatArray
+    q_sent: FloatArray
+    q_measured: FloatArray
+
+    def __post_init__(self) -> None:
+        size = float_array(self.times_s, "times_s", RecordingError).size
+        for name, shape in (("times_s", (size,)), ("q_sent", (size, 7)), ("q_measured", (size, 7))):
+            array = finite_array(getattr(self, name), shape, name, RecordingError)
+            object.__setattr__(self, name, array)
+
+    def _facts(self) -> tuple[str, ...]:
+        return (count(len(self.times_s), "set-point"),)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Recording(Frozen, OneLine):
     """A finished recording of n snapshots.
 
@@ -52,6 +79,7 @@ class Recording(Frozen, OneLine):
         robot: which robot it was; None where nobody said.
         limbs: the arms that were recorded, in the order left, right. A file of a real robot may
             have one alone; the other stands still in `q` then.
+        commands: by limb, the set-points that were sent to a robot; empty of a simulation.
 
     Raises:
         RecordingError: when shapes do not fit, times do not increase, there is no snapshot, or no
@@ -69,6 +97,7 @@ class Recording(Frozen, OneLine):
     moves: tuple[RecordedMove, ...] = ()
     robot: RobotIdentity | None = None
     limbs: tuple[str, ...] = LIMBS
+    commands: Mapping[str, Commands] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.robot is not None:
@@ -92,6 +121,11 @@ class Recording(Frozen, OneLine):
             raise RecordingError("times_s must increase from one snapshot to the next")
         object.__setattr__(self, "body_poses", self._frozen_poses())
         object.__setattr__(self, "bodies", Scene(self.bodies).bodies)
+        for limb, commands in self.commands.items():
+            if limb not in LIMBS:
+                raise UnknownNameError("limb", limb, LIMBS)
+            expect(commands, Commands, f"commands of the {limb} arm", RecordingError)
+        object.__setattr__(self, "commands", FrozenMapping(self.commands))
 
     @property
     def duration_s(self) -> float:
@@ -101,7 +135,10 @@ class Recording(Frozen, OneLine):
     def motion(self, limb: str, *, with_knots: bool = False) -> ArmMotion:
         """Position, velocity, acceleration and jerk of an arm.
 
-        They are exact where a move was recorded, and differences of the positions elsewhere.
+        The positions are those of `q`: of a simulation where the arm was commanded to be, of a
+        robot what was measured. Velocity, acceleration and jerk are those of the commands where a
+        recorded move explains the positions, and differences of the positions elsewhere. What a
+        robot was sent is in `commands`.
 
         Args:
             limb: "left" or "right".

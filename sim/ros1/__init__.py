@@ -10,13 +10,13 @@ if TYPE_CHECKING:
     from sim.ros1.execution.executor import RosExecutor
     from sim.ros1.execution.link.baxter_link import BaxterLink
     from sim.ros1.execution.ready_plan import ExecutionOptions, NotReadyError
-    from sim.ros1.execution.samples import Sample, SampleObserver
     from sim.ros1.execution.stops import StopCause
     from sim.ros1.execution.stream.set_points import Pace
     from sim.ros1.master import Master
     from sim.ros1.node import Node
     from sim.ros1.robot.parts.arm_motion import Follow, Following
     from sim.ros1.robot.ros_robot import RosRobot
+    from sim.samples import Sample, SampleObserver
 
 __all__ = [
     "BaxterLink",
@@ -40,7 +40,7 @@ __getattr__ = loader(
         "sim.ros1.execution.executor",
         "sim.ros1.execution.link.baxter_link",
         "sim.ros1.execution.ready_plan",
-        "sim.ros1.execution.samples",
+        "sim.samples",
         "sim.ros1.execution.stops",
         "sim.ros1.execution.stream.set_points",
         "sim.ros1.master",

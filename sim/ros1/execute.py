@@ -97,6 +97,8 @@ def _connected(
         for text in ready.guarded():
             TERMINAL.say(f"     {text}")
         if options.dry_run:
+            if how.response is None:
+                TERMINAL.say("not proven: how the arm lags (--response)")
             TERMINAL.say(f"would move: {ready.summary}")
             return 0
         observers = file_observers(options, ready.robot, stack)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -19,6 +20,7 @@ from baxter_kin.command_line import (
     examples,
     number_within,
     run_process,
+    whole_number,
 )
 from sim.ros1.terminal import EXIT_FAILED, EXIT_STATUS, Terminal, add_files, file_observers
 
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from sim.ros1.execution.twin import Twin
 
 TERMINAL = Terminal("baxter-mirror")
+LAST_PORT = 65_535
 FRAME_S = 0.02
 FIRST_S = 5.0
 LOST_S = 3.0
@@ -37,7 +40,10 @@ LOST_S = 3.0
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Show the robot of ROS_MASTER_URI; returns the exit status."""
-    options = _parser().parse_args(argv)
+    parser = _parser()
+    options = parser.parse_args(argv)
+    if options.headless and (options.port is not None or options.no_browser):
+        parser.error("--port and --no-browser are for the view, which --headless leaves out")
     return TERMINAL.ended(lambda _: _mirrored(options))
 
 
@@ -48,7 +54,7 @@ def run() -> NoReturn:
 
 def _mirrored(options: argparse.Namespace) -> int:
     from planner import Scene  # noqa: PLC0415
-    from planner.situation import Situation  # noqa: PLC0415
+    from planner.state import State  # noqa: PLC0415
     from sim.errors import RosError  # noqa: PLC0415
     from sim.ros1.execution.link.baxter_link import JOINT_STATES, BaxterLink  # noqa: PLC0415
     from sim.ros1.execution.twin import Twin  # noqa: PLC0415
@@ -63,7 +69,7 @@ def _mirrored(options: argparse.Namespace) -> int:
         robot = _robot(options, link)
         observers = _observers(options, robot, stack)
         joints = dict.fromkeys(robot.joint_names, 0.0)
-        twin = Twin(robot, Situation(Scene({}), joints), observers)
+        twin = Twin(robot, State(Scene({}), joints), observers)
         _follow(link, twin, options.duration_s)
     return 0
 
@@ -77,12 +83,23 @@ def _robot(options: argparse.Namespace, link: BaxterLink) -> Baxter:
 def _observers(options: argparse.Namespace, robot: Baxter, stack: ExitStack) -> list[Observer]:
     observers = file_observers(options, robot, stack)
     if not options.headless:
-        from sim.view.live.viewer import Viewer  # noqa: PLC0415 - needs a web server
-
-        viewer = stack.enter_context(Viewer(robot, keeps_time=False))
-        TERMINAL.say(f"open {viewer.url} in a browser to watch; Ctrl-C ends it")
-        observers.append(viewer)
+        observers.append(_view(options, robot, stack))
     return observers
+
+
+def _view(options: argparse.Namespace, robot: Baxter, stack: ExitStack) -> Observer:
+    """The live view, opened in a browser where the user would see it."""
+    from sim.view.live.in_browser import can_open, open_page, where_to_look  # noqa: PLC0415
+    from sim.view.live.viewer import Viewer  # noqa: PLC0415 - needs a web server
+
+    viewer = stack.enter_context(Viewer(robot, port=options.port, keeps_time=False))
+    is_opened = not options.no_browser and can_open(os.environ, sys.platform)
+    for line in where_to_look(viewer.url, os.environ, is_opened, 0.0):
+        TERMINAL.say(line)
+    TERMINAL.say("Ctrl-C ends it")
+    if is_opened:
+        open_page(viewer.url)
+    return viewer
 
 
 def _follow(link: BaxterLink, twin: Twin, duration_s: float | None) -> None:
@@ -114,6 +131,18 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_urdf(parser)
     parser.add_argument("--headless", action="store_true", help="without the view")
+    parser.add_argument(
+        "--no-browser",
+        action="store_true",
+        help="do not open the view in a browser, only print its address; so it is over SSH, "
+        "without a display, and where CI is set, too",
+    )
+    parser.add_argument(
+        "--port",
+        type=whole_number(1, LAST_PORT),
+        metavar="N",
+        help="where the view is served (default: 7000, or the next one that is free)",
+    )
     parser.add_argument(
         "--duration-s", type=number_within(0.1, 86_400.0, "s"), metavar="S", help="end by then"
     )

@@ -25,15 +25,15 @@ from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.value_objects import FrozenMapping
 from sim.errors import RecordingError
 from sim.events import Event, Observer, Snapshot
-from sim.recording.log_recorder import VERSION_WITH_SAMPLES, LogRecorder
+from sim.recording.log_recorder import LogRecorder
 from sim.recording.npz_file import save_recording
 from sim.recording.recorder import Recorder
 from sim.recording.ros1_files.bag_file import BagRecorder
 from sim.recording.ros1_files.mcap_file import McapRecorder
 from sim.recording.ros1_files.topics import MessageFile
 from sim.ros1.definitions import message_type
-from sim.ros1.execution.samples import Sample, SampleObserver
 from sim.ros1_messages import MessageType
+from sim.samples import Sample, SampleObserver
 
 _JOINT_STATE, _COMMAND = "sensor_msgs/JointState", "baxter_core_msgs/JointCommand"
 _STATE, _NUMBER = "baxter_core_msgs/AssemblyState", "std_msgs/Float64"
@@ -47,7 +47,7 @@ class Told(NamedTuple):
     content: bytes
 
 
-def messages_of(sample: Sample) -> Iterator[Told]:
+def _messages_of(sample: Sample) -> Iterator[Told]:
     """What a record tells of a sample."""
     names = [f"{sample.limb}_{joint}" for joint in JOINTS]
     header = {"stamp": sample.time_s}
@@ -83,10 +83,8 @@ def _told(topic: str, type_name: str, **values: Any) -> Told:
     return Told(topic, kind, kind.serialise(kind.make(**values)))
 
 
-class ExecutionLog(LogRecorder, SampleObserver):
+class _ExecutionLog(LogRecorder, SampleObserver):
     """The log, with a line for each sample."""
-
-    _version = VERSION_WITH_SAMPLES
 
     def on_sample(self, sample: Sample) -> None:
         """Write it.
@@ -99,7 +97,7 @@ class ExecutionLog(LogRecorder, SampleObserver):
         self._write({"sample": {"limb": sample.limb, **plain, **arrays}})
 
 
-class ExecutionMcap(McapRecorder, SampleObserver):
+class _ExecutionMcap(McapRecorder, SampleObserver):
     """MCAP, with what was sent and measured."""
 
     def on_sample(self, sample: Sample) -> None:
@@ -111,7 +109,7 @@ class ExecutionMcap(McapRecorder, SampleObserver):
         _write(self, sample)
 
 
-class ExecutionBag(BagRecorder, SampleObserver):
+class _ExecutionBag(BagRecorder, SampleObserver):
     """A bag of ROS 1, with what was sent and measured."""
 
     def on_sample(self, sample: Sample) -> None:
@@ -124,11 +122,11 @@ class ExecutionBag(BagRecorder, SampleObserver):
 
 
 def _write(file: MessageFile, sample: Sample) -> None:
-    for told in messages_of(sample):
+    for told in _messages_of(sample):
         file.write_message(told.topic, told.kind, sample.time_s, told.content)
 
 
-class ExecutionArrays(SampleObserver):
+class _ExecutionArrays(SampleObserver):
     """Keeps all in memory, for an npz file; use `save` at the end."""
 
     def __init__(self, robot: Baxter) -> None:
@@ -144,6 +142,7 @@ class ExecutionArrays(SampleObserver):
 
     def on_sample(self, sample: Sample) -> None:
         """Keep it."""
+        self._recorder.on_sample(sample)
         self._samples.append(sample)
 
     def save(self, path: Path) -> None:
@@ -176,7 +175,7 @@ def record_to(path: Path, robot: Baxter, stack: ExitStack) -> Observer:
 
 
 def _arrays(path: Path, robot: Baxter, stack: ExitStack) -> Observer:
-    arrays = ExecutionArrays(robot)
+    arrays = _ExecutionArrays(robot)
     stack.callback(arrays.save, path)
     return arrays
 
@@ -192,9 +191,9 @@ def _streamed(make: Callable[[Path, Baxter], Any]) -> Callable[[Path, Baxter, Ex
 
 _MAKERS: Mapping[str, Callable[[Path, Baxter, ExitStack], Observer]] = FrozenMapping(
     {
-        ".jsonl": _streamed(ExecutionLog),
-        ".mcap": _streamed(ExecutionMcap),
-        ".bag": _streamed(ExecutionBag),
+        ".jsonl": _streamed(_ExecutionLog),
+        ".mcap": _streamed(_ExecutionMcap),
+        ".bag": _streamed(_ExecutionBag),
         ".npz": _arrays,
     }
 )

@@ -85,7 +85,7 @@ class Terminal:
             try:
                 return work(signals)
             except RosConnectionError as error:
-                return self.complain(f"{error}{master_hint(error)}")
+                return self.complain(f"{error}{_master_hint(error)}")
             except BaxterError as error:
                 return self.complain(str(error))
             except KeyboardInterrupt:
@@ -103,7 +103,7 @@ def signal_status(signals: Signals, otherwise: int = EXIT_INTERRUPTED) -> int:
     return otherwise if signals.came is None else known[signals.came]
 
 
-def master_hint(error: BaxterError) -> str:
+def _master_hint(error: BaxterError) -> str:
     """What to do where the master was not reached; else empty."""
     if getattr(error, "node", "") != "the master":
         return ""
@@ -115,7 +115,7 @@ def master_hint(error: BaxterError) -> str:
     )
 
 
-def record_file(text: str) -> Path:
+def _record_file(text: str) -> Path:
     """A file to record to, in the format of its suffix."""
     from sim.ros1.records import SUFFIXES  # noqa: PLC0415
 
@@ -130,7 +130,7 @@ def add_files(parser: argparse.ArgumentParser, recorded: str) -> None:
     group = parser.add_argument_group("output")
     group.add_argument(
         "--record",
-        type=record_file,
+        type=_record_file,
         metavar="FILE",
         action="append",
         default=[],

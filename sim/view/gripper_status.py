@@ -6,12 +6,13 @@ that do not say of which side they are, as recordings kept them at first, tell n
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
 from baxter_kin.kinematics.arm import LIMBS
 from sim.events import Event, EventKind
+from sim.recording.recorded_motion import finger_joints
 from sim.recording.recording import Recording
 
 STILL_PERCENT = 1e-6
@@ -91,11 +92,22 @@ _OPENING = GripperPhase("opening", GripperMood.MOVING)
 _CLOSING = GripperPhase("closing", GripperMood.MOVING)
 
 
-def gripper_timelines(recording: Recording) -> dict[str, list[tuple[float, GripperPhase]]]:
-    """For each side when a phase begins, in recorded time, and which.
+def sides_with_fingers(joint_names: Collection[str]) -> tuple[str, ...]:
+    """The sides whose hand has fingers; a tool or a bare flange has no state of a gripper.
 
-    Of a recording that was cut, the beginning is told by the fingers' positions alone.
+    Args:
+        joint_names: the joints of a robot.
     """
+    return tuple(side for side in LIMBS if finger_joints(side)[0] in joint_names)
+
+
+def gripper_timelines(recording: Recording) -> dict[str, list[tuple[float, GripperPhase]]]:
+    """For each side, the phases with their start times in recorded time.
+
+    The timeline is empty for a hand without fingers and for an arm that was not recorded. At the
+    beginning of a cut recording, phases are derived from the fingers' positions alone.
+    """
+    shown = set(sides_with_fingers(recording.joint_names)).intersection(recording.limbs)
     story = GripperStatus()
     timelines: dict[str, list[tuple[float, GripperPhase]]] = {side: [] for side in LIMBS}
     told = (event for event in recording.events if event.time_s >= recording.times_s[0])
@@ -108,7 +120,8 @@ def gripper_timelines(recording: Recording) -> dict[str, list[tuple[float, Gripp
             story.hear(event)
             _note(timelines, event.time_s, story.phases)
             event = next(events, None)
-        story.see(dict(zip(LIMBS, percents, strict=True)))
+        both = zip(LIMBS, percents, strict=True)
+        story.see({side: percent for side, percent in both if side in shown})
         _note(timelines, time_s, story.phases)
     return timelines
 

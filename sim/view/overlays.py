@@ -62,7 +62,7 @@ _LAYERS = (
     ("robot", "Robot", True),
     ("body", "Collision body", False),
     ("paths", "Tip path", True),
-    ("goals", "Goals", False),
+    ("goals", "Goals", True),
     ("frames", "Frames", False),
     ("ghost", "Other recording", True),
     ("nearest", "Nearest pair", True),

@@ -245,8 +245,9 @@ def _story(
         "captions": [[float(time) - start_s, text] for time, text in recording.captions],
         "seeds": [[time_s - start_s, seed] for time_s, seed in _seeds(recording)],
         "grippers": {
-            side: [[time - start_s, *phase.for_page()] for time, phase in phases[side]]
-            for side in active or phases
+            side: [[time - start_s, *phase.for_page()] for time, phase in timeline]
+            for side, timeline in phases.items()
+            if timeline
         },
         "marks": [
             [event.time_s - start_s, MARKS[event.kind], event.text]

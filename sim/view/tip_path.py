@@ -106,6 +106,9 @@ def recorded_paths(
 def _holding_at(
     times: FloatArray, phases: Sequence[tuple[float, GripperPhase]]
 ) -> NDArray[np.bool_]:
+    """Whether the hand holds something at each time; a hand without phases never does."""
+    if not phases:
+        return np.zeros(len(times), dtype=np.bool_)
     starts = np.array([start for start, _ in phases])
     holding = np.array([phase.is_holding for _, phase in phases])
     return holding[np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)]

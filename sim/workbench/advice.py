@@ -1,4 +1,4 @@
-"""What a refusal on the workbench adds where the person at it can do something about it."""
+"""Whether the other arm is in a plan's way, and what to do about it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from planner import Plan
 from sim.world.world import World
 
 
-def withdrawal_hint(plan: Plan, world: World) -> str:
-    """How the other arm gets out of a plan's way; "" where it is not in it, or cannot withdraw.
+def idle_arm_in_way(plan: Plan, world: World) -> str | None:
+    """The side of the other arm where it is in a plan's way and may withdraw; None otherwise.
+
+    An arm may withdraw when its hand has fingers and is empty, and it is not withdrawn already.
 
     Args:
         plan: for the world as it is.
@@ -20,8 +22,14 @@ def withdrawal_hint(plan: Plan, world: World) -> str:
     arm, shapes = world.robot.arm(other), world.shapes
     links = {shapes.links[index] for index in shapes.of_arm(arm)}
     if plan.failure is None or links.isdisjoint(plan.failure.colliding):
-        return ""
+        return None
     is_empty = other in world.hands and world.holding(other) is None
-    if not is_empty or np.array_equal(world.arm_q(other), arm.neutral):
+    return other if is_empty and not np.array_equal(world.arm_q(other), arm.neutral) else None
+
+
+def withdrawal_hint(plan: Plan, world: World) -> str:
+    """What the refusal of a plan adds where the other arm may withdraw out of its way, else ""."""
+    other = idle_arm_in_way(plan, world)
+    if other is None:
         return ""
     return f"; the {other} arm is in the way: withdraw({other!r}) brings it back beside the table"

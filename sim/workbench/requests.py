@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import quoted
-from baxter_kin.frames import PoseLike, checked_pose
+from baxter_kin.frames import PoseLike, StampedPose, checked_pose
 from planner import Body
 from planner.errors import SceneError
 from sim.errors import SimulationError
@@ -46,7 +47,7 @@ def goal(
         raise SceneError(f"to= takes a place; to put it on {quoted(to)}, write onto={quoted(to)}")
     if onto is not None:
         return tabletop.stacked(body, _below(world, body, onto))
-    if isinstance(to, pin.SE3):
+    if isinstance(to, (pin.SE3, StampedPose)) or _has_four_rows(to):
         return checked_pose(to)
     return tabletop.standing(body, *tabletop.checked_place(to))
 
@@ -55,9 +56,16 @@ def why_not(world: World, body: Body, T_base_goal: pin.SE3) -> str:
     """Why there is no need to plan at all; empty otherwise."""
     riders = world.riders(body.name)
     if riders:
-        return f"{riders[0]} stands on {body.name}; carry that away first"
+        too = ", too" if len(world.supports[riders[0]]) > 1 else ""
+        return f"{riders[0]} stands on {body.name}{too}; carry that away first"
     beside = tabletop.why_beside(T_base_goal, world.body(tabletop.TABLE))
     return f"nothing to stand on, {beside}" if beside else ""
+
+
+def _has_four_rows(to: object) -> bool:
+    """Whether it is meant as a 4 x 4 matrix, not as x and y."""
+    is_sequence = isinstance(to, (list, tuple)) or (isinstance(to, np.ndarray) and to.ndim > 0)
+    return is_sequence and len(to) == 4  # type: ignore[arg-type]
 
 
 def _below(world: World, body: Body, onto: object) -> Body:

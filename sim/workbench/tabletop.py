@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from itertools import chain
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import pose_from_quaternion
 from baxter_kin.errors import degrees_hint, millimetres_hint, quoted
-from baxter_kin.validation import FloatArray, finite_array, finite_scalar
+from baxter_kin.validation import finite_array, finite_scalar
 from planner import Body, Scene, load_object
 from planner.errors import SceneError
-from planner.scene.contact import PRESSING_TOLERANCE_M
+from planner.scene.contact import PRESSING_TOLERANCE_M, depth_m
 
 TABLE = "table"
 TABLE_Z_M = -0.155
@@ -121,7 +120,7 @@ def check_room(block: Body, scene: Scene) -> None:
     if beside:
         raise SceneError(f"no room for {quoted(block.name)}: {beside}")
     for other in scene:
-        if other.name not in (TABLE, block.name) and _overlap(block, other):
+        if other.name not in (TABLE, block.name) and depth_m(block, other) > PRESSING_TOLERANCE_M:
             raise SceneError(
                 f"no room for {quoted(block.name)} at ({x:g}, {y:g}) m: {quoted(other.name)} "
                 "stands there"
@@ -147,18 +146,6 @@ def _unit_hint(*lengths_m: float) -> str:
     return millimetres_hint(longest, least=LEAST_MILLIMETRES) or (
         f"; are these centimetres? Lengths are in metres: {longest:g} cm is {longest / 100:g} m"
     )
-
-
-def _overlap(one: Body, other: Body) -> bool:
-    """Whether two cuboids are inside each other; touching they are not."""
-    axes = chain(one.T_base_body.rotation.T, other.T_base_body.rotation.T)
-    return all(_common_m(one, other, axis) > PRESSING_TOLERANCE_M for axis in axes)
-
-
-def _common_m(one: Body, other: Body, axis: FloatArray) -> float:
-    """How much of a direction both cover; below zero for a gap."""
-    (low, high), (least, most) = one.extent_m(axis), other.extent_m(axis)
-    return min(high, most) - max(low, least)
 
 
 def _reach_down_m(body: Body) -> float:

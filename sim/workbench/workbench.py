@@ -13,6 +13,7 @@ block ended.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -28,7 +29,9 @@ from baxter_kin.validation import positive_scalar
 from baxter_kin.value_objects import OneLine, count, listing
 from planner import (
     Body,
+    Cylinder,
     Manipulator,
+    Part,
     PickAndPlace,
     Plan,
     make_block,
@@ -38,6 +41,9 @@ from planner import (
     verify,
 )
 from planner.errors import SceneError
+from planner.scene.contact import depth_m
+from planner.scene.objects import colour_of
+from planner.scene.support import lifted_out
 from sim.errors import SimulationError
 from sim.events import Observer
 from sim.recording.recorder import Recorder
@@ -45,9 +51,11 @@ from sim.recording.recording import Recording
 from sim.simulation import Simulation
 from sim.view.replay import Replay
 from sim.workbench import requests, tabletop
-from sim.workbench.advice import withdrawal_hint
+from sim.workbench.advice import idle_arm_in_way, withdrawal_hint
 from sim.workbench.task_result import TaskResult
 from sim.world.world import World
+
+_LOG = logging.getLogger(__name__)
 
 EDGE_M = 0.05
 """Of a block that does not say its own: what the hands hold best."""
@@ -116,6 +124,74 @@ class Workbench(OneLine):
         edge = positive_scalar(edge_m, "edge_m", SceneError)
         self._put(name, (x_m, y_m, yaw_rad), (edge, edge, edge), colour, is_movable=True)
 
+    def add_box(
+        self,
+        name: str,
+        x_m: float,
+        y_m: float,
+        *,
+        size_m: Sequence[float],
+        colour: str | None = None,
+        yaw_rad: float = 0.0,
+    ) -> None:
+        """Put a cuboid on the table that can be carried, as a block can.
+
+        Args:
+            name: its name, such as "book".
+            x_m: where its middle is, in base.
+            y_m: the same along y.
+            size_m: its edges along x, y and z, before it is turned.
+            colour: such as "red"; the colour of its name when not given, or grey.
+            yaw_rad: how far it is turned about the vertical.
+
+        Raises:
+            SceneError: as for a block, or when the size is not three lengths above zero.
+        """
+        size = tabletop.checked_size(size_m)
+        self._put(name, (x_m, y_m, yaw_rad), size, colour, is_movable=True)
+
+    def add_cylinder(
+        self,
+        name: str,
+        x_m: float,
+        y_m: float,
+        *,
+        radius_m: float,
+        length_m: float,
+        colour: str | None = None,
+    ) -> None:
+        """Put an upright cylinder on the table that can be carried, such as a tin.
+
+        Args:
+            name: its name, such as "tin".
+            x_m: where its axis is, in base.
+            y_m: the same along y.
+            radius_m: above zero.
+            length_m: its height, above zero.
+            colour: such as "red"; the colour of its name when not given, or grey.
+
+        Raises:
+            SceneError: as for a block, or when a length is not above zero.
+        """
+        shape = Cylinder(radius_m, length_m)
+        part = Part(shape, pin.SE3.Identity(), colour_of(colour, name))
+        place = tabletop.turned_on_table(x_m, y_m, 0.0, height_m=length_m)
+        self._add(Body(name, (part,), place, is_movable=True))
+
+    def add_body(self, body: Body) -> None:
+        """Put a body of any shape where its `T_base_body` is, on the table or elsewhere.
+
+        A movable one comes to rest on what is below it, and can be carried; any other stays where
+        it is, be it in the air, and arms go around it.
+
+        Args:
+            body: one or several shapes, such as a mug or a shelf.
+
+        Raises:
+            SceneError: when it is of another class, or the name is taken.
+        """
+        self._spawn(expect(body, Body, "body", SceneError))
+
     def add_obstacle(
         self,
         name: str,
@@ -151,6 +227,9 @@ class Workbench(OneLine):
         arm: str | None = None,
     ) -> TaskResult:
         """Bring a block somewhere, grasped from above.
+
+        Where the other arm alone is in the way, and its hand is empty, it withdraws first, as by
+        `withdraw`; the verdict of the result says so.
 
         Args:
             block: its name.
@@ -190,7 +269,7 @@ class Workbench(OneLine):
         if np.array_equal(q_now, q_rest):
             return TaskResult(task, "", side, 0.0, 0.0, None, "it was there already", True)
         began = time.perf_counter()
-        plan = plan_start_move(manipulator, self.world.scene, q_now, q_rest, held=self.world.held)
+        plan = plan_start_move(manipulator, q_start=q_rest, state=self.world.state)
         planning_s = time.perf_counter() - began
         verdict, is_done = self.execute(plan, f"{side} arm goes back, ")
         motion_s = plan.motion_time_s
@@ -217,13 +296,8 @@ class Workbench(OneLine):
             UnknownNameError: when there is no such arm.
             SimulationError: when it has no fingers.
         """
-        arm, body = self.arm(side), requests.movable(self.world, block)
-        pick = overhead_grasp(arm.hand, body)
-        place = checked_pose(T_base_goal) * body.T_base_body.inverse() * pick
-        task = PickAndPlace(block, pick, place)
-        return plan_pick_and_place(
-            task, arm, self.world.scene, self.world.arm_q(side), held=self.world.held
-        )
+        body = requests.movable(self.world, block)
+        return self._planned(self.arm(side), body, checked_pose(T_base_goal))
 
     def execute(self, plan: Plan, title: str = "") -> tuple[str, bool]:
         """Verify a plan, then execute it; what came of it, and whether all went well.
@@ -239,7 +313,7 @@ class Workbench(OneLine):
         certificate = verify(plan, description=self.robot.description)
         if not certificate.is_valid:
             return f"refused: {certificate.verdict}{withdrawal_hint(plan, self.world)}", False
-        outcome = self.simulation.execute(plan, title)
+        outcome = self.simulation.execute(plan, title, certificate=certificate)
         self.motion_s += plan.motion_time_s
         return outcome.failure or f"verified, {len(certificate.checks)} checks", outcome.is_success
 
@@ -266,28 +340,96 @@ class Workbench(OneLine):
     ) -> None:
         T_base_body = tabletop.turned_on_table(*where, height_m=size_m[2])
         body = make_block(name, T_base_body, edge_m=size_m, colour=colour, is_movable=is_movable)
+        self._add(body)
+
+    def _add(self, body: Body) -> None:
+        """Put a body on the table, if it has room there."""
         tabletop.check_room(body, self.world.scene)
-        self.simulation.spawn(body)
+        self._spawn(body)
+
+    def _spawn(self, body: Body) -> None:
+        """Add a body; one to be carried that is inside something is lifted out, with a warning."""
+        scene = self.world.scene
+        raised_body = lifted_out(body, scene) if body.is_movable else body
+        rise_m = float(raised_body.T_base_body.translation[2] - body.T_base_body.translation[2])
+        if rise_m > 0.0:
+            below = max(scene, key=lambda other: depth_m(body, other))
+            _LOG.warning(
+                "%s would be %.1f mm inside %s; it is put %.1f mm higher",
+                body.name,
+                1e3 * depth_m(body, below),
+                below.name,
+                1e3 * rise_m,
+            )
+        self.simulation.spawn(raised_body)
+
+    def _planned(self, arm: Manipulator, body: Body, T_base_goal: pin.SE3) -> Plan:
+        others = [other for other in self.world.scene if other.name != body.name]
+        T_goal_pick = (
+            body.T_base_body * T_base_goal.inverse()
+        )  # what stands at the goal, at the pick
+        at_goal = [other.at(T_goal_pick * other.T_base_body) for other in others]
+        pick = overhead_grasp(arm.hand, body, neighbours=[*others, *at_goal])
+        place = T_base_goal * body.T_base_body.inverse() * pick
+        task = PickAndPlace(body.name, pick, place)
+        q_start = self.world.arm_q(arm.arm.side)
+        return plan_pick_and_place(task, arm, self.world.scene, q_start, held=self.world.held)
 
     def _carried(self, body: Body, T_base_goal: pin.SE3, sides: tuple[str, ...]) -> TaskResult:
-        task, began = f"carry {body.name}", time.perf_counter()
-        plans = [self.plan(side, body.name, T_base_goal) for side in sides]
+        began = time.perf_counter()
+        plans = [self._planned(self.arm(side), body, T_base_goal) for side in sides]
+        plan = min(plans, key=_preference)
+        if plan.is_valid:
+            return self._executed(plan, body, T_base_goal, time.perf_counter() - began)
+        reasons = []
+        for each in plans:
+            reason, idle = f"{each.limb} arm, {each.failure}", idle_arm_in_way(each, self.world)
+            if idle is not None:
+                alone = self._planned(self._without(idle, each.limb), body, T_base_goal)
+                if alone.is_valid:
+                    planning_s = time.perf_counter() - began
+                    return self._carried_after_withdrawal(
+                        idle, each.limb, body, T_base_goal, planning_s
+                    )
+                reason += f"; with the {idle} arm withdrawn, {alone.failure}"
+            reasons.append(reason)
         planning_s = time.perf_counter() - began
-        plan = min(plans, key=lambda plan: (not plan.is_valid, plan.motion_time_s))
-        if not plan.is_valid:
-            reasons = "; ".join(
-                f"{plan.limb} arm, {plan.failure}{withdrawal_hint(plan, self.world)}"
-                for plan in plans
-            )
-            return TaskResult.refused(body.name, reasons, planning_s, plan)
+        return TaskResult.refused(body.name, "; ".join(reasons), planning_s, plan)
+
+    def _carried_after_withdrawal(
+        self, idle: str, side: str, body: Body, T_base_goal: pin.SE3, planning_s: float
+    ) -> TaskResult:
+        """Withdraw an idle arm, then carry with the other."""
+        withdrawn = self.withdraw(idle)
+        if not withdrawn.is_done:
+            why = f"the {idle} arm is in the way and cannot withdraw, {withdrawn.verdict}"
+            return TaskResult.refused(body.name, why, planning_s, withdrawn.plan)
+        result = self._carried(body, T_base_goal, (side,))
+        return replace(
+            result,
+            motion_s=withdrawn.motion_s + result.motion_s,
+            planning_s=planning_s + withdrawn.planning_s + result.planning_s,
+            verdict=f"{result.verdict}; the {idle} arm withdrew first",
+        )
+
+    def _executed(
+        self, plan: Plan, body: Body, T_base_goal: pin.SE3, planning_s: float
+    ) -> TaskResult:
+        """Carry a body by a valid plan, and measure where it ends."""
         verdict, is_done = self.execute(plan, f"{body.name}: {plan.limb} arm, ")
         off_m = self._off_m(body.name, T_base_goal)
         if is_done and off_m > PLACED_WITHIN_M:
             verdict, is_done = f"it ended {1e3 * off_m:.1f} mm from its place", False
-        motion_s = plan.motion_time_s
+        task, motion_s = f"carry {body.name}", plan.motion_time_s
         return TaskResult(
             task, body.name, plan.limb, motion_s, planning_s, off_m, verdict, is_done, plan
         )
+
+    def _without(self, idle: str, side: str) -> Manipulator:
+        """An arm as planning needs it, the other one as it would be after it withdrew."""
+        joints, q = self.robot.arm(idle), self.world.q
+        q[list(self.robot.indices(joints.joint_names))] = joints.neutral
+        return replace(self._arms[side], q_others=q)
 
     def _side(self, arm: str) -> str:
         side = self.robot.arm(arm).side
@@ -297,3 +439,7 @@ class Workbench(OneLine):
     def _off_m(self, block: str, T_base_goal: pin.SE3) -> float:
         T_base_block = self.world.body(block).T_base_body
         return float(np.linalg.norm(T_base_block.translation - T_base_goal.translation))
+
+
+def _preference(plan: Plan) -> tuple[bool, float]:
+    return not plan.is_valid, plan.motion_time_s

@@ -9,8 +9,7 @@ from baxter_kin.lazy import loader
 if TYPE_CHECKING:
     from sim.world.contacts import Contact
     from sim.world.falling import Rest
-    from sim.world.gripper import Gripper, GripperState
-    from sim.world.pushing import Push
+    from sim.world.gripper import Gripper, GripperState, Push
 
 __all__ = ["Contact", "Gripper", "GripperState", "Push", "Rest"]
 
@@ -20,6 +19,5 @@ __getattr__ = loader(
         "sim.world.contacts",
         "sim.world.falling",
         "sim.world.gripper",
-        "sim.world.pushing",
     ),
 )

@@ -1,7 +1,8 @@
 """Falling: where a body comes to rest that nothing holds.
 
 A body let go turns its most level face down and falls straight until it touches something. There it
-stays when its centre is above the hull of what it touches. Otherwise it tips off: it goes sideways,
+stays when its centre is above the hull of what it touches, level or, on supports that are off level
+by up to 1 deg, as these lie (`planner.scene.support`). Otherwise it tips off: it goes sideways,
 away from its footing, just so far that it is clear of it, and falls on, until it stands. It does
 not turn over, does not roll or bounce, and what it falls on does not give way. Where something is
 in the way of tipping off, it leans where it is.
@@ -21,7 +22,7 @@ from baxter_kin.validation import Checked, FloatArray, check_fields, finite_scal
 from baxter_kin.value_objects import OneLine, millimetres, phrase, position
 from planner import Body
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
-from planner.scene.support import Landing, land, levelled
+from planner.scene.support import Landing, come_down
 from sim.errors import SimulationError
 
 GRAVITY_M_S2 = 9.81
@@ -65,19 +66,28 @@ class Rest(Checked, OneLine, error=SimulationError):
 
     Attributes:
         T_base_body: its pose there.
-        support: the body below, or the floor; of several the first.
+        supports: names of the bodies that it stands on, or the floor; the first touched first.
         fall_m: how far it falls, not negative.
         legs: its falls one after the other.
         fell_off: names of what it tipped off from on its way.
         beside_m: how far its centre is beside its footing; 0 unless it leans.
+        tilt_rad: how far it is turned from level, because its support lies so; 0 when level.
+        slope_rad: slope of what it met first where that is too steep to stand on; else 0.
     """
 
     T_base_body: pin.SE3
-    support: str
+    supports: tuple[str, ...]
     fall_m: float
     legs: tuple[Leg, ...] = ()
     fell_off: tuple[str, ...] = ()
     beside_m: float = 0.0
+    tilt_rad: float = 0.0
+    slope_rad: float = 0.0
+
+    @property
+    def support(self) -> str:
+        """The first of its supports."""
+        return self.supports[0]
 
     @property
     def duration_s(self) -> float:
@@ -99,7 +109,7 @@ class Rest(Checked, OneLine, error=SimulationError):
 
     def _facts(self) -> tuple[str, ...]:
         return (
-            f"on {phrase(self.support)}",
+            f"on {phrase(' and '.join(self.supports))}",
             f"fell {millimetres(self.fall_m)}",
             position(self.T_base_body),
         )
@@ -112,22 +122,25 @@ def come_to_rest(body: Body, others: Sequence[Body]) -> Rest:
         body: what falls.
         others: all bodies that stand still.
     """
-    landing = land(levelled(body), others)
+    landing = come_down(body, others)
+    slope_rad = landing.slope_rad
     legs, fell_off = [Leg(body.T_base_body, landing.drop_m)], list[str]()
     while (way := landing.beside) is not None and len(legs) < MOST_TIPS:
         tipped = _beside_its_footing(landing, way)
         if any(_is_inside(tipped, other) for other in others):
             break
         fell_off += landing.supports
-        landing = land(tipped, others)
+        landing = come_down(tipped, others)
         legs.append(Leg(tipped.T_base_body, landing.drop_m))
     return Rest(
         T_base_body=landing.body.T_base_body,
-        support=landing.supports[0],
+        supports=landing.supports,
         fall_m=sum(leg.drop_m for leg in legs),
         legs=tuple(legs),
         fell_off=tuple(dict.fromkeys(fell_off)),
         beside_m=0.0 if way is None else float(np.linalg.norm(way)),
+        tilt_rad=landing.tilt_rad,
+        slope_rad=slope_rad,
     )
 
 

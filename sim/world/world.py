@@ -1,39 +1,49 @@
 """World: the one place where things move. Robot, fingers, bodies, what supports and holds what.
 
 Kinematic: bodies have no mass. What stands on a body goes where that goes, however fast. How bodies
-fall is on `sim.world.falling`, how closing fingers push them on `sim.world.finger_closing`; nothing
+fall is on `sim.world.falling`, how closing fingers push them on `sim.world.gripper`; nothing
 else pushes them.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
+import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
 from baxter_kin.errors import expect, quoted
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.value_objects import listing
-from planner import Body, Scene
+from baxter_kin.validation import FloatArray, finite_scalar
+from baxter_kin.value_objects import OneLine, listing
+from planner import Body, Hand, Scene, State
 from planner.collision.robot.robot_body import RobotBody
+from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError
-from planner.scene.contact import PRESSING_TOLERANCE_M
-from planner.scene.held import Held
+from planner.scene.attachment import Attachment
+from planner.scene.contact import PRESSING_TOLERANCE_M, depth_m
+from planner.scene.support import MAX_TILT_RAD, lifted_out
 from sim.errors import SimulationError
 from sim.world.falling import Rest, come_to_rest
-from sim.world.robot_state import RobotState
+
+ROUNDING_RAD = 1e-9
+"""How far a trajectory may leave the joint limits by rounding."""
+
+UNMOVED = 1e-6
+"""A body that goes by less, m, and of rotation matrices, stays on all that it stands on."""
 
 
-class World(RobotState):
+class World(OneLine):
     """Robot and bodies at one moment.
 
     Attributes:
         robot: the robot.
         shapes: its shapes.
         hands: left and right hand by side; a side without fingers has none.
-        supports: name of each body at rest -> what it stands on.
+        supports: name of each body at rest -> names of all that it stands on.
     """
 
     def __init__(self, robot: Baxter, body: RobotBody | None = None) -> None:
@@ -42,17 +52,96 @@ class World(RobotState):
         Args:
             robot: the robot.
             body: what it is taken to be; `RobotBody.load()` when not given.
+
+        Raises:
+            SimulationError: when the robot is of another class.
         """
-        super().__init__(robot, body)
-        self.supports: dict[str, str] = {}
+        self.robot = expect(robot, Baxter, "robot", SimulationError)
+        self.shapes = RobotShapes(robot, body)
+        self.hands = {
+            side: Hand.of(robot, arm, self.shapes)
+            for side, arm in robot.arms.items()
+            if Hand.is_on(robot, side)
+        }
+        self._limits = {side: arm.limits for side, arm in robot.arms.items()}
+        self._arm_indices = {
+            s: np.array(robot.indices(a.joint_names)) for s, a in robot.arms.items()
+        }
+        self._head = robot.indices(("head_pan",))[0]
+        self._finger_indices = {
+            s: list(robot.indices(h.joint_names)) for s, h in self.hands.items()
+        }
+        self._q = np.array(robot.configuration())
+        for side, hand in self.hands.items():
+            self.set_fingers(side, hand.stroke_m)
+        self.supports: dict[str, tuple[str, ...]] = {}
         self._bodies: dict[str, Body] = {}  # as they were spawned
         self._poses: dict[str, pin.SE3] = {}  # where they are now
-        self._held: dict[str, Held] = {}
+        self._held: dict[str, Attachment] = {}
+
+    @property
+    def q(self) -> FloatArray:
+        """The full configuration, shape (19,), rad and m; a copy."""
+        return self._q.copy()
+
+    def arm_q(self, side: str) -> FloatArray:
+        """Where an arm stands, shape (7,), rad."""
+        q: FloatArray = self._q[self._arm_indices[self._side(side)]]
+        return q
+
+    def T_base_tip(self, side: str) -> pin.SE3:
+        """Where the tip of an arm is."""
+        return self.robot.arm(side).T_base_tip(self.arm_q(side))
+
+    def finger_m(self, side: str) -> float:
+        """Finger position of a hand, 0 closed .. stroke; 0 where there are no fingers."""
+        where = self._finger_indices.get(self._side(side))
+        return 0.0 if where is None else float(self._q[where[0]])
+
+    def hand(self, side: str) -> Hand:
+        """The hand of a side.
+
+        Raises:
+            UnknownNameError: when there is no such side.
+            SimulationError: when it has no fingers.
+        """
+        hand = self.hands.get(self._side(side))
+        if hand is None:
+            raise SimulationError(f"the {side} hand of this robot has no fingers")
+        return hand
+
+    def turn_head(self, pan_rad: float) -> None:
+        """Turn the head, rad, positive to the robot's left.
+
+        Raises:
+            SimulationError: when it is not a finite number.
+        """
+        self._q[self._head] = finite_scalar(pan_rad, "pan_rad", SimulationError)
+
+    def set_fingers(self, side: str, finger_m: float) -> None:
+        """Put the fingers of a hand somewhere; they do not push.
+
+        Raises:
+            SimulationError: when the position is outside 0 .. stroke, or there are no fingers.
+        """
+        hand = self.hand(side)
+        x = finite_scalar(finger_m, "finger position", SimulationError)
+        if not -1e-12 <= x <= hand.stroke_m + 1e-12:
+            raise SimulationError(
+                f"finger position {1e3 * x:.3f} mm is outside 0 .. {1e3 * hand.stroke_m:.3f} mm"
+            )
+        self._q[self._finger_indices[side]] = list(hand.finger_joints(x).values())
 
     @property
     def scene(self) -> Scene:
         """All bodies where they are now."""
         return Scene.of(body.at(self._poses[name]) for name, body in self._bodies.items())
+
+    @property
+    def state(self) -> State:
+        """Robot and bodies as they are now."""
+        joints = dict(zip(self.robot.joint_names, self.q.tolist(), strict=True))
+        return State(self.scene, joints, self.held)
 
     def body(self, name: str) -> Body:
         """One body where it is now.
@@ -64,11 +153,11 @@ class World(RobotState):
         return self._bodies[known].at(self._poses[known])
 
     @property
-    def held(self) -> tuple[Held, ...]:
+    def held(self) -> tuple[Attachment, ...]:
         """What the hands hold."""
         return tuple(self._held.values())
 
-    def holding(self, side: str) -> Held | None:
+    def holding(self, side: str) -> Attachment | None:
         """What a hand holds, or None."""
         return self._held.get(self._side(side))
 
@@ -82,24 +171,28 @@ class World(RobotState):
         Raises:
             ConfigurationError: when `q` is malformed or outside the limits.
         """
-        super().move_arm(side, q)
+        limits = self._limits[self._side(side)]
+        self._q[self._arm_indices[side]] = limits.check(q, "q", tolerance=ROUNDING_RAD)
         self._carry(side)
 
     def spawn(self, body: Body) -> str:
-        """Add a body; a movable one falls on what is below it.
+        """Add a body; a movable one falls on what is below it. One below the floor comes up to it.
 
         Returns:
-            The name of its support; of a body that is not movable, its own name.
+            The name of its support, of several the first; of a body that is not movable, its own.
 
         Raises:
-            SceneError: when the name is taken.
+            SceneError: when the name is taken; of a movable body also when it would be more than
+                `PRESSING_TOLERANCE_M` inside another, or what is below it is too steep.
         """
         _ = self.scene.with_body(expect(body, Body, "body", SceneError))
+        rest = self._checked_rest(body) if body.is_movable else None
         self._bodies[body.name] = body
         self._poses[body.name] = body.T_base_body
-        if not body.is_movable:
+        if rest is None:
             return body.name
-        return self.settle(body.name).support
+        self.put_to_rest(body.name, rest)
+        return rest.support
 
     def delete(self, name: str) -> None:
         """Remove a body, out of a hand if need be; what stands on it falls.
@@ -130,7 +223,7 @@ class World(RobotState):
         self.supports.pop(name, None)
         rest = self.rest(name)
         if rest.fall_m <= PRESSING_TOLERANCE_M:
-            self.supports[name] = rest.support
+            self.supports[name] = rest.supports
 
     def carry(self, name: str, T_base_body: PoseLike) -> None:
         """Put a body somewhere on its way, what stands on it with it; nobody asks what is below.
@@ -162,8 +255,13 @@ class World(RobotState):
         """
         found = [self._known(name)]
         for below in found:  # grows: what stands on a rider rides too
-            found += [n for n, s in self.supports.items() if s == below and n not in found]
-        return tuple(found[1:])
+            found += [n for n, s in self.supports.items() if below in s and n not in found]
+        loose, ordered = found[1:], list[str]()
+        while loose:
+            ready = [n for n in loose if not set(loose).intersection(self.supports[n])] or loose
+            ordered += ready
+            loose = [n for n in loose if n not in ready]
+        return tuple(ordered)
 
     def rest(self, name: str) -> Rest:
         """Where a body would come to rest if let go where it is.
@@ -194,8 +292,8 @@ class World(RobotState):
         """
         expect(rest, Rest, "rest", SimulationError)
         self.carry(name, rest.T_base_body)
-        self.supports[name] = rest.support
-        for rider in [n for n, below in self.supports.items() if below == name]:
+        self.supports[name] = rest.supports
+        for rider in [n for n, below in self.supports.items() if name in below]:
             self.settle(rider)
 
     def attach(self, side: str, name: str, T_tip_body: PoseLike) -> None:
@@ -211,7 +309,9 @@ class World(RobotState):
         if self.holding(side) is not None:
             raise SimulationError(f"the {side} hand already holds {self._held[side].body!r}")
         self._refuse_held(name)
-        self._held[side] = Held(self._side(side), name, checked_pose(T_tip_body))
+        self._held[side] = Attachment(
+            name, self.robot.arm(side).tip_frame, checked_pose(T_tip_body)
+        )
         self.supports.pop(name, None)  # what stands on it still does, and is carried along
         self._carry(side)
 
@@ -227,6 +327,11 @@ class World(RobotState):
     def _facts(self) -> tuple[str, ...]:
         return listing(self.scene.bodies, "body"), *(f"{each.side} hand full" for each in self.held)
 
+    def _side(self, side: str) -> str:
+        """The side, if it is one."""
+        is_known = type(side) is str and side in self._arm_indices
+        return side if is_known else self.robot.arm(side).side
+
     def _known(self, name: str) -> str:
         if not isinstance(name, str) or name not in self._bodies:
             _ = self.scene[name]  # says what there is
@@ -237,15 +342,44 @@ class World(RobotState):
             if held.body == name:
                 raise SimulationError(f"{quoted(name)} is in the {side} hand; open it first")
 
+    def _checked_rest(self, body: Body) -> Rest:
+        """Where a movable body to be added comes to rest; raises where it must not be added."""
+        others = list(self.scene)
+        for other in others:
+            inside_m = depth_m(body, other)
+            if inside_m <= PRESSING_TOLERANCE_M:
+                continue
+            lifted = lifted_out(body, others).T_base_body
+            rise_m = float(lifted.translation[2] - body.T_base_body.translation[2])
+            raise SceneError(
+                f"{quoted(body.name)} would be {1e3 * inside_m:.1f} mm inside "
+                f"{quoted(other.name)}; at most {1e3 * PRESSING_TOLERANCE_M:g} mm is allowed: put "
+                f"it {1e3 * rise_m:.1f} mm higher, or elsewhere"
+            )
+        rest = come_to_rest(body, others)
+        if rest.slope_rad > 0.0:
+            met = (*rest.fell_off, *rest.supports)[0]
+            raise SceneError(
+                f"{quoted(body.name)} would not stand: {quoted(met)} slopes by "
+                f"{math.degrees(rest.slope_rad):.1f} deg there, and at most "
+                f"{math.degrees(MAX_TILT_RAD):g} deg is taken for level; level it, or put the body "
+                "elsewhere"
+            )
+        return rest
+
     def _carry(self, side: str) -> None:
         held = self._held.get(side)
         if held is not None:
-            self._put(held.body, self.T_base_tip(side) * held.T_tip_body)
+            self._put(held.body, self.T_base_tip(side) * held.T_link_body)
 
     def _put(self, name: str, T_base_body: pin.SE3) -> None:
         riders = self.riders(name)
         if riders:
             motion = T_base_body * self._poses[name].inverse()
+            along = {name, *riders}
             for rider in riders:
                 self._poses[rider] = motion * self._poses[rider]
+                if not motion.isIdentity(UNMOVED):  # it leaves what else it stood on
+                    left = tuple(below for below in self.supports[rider] if below in along)
+                    self.supports[rider] = left
         self._poses[name] = T_base_body

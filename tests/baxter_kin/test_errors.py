@@ -54,9 +54,23 @@ def test_short_values_are_quoted_whole() -> None:
 def test_a_text_keeps_its_ends(text: str) -> None:
     short = shortened(text, 50)
     assert len(short) <= 50
-    assert (
-        short == text if len(text) <= 50 else (short[:23], short[-23:]) == (text[:23], text[-23:])
-    )
+    if len(text) <= 50:
+        assert short == text
+    elif " " not in text:
+        assert (short[:23], short[-23:]) == (text[:23], text[-23:])
+    else:
+        assert (short[:16], short[-16:]) == (text[:16], text[-16:])
+
+
+@given(st.lists(st.text("abcdefgh", min_size=1, max_size=6), min_size=20, max_size=60))
+def test_a_text_is_cut_between_words(words: list[str]) -> None:
+    text = " ".join(words)
+    short = shortened(text, 50)
+    if len(text) > 50:
+        head, tail = short.split(" ... ")
+        assert text.startswith(f"{head} ")
+        assert text.endswith(f" {tail}")
+        assert len(short) > 50 - 2 * 8
 
 
 def test_half_a_surrogate_pair_is_written_as_an_escape() -> None:

@@ -9,12 +9,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from baxter_kin import Frame, StampedPose
+from baxter_kin import Frame, NamedFrame, StampedPose
 from baxter_kin.errors import PoseError, QuaternionOrderWarning, UnknownNameError
 from baxter_kin.frames import (
     T_world_base,
     angle_between,
     checked_pose,
+    nearest_rotation,
     pose_from_quaternion,
     pose_matrices,
     quaternion_xyzw,
@@ -140,6 +141,94 @@ def test_world_stands_on_the_floor_0_93_m_below_base() -> None:
 def test_stamped_pose_in_base_is_itself() -> None:
     T = pin.SE3.Random()
     np.testing.assert_array_equal(StampedPose(T, "base").T_base_tip.homogeneous, T.homogeneous)
+
+
+def poses() -> st.SearchStrategy[pin.SE3]:
+    twist = st.lists(st.floats(-2.0, 2.0), min_size=6, max_size=6)
+    return twist.map(lambda values: pin.exp6(np.array(values)))
+
+
+@given(T_base_map=poses(), T_map_tip=poses())
+def test_a_pose_in_a_frame_of_ones_own_is_seen_from_base(
+    T_base_map: pin.SE3, T_map_tip: pin.SE3
+) -> None:
+    stamped = StampedPose(T_map_tip, NamedFrame("map", T_base_map))
+    expected = T_base_map.homogeneous @ T_map_tip.homogeneous
+    np.testing.assert_allclose(checked_pose(stamped).homogeneous, expected, atol=ROUNDING)
+    np.testing.assert_allclose(pose_matrices([stamped])[0], expected, atol=ROUNDING)
+
+
+def test_frames_may_stand_in_each_other() -> None:
+    on_floor = StampedPose(pose_from_quaternion((1.0, 0.0, 0.75), (0, 0, 0, 1)), "world")
+    table = NamedFrame("table", on_floor)
+    np.testing.assert_allclose(table.T_base_frame.translation, [1.0, 0.0, -0.18], atol=ROUNDING)
+
+
+def test_a_frame_keeps_its_pose_when_the_caller_changes_its_own() -> None:
+    T = pin.SE3.Identity()
+    frame = NamedFrame("map", T)
+    T.translation = np.ones(3)
+    np.testing.assert_array_equal(frame.T_base_frame.translation, np.zeros(3))
+
+
+@pytest.mark.parametrize("name", ["", "base", "world", None, 5, "m" * 1000, Frame.BASE])
+def test_a_frame_of_ones_own_has_a_name_of_its_own(name: Any) -> None:
+    with pytest.raises(PoseError, match=r"a frame needs a name|known already"):
+        NamedFrame(name, pin.SE3.Identity())
+
+
+def test_a_frame_of_ones_own_has_a_pose() -> None:
+    with pytest.raises(PoseError, match="mirrored"):
+        NamedFrame("map", np.diag([1.0, 1.0, -1.0, 1.0]))
+
+
+def test_a_frame_that_is_only_a_name_is_answered_with_how_to_give_one() -> None:
+    with pytest.raises(UnknownNameError, match=r"'map'; use one of: base, world; .* NamedFrame"):
+        StampedPose(pin.SE3.Identity(), "map")
+
+
+@given(T=poses(), digits=st.integers(3, 6))
+def test_a_matrix_of_rounded_numbers_is_normalised_where_that_is_asked(
+    T: pin.SE3, digits: int
+) -> None:
+    rounded = T.homogeneous.round(digits)
+    given_to: list[Any] = [rounded, rounded.tolist(), pin.SE3(rounded[:3, :3], rounded[:3, 3])]
+    for each in given_to:
+        pose = checked_pose(each, normalise=True)
+        R = pose.rotation
+        np.testing.assert_allclose(R.T @ R, np.eye(3), atol=ROUNDING)
+        assert angle_between(T.rotation, R) < 3.0 * 10.0**-digits  # nine roundings by half a digit
+        np.testing.assert_array_equal(pose.translation, rounded[:3, 3])
+
+
+def test_the_nearest_rotation_is_that_of_the_symmetric_polar_factor() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(100):
+        near = pin.exp3(rng.standard_normal(3)) + 1e-3 * rng.uniform(-1.0, 1.0, (3, 3))
+        stretch = nearest_rotation(near).T @ near
+        np.testing.assert_allclose(stretch, stretch.T, atol=ROUNDING)
+        assert np.linalg.eigvalsh(stretch).min() > 0.0
+
+
+def test_four_digits_are_refused_with_what_mends_them() -> None:
+    four_digits = pose_from_quaternion((0.7, 0.1, 0.0), (0.1, 0.9, 0.2, 0.3), normalise=True)
+    matrix = four_digits.homogeneous.round(4)
+    with pytest.raises(
+        PoseError, match=r"not orthonormal: .* checked_pose\(pose, normalise=True\)"
+    ):
+        checked_pose(matrix)
+    with pytest.raises(PoseError, match=r"poses\[0\]: .* checked_pose\(pose, normalise=True\)"):
+        pose_matrices([matrix])
+    assert checked_pose(matrix, normalise=True).isApprox(four_digits, 1e-4)
+
+
+@pytest.mark.parametrize("scale", [1.02, 0.5, 1000.0])
+def test_a_matrix_that_is_scaled_is_not_normalised(scale: float) -> None:
+    scaled = np.diag([scale, scale, scale, 1.0])
+    with pytest.raises(PoseError, match=r"not orthonormal: .* allowed is 0.01$"):
+        checked_pose(scaled, normalise=True)
+    with pytest.raises(PoseError, match="mirrored"):
+        checked_pose(np.diag([1.0, 1.0, -1.0, 1.0]), normalise=True)
 
 
 def test_T_world_base_maps_base_origin_to_0_93_m() -> None:

@@ -8,11 +8,23 @@ from typing import Any
 import coal
 import numpy as np
 import pinocchio as pin
+import pytest
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
-from planner import Hand, Move, Plan, RobotBody, RobotShapes
+from planner import (
+    Hand,
+    Manipulator,
+    Move,
+    PickAndPlace,
+    Plan,
+    RobotBody,
+    RobotShapes,
+    Scene,
+    plan_pick_and_place,
+)
 from planner.scene.mesh import Mesh
+from tests.conftest import overhead
 
 
 def distance(first: Any, T_first: pin.SE3, second: Any, T_second: pin.SE3) -> float:
@@ -36,14 +48,23 @@ def hands_of(robot: Baxter, body: RobotBody | None = None) -> dict[str, Hand]:
 
 
 def without_statements(plan: Plan) -> Plan:
-    """A plan that says nothing of its own clearance, so that it can be changed and judged."""
+    """A plan that states nothing that follows, so that it can be changed and judged."""
     steps = (
-        replace(step, clearance=None, proof=None)
+        replace(step, clearance=None, proof=None, state=None)
         if isinstance(step, Move)
-        else replace(step, proof=None)
+        else replace(step, proof=None, state=None)
         for step in plan
     )
     return replace(plan, steps=tuple(steps))
+
+
+@pytest.fixture(scope="session")
+def tracked_plan(manipulator: Manipulator, scene: Scene) -> Plan:
+    """The demo's block carried 15 cm aside."""
+    task = PickAndPlace("block", overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129))
+    plan = plan_pick_and_place(task, manipulator, scene, manipulator.arm.start)
+    assert plan.failure is None
+    return plan
 
 
 def mesh_of(vertices: Any, triangles: Any) -> Mesh:

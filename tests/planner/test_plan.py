@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from baxter_kin import Arm
-from baxter_kin.errors import ConfigurationError, UnknownNameError
-from planner import Grip, GripperAction, Move, Plan, PlanFailure, Trajectory, plan_joint_move
+from baxter_kin.errors import UnknownNameError
+from planner import (
+    Claim,
+    Grip,
+    GripperAction,
+    Move,
+    Plan,
+    PlanFailure,
+    Scene,
+    State,
+    Trajectory,
+    plan_joint_move,
+)
 from planner.clearance import ContinuousContact
 from planner.collision import Clearance
 from planner.errors import TaskError
 from planner.pick_place.summary import CollisionCount, CollisionSummary
 from planner.plan import Step
+from tests.conftest import state_at
 
 
 @pytest.fixture(scope="module")
@@ -40,11 +53,11 @@ def steps(there: Trajectory, back: Trajectory) -> tuple[Step, ...]:
 
 @pytest.fixture(scope="module")
 def plan(left: Arm, steps: tuple[Step, ...]) -> Plan:
-    return Plan("left", left.neutral, steps)
+    return Plan(state_at(left.neutral), steps)
 
 
 def test_iterates_its_steps_in_order(plan: Plan, steps: tuple[Step, ...]) -> None:
-    assert tuple(plan) == steps
+    assert [step.label for step in plan] == [step.label for step in steps]
 
 
 def test_its_moves_are_the_steps_of_the_arm(plan: Plan) -> None:
@@ -62,12 +75,12 @@ def test_clearance_is_the_least_of_its_moves(plan: Plan) -> None:
 
 
 def test_clearance_of_unchecked_moves_is_none(left: Arm, there: Trajectory) -> None:
-    assert Plan("left", left.neutral, (Move("there", there),)).clearance is None
+    assert Plan(state_at(left.neutral), (Move("there", there),)).clearance is None
 
 
 def test_a_plan_with_a_failure_is_invalid_and_says_stage_and_reason(left: Arm) -> None:
     failure = PlanFailure("pick: descend", "the table is in the way by 3 mm")
-    plan = Plan("left", left.neutral, (), failure)
+    plan = Plan(state_at(left.neutral), (), failure, limb="left")
     assert not plan.is_valid
     assert str(plan.failure) == "pick: descend: the table is in the way by 3 mm"
 
@@ -77,7 +90,7 @@ def test_a_plan_without_failure_is_valid(plan: Plan) -> None:
 
 
 def test_a_plan_of_no_steps_takes_no_time(left: Arm) -> None:
-    plan = Plan("left", left.neutral, ())
+    plan = Plan(state_at(left.neutral), (), limb="left")
     assert plan.is_valid
     assert plan.motion_time_s == 0.0
 
@@ -86,41 +99,64 @@ def test_a_move_that_starts_elsewhere_than_the_one_before_ended_is_refused(
     left: Arm, there: Trajectory
 ) -> None:
     with pytest.raises(TaskError, match=r"again starts \S+ rad from"):
-        Plan("left", left.neutral, (Move("there", there), Move("again", there)))
+        Plan(state_at(left.neutral), (Move("there", there), Move("again", there)))
 
 
 def test_a_first_move_that_starts_elsewhere_than_the_plan_is_refused(
     left: Arm, there: Trajectory
 ) -> None:
     with pytest.raises(TaskError, match=r"there starts \S+ rad from"):
-        Plan("left", left.start, (Move("there", there),))
+        Plan(state_at(left.start), (Move("there", there),))
 
 
 @pytest.mark.parametrize("limb", ["middle", "", None, 5, ["left"], np.zeros(2)])
 def test_an_unknown_limb_is_refused(left: Arm, limb: Any) -> None:
-    with pytest.raises(UnknownNameError, match="use one of: left, right"):
-        Plan(limb, left.neutral, ())
+    with pytest.raises((TaskError, UnknownNameError), match="limb"):
+        Plan(state_at(left.neutral), (), limb=limb)
 
 
-@pytest.mark.parametrize("q", [None, "q", [], [0.0] * 6, [np.nan] * 7])
-def test_a_start_that_is_none_is_refused(q: Any) -> None:
-    with pytest.raises(ConfigurationError, match="q_start"):
-        Plan("left", q, ())
+@pytest.mark.parametrize("start", [None, "start", [0.0] * 7, State(Scene.of(), {"left_s0": 0.1})])
+def test_a_start_that_is_none_or_lacks_the_arm_is_refused(start: Any) -> None:
+    with pytest.raises(TaskError, match=r"start|no joint left_s1"):
+        _ = Plan(start, (), limb="left").q_start
+
+
+def test_the_limb_is_that_of_the_moves(left: Arm, there: Trajectory) -> None:
+    assert Plan(state_at(left.neutral), (Move("there", there),)).limb == "left"
+
+
+def test_a_gripper_action_is_of_the_limb_of_its_plan(left: Arm, there: Trajectory) -> None:
+    start, opens = state_at(left.neutral), Grip("open", GripperAction.OPEN)
+    plan = Plan(start, (Move("there", there), opens))
+    assert [step.limb for step in plan] == ["left", "left"]
+    with pytest.raises(TaskError, match="right gripper"):
+        Plan(start, (Move("there", there), replace(opens, limb="right")))
+
+
+@pytest.mark.parametrize("values", [{"angle_rad": np.nan}, {"angle_rad": "1"}, {1: 0.5}, 5])
+def test_a_claim_has_finite_numbers_by_name(values: Any) -> None:
+    with pytest.raises(TaskError):
+        Claim("upright", values)
+
+
+def test_states_are_kept_only_where_they_follow_from_the_start(
+    left: Arm, there: Trajectory, back: Trajectory
+) -> None:
+    start, at_goal = state_at(there.q_start), state_at(there.q_goal)
+    known = Move("there", there, state=start), Move("back", back, state=at_goal)
+    assert [move.state for move in Plan(start, known)] == [start, at_goal]
+    assert [move.state for move in Plan(state_at(left.neutral), known)] == [None, None]
+    assert [move.state for move in Plan(start, (known[0], replace(known[1], state=start)))] == [
+        *(None, None),
+    ]
+    partly = replace(known[0]), replace(known[1], state=None)
+    assert [move.state for move in Plan(start, partly)] == [None, None]
 
 
 @pytest.mark.parametrize("steps", [None, 5, "open", [None], ["open"]])
 def test_steps_that_are_none_are_refused(left: Arm, steps: Any) -> None:
     with pytest.raises(TaskError, match="step"):
-        Plan("left", left.neutral, steps)
-
-
-def test_the_start_of_a_plan_cannot_be_changed(left: Arm) -> None:
-    q = np.array(left.neutral)
-    plan = Plan("left", q, ())
-    q[:] = 0.0
-    assert plan.q_start.tolist() == left.neutral.tolist()
-    with pytest.raises(ValueError, match="read-only"):
-        plan.q_start[0] = 1.0
+        Plan(state_at(left.neutral), steps)
 
 
 class TestOpening:

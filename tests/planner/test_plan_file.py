@@ -21,6 +21,7 @@ from baxter_kin import IKFailure, IKResult, SeedType, pose_from_quaternion
 from planner import (
     Body,
     Box,
+    Claim,
     Cylinder,
     Grip,
     GripperAction,
@@ -32,18 +33,20 @@ from planner import (
     PlanFailure,
     PlannerError,
     Scene,
-    Situation,
     Sphere,
+    State,
     Trajectory,
+    complete,
     load_plan,
     plan_file,
     plan_pick_and_place,
     save_plan,
+    verify,
 )
 from planner.collision import Clearance
 from planner.errors import PlanFileError
 from planner.scene.mesh import Mesh
-from tests.conftest import at
+from tests.conftest import at, state_at
 
 FINITE = st.floats(-1e30, 1e30)
 ANGLES = hnp.arrays(np.float64, 7, elements=st.floats(-1.0, 1.0, width=64))
@@ -89,6 +92,9 @@ def trajectories(draw: st.DrawFn, manipulator: Manipulator, q: np.ndarray[Any, A
     return Trajectory(manipulator.limits, knots, q_knots, v_knots, a_knots, jerks)
 
 
+NUMBERS = st.dictionaries(WORDS, FINITE, max_size=2)
+
+
 @st.composite
 def plans(draw: st.DrawFn, manipulator: Manipulator) -> Plan:
     names = manipulator.arm.joint_names
@@ -100,14 +106,14 @@ def plans(draw: st.DrawFn, manipulator: Manipulator) -> Plan:
         ik = IKResult(names, q, SeedType.NS_MAP, draw(SIZES), draw(SIZES))
         clearance = Clearance(draw(FINITE), draw(WORDS), draw(WORDS))
         pose = draw(st.none() | poses())
-        steps.append(Move(draw(WORDS), trajectory, pose, ik, clearance))
+        claims = tuple(draw(st.lists(st.builds(Claim, WORDS, NUMBERS), max_size=2)))
+        steps.append(Move(draw(WORDS), trajectory, pose, ik, clearance, claims=claims))
         steps.append(Grip(draw(WORDS), draw(st.sampled_from(GripperAction)), draw(WORDS)))
     failure = IKFailure(draw(WORDS), {SeedType.USER: 3}, draw(FINITE), names, (draw(WORDS),))
     bad = IKResult(names, q, SeedType.INVALID, 1.0, 1.0, failure)
     failed = draw(st.none() | st.builds(PlanFailure, WORDS, WORDS, st.just(bad)))
-    joints = draw(st.dictionaries(WORDS, FINITE, max_size=3))
-    situation = draw(st.none() | st.builds(Situation, scenes(), st.just(joints)))
-    return Plan("left", start, tuple(steps), failed, situation)
+    joints = draw(st.dictionaries(WORDS, FINITE, max_size=3)) | dict(state_at(start).joints)
+    return Plan(State(draw(scenes()), joints), tuple(steps), failed, limb="left")
 
 
 def bits(value: Any) -> Any:
@@ -135,8 +141,7 @@ def plan(manipulator: Manipulator, scene: Scene) -> Plan:
     down = (0.0, 1.0, 0.0, 0.0)
     pick, place = (pose_from_quaternion(p, down) for p in ((0.70, 0.15, -0.129), (0.75, 0, -0.129)))
     task = PickAndPlace("block", pick, place)
-    made = plan_pick_and_place(task, manipulator, scene, manipulator.arm.neutral)
-    return replace(made, situation=Situation.of(manipulator, scene))
+    return plan_pick_and_place(task, manipulator, scene, manipulator.arm.neutral)
 
 
 @pytest.fixture(scope="module")
@@ -186,13 +191,30 @@ def test_every_plan_comes_back_bit_by_bit(
     assert same(load_plan(path), plan)
 
 
+def test_what_a_planner_states_comes_back_bit_by_bit(plan: Plan, file: Path) -> None:
+    save_plan(plan, file)
+    loaded = load_plan(file)
+    assert all(step.state is not None for step in loaded)
+    assert same(loaded, plan)
+
+
+def test_a_file_of_version_3_is_read_and_can_be_completed(manipulator: Manipulator) -> None:
+    plan = load_plan(Path(__file__).parent / "data" / "plan_version_3.json")
+    assert plan.is_valid
+    assert plan.limb == "left"
+    assert plan.q_start.tolist() == manipulator.arm.neutral.tolist()
+    assert set(plan.start.scene.bodies) == {"table", "block"}
+    found = verify(complete(plan, manipulator=manipulator))
+    assert found.is_valid, found.verdict
+    assert found["stated states that differ"].is_passed
+
+
 def test_a_mesh_comes_back_bit_by_bit(plan: Plan, file: Path) -> None:
     mesh = Mesh(np.array([[0, 0, 0], [0.1, 0, 0], [0, 1 / 3, 0]]), np.array([[0, 1, 2]]))
     scene = Scene.of([Body("sheet", (Part(mesh, at(0, 0, 0)),), at(1, 2, 3))])
-    save_plan(replace(plan, situation=Situation(scene, {})), file)
+    save_plan(replace(plan, start=State(scene, plan.start.joints)), file)
     loaded = load_plan(file)
-    assert loaded.situation is not None
-    assert same(loaded.situation.scene["sheet"], scene["sheet"])
+    assert same(loaded.start.scene["sheet"], scene["sheet"])
 
 
 def test_saving_twice_writes_the_same_bytes(plan: Plan, saved: bytes, file: Path) -> None:
@@ -294,17 +316,16 @@ TRAJECTORY = ("plan", "steps", 1, "trajectory")
         (lambda document: document.pop("format"), "is not a saved plan: its format is not stated"),
         (
             put("version", value=2),
-            "has version 2, but only 3 is read here, which says for which robot",
+            "has version 2, but only 4 and 3 are read here, which say for which robot",
         ),
         (put("version", value=True), "has version True"),
         (put("more", value=1), "has entries"),
         (put("plan", "limb", value="third"), "plan: unknown limb 'third'"),
         (put("plan", "limb", value=3), "plan.limb must be of type str, got 3"),
-        (put("plan", "wheels", value=4), "plan has an entry 'wheels'; a Plan has: limb"),
+        (put("plan", "wheels", value=4), "plan has an entry 'wheels'; a Plan has: start"),
         (put("plan", "steps", value={}), "plan.steps must be a list"),
         (put("plan", "steps", 0, "type", value="os.system"), "has type 'os.system'; use one of"),
         (put("plan", "steps", 0, "action", value="WAVE"), "use one of: OPEN, CLOSE"),
-        (put("plan", "q_start", value=[0.0]), "q_start has shape (1,)"),
         (
             put(*TRAJECTORY, "v", value=[[0.0], [0.0, 0.0]]),
             "v must be lists of numbers, in rows of one length",
@@ -312,9 +333,9 @@ TRAJECTORY = ("plan", "steps", 1, "trajectory")
         (put(*TRAJECTORY, "v", 0, value=["0.0"] * 7), "must be of type float, got '0.0'"),
         (put(*TRAJECTORY, "j", value={"shape": [0, 99999]}), "must be lists of numbers"),
         (put(*TRAJECTORY, "knots_s", value=[0.0]), "has shape"),
-        (put("plan", "situation", "joints", value=[]), "plan.situation.joints must be an object"),
-        (put("plan", "situation", "joints", "head_pan", value=None), "must be of type float"),
-        (put("plan", "q_start", 0, value=10**20), "an integer too large"),
+        (put("plan", "start", "joints", value=[]), "plan.start.joints must be an object"),
+        (put("plan", "start", "joints", "head_pan", value=None), "must be of type float"),
+        (put("plan", "start", "joints", "head_pan", value=10**20), "an integer too large"),
     ],
 )
 def test_a_refusal_says_what_is_wrong(
@@ -331,7 +352,7 @@ def test_an_edited_number_is_refused_as_edited(saved: bytes, file: Path) -> None
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
 def test_numbers_that_are_not_finite_are_refused(saved: bytes, file: Path, number: str) -> None:
-    content = saved.replace(b'"version": 3', f'"version": {number}'.encode())
+    content = saved.replace(b'"version": 4', f'"version": {number}'.encode())
     assert "finite" in (said := refusal(file, content)) or "too large" in said
 
 

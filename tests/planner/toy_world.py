@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from baxter_kin import JointLimits
 from planner.collision import Clearance
 from planner.collision.context import CollisionContext
-from planner.collision.obstacles import JOINTS, PAIRS, REACH_M, LinearBounds, Obstacles
+from planner.collision.obstacles import PAIRS, REACH_M, LinearBounds, Obstacles
 from planner.splines import weights_at
 
 FloatArray = NDArray[np.float64]
@@ -63,6 +63,11 @@ class ToySpace(CollisionContext):
     things: tuple[Disc | Ring, ...]
     margin_m: float = 0.0
 
+    @property
+    def joints(self) -> int:
+        """As many as an arm has; all but two do not matter."""
+        return 7
+
     def is_free(self, q: FloatArray) -> bool:  # type: ignore[override]
         """Whether it is outside all of them."""
         return self.clearance(q).distance_m > self.margin_m
@@ -96,16 +101,16 @@ class ToyObstacles(Obstacles):
         weights = weights_at(np.array([0.5]))
         windows = np.lib.stride_tricks.sliding_window_view(controls, 4, axis=0)
         qs = windows @ weights[0]
-        numbers = np.zeros((len(qs), PAIRS, JOINTS + 1))
-        numbers[:, :, JOINTS] = REACH_M
-        step = 1e-6 * np.eye(JOINTS)[:2]
+        numbers = np.zeros((len(qs), PAIRS, qs.shape[1] + 1))
+        numbers[:, :, -1] = REACH_M
+        step = 1e-6 * np.eye(qs.shape[1])[:2]
         least = np.inf
         for q, rows in zip(qs, numbers, strict=True):
             for row, thing in zip(rows, self.space.things, strict=False):
                 excess = thing.distance(q) - self.space.margin_m
                 ahead = [thing.distance(q + one) - thing.distance(q - one) for one in step]
                 row[:2] = np.array(ahead) / 2e-6
-                row[JOINTS] = excess - row[:2] @ q[:2]
+                row[-1] = excess - row[:2] @ q[:2]
                 least = min(least, excess)
         return LinearBounds(np.tile(weights, (len(qs), 1)), numbers, least)
 

@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 
 from baxter_kin import Baxter
 from planner import (
+    Attachment,
     Body,
     Box,
     Grip,
     GripperAction,
-    Held,
     Manipulator,
     Move,
     Part,
     PickAndPlace,
     Plan,
     Scene,
-    Situation,
     Sphere,
+    State,
     Trajectory,
     make_block,
     overhead_grasp,
@@ -85,14 +85,14 @@ def plan_of(
     q: FloatArray,
     *,
     finger_m: float | None = None,
-    held: tuple[Held, ...] = (),
+    held: tuple[Attachment, ...] = (),
 ) -> Plan:
     """A plan made by hand."""
-    situation = Situation.of(m, scene, held)
+    state = State.of(m, scene, held, q)
     if finger_m is not None:
-        joints = {**situation.joints, **m.hand.finger_joints(finger_m)}
-        situation = Situation(scene, joints, held)
-    return Plan(m.arm.side, q, tuple(steps), situation=situation)
+        joints = {**state.joints, **m.hand.finger_joints(finger_m)}
+        state = State(scene, joints, held)
+    return Plan(state, tuple(steps), limb=m.arm.side)
 
 
 CLOSE = Grip("close", GripperAction.CLOSE, "block")
@@ -117,7 +117,7 @@ def test_no_two_links_that_are_not_joined_overlap_at_rest(manipulator: Manipulat
 def test_what_is_wholly_inside_a_mesh_is_seen(manipulator: Manipulator) -> None:
     q = np.array(manipulator.arm.neutral)
     T_base_elbow = importlib.import_module("plan_check.urdf").load_robot()
-    joints = Situation.of(manipulator, Scene.of()).joints
+    joints = State.of(manipulator, Scene.of()).joints
     names = manipulator.arm.joint_names
     T = T_base_elbow.poses({**joints, **dict(zip(names, q, strict=True))})["left_upper_elbow"]
     inside = T @ np.array([0.0, 0.0, 0.14, 1.0])
@@ -286,7 +286,7 @@ def test_bodies_are_pushed_as_the_hand_says(
     stage = importlib.import_module("plan_check.stage").Stage
     robot = importlib.import_module("plan_check.urdf").load_robot()
     plan = plan_of(m, Scene.of([table, pushed]), [CLOSE], q)
-    here = stage.of(plan, plan.situation, robot)
+    here = stage.of(plan, plan.start, robot)
     found = importlib.import_module("plan_check.fingers").closing(here, here.things["block"])
     assert found.holds
     assert found.opening_m == pytest.approx(said_by_hand.finger_m, abs=1e-3)
@@ -309,13 +309,13 @@ def test_a_body_let_go_in_the_air_falls(manipulator: Manipulator, table: Body) -
 
 def test_what_the_other_hand_holds_is_an_obstacle(robot: Baxter, manipulator: Manipulator) -> None:
     m, right = manipulator, robot.arm("right")
-    joints = Situation.of(m, Scene.of()).joints
+    joints = State.of(m, Scene.of()).joints
     q_right = np.array([joints[name] for name in right.joint_names])
     T_tip_body = at(0.0, 0.0, 0.01)
     held = cube("held", (0.02, 0.02, 0.3), 0, 0, 0).at(right.T_base_tip(q_right) * T_tip_body)
     q = np.array(m.arm.neutral)
     still = Move("stay", Trajectory.stay(q, m.limits))
-    holding = (Held("right", "held", T_tip_body),)
+    holding = (Attachment("held", "right_gripper", T_tip_body),)
     assert check(plan_of(m, Scene.of([held]), [still], q, held=holding)) == []
     elsewhere = held.at(at(0.0, 0.1, 0.0) * held.T_base_body)
     found = said(check(plan_of(m, Scene.of([elsewhere]), [still], q, held=holding)))

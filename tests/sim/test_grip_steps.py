@@ -20,7 +20,7 @@ from planner import (
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim import Dwell, EventKind, Outcome, Simulation, SimulationError
 from sim.world.falling import GRAVITY_M_S2
-from tests.conftest import at
+from tests.conftest import at, state_at
 from tests.sim.runs import PICK, Run, Witness
 
 TIME_S = 1e-9
@@ -104,8 +104,10 @@ class TestMiss:
 
     def test_a_hand_that_is_full_is_told_so(self, run: Run) -> None:
         plan = run.plan()
-        run.simulation.execute(Plan("left", plan.q_start, plan.steps[:4]))
-        close = Plan("left", run.world.arm_q("left"), (Grip("close", GripperAction.CLOSE),))
+        run.simulation.execute(Plan(state_at(plan.q_start), plan.steps[:4]))
+        close = Plan(
+            state_at(run.world.arm_q("left")), (Grip("close", GripperAction.CLOSE),), limb="left"
+        )
         with pytest.raises(SimulationError, match="closed on 'block'; open it first"):
             run.simulation.execute(close)
 
@@ -117,9 +119,13 @@ class TestRelease:
     def dropped(self, run: Run) -> Run:
         """The block let go 15 cm above the table, at rest now."""
         plan = run.plan()
-        run.simulation.execute(Plan("left", plan.q_start, (*plan.steps[:4], self.rise(run, plan))))
+        run.simulation.execute(
+            Plan(state_at(plan.q_start), (*plan.steps[:4], self.rise(run, plan)))
+        )
         run.witness.told.clear()
-        opening = Plan("left", run.world.arm_q("left"), (Grip("drop", GripperAction.OPEN),))
+        opening = Plan(
+            state_at(run.world.arm_q("left")), (Grip("drop", GripperAction.OPEN),), limb="left"
+        )
         run.simulation.execute(opening)
         return run
 
@@ -132,7 +138,7 @@ class TestRelease:
         return Move("rise", plan_straight_move(arm, q_pick, T_base_above, limits))
 
     def test_it_ends_at_rest_on_the_table(self, dropped: Run) -> None:
-        assert dropped.world.supports["block"] == "table"
+        assert dropped.world.supports["block"] == ("table",)
         assert dropped.world.body("block").centre_base[2] == pytest.approx(-0.130, abs=REST_M)
 
     def test_it_falls_with_gravity(self, dropped: Run) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sim import Dwell, Outcome, SimulationError
+from sim.world import Contact
 
 
 @pytest.mark.parametrize("dwell_s", [-1e-9, np.nan, np.inf, None, "long"])
@@ -31,7 +32,19 @@ def test_an_outcome_is_told_in_one_line() -> None:
     assert "failed: pick: close: missed" in repr(Outcome("pick: close:\nmissed", 2.0))
 
 
-@pytest.mark.parametrize("facts", [{"failure": 5}, {"duration_s": "long"}])
+def test_what_was_hit_is_told_with_the_deepest_by_name() -> None:
+    shallow, deep = (
+        Contact(1.0, "l_gripper_l_finger", name, False, depth_m, False, 0.99)
+        for name, depth_m in (("red", 0.001), ("box", 0.022))
+    )
+    outcome = Outcome(None, 2.0, hits=(shallow, deep))
+    assert outcome.is_success
+    assert repr(outcome) == (
+        "Outcome(2.00 s, success, 2 hits: l_gripper_l_finger 22.0 mm inside box)"
+    )
+
+
+@pytest.mark.parametrize("facts", [{"failure": 5}, {"duration_s": "long"}, {"hits": ["box"]}])
 def test_an_outcome_of_other_classes_is_refused(facts: dict[str, Any]) -> None:
     with pytest.raises(SimulationError, match=next(iter(facts))):
         Outcome(**{"failure": None, "duration_s": 1.0, **facts})

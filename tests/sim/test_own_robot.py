@@ -23,6 +23,7 @@ from planner import (
     verify,
 )
 from planner.collision.robot.robot_body import RobotBody
+from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError, TaskError
 from planner.verification.command_line import main
 from sim import Recorder, Recording, Simulation, World, load_recording, save_recording
@@ -33,7 +34,7 @@ from sim.view.appearance import Appearance
 from sim.view.replay import replay_html
 from sim.view.scenegraph import RobotTree
 from tests.conftest import overhead
-from tests.served_urdf import served_urdf
+from tests.served_urdf import VARIANTS, served_urdf, variant
 
 
 class Own(NamedTuple):
@@ -91,13 +92,19 @@ def test_is_refused_for_the_stock_robot(own: Own, robot: Baxter) -> None:
         Simulation(world).execute(own.plan)
 
 
-def test_survives_its_file(own: Own, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_survives_its_file_and_is_judged_on_the_stock_robot_where_that_has_its_joints(
+    own: Own, robot: Baxter, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path, urdf = tmp_path / "own.plan", tmp_path / "own.urdf"
     save_plan(own.plan, path)
     urdf.write_text(own.text, encoding="utf-8")
     assert load_plan(path).robot == own.plan.robot
     assert main([str(path), "-q", "--urdf", str(urdf)]) == 0
-    assert main([str(path), "-q"]) == 2
+    if own.robot.joint_names != robot.joint_names:
+        status = 2
+    else:
+        status = int(not verify(own.plan, on_another_robot=True).is_valid)
+    assert main([str(path), "-q"]) == status
     assert "for another robot" in capsys.readouterr().err
 
 
@@ -190,3 +197,94 @@ def test_meshes_go_along_with_a_link_that_is_mounted_elsewhere(robot: Baxter) ->
         if not part.T_joint_mesh.isApprox(drawn.T_joint_mesh, 1e-9)
     }
     assert moved == {"electric_gripper_base", "hand_camera", "hand_range"}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_robots_of_any_file_have_all_shapes_and_all_that_is_seen(name: str) -> None:
+    """Each part is on the same joint, where it is drawn; only grippers may be missing."""
+    rounding = 1e-9
+    own = Baxter.load(variant(name))
+    parts = (
+        {f"{part.joint} {part.mesh.name}": part.T_joint_mesh for part in each.parts}
+        for each in (Appearance.of(own), Appearance.of(Baxter.load(served_urdf())))
+    )
+    seen, drawn = parts
+    lost = drawn.keys() - seen.keys()
+    assert all("gripper" in key for key in lost), lost
+    assert ("l_gripper_l_finger_joint" in own.joint_names) == (not lost)
+    for key, T in seen.items():
+        assert np.abs(T.homogeneous - drawn[key].homogeneous).max() < rounding
+    links = {each.name for each in RobotBody.load().links.values() if ":" not in each.name}
+    shapes = RobotShapes(own)
+    assert {link for link in links - set(shapes.links) if "gripper" not in link} == set()
+    tree = RobotTree(own.model, Appearance.of(own))
+    assert len(list(tree.body_commands(RobotBody.load()))) >= len(set(shapes.links))
+
+
+@pytest.mark.parametrize(
+    "name", ["camera_named_as_a_moving_joint", "grippers_on_bases", "older_head"]
+)
+def test_robots_of_other_files_are_planned_for_verified_executed_and_shown(
+    name: str, scene: Scene
+) -> None:
+    own = planned(variant(name), scene)
+    assert own.plan.is_valid, own.plan.failure
+    certificate = verify(own.plan, description=own.robot.description)
+    assert certificate.is_valid, certificate.verdict
+    assert len(replay_html(executed(own, scene), own.robot)) > 1e5
+
+
+@pytest.fixture(scope="module")
+def stock_plan(robot: Baxter, scene: Scene) -> Plan:
+    """That of the demo's first cycle."""
+    return planned(robot.description.text, scene).plan
+
+
+@pytest.mark.parametrize(
+    ("measured", "off_mm", "failed"),
+    [
+        ("one", 13.0, "stated proofs beyond what is measured"),
+        ("another", 9.0, "room in the open hand"),
+    ],
+)
+def test_a_plan_for_the_drawing_is_judged_on_a_real_robot_and_by_how_much_it_is_off_is_said(
+    stock_plan: Plan,
+    measured: str,
+    off_mm: float,
+    failed: str,
+    *,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    file, urdf = tmp_path / "plan.json", tmp_path / "own.urdf"
+    save_plan(stock_plan, file)
+    urdf.write_text(served_urdf(measured=measured), encoding="utf-8")
+    assert main([str(file), "--urdf", str(urdf)]) == 1
+    said = capsys.readouterr()
+    assert "joint left_torso_arm_mount lies" in said.err
+    assert f"where the tip is up to {off_mm:.1f} mm and" in said.err
+    assert f"FAILS  {failed}" in said.out
+
+
+def test_a_certificate_of_another_robot_is_of_no_plan(stock_plan: Plan, robot: Baxter) -> None:
+    wider = Baxter.load(robot.description.text.replace('velocity="1.5"', 'velocity="1.6"'))
+    with pytest.raises(TaskError, match="on_another_robot=True"):
+        verify(stock_plan, description=wider.description)
+    judged = verify(stock_plan, description=wider.description, on_another_robot=True)
+    assert not judged.is_of(stock_plan)
+    assert verify(stock_plan).is_of(stock_plan)
+
+
+@pytest.mark.parametrize("measured", ["one", "another"])
+def test_plans_for_real_robots_are_as_clear_and_as_fast_as_for_the_drawing(
+    stock_plan: Plan, scene: Scene, measured: str
+) -> None:
+    own = planned(served_urdf(measured=measured), scene)
+    certificate = verify(own.plan, description=own.robot.description)
+    assert certificate.is_valid, certificate.verdict
+    clearance_mm = 1e3 * certificate["clearance"].value
+    assert clearance_mm == pytest.approx(22.2, abs=0.1)
+    motion_s, stock_s = (
+        sum(m.trajectory.duration for m in p.moves) for p in (own.plan, stock_plan)
+    )
+    assert motion_s == pytest.approx(stock_s, rel=0.01)

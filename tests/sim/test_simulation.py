@@ -14,8 +14,9 @@ from planner import Body, Manipulator, PickAndPlace, Plan, PlanFailure, Scene, p
 from planner.errors import SceneError
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim import EventKind, Outcome, Simulation, SimulationError
-from sim.clock import DEFAULT_TICK_S
+from sim.timeline import DEFAULT_TICK_S
 from sim.world import Push
+from tests.conftest import state_at
 from tests.sim.runs import PICK, PLACE, Run
 
 TIME_S = 1e-9
@@ -40,7 +41,7 @@ class TestCycle:
         x, y, z = cycle[0].world.body("block").centre_base
         assert (x, y) == pytest.approx((0.75, 0.0), abs=5e-3)
         assert z == pytest.approx(-0.130, abs=REST_M)
-        assert cycle[0].world.supports["block"] == "table"
+        assert cycle[0].world.supports["block"] == ("table",)
 
     def test_what_happens_is_told_in_order(self, cycle: tuple[Run, Outcome]) -> None:
         assert cycle[0].witness.kinds == [
@@ -268,7 +269,7 @@ class TestRefusals:
     def test_an_invalid_plan(self, run: Run) -> None:
         before = run.world.q.tolist()
         failed = Plan(
-            "left", run.world.arm_q("left"), run.plan().steps, PlanFailure("here", "too far")
+            state_at(run.world.arm_q("left")), run.plan().steps, PlanFailure("here", "too far")
         )
         with pytest.raises(SimulationError, match="invalid plan cannot be executed: here: too far"):
             run.simulation.execute(failed)

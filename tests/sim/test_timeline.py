@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from baxter_kin import Baxter
-from planner import Body, Manipulator, Situation, make_block, plan_start_move
+from planner import Body, Manipulator, State, make_block, plan_start_move
 from sim import (
     Event,
     EventKind,
@@ -21,8 +23,50 @@ from sim import (
     World,
     read_log,
 )
+from sim.timeline import Clock
 from tests.conftest import at
 from tests.sim.runs import Run, Witness
+
+TIME_S = 1e-9
+"""Sums of some durations below 10 s."""
+
+
+def passed(clock: Clock, *durations_s: float) -> list[float]:
+    """The times that were shown while time passed in pieces."""
+    shown: list[float] = []
+    for duration_s in durations_s:
+        clock.advance(duration_s, lambda _: None, lambda: shown.append(clock.time_s))
+    return shown
+
+
+@given(st.lists(st.floats(0.0, 1.0), max_size=8), st.floats(0.001, 0.5))
+def test_every_tick_comes_once_at_its_multiple(pieces: list[float], tick_s: float) -> None:
+    clock = Clock(tick_s)
+    shown = passed(clock, *pieces)
+    assert shown == [number * tick_s for number in range(len(shown))]
+    assert clock.time_s == pytest.approx(sum(pieces), abs=TIME_S)
+
+
+def test_the_world_is_brought_to_each_tick_before_it_is_shown_and_to_the_end() -> None:
+    told: list[float | str] = []
+    Clock(0.1).advance(0.25, told.append, lambda: told.append("shown"))
+    assert told == [0.0, "shown", 0.1, "shown", 0.2, "shown", 0.25]
+
+
+def test_the_ticks_to_come_are_those_that_will_be_shown() -> None:
+    clock = Clock(0.1)
+    passed(clock, 0.25)
+    coming = clock.ticks_until(0.55).tolist()
+    assert passed(clock, 0.3) == coming == pytest.approx([0.3, 0.4, 0.5], abs=TIME_S)
+
+
+def test_it_knows_whether_it_stands_between_ticks() -> None:
+    clock = Clock(0.1)
+    passed(clock, 0.0)
+    assert not clock.is_past_tick
+    passed(clock, 0.05)
+    assert clock.is_past_tick
+
 
 TIME_S = 1e-9
 """Sums of some dozen durations below 10 s."""
@@ -171,16 +215,16 @@ class TestBeginning:
     """Observers know of all bodies, whoever put them into the world."""
 
     def test_bodies_that_are_there_are_told_before_anything_happens(self, run: Run) -> None:
-        begun: list[Situation] = []
+        begun: list[State] = []
 
         class Watch(Observer):
-            def on_start(self, situation: Situation) -> None:
-                begun.append(situation)
+            def on_start(self, state: State) -> None:
+                begun.append(state)
 
         Simulation(run.world, [Watch()])
-        (situation,) = begun
-        assert set(situation.scene.bodies) == {"table", "block"}
-        assert situation.joints == dict(
+        (state,) = begun
+        assert set(state.scene.bodies) == {"table", "block"}
+        assert state.joints == dict(
             zip(run.world.robot.joint_names, run.world.q.tolist(), strict=True)
         )
 

@@ -187,7 +187,7 @@ def best_of(curves: Sequence[SelfMotion], objective: Objective) -> FloatArray:
     Raises:
         RequestError: as `best_on`.
     """
-    checked_objective(objective)
+    _checked_objective(objective)
     arm, sizes = curves[0].arm, [len(curve.q) for curve in curves]
     costs = _checked_costs(objective, arm, np.concatenate([curve.q for curve in curves]))
     parts = np.split(costs, np.cumsum(sizes)[:-1])
@@ -219,7 +219,7 @@ def checked_scope(objective: object, scope: str | Scope | None) -> Scope:
         UnknownNameError: when there is no such scope.
     """
     if objective is not None:
-        checked_objective(objective)
+        _checked_objective(objective)
     elif scope is not None:
         raise RequestError(
             "scope says among which solutions an objective chooses; give an objective too"
@@ -227,7 +227,7 @@ def checked_scope(objective: object, scope: str | Scope | None) -> Scope:
     return Scope.ALL if scope is None else Scope.of(scope)
 
 
-def checked_objective(objective: object) -> None:
+def _checked_objective(objective: object) -> None:
     """Refuse what cannot say costs.
 
     Raises:

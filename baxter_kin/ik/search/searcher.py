@@ -98,7 +98,7 @@ class Searcher:
         """
         task, self._map = Task.of(arm, tolerance), NullSpaceMap(arm, tolerance)
         self._numbers = ArmNumbers.of(arm.at_gripper)
-        functions_of = exact_functions if task.is_exact else task_functions
+        functions_of = exact_functions if task.is_exact else _task_functions
         functions, self.backend = evaluated(functions_of, self._numbers.shape, Backend.of(backend))
         self._turned = slice(None) if task.is_exact else (slice(None), np.argsort(task.columns))
         self._task = task
@@ -208,6 +208,6 @@ def exact_functions(shape: Shape) -> tuple[ca.Function, ...]:
 
 
 @cache
-def task_functions(shape: Shape) -> tuple[ca.Function, ...]:
+def _task_functions(shape: Shape) -> tuple[ca.Function, ...]:
     """For tasks with freedom, and tools: from a start."""
     return (task_search_function(shape),)

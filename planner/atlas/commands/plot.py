@@ -90,12 +90,12 @@ def run(arguments: argparse.Namespace) -> int:
     _check_options(arguments)
     found = ReachMap(arguments.path)
     if arguments.out is not None:
-        write_figure(arguments.out, _drawn(found, arguments))
+        _write_figure(arguments.out, _drawn(found, arguments))
         sys.stdout.write(f"{arguments.out}: {arguments.out.stat().st_size / 1e3:.0f} kB\n")
     return 0 if arguments.html is None else _write_page(arguments.path, arguments.html)
 
 
-def write_figure(path: Path, figure: Figure) -> None:
+def _write_figure(path: Path, figure: Figure) -> None:
     """Write a figure, all of it or nothing; the same figure gives the same bytes.
 
     Raises:

@@ -103,7 +103,7 @@ def told(check: MapCheck) -> Iterator[str]:
             if power is not None
         )
         yield f"power: the solver reaches, of the poses that have a witness, {powers}"
-    least = least_share_found(check)
+    least = _least_share_found(check)
     if least is not None:
         yield (
             f"so with {CONFIDENCE:.0%} confidence fewer than {least:.2%} of the proofs next to the "
@@ -114,7 +114,7 @@ def told(check: MapCheck) -> Iterator[str]:
     yield "nothing is wrong" if check.is_valid else "the map is wrong"
 
 
-def least_share_found(check: MapCheck) -> float | None:
+def _least_share_found(check: MapCheck) -> float | None:
     """Share of false proofs next to the boundary that would have shown with that confidence.
 
     None where a proof is false, or the check says nothing of them.

@@ -37,7 +37,7 @@ class ArmChoice(Frozen, OneLine):
     @property
     def margins_rad(self) -> dict[str, float]:
         """The worst margin of each arm; -inf where it does not reach a pose."""
-        return {side: _margin(worst_of(answers)) for side, answers in self.answers.items()}
+        return {side: _margin(_worst_of(answers)) for side, answers in self.answers.items()}
 
     @property
     def best(self) -> str | None:
@@ -72,7 +72,7 @@ class ArmChoice(Frozen, OneLine):
         if missed:
             reached = f"{len(answers) - len(missed)} of {len(answers)}"
             return f"reaches {reached}, not {missed[0].label!r}: {missed[0].reason}"
-        worst = worst_of(answers)
+        worst = _worst_of(answers)
         every = f"all {len(answers)} poses" if len(answers) > 1 else "the pose"
         at = f" at {worst.label!r}" if len(answers) > 1 else ""
         return f"reaches {every}, {worst.margin_rad:.3f} rad from {worst.nearest_limit}'s limit{at}"
@@ -105,7 +105,7 @@ def which_arm(
     )
 
 
-def worst_of(answers: Sequence[PoseAnswer]) -> PoseAnswer:
+def _worst_of(answers: Sequence[PoseAnswer]) -> PoseAnswer:
     """The one that is not reachable, or has the least margin."""
     return min(answers, key=_margin)
 

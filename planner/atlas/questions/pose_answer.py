@@ -20,7 +20,7 @@ from baxter_kin.value_objects import Frozen, OneLine, position
 
 
 @dataclass(frozen=True, slots=True)
-class WidestMargin:
+class _WidestMargin:
     """An objective: the joint nearest to a limit is as many rad from it as possible.
 
     Cost: `-min_i min(q_i - q_min_i, q_max_i - q_i)`, in rad, as maps store margins.
@@ -91,7 +91,7 @@ def answer_pose(ik: IKService, T_base_tip: pin.SE3, label: str = "") -> PoseAnsw
         label: what it is called.
     """
     arm = ik.arm
-    result = ik.solve(T_base_tip, objective=WidestMargin())
+    result = ik.solve(T_base_tip, objective=_WidestMargin())
     if result.failure is not None:
         is_proven = result.failure.beyond_reach_m > 0.0
         return PoseAnswer(

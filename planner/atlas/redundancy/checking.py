@@ -168,14 +168,14 @@ def check_redundancy(
     paths = str(found.path.resolve()), str(reach_map.path.resolve())
     tasks = [(*paths, places[i]) for i in chosen.tolist()]
     engine, checks = LocalPool() if engine is None else engine, []
-    for done, (_, check) in enumerate(engine.run(check_cell, tasks), 1):
+    for done, (_, check) in enumerate(engine.run(_check_cell, tasks), 1):
         checks.append(check)
         if progress is not None:
             progress(done, len(tasks))
     return RedundancyCheck(tuple(sorted(checks)))
 
 
-def check_cell(task: tuple[str, str, tuple[str, int, int, int, int]]) -> CellCheck:
+def _check_cell(task: tuple[str, str, tuple[str, int, int, int, int]]) -> CellCheck:
     """Check one cell.
 
     Args:

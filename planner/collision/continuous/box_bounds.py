@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baxter_kin.validation import FloatArray, Indices
 from planner.collision.checker import ClearanceChecker
@@ -103,13 +104,14 @@ class BoxBounds:
         self.checked, self._full = checker.checked, full
         self._bounds, self._hulls = checker.motion_bounds, HullGaps(checker)
 
-    def moving_joints(self, pair: int) -> slice:
-        """The joints of the arm that move one shape of a pair against the other."""
-        depth, hulls = self._bounds.depth, self._hulls
-        return slice(int(depth[hulls.inner[pair]]), int(depth[hulls.outer[pair]]))
+    def moving_joints(self, pair: int) -> NDArray[np.bool_]:
+        """Which joints move one shape of a pair against the other, shape (n,)."""
+        first, second = self._bounds.moves[self.checked.numbers[pair]]
+        moving: NDArray[np.bool_] = first ^ second
+        return moving
 
     def place(self, qs: FloatArray) -> FloatArray:
-        """Poses of all shapes at configurations of the arm, shape (m, 7): (m, shapes, 4, 4)."""
+        """Poses of all shapes at configurations, shape (m, n): (m, shapes, 4, 4)."""
         return self._bounds.place(self._full, qs).shapes
 
     def views(self, boxes: Sequence[JointBox]) -> Iterator[BoxView]:
@@ -118,14 +120,12 @@ class BoxBounds:
             return
         lows, highs = (np.array([box[corner] for box in boxes]) for corner in (0, 1))
         placed = self._bounds.place(self._full, (lows + highs) / 2)
-        axes, hulls = self._bounds.axes(placed), self._hulls
-        shapes = np.unique(hulls.outer[np.concatenate([box.pairs for box in boxes])])
-        motions = self._bounds.motions_m(placed, (highs - lows) / 2, shapes)
+        axes, turns = self._bounds.axes(placed), (highs - lows) / 2
+        number = np.repeat(np.arange(len(boxes)), [len(box.pairs) for box in boxes])
+        pairs = np.concatenate([box.pairs for box in boxes])
+        moved_m = self._bounds.motions_m(placed, turns, number, self.checked.numbers[pairs])
+        gaps_m = self.checked.gaps_m(placed.shapes, number, pairs)
         for k, box in enumerate(boxes):
-            columns = np.searchsorted(shapes, hulls.outer[box.pairs])
-            moved_m = motions[k, columns, self._bounds.depth[hulls.inner[box.pairs]]]
-            number = np.full(len(box.pairs), k)
-            gaps_m = self.checked.gaps_m(placed.shapes, number, box.pairs)
-            arm = ArmPose(axes[k], placed.joints[k, :, :3, 3])
-            at = placed.shapes[k], arm
-            yield BoxView(self.checked, hulls, box, at, (gaps_m, moved_m))
+            at = placed.shapes[k], ArmPose(axes[k], placed.joints[k, :, :3, 3])
+            known = gaps_m[number == k], moved_m[number == k]
+            yield BoxView(self.checked, self._hulls, box, at, known)

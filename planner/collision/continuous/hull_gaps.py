@@ -1,20 +1,20 @@
 """HullGaps: how far apart two convex hulls stay while joints are anywhere in a box.
 
 Let a plane with unit normal n lie between the hulls of two shapes, B below and A above, at a
-configuration c. A hangs on joint k of the arm, B on joint m < k or on nothing; the joints up to m
-move both alike, so take them as they are at c. From c let the joints m + 1 .. k turn by d_i, at
-most w_i, one after the other, joint m + 1 first: when joint i turns, those beyond it still stand as
-at c, so a point p of A moves by R_i (Rot(z_i, d_i) - 1)(p - o_i), where R_i is the turn of the
-joints before it, z_i its axis and o_i a point on that at c. With the lever arm r_i of p, that is
-d_i z_i x (p - o_i) but for d_i^2 r_i / 2, by Taylor, and for |d_i| r_i times the angle of R_i,
-which is at most the sum of |d_j| over the joints before i. So at every configuration of the box
+configuration c. The joints that move both move them alike, so take them as they are at c. From c
+let the joints that move A alone turn by d_i, at most w_i, one after the other, the one next to base
+first: when joint i turns, those beyond it still stand as at c, so a point p of A moves by
+R_i (Rot(z_i, d_i) - 1)(p - o_i), where R_i is the turn of the joints before it, z_i its axis and
+o_i a point on that at c. With the lever arm r_i of p, that is d_i z_i x (p - o_i) but for
+d_i^2 r_i / 2, by Taylor, and for |d_i| r_i times the angle of R_i, which is at most the sum of
+|d_j| over the joints before i. So at every configuration of the box
 
     n.p  >=  n.p(c) - sum_i w_i |n . z_i x (p - o_i)| - sum_i w_i r_i (w_i / 2 + sum_{j < i} w_j).
 
-The second term is concave in p, so its least over the hull is at a corner of it, and the distance
-is at least what that leaves above the greatest n.p of B, which does not move. The lever arms of
-`motion_bounds` bound the motion of A in all directions alike; this counts what goes towards B: an
-arm that swings over a table comes no nearer to it.
+The second term is concave in p, so its least over the hull is at a corner of it. The same holds of
+B, with -n and the joints that move B alone, and the distance is at least the sum of both. The lever
+arms of `motion_bounds` bound motions in all directions alike; this counts what goes towards the
+other shape: an arm that swings over a table comes no nearer to it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ import numpy as np
 
 from baxter_kin.validation import FloatArray
 from planner.collision.checker import ClearanceChecker
-from planner.collision.continuous.motion import outer_first
-from planner.scene.contact import DISTANCE_TOLERANCE_M, hull
+from planner.scene.contact import DISTANCE_TOLERANCE_M
 
 SIDES = 16
 """Of a prism around a cylinder: 1.9 % thicker at its edges."""
@@ -41,7 +40,7 @@ LEAST_NORMAL = 0.5
 
 
 class ArmPose(NamedTuple):
-    """The joints of the arm at a configuration: axes and origins in base, shape (7, 3) both."""
+    """The joints at a configuration: axes and origins in base, shape (n, 3) both."""
 
     axes: FloatArray
     origins: FloatArray
@@ -52,7 +51,7 @@ class HullGap(NamedTuple):
 
     Attributes:
         least_m: what the hulls stay apart, less the padding; negative says nothing of the shapes.
-        slopes: how the distance changes with each joint, where they come nearest, shape (7,),
+        slopes: how the distance changes with each joint, where they come nearest, shape (n,),
             m/rad; zero for joints that do not matter.
     """
 
@@ -89,18 +88,11 @@ class Corners(NamedTuple):
 
 
 class HullGaps:
-    """Those of the pairs of one situation.
-
-    Attributes:
-        outer: of each pair the shape that more joints of the arm move, shape (n,).
-        inner: the other one.
-    """
+    """Those of the pairs of one situation."""
 
     def __init__(self, checker: ClearanceChecker) -> None:
-        self._shapes, self._geometry = checker.shapes, checker.geometry.geometryObjects
-        self._padding_m, self._depth = checker.checked.padding_m, checker.motion_bounds.depth
-        self.outer, self.inner = outer_first(checker.pairs, self._depth)
-        self._hulls: dict[int, coal.CollisionGeometry] = {}
+        self._pairs, self._hull = checker.pairs, checker.hull
+        self._padding_m, self._moves = checker.checked.padding_m, checker.motion_bounds.moves
         self._corners: dict[int, Corners] = {}
         self._functors: dict[int, coal.ComputeDistance] = {}
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
@@ -113,46 +105,39 @@ class HullGaps:
             pair: its number.
             poses: of all shapes in the middle of the box, shape (n, 4, 4).
             arm: the joints there.
-            turns: the greatest turns from there, shape (7,), rad.
+            turns: the greatest turns from there, shape (n,), rad.
         """
         slopes = np.zeros(len(turns))
-        outer, inner = int(self.outer[pair]), int(self.inner[pair])
-        normal = self._normal(pair, poses[outer], poses[inner])
+        first, second = self._pairs[pair].tolist()
+        normal = self._normal(pair, poses[first], poses[second])
         if normal is None:
             return HullGap(-np.inf, slopes)
-        between = slice(int(self._depth[inner]), int(self._depth[outer]))
-        moving, still, w = self._of(outer), self._of(inner), turns[between]
-        points = moving.placed(poses[outer])
-        across = np.cross(arm.axes[between], points[:, None] - arm.origins[between])  # n, joints, 3
-        towards = across @ normal
-        heights = points @ normal - np.abs(towards) @ w
-        lowest = int(heights.argmin())
-        levers = np.linalg.norm(across, axis=2).max(axis=0) + moving.radius_m
-        curved = float((levers * w * (w / 2 + np.cumsum(w) - w)).sum())
-        round_m = moving.radius_m * (1.0 + float(w.sum())) + still.radius_m
-        top = float((still.placed(poses[inner]) @ normal).max())
-        slopes[between] = towards[lowest]
-        least_m = float(heights[lowest]) - top - curved - round_m - float(self._padding_m[pair])
-        return HullGap(least_m - ROUNDING_M, slopes)
+        least_m = -float(self._padding_m[pair]) - ROUNDING_M
+        for shape, other, n in ((first, second, normal), (second, first, -normal)):
+            corners, alone = self._of(shape), self._moves[shape] & ~self._moves[other]
+            points = corners.placed(poses[shape])
+            heights, w = points @ n, turns[alone]
+            if len(w):
+                across = np.cross(arm.axes[alone], points[:, None] - arm.origins[alone])
+                towards = across @ n  # corners, joints
+                heights -= np.abs(towards) @ w
+                levers = np.linalg.norm(across, axis=2).max(axis=0) + corners.radius_m
+                least_m -= float((levers * w * (w / 2 + np.cumsum(w) - w)).sum())
+                slopes[alone] = towards[heights.argmin()]
+            least_m += float(heights.min()) - corners.radius_m * (1.0 + float(w.sum()))
+        return HullGap(least_m, slopes)
 
-    def _normal(self, pair: int, T_outer: FloatArray, T_inner: FloatArray) -> FloatArray | None:
-        """From the inner hull to the outer one; None where coal finds none."""
+    def _normal(self, pair: int, T_first: FloatArray, T_second: FloatArray) -> FloatArray | None:
+        """From the second hull to the first one; None where coal finds none."""
         if pair not in self._functors:
-            both = self._hull(int(self.outer[pair])), self._hull(int(self.inner[pair]))
-            self._functors[pair] = coal.ComputeDistance(*both)
+            first, second = map(self._hull, self._pairs[pair].tolist())
+            self._functors[pair] = coal.ComputeDistance(first, second)
         self._result.clear()
-        at = (coal.Transform3s(T[:3, :3], T[:3, 3]) for T in (T_outer, T_inner))
+        at = (coal.Transform3s(T[:3, :3], T[:3, 3]) for T in (T_first, T_second))
         self._functors[pair](*at, self._request, self._result)
         normal = -np.array(self._result.normal)
         length = float(np.linalg.norm(normal))
         return normal / length if length > LEAST_NORMAL else None
-
-    def _hull(self, shape: int) -> coal.CollisionGeometry:
-        if shape < len(self._shapes.links):
-            return self._shapes.hull(shape)
-        if shape not in self._hulls:  # kept: coal's functors hold bare pointers
-            self._hulls[shape] = hull(self._geometry[shape].geometry)
-        return self._hulls[shape]
 
     def _of(self, shape: int) -> Corners:
         if shape not in self._corners:

@@ -39,14 +39,15 @@ class ShapeMotion(Protocol):
 
 
 class ArmShapeMotion:
-    """A trajectory of the arm of a checker, all else at rest."""
+    """A trajectory of the mover of a checker, all else at rest."""
 
     def __init__(self, checker: ClearanceChecker, trajectory: Trajectory, full: FloatArray) -> None:
         self.duration_s = trajectory.duration
         self._full, self._span = full, JointSpan(trajectory)
-        self._motion_bounds = checker.motion_bounds
-        self._covers, self._padding_m = checker.checked.covers, checker.checked.padding_m
-        self._moving, self._other = outer_first(checker.pairs, self._motion_bounds.depth)
+        self._motion_bounds, self._checked = checker.motion_bounds, checker.checked
+        moved = self._motion_bounds.moves.sum(axis=1)[checker.pairs]
+        swap = moved[:, :1] < moved[:, 1:]  # a ball fits what moves better than what stands
+        self._pairs = np.where(swap, checker.pairs[:, ::-1], checker.pairs)
 
     def around(self, starts_s: FloatArray, ends_s: FloatArray) -> Around:
         """By lever arms and exact turns."""
@@ -54,22 +55,10 @@ class ArmShapeMotion:
         placed = self._motion_bounds.place(self._full, qs)
 
         def gaps_m(interval: Indices, pair: Indices) -> FloatArray:
-            moving, other = self._moving[pair], self._other[pair]
-            gaps = self._covers.gaps_m(placed.shapes, interval, moving, other)
-            return gaps - self._padding_m[pair]
+            gaps = self._checked.covers.gaps_m(placed.shapes, interval, *self._pairs[pair].T)
+            return gaps - self._checked.padding_m[pair]
 
         def motions_m(interval: Indices, pair: Indices) -> FloatArray:
-            seen_from = self._motion_bounds.depth[self._other[pair]]
-            shapes, column = np.unique(self._moving[pair], return_inverse=True)
-            motions = self._motion_bounds.motions_m(placed, turns, shapes)
-            moved: FloatArray = motions[interval, column, seen_from]
-            return moved
+            return self._motion_bounds.motions_m(placed, turns, interval, self._pairs[pair])
 
         return Around(placed.shapes, gaps_m, motions_m)
-
-
-def outer_first(pairs: Indices, depth: Indices) -> tuple[Indices, Indices]:
-    """The shape of each pair that more joints of the arm move, and the other; shape (n,) both."""
-    swap = depth[pairs[:, 0]] < depth[pairs[:, 1]]
-    first, second = pairs.T
-    return np.where(swap, second, first), np.where(swap, first, second)

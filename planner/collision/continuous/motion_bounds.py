@@ -1,14 +1,18 @@
 """MotionBounds: how far joints get in a time, what that moves, and how far apart things are.
 
-A shape of the arm is on the far side of a chain of revolute joints 1 .. k. Let joint i turn from
-q_i by d_i. Turn them one after the other, joint 1 first: when joint i turns, the joints beyond it
-still stand at q, so a point of the shape is as far from the axis as it was at q, r_i, and moves by
-the chord 2 r_i sin(|d_i| / 2). Whatever the order in which the joints really turn, the point ends
-there; so it has moved by at most the sum of r_i |d_i|. Seen from a shape that hangs on joint m of
-the same chain, only the joints m + 1 .. k move it. This is the bound of Schwarzer, Saha and
-Latombe ("Adaptive dynamic collision checking for single and multiple articulated robots in complex
-environments", IEEE Trans. Robotics 21(3), 2005, section IV) with the lever arms of the
+A shape of an arm is on the far side of a chain of revolute joints. Let joint i turn from q_i by
+d_i. Turn them one after the other, the joint next to base first: when joint i turns, the joints
+beyond it still stand at q, so a point of the shape is as far from the axis as it was at q, r_i, and
+moves by the chord 2 r_i sin(|d_i| / 2). Whatever the order in which the joints really turn, the
+point ends there; so it has moved by at most the sum of r_i |d_i|. This is the bound of Schwarzer,
+Saha and Latombe ("Adaptive dynamic collision checking for single and multiple articulated robots in
+complex environments", IEEE Trans. Robotics 21(3), 2005, section IV) with the lever arms of the
 configuration q itself instead of the greatest over all.
+
+Of two shapes A and B, let C be the joints that move both. Seen from the last joint of C, A moves by
+at most the sum of r_i |d_i| over the joints that move A alone, and B by at most that over the
+joints that move B alone. So their distance changes by no more than both sums together. On one
+chain, one of the sums is empty; for shapes of two arms, C is.
 
 r_i is that of a capsule around the shape: the greater distance of its two ends from the axis, plus
 its radius.
@@ -22,10 +26,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from baxter_kin import Arm
 from baxter_kin.errors import expect
+from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.validation import FloatArray, Indices
 from planner.collision.covers import Covers, placed_points
+from planner.collision.mover import Mover
 from planner.errors import TrajectoryError
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
@@ -34,7 +39,7 @@ class Placed(NamedTuple):
     """Where things are at m configurations.
 
     Attributes:
-        joints: poses of the arm's joints in base, shape (m, 7, 4, 4).
+        joints: poses of the mover's joints in base, shape (m, J, 4, 4).
         shapes: poses of all shapes in base, shape (m, n, 4, 4).
     """
 
@@ -43,87 +48,95 @@ class Placed(NamedTuple):
 
 
 class MotionBounds:
-    """Bounds on distances and motions of the shapes of a geometry model while one arm moves.
+    """Bounds on motions of the n shapes of a geometry model while the J joints of a mover turn.
 
     Attributes:
-        joints: of the robot, that the shapes are on, shape (n,).
-        depth: how many joints of the arm move each shape, shape (n,); 0 for those that stand.
-        q_index: where the arm's joints stand in a full configuration, shape (7,).
+        moves: which joint of the mover moves which shape, shape (n, J).
+        q_index: where the mover's joints stand in a full configuration, shape (J,).
     """
 
     def __init__(
-        self, robot: pin.Model, geometry: pin.GeometryModel, arm: Arm, covers: Covers
+        self, robot: pin.Model, geometry: pin.GeometryModel, mover: Mover, covers: Covers
     ) -> None:
-        self._robot, self._data, self._joint_chain = robot, robot.createData(), arm.chain
-        self._chain = [robot.getJointId(name) for name in arm.joint_names]
-        self.q_index = np.array([robot.joints[joint].idx_q for joint in self._chain])
-        self._across = np.linalg.svd(self._joint_chain.axes[:, None])[2][
-            :, 1:
-        ]  # two units across each
+        self._robot, self._data = robot, robot.createData()
+        self._chain = JointChain.side_by_side([arm.chain for arm in mover.arms])
+        own = [robot.getJointId(name) for name in mover.joint_names]
+        self.q_index = np.array([robot.joints[joint].idx_q for joint in own])
+        self._across = np.linalg.svd(self._chain.axes[:, None])[2][:, 1:]  # two units across each
         shapes = list(geometry.geometryObjects)
-        self.joints = np.array([shape.parentJoint for shape in shapes])
+        self._parents = np.array([shape.parentJoint for shape in shapes])
         self._T_joint_shape = np.array([shape.placement.homogeneous for shape in shapes])
-        self.depth = _depths(robot, self._chain)[self.joints]
-        self._moved = np.flatnonzero(self.depth)
+        moved_by = [np.isin(self._parents, robot.subtrees[joint].tolist()) for joint in own]
+        self.moves: NDArray[np.bool_] = np.stack(moved_by, axis=1)
+        self._is_moved = self.moves.any(axis=1)
+        kinds, kind = np.unique(self.moves, axis=0, return_inverse=True)
+        self._kind: Indices = kind.reshape(-1)
+        self._alone = np.where(kinds, 0.0, 1.0).T  # which joints do not move shapes of a kind
+        self._last = len(own) - 1 - self.moves[self._is_moved, ::-1].argmax(axis=1)  # joint of each
+        self._on = np.array(own)[self._last]
         self._others = np.zeros(0)
         self._covers = covers
 
     def place(self, full: FloatArray, qs: FloatArray) -> Placed:
-        """Poses at arm configurations, shape (m, 7), the other joints as in `full`, shape (19,)."""
+        """Poses at configurations of the mover, shape (m, J), the other joints as in `full`."""
         others = np.array(full)
         others[self.q_index] = 0.0
         if not np.array_equal(others, self._others):
             self._stand(others)
-        joints = self._joint_chain.poses(qs)
+        joints = self._chain.poses(qs)
         shapes = np.tile(self._standing, (len(qs), 1, 1, 1))
-        shapes[:, self._moved] = joints[:, self.depth[self._moved] - 1] @ self._T_arm_shapes
+        shapes[:, self._is_moved] = joints[:, self._last] @ self._T_last_shapes
         return Placed(joints, shapes)
 
     def _stand(self, others: FloatArray) -> None:
-        """Take over where all shapes stand, those of the arm as they are on its joints."""
+        """Store where all shapes stand, and those that move as they are on their last joints."""
         pin.forwardKinematics(self._robot, self._data, others)
         joints = np.array([T.homogeneous for T in self._data.oMi])
-        self._standing = joints[self.joints] @ self._T_joint_shape
-        on = np.array(self._chain)[self.depth[self._moved] - 1]
-        self._T_arm_shapes = np.linalg.inv(joints[on]) @ self._standing[self._moved]
+        self._standing = joints[self._parents] @ self._T_joint_shape
+        self._T_last_shapes = np.linalg.inv(joints[self._on]) @ self._standing[self._is_moved]
         self._others = others
 
     def axes(self, placed: Placed) -> FloatArray:
-        """The joints' axes at m configurations, in base, shape (m, 7, 3)."""
-        turned: FloatArray = (placed.joints[..., :3, :3] @ self._joint_chain.axes[:, :, None])[
-            ..., 0
-        ]
+        """The joints' axes at m configurations, in base, shape (m, J, 3)."""
+        turned: FloatArray = (placed.joints[..., :3, :3] @ self._chain.axes[:, :, None])[..., 0]
         return turned
 
-    def motions_m(self, placed: Placed, turns: FloatArray, shapes: Indices) -> FloatArray:
-        """How far any point of a shape moves while each joint turns by at most so much.
+    def motions_m(
+        self, placed: Placed, turns: FloatArray, number: Indices, pairs: Indices
+    ) -> FloatArray:
+        """Bounds on how much the distances of pairs change while joints turn, shape (k,), m.
 
         Args:
-            placed: m configurations.
-            turns: the greatest turns from there, shape (m, 7), rad, not negative.
-            shapes: numbers of those that are asked about, shape (n,).
-
-        Returns:
-            Shape (m, n, 8), metres; in the last index k, seen from what hangs on joint k of the
-            arm, or from base when k is 0. Zero for shapes that stand.
+            placed: m configurations, or one that stands for all.
+            turns: the greatest turns from there, shape (m, J), rad, not negative.
+            number: which of the m, for each pair, shape (k,).
+            pairs: the two shapes of each, shape (k, 2).
         """
-        steps = self._levers(placed, shapes) * turns[:, None, :]
-        moved = np.zeros((*steps.shape[:2], len(self._chain) + 1))
-        moved[:, :, :-1] = np.cumsum(steps[:, :, ::-1], axis=2)[:, :, ::-1]
+        is_asked = np.zeros_like(self._is_moved)
+        is_asked[pairs] = True
+        is_asked &= self._is_moved
+        shapes, (first, second) = np.flatnonzero(is_asked), pairs.T
+        column = np.where(is_asked, np.cumsum(is_asked) - 1, len(shapes))  # the last is of zeros
+        steps = np.zeros((len(turns), len(shapes) + 1, self._alone.shape[1]))
+        steps[:, :-1] = self._levers(placed, shapes) * turns[:, None] @ self._alone
+        moved: FloatArray = steps[number, column[first], self._kind[second]]
+        moved += steps[number, column[second], self._kind[first]]
         return moved
 
     def _levers(self, placed: Placed, shapes: Indices) -> FloatArray:
-        """Greatest distance of each shape from each axis before it, (m, n, 7)."""
-        covers, count = self._covers, len(self._chain)
+        """The greatest distance of each shape from the axis of each joint that moves it, (m, n, J).
+
+        Zero for joints that do not.
+        """
+        covers, count = self._covers, len(self.q_index)
         ends = placed_points(placed.shapes[:, shapes], covers.ends[shapes])  # m, n, 2, 3
-        across = self._across @ placed.joints[..., :3, :3].swapaxes(-1, -2)  # m, 7, 2, 3
+        across = self._across @ placed.joints[..., :3, :3].swapaxes(-1, -2)  # m, J, 2, 3
         offsets = (across @ placed.joints[..., :3, 3, None]).reshape(len(ends), 1, -1)
-        across = across.reshape(len(ends), -1, 3).swapaxes(1, 2)  # m, 3, 14
-        beside = (ends.reshape(len(ends), -1, 3) @ across - offsets) ** 2  # m, 2 n, 14
+        across = across.reshape(len(ends), -1, 3).swapaxes(1, 2)  # m, 3, 2 J
+        beside = (ends.reshape(len(ends), -1, 3) @ across - offsets) ** 2  # m, 2 n, 2 J
         reach = beside.reshape(len(ends), len(shapes), 2, count, 2).sum(axis=4).max(axis=2)
         levers = np.sqrt(reach) + covers.radii[shapes][:, None]
-        before: NDArray[np.bool_] = np.arange(count) < self.depth[shapes][:, None]
-        return np.where(before, levers, 0.0)
+        return np.where(self.moves[shapes], levers, 0.0)
 
 
 class JointSpan:
@@ -176,11 +189,3 @@ class JointSpan:
         bounds = np.column_stack([first, last]).reshape(-1)
         found: FloatArray = extreme.reduceat(padded, bounds, axis=0)[::2]
         return np.where((last > first)[:, None], found, empty)
-
-
-def _depths(robot: pin.Model, chain: list[int]) -> Indices:
-    """How many joints of the chain move what hangs on each joint of the robot."""
-    depths = np.zeros(robot.njoints, dtype=np.intp)
-    for number, joint in enumerate(chain):
-        depths[robot.subtrees[joint].tolist()] = number + 1
-    return depths

@@ -3,7 +3,7 @@
 While a motion passes a time interval, no point of a link moves farther from where it is in the
 middle of the interval than its lever arms and the exact turns of the joints allow
 (`planner.collision.continuous.motion_bounds`). The distance of two shapes changes by no more than
-the farthest-moving point of one moves, seen from the other. That holds inside each other too,
+their farthest-moving points do, seen from what both hang on. That holds inside each other too,
 where the distance is minus the depth: of convex shapes it is the greatest, over all directions, of
 the gap between two planes across that direction, and no such gap changes by more. So a pair keeps a
 distance above d - s during an interval in whose middle its distance is d, when s bounds that
@@ -282,7 +282,7 @@ def _sure(distances: FloatArray) -> FloatArray:
 
 
 def _check_joints(trajectory: Trajectory, checker: ClearanceChecker) -> None:
-    names, moves = checker.arm.joint_names, trajectory.limits.names
+    names, moves = checker.mover.joint_names, trajectory.limits.names
     if moves != names:
         raise TrajectoryError(
             f"the motion is of {', '.join(moves)}; the situation is the {checker.arm.side} arm's, "

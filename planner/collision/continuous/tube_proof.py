@@ -228,9 +228,7 @@ class _TubeSearch:
         if not counts.any():
             return
         box = part.box._replace(pairs=part.box.pairs[counts])
-        moving = self._bounds.moving_joints(worst.worst)
-        weights = np.zeros(len(box.low))
-        weights[moving] = np.abs(worst.slopes[moving]) + LEAST_SLOPE_M
+        weights = self._bounds.moving_joints(worst.worst) * (np.abs(worst.slopes) + LEAST_SLOPE_M)
         reach = weights * (box.high - box.low)
         joint = int(reach.argmax())
         is_long = part.last - part.first > 1

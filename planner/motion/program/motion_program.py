@@ -17,7 +17,7 @@ what belongs to an arm, its limits or a task is given with each solution.
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -25,8 +25,7 @@ import numpy as np
 
 from baxter_kin import Arm, JointLimits
 from baxter_kin.validation import FloatArray
-from planner.collision.obstacles import LinearBounds
-from planner.motion.program.clearance_rows import clearance_rows
+from planner.motion.program.clearance_rows import ClearanceRows, Clearances, clearance_rows
 from planner.motion.program.phases import MotionTask, Phase
 from planner.motion.program.sparse import Rows
 from planner.motion.program.spline_rows import spline_rows
@@ -70,26 +69,6 @@ _OPTIONS: dict[str, Any] = {
 }
 
 
-class Clearances(NamedTuple):
-    """Linear bounds on distances, as `Obstacles.bounds` has them, and how far they are trusted.
-
-    Attributes:
-        weights: of the four controls where each interval is bounded, shape (intervals, 4).
-        numbers: slopes and offsets there, shape (intervals, PAIRS, 8).
-        trust_rad: how far a control may be from where the bounds were taken.
-    """
-
-    weights: FloatArray
-    numbers: FloatArray
-    trust_rad: float
-
-    @classmethod
-    def of(cls, bounds: Sequence[LinearBounds], trust_rad: float) -> Clearances:
-        """Those of the phases, in order."""
-        weights, numbers = (np.concatenate([each[i] for each in bounds]) for i in (0, 1))
-        return cls(weights, numbers, trust_rad)
-
-
 class MotionProgram:
     """The program of some phases in a row; the arm rests at first and at last, or is on a line.
 
@@ -97,30 +76,25 @@ class MotionProgram:
         phases: in order.
     """
 
-    def __init__(self, phases: Sequence[Phase], *, keeps_clear: bool = False) -> None:
+    def __init__(self, phases: Sequence[Phase], joints: int) -> None:
         """State it and its derivatives, which takes a tenth of a second.
 
         Args:
             phases: in order; at the end of the last one the arm rests, or leaves its line at speed.
-            keeps_clear: whether clearances are given with each solution.
+            joints: how many joints move.
         """
         self.phases = tuple(phases)
-        self._unknowns = Unknowns.of(self.phases, keeps_clear=keeps_clear)
-        x = ca.MX.sym("x", self._unknowns.count)
-        numbers = Numbers(self.phases, len(self._unknowns.shortfalls))
+        self._unknowns = Unknowns.of(self.phases, joints)
+        x, numbers = ca.MX.sym("x", self._unknowns.count), Numbers(self.phases, joints)
         made = (
             make(self.phases, self._unknowns, x, numbers)
-            for make in (spline_rows, line_rows, speed_rows, height_rows, clearance_rows)
+            for make in (spline_rows, line_rows, speed_rows, height_rows)
         )
         rows = [each for each in made if each is not None]
-        f = ca.sum1(x[self._unknowns.durations.tolist()])
-        if keeps_clear:
-            f += SHORTFALL_PER_M * ca.sum1(x[self._unknowns.shortfalls.tolist()])
-        g = ca.vertcat(*(each.g for each in rows))
-        nlp = {"x": x, "p": numbers.all, "f": f, "g": g}
         self._low, self._high = (np.concatenate([each[i] for each in rows]) for i in (1, 2))
+        self._rows = _RowFunctions.of(rows, x, numbers.all)
         self._one_at_a_time = threading.Lock()  # the solver says of its last call how it went
-        self._solver = ca.nlpsol("motion", "ipopt", nlp, _OPTIONS | _derivatives(nlp, rows))
+        self._solver = self._made(None)
 
     def solve(
         self,
@@ -137,34 +111,74 @@ class MotionProgram:
             task: what is asked for.
             arm: whose tip; may be None where nothing is asked of it.
             limits: of its joints.
-            clearances: what to keep, for a program that keeps clear.
+            clearances: distances to keep.
         """
         unit_s = max(sketch.duration_s for sketch in guess)
         low, high = self._bounds(limits)
         numbers = numbers_of(task, arm, limits, unit_s)
         x0 = self._start(guess, task, arm, unit_s).clip(low, high)
-        if clearances is not None:
-            bounds = clearances.weights.ravel(), clearances.numbers.ravel()
-            numbers = np.concatenate([numbers, *bounds])
-            for controls in self._unknowns.controls:
-                near = controls[controls < self._unknowns.count]
-                low[near] = np.maximum(low[near], x0[near] - clearances.trust_rad)
-                high[near] = np.minimum(high[near], x0[near] + clearances.trust_rad)
-        given = {"x0": x0, "p": numbers, "lbx": low, "ubx": high}
-        with self._one_at_a_time:
-            answer = self._solver(**given, lbg=self._low, ubg=self._high)
-            if not self._solver.stats()["success"]:
-                return None
-        x = np.array(answer["x"]).ravel()
+        bounds = {"lbx": low, "ubx": high, "lbg": self._low, "ubg": self._high}
+        given = {"x0": x0, "p": numbers, **bounds}
+        if clearances is None:
+            with self._one_at_a_time:
+                x = _answer(self._solver, given)
+        else:
+            rows = clearance_rows(self._unknowns, clearances.bounds, np.concatenate(ends_of(task)))
+            x = _answer(self._made(rows), given | self._kept(given, clearances.trust_rad, rows))
+        if x is None:
+            return None
+        x = x[: self._unknowns.count]
         x[self._unknowns.durations] *= unit_s
         return self._motions(x, task, limits)
+
+    def _made(self, clear: ClearanceRows | None) -> ca.Function:
+        """The solver, which takes a hundredth of a second; with rows of clearance or without."""
+        more = 0 if clear is None else clear.shortfalls
+        matrix = ca.DM(0, self._unknowns.count) if clear is None else clear.matrix
+        x, p = ca.MX.sym("x", self._unknowns.count + more), ca.MX.sym("p", self._rows.numbers)
+        motion, shortfalls = ca.vertsplit(x, [0, self._unknowns.count, x.shape[0]])
+        f = ca.sum1(motion[self._unknowns.durations.tolist()])
+        f += SHORTFALL_PER_M * ca.sum1(shortfalls)
+        g = ca.vertcat(self._rows.value(motion, p), matrix @ x)
+        jacobian = ca.horzcat(self._rows.jacobian(motion, p), ca.MX(len(self._low), more))
+        multipliers, weight = ca.MX.sym("multipliers", g.shape[0]), ca.MX.sym("weight")
+        hessian = self._rows.hessian(motion, p, multipliers[: len(self._low)])
+        given = [x, p]
+        functions = {
+            "grad_f": ca.Function("grad_f", given, [f, ca.densify(ca.jacobian(f, x).T)]),
+            "jac_g": ca.Function("jac_g", given, [g, ca.vertcat(jacobian, matrix)]),
+            "hess_lag": ca.Function(
+                "hess_lag",
+                [*given, weight, multipliers],
+                [ca.diagcat(hessian, ca.MX(more, more))],
+            ),
+        }
+        nlp = {"x": x, "p": p, "f": f, "g": g}
+        return ca.nlpsol("motion", "ipopt", nlp, _OPTIONS | functions)
+
+    def _kept(
+        self, given: Mapping[str, FloatArray], trust_rad: float, rows: ClearanceRows
+    ) -> dict[str, FloatArray]:
+        """What the solver is given otherwise where clearance is kept."""
+        x0, low, high = given["x0"], given["lbx"].copy(), given["ubx"].copy()
+        for controls in self._unknowns.controls:
+            near = controls[controls < self._unknowns.count]
+            low[near] = np.maximum(low[near], x0[near] - trust_rad)
+            high[near] = np.minimum(high[near], x0[near] + trust_rad)
+        none = np.zeros(rows.shortfalls)
+        return {
+            "x0": np.concatenate([x0, none]),
+            "lbx": np.concatenate([low, none]),
+            "ubx": np.concatenate([high, none + MOST_SHORTFALL_M]),
+            "lbg": np.concatenate([given["lbg"], rows.low]),
+            "ubg": np.concatenate([given["ubg"], np.full(len(rows.low), np.inf)]),
+        }
 
     def _bounds(self, limits: JointLimits) -> tuple[FloatArray, FloatArray]:
         """Of the unknowns: controls within the limits, as then the motion is."""
         unknowns = self._unknowns
         low, high = np.zeros(unknowns.count), np.ones(unknowns.count)  # of fractions
         low[unknowns.durations], high[unknowns.durations] = SHORTEST, LONGEST
-        high[unknowns.shortfalls] = MOST_SHORTFALL_M
         for controls in unknowns.controls:
             is_unknown = controls < unknowns.count
             for values, bounds in ((low, limits.q_min), (high, limits.q_max)):
@@ -204,21 +218,34 @@ class MotionProgram:
         return tuple(trajectory_of(c, t * slower, limits) for c, t in splines)
 
 
-def _derivatives(nlp: dict[str, ca.MX], rows: Sequence[Rows]) -> dict[str, ca.Function]:
-    """Those that IPOPT asks for."""
-    x, f, g = nlp["x"], nlp["f"], nlp["g"]
-    given = [x, nlp["p"]]
-    multipliers, weight = ca.MX.sym("multipliers", g.shape[0]), ca.MX.sym("weight")
-    sizes = np.cumsum([0, *(each.g.shape[0] for each in rows)]).tolist()
-    parts = ca.vertsplit(multipliers, sizes)
-    hessian = sum(
-        (each.hessian(part) for each, part in zip(rows, parts, strict=True)),
-        start=ca.MX(*x.shape[:1] * 2),
-    )
-    jacobian = ca.vertcat(*(each.jacobian for each in rows))
-    gradient = ca.densify(ca.jacobian(f, x).T)
-    return {
-        "grad_f": ca.Function("grad_f", given, [f, gradient]),
-        "jac_g": ca.Function("jac_g", given, [g, jacobian]),
-        "hess_lag": ca.Function("hess_lag", [*given, weight, multipliers], [hessian]),
-    }
+class _RowFunctions(NamedTuple):
+    """All rows of a program but those of clearance, as functions of unknowns and numbers."""
+
+    value: ca.Function
+    jacobian: ca.Function
+    hessian: ca.Function
+    numbers: int
+
+    @classmethod
+    def of(cls, rows: Sequence[Rows], x: ca.MX, numbers: ca.MX) -> _RowFunctions:
+        """Stack the rows."""
+        sizes = [each.g.shape[0] for each in rows]
+        multipliers = ca.MX.sym("multipliers", sum(sizes))
+        parts = ca.vertsplit(multipliers, np.cumsum([0, *sizes]).tolist())
+        each_part = zip(rows, parts, strict=True)
+        start = ca.MX(x.shape[0], x.shape[0])
+        hessian = sum((each.hessian(part) for each, part in each_part), start=start)
+        given = [x, numbers]
+        return cls(
+            ca.Function("rows", given, [ca.vertcat(*(each.g for each in rows))]),
+            ca.Function("jacobian", given, [ca.vertcat(*(each.jacobian for each in rows))]),
+            ca.Function("hessian", [*given, multipliers], [hessian]),
+            int(numbers.shape[0]),
+        )
+
+
+def _answer(solver: ca.Function, given: Mapping[str, FloatArray]) -> FloatArray | None:
+    """The unknowns that a solver finds; None where it fails."""
+    answer = solver(**given)
+    found: FloatArray = np.array(answer["x"]).ravel()
+    return found if solver.stats()["success"] else None

@@ -18,14 +18,10 @@ import casadi as ca
 import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
-from planner.collision.obstacles import JOINTS
 from planner.motion.program.phases import Phase
 from planner.motion.program.sparse import Rows, SparseSum, constant
 from planner.motion.program.unknowns import Numbers, Unknowns
 from planner.splines import AT_KNOT, DIFFERENCES
-
-_ONE = 3 * JOINTS
-"""Stands behind the limits."""
 
 
 class _Terms(NamedTuple):
@@ -35,7 +31,7 @@ class _Terms(NamedTuple):
         rows: to which row each belongs, shape (m,).
         phases: whose duration counts, shape (m,).
         powers: of the duration, shape (m,).
-        bounds: which of the limits it is divided by, shape (m,).
+        bounds: which of the limits it is divided by, shape (m,); 1 stands behind these.
         columns: the controls, shape (m, k).
         weights: of the controls, shape (m, k).
     """
@@ -67,7 +63,7 @@ def spline_rows(phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: 
     Where the first phase begins at speed, how far that is from the start, 0.
     """
     groups: list[_Terms] = []
-    count = 0
+    count, joints = 0, unknowns.joints
     for k, phase in enumerate(phases):
         for order, weights in enumerate(DIFFERENCES, 1):
             scaled = weights * phase.intervals**order
@@ -78,10 +74,10 @@ def spline_rows(phases: Sequence[Phase], unknowns: Unknowns, x: ca.MX, numbers: 
         if not phases[k].rests:
             intervals = phases[k].intervals, phases[k + 1].intervals
             groups += _joined(count, k, intervals, unknowns.controls)
-            count += len(AT_KNOT) * JOINTS
+            count += len(AT_KNOT) * joints
     if phases[0].enters:
         groups += _starting(count, unknowns)
-        count += JOINTS
+        count += joints
     high = np.where(np.arange(count) < limited, 1.0, 0.0)
     return _differentiated(groups, high, unknowns, x, numbers)
 
@@ -90,7 +86,8 @@ def _limited(first: int, phase: int, order: int, controls: Indices, weights: Flo
     """A row for each control of a derivative that is not always zero."""
     windows = np.lib.stride_tricks.sliding_window_view(controls, len(weights), axis=0)
     moves = (windows != windows[..., :1]).any(axis=-1)
-    bounds = np.broadcast_to(JOINTS * (order - 1) + np.arange(JOINTS), moves.shape)[moves]
+    joints = controls.shape[1]
+    bounds = np.broadcast_to(joints * (order - 1) + np.arange(joints), moves.shape)[moves]
     rows = first + np.arange(len(bounds))
     return _Terms.of(rows, (phase, order), bounds, windows[moves], weights)
 
@@ -98,11 +95,12 @@ def _limited(first: int, phase: int, order: int, controls: Indices, weights: Flo
 def _joined(
     first: int, phase: int, intervals: tuple[int, int], controls: Sequence[Indices]
 ) -> list[_Terms]:
-    """Seven rows for each order: the end of a phase less the start of the next."""
+    """A row for each joint and order: the end of a phase less the start of the next."""
     before, after = controls[phase][-3:].T, controls[phase + 1][:3].T
-    one, found = np.full(JOINTS, _ONE), []
+    joints, found = len(before), []
+    one = np.full(joints, 3 * joints)
     for order, weights in enumerate(AT_KNOT):
-        rows = first + JOINTS * order + np.arange(JOINTS)
+        rows = first + joints * order + np.arange(joints)
         end, start = (weights * count**order for count in intervals)
         found.append(_Terms.of(rows, (phase, order), one, before, end))
         found.append(_Terms.of(rows, (phase + 1, order), one, after, -start))
@@ -110,9 +108,10 @@ def _joined(
 
 
 def _starting(first: int, unknowns: Unknowns) -> list[_Terms]:
-    """Seven rows: the first position less the one that is given."""
-    rows, one = first + np.arange(JOINTS), np.full(JOINTS, _ONE)
-    given = unknowns.count + np.arange(JOINTS)[:, None]
+    """A row for each joint: the first position less the one that is given."""
+    joint = np.arange(unknowns.joints)
+    rows, one = first + joint, np.full_like(joint, 3 * len(joint))
+    given = unknowns.count + joint[:, None]
     return [
         _Terms.of(rows, (0, 0), one, unknowns.controls[0][:3].T, AT_KNOT[0]),
         _Terms.of(rows, (0, 0), one, given, np.full(1, -1.0)),

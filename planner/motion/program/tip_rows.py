@@ -13,7 +13,6 @@ import casadi as ca
 import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
-from planner.collision.obstacles import JOINTS
 from planner.motion.program.nodes import NodeFunctions, above, moving, on_line
 from planner.motion.program.phases import Phase
 from planner.motion.program.sparse import Rows, SparseSum, constant
@@ -171,16 +170,17 @@ def _inputs(knots: Sequence[_Knot], unknowns: Unknowns, inputs: int) -> tuple[In
     The inputs are the joint angles; or these and the fraction; or these, two derivatives by the
     fraction of the duration, and the duration.
     """
-    shape, orders = (len(knots), inputs, 3), max(1, inputs // JOINTS)
+    joints = unknowns.joints
+    shape, orders = (len(knots), inputs, 3), max(1, inputs // joints)
     columns, weights = np.zeros(shape, dtype=np.intp), np.zeros(shape)
     for row, knot in enumerate(knots):
         controls = unknowns.controls[knot.phase]
         fractions, intervals = unknowns.fractions[knot.phase], len(controls) - 3
         for order in range(orders):
-            angles = slice(JOINTS * order, JOINTS * (order + 1))
+            angles = slice(joints * order, joints * (order + 1))
             columns[row, angles] = controls[knot.place : knot.place + 3].T
             weights[row, angles] = AT_KNOT[order] * intervals**order
-        if inputs % JOINTS and fractions is not None:
+        if inputs % joints and fractions is not None:
             of_phase = unknowns.durations[knot.phase]
             columns[row, -1] = of_phase if orders > 1 else fractions[knot.place]
             weights[row, -1, 0] = 1.0

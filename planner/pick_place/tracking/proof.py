@@ -5,7 +5,7 @@ speed a Baxter cuts the corners between lines by centimetres. Given bounds on ho
 (`planner.motion.response.Response`), its joints are in a tube at every time
 (`planner.motion.tracking_tube`, where the theorem is), and wherever they are in it, together or
 each at its worst, all pairs of shapes are apart (`planner.collision.continuous.tube_proof`). Of
-each move it is stated by how much, in the situation of that move.
+each move it is stated by how much, in the state of that move.
 
 What the move may touch on purpose cannot be proven to be apart from an arm that is off its path:
 the fingers pass a block at some 2.5 mm. As long as these are not proven to be apart, the hand is
@@ -16,7 +16,7 @@ not proven; the tip's distance from its goal when they close is stated.
 Assumed, and not covered: joints that follow otherwise than to first order with an error, as they do
 at the robot's own cap of speed (`rate_rad_s`), where they are pushed or held, or while it avoids
 collisions by itself; a stream that halts for longer than `late_s` in all since the arm last rested,
-unless the least lag is zero; bodies elsewhere than the plan's situation has them, what the hand
+unless the least lag is zero; bodies elsewhere than the plan's state has them, what the hand
 holds otherwise; links two joints apart, which are known never to meet within the joint limits, that
 the start and the error may leave by themselves; and the travel of fingers, as the plan's own proofs
 have the arm at its goal.
@@ -29,17 +29,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from baxter_kin import Baxter
 from baxter_kin.errors import expect
 from baxter_kin.validation import finite_scalar
 from planner.clearance import checked_margin_m
+from planner.completion import manipulator_for, move_contexts
 from planner.errors import ResponseError, TaskError
 from planner.manipulator import Manipulator
 from planner.motion.response import Response
 from planner.motion.tracking_tube import JointRange
 from planner.pick_place.tracking.result import TrackingProof
 from planner.pick_place.tracking.runs import RunFound, TrackingDemands, check_rests, runs_of
-from planner.pick_place.tracking.situations import contexts_of
 from planner.plan import Plan, PlanFailure
 
 MOST_OFF_M = 0.04
@@ -65,7 +64,7 @@ def prove_tracking(
     """Whether a plan stays clear on an arm that follows its set-points so.
 
     Args:
-        plan: as planned, with its situation.
+        plan: as planned, with its state.
         response: bounds on how the arm follows, and how set-points are sent.
         margin_m: distance that every pair shall keep wherever the joints may be, contacts on
             purpose left out; not negative.
@@ -81,7 +80,7 @@ def prove_tracking(
 
     Raises:
         TaskError: when an argument is of another class, the plan is for another robot, does not say
-            its situation, or its grips contradict that.
+            its state, or its grips contradict that.
         ResponseError: when the response is of another class, or a number is out of range.
         MotionError: when the margin is not a number, or negative.
         TrajectoryError: when a move does not end at rest where fingers act, or at the end.
@@ -96,7 +95,7 @@ def prove_tracking(
     if plan.failure is not None:
         reason = f"the plan itself is not valid: {plan.failure}"
         return TrackingProof(response, (), *asked, np.zeros(7), None, reason)
-    return PlanTracking(plan, manipulator, asked).proof(response, seek_speed=seek_speed)
+    return _PlanTracking(plan, manipulator, asked).proof(response, seek_speed=seek_speed)
 
 
 def planned_for(
@@ -117,7 +116,7 @@ def planned_for(
     if plan.failure is not None:
         return plan
     asked = TrackingDemands(margin_m, MOST_OFF_M, START_RAD)
-    tracking = PlanTracking(plan, manipulator, asked)
+    tracking = _PlanTracking(plan, manipulator, asked)
     proof = tracking.proof(response)
     if proof.greatest_speed is not None:
         return replace(plan, response=response.at_speed(proof.greatest_speed))
@@ -126,22 +125,21 @@ def planned_for(
     return replace(plan, failure=PlanFailure(failed.label, reason))
 
 
-class PlanTracking:
+class _PlanTracking:
     """A valid plan, and what can be found of it for any response."""
 
     def __init__(self, plan: Plan, manipulator: Manipulator | None, asked: TrackingDemands) -> None:
         """Find the situations of its moves.
 
         Raises:
-            TaskError: when the plan is for another robot, or does not fit its situation.
+            TaskError: when the plan is for another robot, or does not fit its state.
             TrajectoryError: when a move does not end at rest where fingers act, or at the end.
         """
-        arm = _stock(plan.limb) if manipulator is None else manipulator
-        expect(arm, Manipulator, "manipulator", TaskError)
+        arm = manipulator_for(plan, manipulator)
         _check_robot(plan, arm)
         self._q_start, self._asked = plan.q_start, asked
         check_rests(plan.steps)
-        self._runs = tuple(runs_of(plan.moves, contexts_of(plan, arm)))
+        self._runs = tuple(runs_of(plan.moves, move_contexts(plan, arm)))
 
     def proof(self, response: Response, *, seek_speed: bool = True) -> TrackingProof:
         """What is proven of every move, and the greatest speed that would pass."""
@@ -199,13 +197,7 @@ def _advice(response: Response, speed: float | None) -> str:
     return f"; at speed {speed:.2f} instead of {response.speed:.2f} it is proven"
 
 
-def _stock(limb: str) -> Manipulator:
-    return Manipulator.of(Baxter.load(), limb)
-
-
 def _check_robot(plan: Plan, manipulator: Manipulator) -> None:
-    if manipulator.arm.side != plan.limb:
-        raise TaskError(f"the plan is for the {plan.limb} arm, the manipulator is the other one")
     difference = "" if plan.robot is None else manipulator.identity.difference(plan.robot)
     if difference:
         raise TaskError(

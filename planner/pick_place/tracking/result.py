@@ -8,7 +8,7 @@ from baxter_kin.validation import Checked, FloatArray, check_fields, float_array
 from baxter_kin.value_objects import Frozen, OneLine, clear, count, millimetres, phrase, sentence
 from planner.clearance import Clearance
 from planner.errors import TaskError
-from planner.motion.response import JOINTS, Response
+from planner.motion.response import Response
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -79,8 +79,9 @@ class TrackingProof(Frozen, OneLine):
     def __post_init__(self) -> None:
         check_fields(self, TaskError)
         rates = float_array(self.rate_rad_s, "rate_rad_s", TaskError)
-        if rates.shape != (JOINTS,):
-            raise TaskError(f"rate_rad_s has shape {rates.shape}; it must have shape {(JOINTS,)}")
+        expected = self.response.settled_error_rad.shape
+        if rates.shape != expected:
+            raise TaskError(f"rate_rad_s has shape {rates.shape}; it must have shape {expected}")
         rates.setflags(write=False)
         object.__setattr__(self, "rate_rad_s", rates)
 

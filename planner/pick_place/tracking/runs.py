@@ -12,7 +12,6 @@ from baxter_kin.validation import FloatArray, Indices
 from planner.collision.context import CollisionContext
 from planner.collision.continuous.box_bounds import BoxBounds
 from planner.collision.continuous.joint_tube import JointTube
-from planner.collision.continuous.motion import outer_first
 from planner.collision.continuous.tube_contacts import unproven_cells
 from planner.collision.continuous.tube_proof import TubeClearance, prove_tube
 from planner.errors import TrajectoryError
@@ -93,7 +92,7 @@ def _rests(move: Move) -> bool:
 
 
 def runs_of(moves: Sequence[Move], contexts: Sequence[CollisionContext]) -> Iterator[TrackedRun]:
-    """Moves of a plan in order, with the situation of each, cut where the arm rests."""
+    """Moves of a plan in order, with the state of each, cut where the arm rests."""
     pending: list[tuple[Move, CollisionContext]] = []
     for each in zip(moves, contexts, strict=True):
         pending.append(each)
@@ -170,7 +169,7 @@ class _TrackedMove:
     """One move of a run, and what can be found of it beforehand."""
 
     def __init__(self, move: Move, context: CollisionContext, trajectory: Trajectory) -> None:
-        """For a move, its situation, and the motion of the whole run."""
+        """For a move, its state, and the motion of the whole run."""
         checker = context.checker
         self._label, self._bounds = move.label, BoxBounds(checker, context.q_others)
         self._free = np.flatnonzero(~checker.may_touch)
@@ -237,7 +236,8 @@ def _corners_at_tip(context: CollisionContext, pairs: Indices) -> FloatArray:
     """Corners of a box around what moves of some pairs, seen from the tip, shape (8, 3), m."""
     checker = context.checker
     bounds, covers, arm = checker.motion_bounds, checker.checked.covers, checker.arm
-    shapes = np.unique(outer_first(checker.pairs[pairs], bounds.depth)[0])
+    shapes = np.unique(checker.pairs[pairs])
+    shapes = shapes[bounds.moves[shapes].any(axis=1)]
     poses = bounds.place(context.q_others, arm.neutral[None]).shapes[0, shapes]
     at_tip = np.linalg.inv(arm.T_base_tip(arm.neutral).homogeneous) @ poses
     boxes = np.stack([covers.lowest[shapes], covers.highest[shapes]], axis=1)

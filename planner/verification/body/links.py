@@ -32,11 +32,6 @@ ROUNDING = 1e-9
 """How far from the drawings, m and of rotations, a joint may be and still count as drawn."""
 
 
-def joints_between(model: pin.Model, first: int, second: int) -> int:
-    """How many joints move one joint's links relative to another's."""
-    return len(set(_chain(model, first)) ^ set(_chain(model, second)))
-
-
 class OwnPairs:
     """The pairs of a robot's own links."""
 

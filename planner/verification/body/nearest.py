@@ -68,7 +68,7 @@ class _Gaps:
         )
 
 
-class NearestSearch:
+class _NearestSearch:
     """One search over some pairs between two samples.
 
     Attributes:
@@ -174,7 +174,7 @@ def nearest(
     distances: SolidDistances, pairs: list[int], first: int, last: int, touch_m: float = -np.inf
 ) -> tuple[Nearest, dict[int, dict[int, float]]]:
     """The least distance of pairs from one sample to another, and the touching found on the way."""
-    search = NearestSearch(distances, pairs, first, last, touch_m=touch_m)
+    search = _NearestSearch(distances, pairs, first, last, touch_m=touch_m)
     return search.run(), search.touching
 
 
@@ -182,13 +182,13 @@ def is_farther(
     distances: SolidDistances, pairs: list[int], first: int, last: int, wanted_m: float
 ) -> Nearest:
     """The least distance, not told apart beyond what is wanted."""
-    return NearestSearch(distances, pairs, first, last, ceiling_m=wanted_m).run()
+    return _NearestSearch(distances, pairs, first, last, ceiling_m=wanted_m).run()
 
 
 def all_touching(
     distances: SolidDistances, pairs: list[int], first: int, last: int, touch_m: float
 ) -> dict[int, dict[int, float]]:
     """Every sample of each pair that is at most so far apart, with the distance."""
-    search = NearestSearch(distances, pairs, first, last, touch_m=touch_m, is_all=True)
+    search = _NearestSearch(distances, pairs, first, last, touch_m=touch_m, is_all=True)
     search.run()
     return search.touching

@@ -10,13 +10,12 @@ The planner's shapes are others. Of the description's shapes
   ring among the collision shapes, and the cylinders of `*_upper_forearm_visual` and
   `*_upper_elbow_visual`, links that exist to be looked at but have nothing to see.
 
-Where the mesh files cannot be read, the planner's stored body stands for them, and `source` says
-so: then the planner's shapes are on both sides of the check.
+Where the mesh files cannot be read, nothing stands for them: the planner's stored body would judge
+itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from operator import itemgetter
@@ -24,13 +23,14 @@ from operator import itemgetter
 import pinocchio as pin
 
 from baxter_kin.description import RobotDescription
+from baxter_kin.distribution.extras import run_to_install
 from baxter_kin.errors import DescriptionError
-from planner.collision.robot.hand_body import fitted
-from planner.collision.robot.robot_body import RobotBody as StoredBody
-from planner.scene.contact import convex, surface
 from planner.verification.body.solid import Solid
 from planner.verification.body.urdf_shapes import UrdfShape, link_shapes
 from planner.verification.urdf_robot import read_model
+
+DISTRIBUTION = "example-robot-data"
+"""The package that brings the meshes."""
 
 NO_PARTS = ("collision_head_link_", "_forearm_visual", "_elbow_visual")
 """In names of links that are no parts of the robot."""
@@ -49,7 +49,11 @@ class SolidBody:
     """
 
     solids: tuple[Solid, ...]
-    source: str
+    source: str = "Rethink's meshes"
+
+
+class MissingMeshesError(DescriptionError):
+    """The meshes of the robot cannot be read, so there is nothing to measure distances on."""
 
 
 @lru_cache(maxsize=8)
@@ -60,34 +64,25 @@ def robot_body(description: RobotDescription) -> SolidBody:
 
     Raises:
         DescriptionError: when the URDF cannot be read.
-        BodyFileError: when neither the meshes nor the stored body can be read.
+        MissingMeshesError: when its meshes cannot be read; says which package brings them.
     """
     model = read_model(description)
-    shapes, source = _shapes(description)
+    shapes = _shapes(description)
     there = [shape for shape in shapes if _is_there(model, shape.link)]
     placed = sorted(((_frame(model, shape.link), shape) for shape in there), key=itemgetter(0))
     measured: dict[int, Solid] = {}
     solids = tuple(_solid(model.frames[frame], shape, measured) for frame, shape in placed)
-    return SolidBody(solids, source)
+    return SolidBody(solids)
 
 
-def _shapes(description: RobotDescription) -> tuple[tuple[UrdfShape, ...], str]:
-    """The shapes of all links, and what they are."""
+def _shapes(description: RobotDescription) -> list[UrdfShape]:
+    """The shapes of all links."""
     try:
-        shapes = link_shapes(description.stock, NO_PARTS, description.text)
-        return tuple(shapes), "Rethink's meshes"
+        return link_shapes(description.stock, NO_PARTS, description.text)
     except DescriptionError as cause:
-        stored = tuple(_stored_shapes(description))
-        return stored, f"the planner's own body, since {cause}"
-
-
-def _stored_shapes(description: RobotDescription) -> Iterator[UrdfShape]:
-    """The triangles and pieces that the planner takes the links to be."""
-    for link in fitted(StoredBody.load(), description).links.values():
-        if not link.is_in_pieces:
-            yield UrdfShape(link.name, pin.SE3.Identity(), surface(*link.surface))
-        for piece in link.pieces if link.is_in_pieces else ():
-            yield UrdfShape(link.name, pin.SE3.Identity(), convex(*piece))
+        raise MissingMeshesError(
+            f"{cause}; the package {DISTRIBUTION} brings the meshes: {run_to_install(DISTRIBUTION)}"
+        ) from cause
 
 
 def _is_there(model: pin.Model, link: str) -> bool:

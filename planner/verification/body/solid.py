@@ -53,7 +53,7 @@ class Solid:
     @classmethod
     def of(cls, name: str, joint: int, T_joint_shape: pin.SE3, shape: Any) -> Solid:
         """With the cover and the ball computed."""
-        cover = convex_cover(shape)
+        cover = _convex_cover(shape)
         centre, radius = _ball(shape)
         return cls(name, joint, pin.SE3(T_joint_shape), shape, cover, centre, radius)
 
@@ -86,7 +86,7 @@ def distance_request() -> Any:
     return request
 
 
-def convex_cover(shape: Any) -> Any:
+def _convex_cover(shape: Any) -> Any:
     """A convex shape around it: itself, or the hull of its vertices."""
     if isinstance(shape, coal.ShapeBase):
         return shape

@@ -21,7 +21,7 @@ NO_MOVES = "no moves"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JudgedMotion:
+class _JudgedMotion:
     """A move and its polynomials."""
 
     move: Move
@@ -32,7 +32,7 @@ def motion_checks(
     plan: Plan, robot: UrdfRobot, judge: JointLimits, allowed: Tolerances
 ) -> Iterator[Check]:
     """Every check that needs no shapes and no tip; limits are those of the judge."""
-    motions = [JudgedMotion(move, Cubics(move.trajectory)) for move in plan.moves]
+    motions = [_JudgedMotion(move, Cubics(move.trajectory)) for move in plan.moves]
     yield _joints(motions, robot)
     yield _knot_order(motions)
     yield _stated(motions, judge, allowed)
@@ -40,21 +40,29 @@ def motion_checks(
     yield from _knots(motions, allowed)
     yield from _joins(plan, motions, allowed)
     yield from _rests(plan, allowed)
+    yield from _claims(plan)
 
 
-def _joints(motions: list[JudgedMotion], robot: UrdfRobot) -> Check:
+def _claims(plan: Plan) -> Iterator[Check]:
+    """No claim can be certified that this version does not know; it knows none."""
+    unknown = [f"{move.label}: {claim.kind}" for move in plan.moves for claim in move.claims]
+    if unknown:
+        yield Worst(len(unknown), unknown[0]).at_most(0.0, "claims that are not known")
+
+
+def _joints(motions: list[_JudgedMotion], robot: UrdfRobot) -> Check:
     names = robot.arm_names
     foreign = [m.move.label for m in motions if m.move.trajectory.limits.names != names]
     where = ", ".join(foreign) if foreign else f"{names[0]} .. {names[-1]}"
     return Worst(len(foreign), where).at_most(0.0, "foreign joints", "moves")
 
 
-def _knot_order(motions: list[JudgedMotion]) -> Check:
+def _knot_order(motions: list[_JudgedMotion]) -> Check:
     steps = (Worst(float(m.cubics.lengths_s.min(initial=np.inf)), m.move.label) for m in motions)
     return least(steps, NO_MOVES).above(0.0, "time between knots", "s")
 
 
-def _stated(motions: list[JudgedMotion], judge: JointLimits, allowed: Tolerances) -> Check:
+def _stated(motions: list[_JudgedMotion], judge: JointLimits, allowed: Tolerances) -> Check:
     """Whether a plan claims limits above those it is judged by."""
     claims = [
         _claim(motion, name, np.asarray(getattr(judge, name)))
@@ -65,7 +73,7 @@ def _stated(motions: list[JudgedMotion], judge: JointLimits, allowed: Tolerances
     return claimed.at_most(1.0 + allowed.ratio, "stated limits of those judged by")
 
 
-def _claim(motion: JudgedMotion, name: str, bounds: FloatArray) -> Worst:
+def _claim(motion: _JudgedMotion, name: str, bounds: FloatArray) -> Worst:
     stated = np.asarray(getattr(motion.move.trajectory.limits, name))
     joint = int(np.argmax(stated / bounds))
     where = (
@@ -76,7 +84,7 @@ def _claim(motion: JudgedMotion, name: str, bounds: FloatArray) -> Worst:
 
 
 def _limits(
-    motions: list[JudgedMotion], judge: JointLimits, allowed: Tolerances
+    motions: list[_JudgedMotion], judge: JointLimits, allowed: Tolerances
 ) -> Iterator[Check]:
     """The judge's limits or those that the plan states, whichever are stricter."""
 
@@ -100,13 +108,13 @@ def _limits(
     yield jerk.at_most(ratio, "jerk of limit")
 
 
-def _extreme(motion: JudgedMotion, measure: Callable[[States, JointLimits], FloatArray]) -> Worst:
+def _extreme(motion: _JudgedMotion, measure: Callable[[States, JointLimits], FloatArray]) -> Worst:
     """The greatest of a measure over a move."""
     states = motion.cubics.critical_states()
     return _of_joint(motion, states.time_s, measure(states, motion.move.trajectory.limits))
 
 
-def _jerk(motion: JudgedMotion, judge: JointLimits) -> Worst:
+def _jerk(motion: _JudgedMotion, judge: JointLimits) -> Worst:
     cubics = motion.cubics
     share = abs(cubics.jerks) / np.minimum(judge.j_max, motion.move.trajectory.limits.j_max)
     if not share.size:
@@ -115,7 +123,7 @@ def _jerk(motion: JudgedMotion, judge: JointLimits) -> Worst:
     return _of_joint(motion, starts, share)
 
 
-def _knots(motions: list[JudgedMotion], allowed: Tolerances) -> Iterator[Check]:
+def _knots(motions: list[_JudgedMotion], allowed: Tolerances) -> Iterator[Check]:
     for number, (name, unit) in enumerate(QUANTITIES):
         found = greatest(
             (
@@ -128,7 +136,7 @@ def _knots(motions: list[JudgedMotion], allowed: Tolerances) -> Iterator[Check]:
         yield found.at_most(allowed.state, f"{name} jump at knots", unit)
 
 
-def _joins(plan: Plan, motions: list[JudgedMotion], allowed: Tolerances) -> Iterator[Check]:
+def _joins(plan: Plan, motions: list[_JudgedMotion], allowed: Tolerances) -> Iterator[Check]:
     still = np.zeros_like(plan.q_start)
     for number, (name, unit) in enumerate(QUANTITIES):
         before, found = (plan.q_start if number == 0 else still), []
@@ -168,14 +176,14 @@ def _of_state(label: str, move: Move, number: int) -> Worst:
     return Worst(_number(state[joint]), f"{label}, {move.trajectory.limits.names[joint]}")
 
 
-def _of_joint(motion: JudgedMotion, times_s: FloatArray, values: FloatArray) -> Worst:
+def _of_joint(motion: _JudgedMotion, times_s: FloatArray, values: FloatArray) -> Worst:
     """The greatest of values, shape (k, n), with its move, time and joint."""
     row, joint = np.unravel_index(int(np.argmax(values)), values.shape)
     where = f"{motion.move.label}, {times_s[row, joint]:.4f} s, {_joint_name(motion, int(joint))}"
     return Worst(_number(values[row, joint]), where)
 
 
-def _joint_name(motion: JudgedMotion, joint: int) -> str:
+def _joint_name(motion: _JudgedMotion, joint: int) -> str:
     return motion.move.trajectory.limits.names[joint]
 
 

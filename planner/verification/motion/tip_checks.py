@@ -34,7 +34,7 @@ SHORTEST_LINE_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class LineDeviation:
+class _LineDeviation:
     """How far a tip leaves its line.
 
     Attributes:
@@ -72,7 +72,7 @@ def tip_checks(
 
 def line_deviation(
     trajectory: Trajectory, robot: UrdfRobot, q_standing: FloatArray, allowed: Tolerances
-) -> LineDeviation:
+) -> _LineDeviation:
     """How far the tip leaves the straight line between its first and last pose.
 
     The orientation that belongs to a point of the line is the share of the shortest rotation that
@@ -87,7 +87,7 @@ def line_deviation(
     between_m, between_rad = _between(cubics, looks, reach_m, turn_per_m)
     off, turned = np.array([_off_line(robot.T_base_tip(q_standing, q), *ends) for q in looks.q]).T
     first, second = int(off.argmax()), int(turned.argmax())
-    return LineDeviation(
+    return _LineDeviation(
         float(off[first]),
         float(looks.times_s[first]),
         float(turned[second]),

@@ -49,7 +49,7 @@ PATH_S, TIP_S = 2e-3, 5e-3
 
 
 @dataclass(frozen=True, slots=True)
-class TrackedMove:
+class _TrackedMove:
     """What was found of one move.
 
     Attributes:
@@ -64,7 +64,7 @@ class TrackedMove:
     off_goal: Worst | None
 
 
-def tracking_checks(found: Sequence[TrackedMove], allowed: Tolerances) -> Iterator[Check]:
+def tracking_checks(found: Sequence[_TrackedMove], allowed: Tolerances) -> Iterator[Check]:
     """Clearance, and where the tip may be."""
     clearance = least((move.clearance for move in found), NO_MOVES)
     yield clearance.above(allowed.clearance_m, "tracking: clearance", "m")
@@ -94,7 +94,7 @@ class Follower(NamedTuple):
 
 def tracked(
     stages: Iterable[Stage], follower: Follower, allowed: Tolerances
-) -> Iterator[TrackedMove]:
+) -> Iterator[_TrackedMove]:
     """Follow an arm along the moves of a plan.
 
     Args:
@@ -151,7 +151,7 @@ class _TrackedRun:
         self._boxes = BoxDistances(self._robot, self._pairs, self._standing, run.finger_m)
         self._sections = {id(section.step): section for section in self._stretch.sections}
 
-    def moves(self, moves: Sequence[Move], tube: ResponseTube) -> Iterator[TrackedMove]:
+    def moves(self, moves: Sequence[Move], tube: ResponseTube) -> Iterator[_TrackedMove]:
         """What is found of moves that only the last of ends at rest."""
         path = self._path(moves)
         for number, move in enumerate(moves):
@@ -165,7 +165,7 @@ class _TrackedRun:
                 low, high = tube.next_start(self._allowed.settled_rad, self._error)
                 settled = low - self._error, high + self._error
                 off_goal = self._off_goal(move, settled, path[-1:])
-            yield TrackedMove(self._clearance(move, tube, span, counted), off_path, off_goal)
+            yield _TrackedMove(self._clearance(move, tube, span, counted), off_path, off_goal)
 
     def _touched(self, section: Section) -> Indices:
         """The pairs that may touch on purpose, and the palm with what its fingers may touch."""

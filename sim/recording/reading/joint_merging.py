@@ -4,12 +4,18 @@ A real Baxter has two publishers on one topic: all joints at 100 Hz, and the joi
 at 38 Hz. So a message counts for the joints that it names, and each joint keeps its last value
 until it is named again. A row stands at every time at which a joint of an arm was named, from where
 all of them have been.
+
+Messages are taken in the order in which they were recorded. One whose stamp is not after that of
+the message of the same joints before it is left out with a note, as a row of a CSV file is: the
+clock of a simulation that was started again begins anew, and its second run must not be mixed into
+the first.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,11 +66,12 @@ def merged_recording(
         RecordingError: when no topic has all joints of an arm, or several have, or the numbers
             cannot be of a Baxter's joints.
     """
-    told = tuple(notes)
+    told = (*notes, *_not_finite_notes(messages))
     chosen, others = _topic(messages, topic, told)
-    states = messages.states[chosen]
-    is_stamped = any(heard.stamp_ns for heard in states)
-    tracks = _tracks(states, is_stamped=is_stamped)
+    is_stamped = any(heard.stamp_ns for heard in messages.states[chosen])
+    states, late_states = _in_order(messages.states[chosen], is_stamped=is_stamped)
+    gripper_states, late_grippers = _in_order(messages.grippers, is_stamped=is_stamped)
+    tracks = _tracks(states)
     limbs = limbs_in(tracks)
     arms = {name: tracks[name] for side in limbs for name in arm_joints(side)}
     times = np.unique(np.concatenate([track.times for track in arms.values()]))
@@ -78,9 +85,14 @@ def merged_recording(
     held = {name: track.held(times) for name, track in tracks.items() if name in robot.joint_names}
     rows = Rows(times_s, _joints(held, arms), place)
     percent = _finger_percent(held, robot)
-    grippers = _tracks(messages.grippers, is_stamped=is_stamped)
-    percent |= {side: track.held(times) for side, track in grippers.items()}
-    told = (*told, *_topic_notes(chosen, others), *_clock_notes(origin_ns))
+    percent |= {side: track.held(times) for side, track in _tracks(gripper_states).items()}
+    told = (
+        *told,
+        *_topic_notes(chosen, others),
+        *_order_notes(late_states, chosen),
+        *_order_notes(late_grippers, "the grippers"),
+        *_clock_notes(origin_ns),
+    )
     found = noted_recording(Measurement(rows, percent, told), robot)
     events = _events(messages.events, origin_ns)
     return found._replace(recording=replace(found.recording, events=events))
@@ -96,14 +108,39 @@ def _topic(
         raise RecordingError("; ".join([str(cause), *told])) from cause
 
 
-def _tracks(states: list[Heard], *, is_stamped: bool) -> dict[str, _Track]:
-    """What was told of each joint, in order of time."""
+class _Dated(NamedTuple):
+    """A message and the time that counts for it, ns: its stamp, or when it was recorded."""
+
+    at_ns: int
+    heard: Heard
+
+
+def _in_order(messages: list[Heard], *, is_stamped: bool) -> tuple[list[_Dated], list[_Dated]]:
+    """The messages by time, and those left out because time jumped back.
+
+    Each is compared with the last one of the same joints: publishers have clocks of their own.
+    """
+    kept: list[_Dated] = []
+    late: list[_Dated] = []
+    last_ns: dict[frozenset[str], int] = {}
+    for heard in sorted(messages, key=lambda each: each.time_ns):
+        dated = _Dated(heard.stamp_ns if is_stamped else heard.time_ns, heard)
+        names = frozenset(heard.names)
+        if names in last_ns and dated.at_ns <= last_ns[names]:
+            late.append(dated)
+        else:
+            last_ns[names] = dated.at_ns
+            kept.append(dated)
+    return sorted(kept, key=lambda each: each.at_ns), late
+
+
+def _tracks(messages: Iterable[_Dated]) -> dict[str, _Track]:
+    """What was told of each joint, of messages in order of time."""
     columns: dict[str, tuple[list[int], list[float]]] = {}
-    at = [heard.stamp_ns if is_stamped else heard.time_ns for heard in states]
-    for i in sorted(range(len(states)), key=at.__getitem__):
-        for name, value in zip(states[i].names, states[i].values, strict=True):
+    for at_ns, heard in messages:
+        for name, value in zip(heard.names, heard.values, strict=True):
             times, values = columns.setdefault(name, ([], []))
-            times.append(at[i])
+            times.append(at_ns)
             values.append(value)
     return {
         name: _Track(np.array(times, dtype=np.int64), np.array(values))
@@ -140,6 +177,26 @@ def _events(told: list[tuple[int, str]], origin_ns: int) -> tuple[Event, ...]:
         if kind in kinds:
             events.append(Event((time_ns - origin_ns) / NANOSECONDS, kinds[kind], text))
     return tuple(events)
+
+
+def _order_notes(late: list[_Dated], source: str) -> list[str]:
+    if not late:
+        return []
+    first_s = late[0].at_ns / NANOSECONDS
+    return [
+        f"{count(len(late), 'message')} of {source} did not come after the one before in time, "
+        f"the first stamped {first_s:.6f} s: left out"
+    ]
+
+
+def _not_finite_notes(messages: JointMessages) -> list[str]:
+    if not messages.not_finite:
+        return []
+    topic, time_ns = messages.not_finite[0]
+    return [
+        f"{count(len(messages.not_finite), 'message')} with a position that is not finite, the "
+        f"first on {topic}, recorded at {time_ns / NANOSECONDS:.6f} s: left out"
+    ]
 
 
 def _topic_notes(chosen: str, others: tuple[str, ...]) -> list[str]:

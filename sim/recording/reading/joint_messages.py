@@ -71,6 +71,8 @@ class JointMessages:
         states: joint states by topic.
         grippers: states of grippers.
         events: what happened, with times in ns; of files that are written here.
+        not_finite: of joint states that are left out for a position that is not finite, the topic
+            and when they were recorded, ns.
     """
 
     def __init__(self, file: object, told: Iterable[Told]) -> None:
@@ -83,6 +85,7 @@ class JointMessages:
         self.states: dict[str, list[Heard]] = {}
         self.grippers: list[Heard] = []
         self.events: list[tuple[int, str]] = []
+        self.not_finite: list[tuple[str, int]] = []
         for message in told:
             self._hear(message)
 
@@ -138,7 +141,8 @@ class JointMessages:
         if len(values) != len(names):
             raise RecordingError(f"has {len(values)} positions of {len(names)} joints")
         if not np.isfinite(values).all():
-            raise RecordingError("has a position that is no finite number")
+            self.not_finite.append((told.topic, told.time_ns))
+            return
         heard = Heard(_ns(message.header.stamp), told.time_ns, names, values.tolist())
         self.states.setdefault(told.topic, []).append(heard)
 

@@ -17,8 +17,9 @@ from sim.errors import RecordingError
 from sim.files import Line, checked_path, read_lines
 from sim.recording.log_recorder import FORMAT, READABLE
 from sim.recording.recorded_motion import RecordedMove
-from sim.recording.recorder import RecordingMemory, Row, StoredEvent
+from sim.recording.recorder import CommandSample, RecordingMemory, Row, StoredEvent
 from sim.recording.recording import NotedRecording
+from sim.samples import Sample
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,8 +58,6 @@ class _LogReader:
             raise RecordingError(f"has the entry {shown(kind)}; known are {', '.join(_KINDS)}")
         if self.stated is not None:
             raise RecordingError("comes after the end")
-        if kind == SAMPLE:
-            return
         value = from_json(data, _KINDS[kind], kind, RecordingError)
         if isinstance(value, _Snapshot):
             self._add(value)
@@ -68,6 +67,8 @@ class _LogReader:
             self.story.events.append(value.event(self.story.bodies))
         elif isinstance(value, RecordedMove):
             self.story.moves.append(value)
+        elif isinstance(value, Sample):
+            self.story.samples.append(CommandSample.of(value))
         else:
             self.stated = value
 
@@ -88,15 +89,12 @@ class _LogReader:
         rows.append(Row(shot.time_s, shot.q, shot.gripper_percent, self._poses, caption))
 
 
-SAMPLE = "sample"
-"""What was sent to a robot and measured; snapshots have all of it that a recording has."""
-
 _KINDS: Mapping[str, Any] = {
     "body": Body,
     "event": StoredEvent,
     "move": RecordedMove,
     "snapshot": _Snapshot,
-    SAMPLE: dict,
+    "sample": Sample,
     "end": int,
 }
 

@@ -30,7 +30,7 @@ CALLER = "/baxter_kin"
 """Who published the messages, as a bag says it."""
 
 
-class BagFile(MessageFile):
+class _BagFile(MessageFile):
     """A bag while it is being written."""
 
     def __init__(self, path: PathLike, joint_names: tuple[str, ...]) -> None:
@@ -75,7 +75,7 @@ class BagFile(MessageFile):
             self._forgotten += 1
 
 
-class BagRecorder(BagFile):
+class BagRecorder(_BagFile):
     """Writes a bag while the simulation runs.
 
     A run that is killed leaves all but the last chunk of `CHUNK_BYTES`, without an index; `rosbag
@@ -100,7 +100,7 @@ def write_bag(recording: Recording, path: PathLike) -> None:
     """
     names = expect(recording, Recording, "recording", RecordingError).joint_names
     nanoseconds(float(recording.times_s[0]))
-    file = BagFile(path, names)
+    file = _BagFile(path, names)
     try:
         retell(recording, file)
     finally:

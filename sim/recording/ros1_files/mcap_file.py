@@ -27,7 +27,7 @@ CHUNK_BYTES = 65_536
 """A chunk is written when it has so many bytes: 0.6 s at 100 Hz. Smaller ones compress less."""
 
 
-class McapFile(MessageFile):
+class _McapFile(MessageFile):
     """An MCAP file while it is being written."""
 
     def __init__(self, path: PathLike, joint_names: tuple[str, ...]) -> None:
@@ -59,7 +59,7 @@ class McapFile(MessageFile):
         self._writer.finish()  # type: ignore[no-untyped-call]  # of the library
 
 
-class McapRecorder(McapFile):
+class McapRecorder(_McapFile):
     """Writes MCAP while the simulation runs.
 
     A run that is killed leaves all but the last chunk of `CHUNK_BYTES`; `mcap recover` makes a
@@ -85,7 +85,7 @@ def write_mcap(recording: Recording, path: PathLike) -> None:
     """
     names = expect(recording, Recording, "recording", RecordingError).joint_names
     nanoseconds(float(recording.times_s[0]))
-    file = McapFile(path, names)
+    file = _McapFile(path, names)
     try:
         retell(recording, file)
     finally:

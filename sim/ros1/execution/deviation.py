@@ -13,7 +13,7 @@ import numpy as np
 
 from baxter_kin import Arm
 from baxter_kin.validation import FloatArray
-from sim.ros1.execution.samples import Sample
+from sim.samples import Sample
 
 WINDOW = 150
 """Set-points of 1.5 s."""

@@ -22,13 +22,13 @@ from sim.ros1.execution.guard.watch import Watch
 from sim.ros1.execution.link.baxter_link import BaxterLink
 from sim.ros1.execution.link.channel import ArmChannel
 from sim.ros1.execution.ready_plan import ExecutionOptions, ReadyPlan
-from sim.ros1.execution.samples import Sample
 from sim.ros1.execution.stops import Stop, StopCause
 from sim.ros1.execution.stream.arm_stream import ArmStream
 from sim.ros1.execution.stream.collection import short_collections
 from sim.ros1.execution.stream.fingers import CLOSED_PERCENT, FingerStep
 from sim.ros1.execution.stream.set_points import SentMotion, SetPoint, motions_of, slowed
 from sim.ros1.execution.twin import Twin
+from sim.samples import Sample
 
 CONNECT_S = 3.0
 """A robot that listens has connected by then."""
@@ -81,7 +81,7 @@ class Execution:
             self._cleanup.enter_context(short_collections())
             self._channel = self._cleanup.enter_context(ArmChannel(self._link, self._limb, names))
             self.watch = Watch(self._link, self._limb)
-            self.twin = Twin(self._ready.robot, self._ready.situation, self._observers)
+            self.twin = Twin(self._ready.robot, self._ready.plan.start, self._observers)
             self.twin.begin()
             self._cleanup.callback(self.twin.end)
         except BaseException:

@@ -6,6 +6,7 @@ the robot: only that the arm keeps clear of the robot itself is proven.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from itertools import groupby
 
@@ -16,19 +17,26 @@ from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.validation import FloatArray
 from planner import Manipulator, Move, Plan, Response, Scene, fit_response, plan_joint_move
 from planner.clearance import ContinuousProof
-from planner.situation import Situation
+from planner.state import State
 from sim.errors import RosError, SimulationError
+from sim.events import Event, EventKind
 from sim.ros1.execution.executor import RosExecutor
 from sim.ros1.execution.link.baxter_link import BaxterLink
 from sim.ros1.execution.ready_plan import ExecutionOptions
-from sim.ros1.execution.samples import Sample, SampleObserver
 from sim.ros1.execution.stops import StopCause
 from sim.ros1.execution.stream.set_points import Pace
+from sim.samples import Sample, SampleObserver
 
 STEP_RAD = 0.2
 """How far each joint moves: less does not tell a lag from noise, more comes too far around."""
 
 PACE = Pace(1.0)
+
+THERE, BACK = "there", "back"
+"""The two moves of a joint."""
+
+_LOG = logging.getLogger(__name__)
+"""Progress: which joint moves."""
 
 
 class Identification(SampleObserver):
@@ -60,8 +68,8 @@ class Identification(SampleObserver):
         moves = [move.trajectory for move in self._plan.moves]
         fastest = max(float(np.abs(each.v).max()) for each in moves)
         self.warning = (
-            f"each joint of the {limb} arm will move by {STEP_RAD:g} rad and back, one after the "
-            f"other, at up to {fastest:.1f} rad/s, {len(moves)} moves of "
+            f"each joint of the {limb} arm ({', '.join(JOINTS)}) will move by {STEP_RAD:g} rad and "
+            f"back, one after the other, at up to {fastest:.1f} rad/s, {len(moves)} moves of "
             f"{max(each.duration for each in moves):.1f} s at most; nobody knows what stands "
             "around the robot: keep the space around the arm free, and a hand on the emergency stop"
         )
@@ -69,6 +77,13 @@ class Identification(SampleObserver):
     def on_sample(self, sample: Sample) -> None:
         """Keep it."""
         self._samples.append(sample)
+
+    def on_event(self, event: Event) -> None:
+        """Log which joint begins to move."""
+        if event.kind is EventKind.MOVE_STARTED and event.move is not None:
+            joint, _, direction = event.move.label.partition(" ")
+            if direction == THERE:
+                _LOG.info("moving %s, joint %d of %d", joint, JOINTS.index(joint) + 1, len(JOINTS))
 
     def stop(self, cause: StopCause) -> None:
         """Ask for a stop."""
@@ -86,6 +101,7 @@ class Identification(SampleObserver):
         times = np.array([sample.time_s for sample in self._samples])
         sent = np.array([sample.q_sent for sample in self._samples])
         measured = np.array([sample.q_measured for sample in self._samples])
+        _LOG.info("fitting the lag of each joint to %d samples", len(times))
         return fit_response(times, sent, measured)
 
     def lines(self, response: Response) -> Iterator[str]:
@@ -106,13 +122,8 @@ class Identification(SampleObserver):
         others = self._robot.configuration(known)
         manipulator = Manipulator.of(self._robot, self._limb, q_others=others)
         moves = [move for joint in range(len(JOINTS)) for move in _moves(manipulator, q, joint)]
-        return Plan(
-            self._limb,
-            q,
-            tuple(moves),
-            situation=Situation(Scene({}), known),
-            robot=manipulator.identity,
-        )
+        start = State(Scene({}), {**known, **manipulator.arm.joints(q)})
+        return Plan(start, tuple(moves), robot=manipulator.identity, limb=self._limb)
 
 
 def _moves(manipulator: Manipulator, q: FloatArray, joint: int) -> tuple[Move, Move]:
@@ -125,7 +136,7 @@ def _moves(manipulator: Manipulator, q: FloatArray, joint: int) -> tuple[Move, M
         if limits.violations(goal):
             continue
         there = plan_joint_move(q, goal, limits)
-        motions = {"there": there, "back": there.reversed()}
+        motions = {THERE: there, BACK: there.reversed()}
         proofs = {label: context.prove(motion) for label, motion in motions.items()}
         moves = [
             Move(f"{JOINTS[joint]} {label}", motions[label], proof=proof)

@@ -1,6 +1,6 @@
 """Readiness: whether a plan may be carried out on a robot as it stands, and what would be sent.
 
-The plan is judged in the situation that the robot reports: its own URDF, the other arm, the head
+The plan is judged in the state that the robot reports: its own URDF, the other arm, the head
 and the fingers where they are. Where the arm does not stand at the start of the plan, a move to it
 is planned, proven and put before it. All conditions hold, or nothing is sent.
 """
@@ -12,17 +12,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from baxter_kin import Baxter
+from baxter_kin import Arm, Baxter
 from baxter_kin.errors import BaxterError, expect
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import clear, seconds
 from planner import Grip, Manipulator, Plan, TrackingProof, plan_start_move, prove_tracking, verify
+from planner.completion import complete
+from planner.motion.joint_move import MAX_CLIP_RAD, ROUNDING_RAD
 from planner.pick_place.tracking.proof import START_RAD
-from planner.situation import Situation
+from planner.state import State
 from sim.errors import SimulationError
 from sim.ros1.execution.guard.path_guard import KEPT_M
-from sim.ros1.execution.guard.stages import MOST_OFF_RAD, GripStage, MoveStage, Room, stages_of
+from sim.ros1.execution.guard.stages import MOST_OFF_RAD, GripStage, MoveStage, Room, guarded
 from sim.ros1.execution.link.baxter_link import BaxterLink
 from sim.ros1.execution.preflight import Finding, look_at_robot
 from sim.ros1.execution.ready_plan import ExecutionOptions, Readiness, ReadyPlan
@@ -33,9 +35,6 @@ from sim.ros1.execution.stream.set_points import (
     speed_ratio_for,
     too_fast,
 )
-
-OUTSIDE_RAD = 0.1
-"""So far outside the joint limits real arms stand, as tucked ones; farther, something is wrong."""
 
 BEYOND_RAD = 0.02
 """A joint that is farther off than its response allows by this does not follow as it is said to."""
@@ -104,13 +103,18 @@ class _Look:
 
     def _ready(self) -> ReadyPlan:
         robot = self._robot()
-        situation = self._situation(robot)
-        q_others = robot.configuration(dict(situation.joints))
+        state = self._state(robot)
+        q_others = robot.configuration(dict(state.joints))
         manipulator = Manipulator.of(robot, self._plan.limb, q_others=q_others)
-        plan = self._from_here(manipulator, situation)
-        self._check_certificate(plan, robot, situation)
+        self._check_robot(robot)
+        plan = self._from_here(manipulator, state)
         try:
-            stages = stages_of(plan, manipulator, situation)
+            plan = complete(plan, manipulator=manipulator)
+        except BaxterError as cause:
+            raise _RefusedError("plan", str(cause)) from cause
+        self._check_certificate(plan, robot)
+        try:
+            stages = guarded(plan, manipulator)
         except BaxterError as cause:
             raise _RefusedError("clearance", f"not clear as the robot stands: {cause}") from cause
         _check_rooms(stages)
@@ -122,7 +126,7 @@ class _Look:
         if proof is not None:
             rates, stages = np.maximum(peaks, proof.rate_rad_s), _as_tracked(stages, proof)
         duration_s = sum(motion.duration_s for motion in motions)
-        return ReadyPlan(plan, robot, situation, stages, duration_s, peaks, speed_ratio_for(rates))
+        return ReadyPlan(plan, robot, stages, duration_s, peaks, speed_ratio_for(rates))
 
     def _found(self, name: str, text: str) -> None:
         self._findings.append(Finding(name, True, text))
@@ -136,11 +140,9 @@ class _Look:
         except BaxterError as cause:
             raise _RefusedError("URDF", f"/robot_description cannot be read: {cause}") from cause
 
-    def _situation(self, robot: Baxter) -> Situation:
+    def _state(self, robot: Baxter) -> State:
         """The plan's, with all joints as they are measured."""
-        known = self._plan.situation
-        if known is None:
-            raise _RefusedError("plan", "it does not say for which scene it was made; plan again")
+        known = self._plan.start
         told = self._link.joints.positions()
         joints = {name: told.get(name, known.joints.get(name, 0.0)) for name in robot.joint_names}
         for side in LIMBS:
@@ -159,7 +161,7 @@ class _Look:
         signs = np.sign(robot.model.upperPositionLimit[[first, second]] - 1e-9)
         return {name: float(s * share * stroke) for name, s in zip(names, signs, strict=True)}
 
-    def _from_here(self, manipulator: Manipulator, situation: Situation) -> Plan:
+    def _from_here(self, manipulator: Manipulator, state: State) -> Plan:
         """The plan from where the arm stands; a move to its start comes first where one must."""
         plan, arm = self._plan, manipulator.arm
         reading = self._link.joints.arm(arm.joint_names)
@@ -169,11 +171,14 @@ class _Look:
         off = float(np.abs(reading.q - plan.q_start).max())
         if off <= START_RAD:
             self._found("start", f"the arm stands {off:.4f} rad from it")
-            return replace(plan, situation=situation, robot=manipulator.identity)
-        if any(held.side == plan.limb for held in situation.held):
+            here = _with_arm(state, arm, plan.q_start)
+            return replace(plan, start=here, robot=manipulator.identity)
+        if any(held.side == plan.limb for held in state.attachments):
             raise _RefusedError("start", f"{off:.3f} rad away, and the hand is not empty")
         _LOG.info("planning a move to the plan's start")
-        way = plan_start_move(manipulator, situation.scene, reading.q, plan.q_start)
+        way = plan_start_move(
+            manipulator, state.scene, reading.q, plan.q_start, held=state.attachments
+        )
         if way.failure is not None:
             raise _RefusedError("start", f"{off:.3f} rad away, and no way there: {way.failure}")
         move = replace(way.moves[0], label=CONNECTING)
@@ -183,10 +188,8 @@ class _Look:
             "start", f"{off:.3f} rad away; a move to it takes {seconds(duration_s)}{proven}"
         )
         return Plan(
-            plan.limb,
-            reading.q,
+            _with_arm(state, arm, way.q_start),
             (move, *plan.steps),
-            situation=situation,
             robot=manipulator.identity,
             line_tolerance=plan.line_tolerance,
         )
@@ -196,26 +199,26 @@ class _Look:
     ) -> None:
         beyond = np.maximum(q_min - q, q - q_max)
         worst = int(beyond.argmax())
-        if beyond[worst] <= 0.0:
+        if beyond[worst] <= ROUNDING_RAD:
             return
         told = f"{names[worst]} stands {beyond[worst]:.3f} rad outside its limits"
         remedy = (
             "as tucked arms do; untuck it, or move it inside by hand"
-            if beyond[worst] <= OUTSIDE_RAD
+            if beyond[worst] <= MAX_CLIP_RAD
             else "which no real arm does; look at the robot and its URDF"
         )
         raise _RefusedError("start", f"{told}, {remedy}")
 
-    def _check_certificate(self, plan: Plan, robot: Baxter, situation: Situation) -> None:
+    def _check_robot(self, robot: Baxter) -> None:
+        given = self._plan.robot
+        difference = "" if given is None else robot.description.identity.difference(given)
+        if difference:
+            raise _RefusedError("plan", f"it is for another robot: {difference}; plan for this one")
+
+    def _check_certificate(self, plan: Plan, robot: Baxter) -> None:
         try:
-            given = self._plan.robot
-            difference = "" if given is None else robot.description.identity.difference(given)
-            if difference:
-                raise _RefusedError(
-                    "plan", f"it is for another robot: {difference}; plan for this one"
-                )
-            _LOG.info("verifying the plan in the situation that the robot reports: some seconds")
-            certificate = verify(plan, situation, description=robot.description)
+            _LOG.info("verifying the plan in the state that the robot reports: some seconds")
+            certificate = verify(plan, description=robot.description)
         except BaxterError as cause:
             raise _RefusedError("plan", str(cause)) from cause
         if not certificate.is_valid:
@@ -260,6 +263,10 @@ class _Look:
             )
         self._found("tracking", f"carried out despite this: {text}")
         return None
+
+
+def _with_arm(state: State, arm: Arm, q: FloatArray) -> State:
+    return replace(state, joints={**state.joints, **arm.joints(q)})
 
 
 def _check_rooms(stages: tuple[MoveStage | GripStage, ...]) -> None:

@@ -11,7 +11,6 @@ from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.validation import FloatArray, positive_scalar
 from baxter_kin.value_objects import OneLine, clear, count, seconds
 from planner import Plan, Response
-from planner.situation import Situation
 from sim.errors import SimulationError
 from sim.outcome import Dwell
 from sim.ros1.execution.guard.stages import GripStage, MoveStage
@@ -70,7 +69,6 @@ class ReadyPlan(OneLine):
     Attributes:
         plan: with the move to its start, where one is needed.
         robot: as it describes itself.
-        situation: as it stands.
         stages: what is clear by how much.
         duration_s: how long the arm moves, as it is sent.
         peaks: greatest speeds that are sent, shape (7,), rad/s.
@@ -79,7 +77,6 @@ class ReadyPlan(OneLine):
 
     plan: Plan
     robot: Baxter
-    situation: Situation
     stages: tuple[MoveStage | GripStage, ...]
     duration_s: float
     peaks: FloatArray
@@ -100,8 +97,8 @@ class ReadyPlan(OneLine):
         for stage in self.stages:
             for room in stage.rooms if isinstance(stage, MoveStage) else ():
                 text = f"{room.label}: {clear(min(room.clear_m))}"
-                if room.on_purpose is not None:
-                    text += f"; not guarded, as it is meant: {room.on_purpose.text}"
+                if room.intended is not None:
+                    text += f"; not guarded, as it is meant: {room.intended.text}"
                 yield text
 
     def _facts(self) -> tuple[str, ...]:

@@ -20,10 +20,9 @@ from baxter_kin import Baxter
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from planner import Body, Grip, GripperAction, Move
-from planner.situation import Situation
-from sim import event_text
-from sim.events import EventKind, Observer
-from sim.ros1.execution.samples import Sample, SampleObserver
+from planner.state import State
+from sim.events import EventKind, Observer, opening_text, rest_text
+from sim.samples import Sample, SampleObserver
 from sim.timeline import Timeline
 from sim.world.gripper import GripperState
 from sim.world.world import World
@@ -37,13 +36,13 @@ class Twin:
         error: what an observer has raised; None as long as all is well.
     """
 
-    def __init__(self, robot: Baxter, situation: Situation, observers: Iterable[Observer]) -> None:
-        """Put everything where a situation has it, and tell nobody yet."""
+    def __init__(self, robot: Baxter, state: State, observers: Iterable[Observer]) -> None:
+        """Put everything where a state has it, and tell nobody yet."""
         self.world = World(robot)
-        for body in situation.scene:
+        for body in state.scene:
             self.world.spawn(body)
-        for held in situation.held:
-            self.world.attach(held.side, held.body, held.T_tip_body)
+        for held in state.attachments:
+            self.world.attach(held.side, held.body, held.T_link_body)
         self._reports = {side: ReportedGripper() for side in LIMBS}
         self._observers = tuple(observers)
         self._timeline = Timeline(self.world, self._reports, self._observers, 1.0)
@@ -126,7 +125,7 @@ class Twin:
             return
         name = self.world.detach(side)
         if name is None:
-            self._timeline.tell(EventKind.OPENED, event_text.of_opening(side, percent), side)
+            self._timeline.tell(EventKind.OPENED, opening_text(side, percent), side)
             return
         self._timeline.tell(
             EventKind.RELEASED, f"{name} released", side, body=self.world.body(name)
@@ -134,7 +133,7 @@ class Twin:
         rest = self.world.settle(name)
         self._timeline.tell(
             EventKind.SETTLED,
-            event_text.of_rest(name, rest),
+            rest_text(name, rest),
             body=self.world.body(name),
             detail=rest,
         )

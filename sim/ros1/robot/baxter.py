@@ -10,9 +10,8 @@ from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import OneLine, seconds
 from planner import Body
-from sim.clock import DEFAULT_TICK_S
 from sim.events import EventKind, Observer
-from sim.grip_telling import GripTelling
+from sim.grip_steps import GripEvents
 from sim.ros1.robot.parts.arm_motion import ArmMotion, Following
 from sim.ros1.robot.parts.assembly import Assembly
 from sim.ros1.robot.parts.contact_stop import ContactStop
@@ -21,7 +20,7 @@ from sim.ros1.robot.parts.fingers import Fingers
 from sim.ros1.robot.parts.head import Head
 from sim.ros1.robot.parts.joint_order import BadOrderError, JointOrder
 from sim.ros1.robot.parts.panel import Panel
-from sim.timeline import Timeline
+from sim.timeline import DEFAULT_TICK_S, Timeline
 from sim.world.contacts import ContactWatch
 from sim.world.gripper import Gripper
 from sim.world.world import World
@@ -77,15 +76,15 @@ class SimulatedBaxter(OneLine):
         self.world = world
         hands = {side: Gripper(world, side) for side in world.hands}
         self._timeline = Timeline(world, hands, observers, TICK_S)
-        telling = GripTelling(world, hands, self._timeline)
+        events = GripEvents(world, hands, self._timeline)
         watches = {side: ContactWatch(world) for side in LIMBS}
         self.grippers = {
             side: ElectricGripper(
-                Fingers(world, side, hand, telling, watches[side]), is_calibrated=is_calibrated
+                Fingers(world, side, hand, events, watches[side]), is_calibrated=is_calibrated
             )
             for side, hand in hands.items()
         }
-        self._stops = {side: ContactStop(side, watches[side], telling) for side in LIMBS}
+        self._stops = {side: ContactStop(side, watches[side], events) for side in LIMBS}
         starts = {side: world.arm_q(side) for side in LIMBS} | dict(q_start or {})
         self.arms = {
             side: ArmMotion(world.robot.arm(side).limits, starts[side], following) for side in LIMBS
@@ -255,7 +254,8 @@ class SimulatedBaxter(OneLine):
         """Add a body; a movable one falls on what is below it.
 
         Raises:
-            SceneError: when the name is taken.
+            SceneError: when the name is taken; of a movable body also when it would be inside
+                another, or what is below it is too steep.
         """
         self._timeline.spawn(body)
         self._look_again()

@@ -34,7 +34,7 @@ TOLD = ("baxter_kin", "sim.ros1")
 LOOPBACK = "127.0.0.1"
 
 
-class Ending:
+class _Ending:
     """Remembers the first signal that asks for an end; later ones change nothing."""
 
     def __init__(self) -> None:
@@ -53,12 +53,12 @@ class Ending:
 
 
 @contextmanager
-def ended_by_signals() -> Iterator[Ending]:
+def _ended_by_signals() -> Iterator[_Ending]:
     """Listens to SIGINT and SIGTERM with handlers of its own.
 
     A job that a shell starts in the background ignores SIGINT unless it sets a handler.
     """
-    ending, numbers = Ending(), (signal.SIGINT, signal.SIGTERM)
+    ending, numbers = _Ending(), (signal.SIGINT, signal.SIGTERM)
     former = {number: signal.signal(number, ending.handle) for number in numbers}
     try:
         yield ending
@@ -70,7 +70,7 @@ def ended_by_signals() -> Iterator[Ending]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run it with those arguments, or the command line's; returns the exit status."""
     options = parse_options(argv)
-    with ended_by_signals() as ending, log_told(_say, _complain, TOLD):
+    with _ended_by_signals() as ending, log_told(_say, _complain, TOLD):
         try:
             reason = _run(options, ending)
         except BaxterError as error:
@@ -82,7 +82,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return SIGNALLED + ending.number
 
 
-def _run(options: RobotOptions, ending: Ending) -> str | None:
+def _run(options: RobotOptions, ending: _Ending) -> str | None:
     """Serve until a signal comes, which gives None, or until something else ends it: why."""
     with ExitStack() as cleanup:
         uri = None

@@ -44,7 +44,7 @@ def write_atlas_page(path: PathLike, reach_map: ReachMap, *, title: str = TITLE)
         AtlasError: when a block is damaged, no part of the map fits into a page, or the file cannot
             be written.
     """
-    text, every = atlas_html(reach_map, title=title)
+    text, every = _atlas_html(reach_map, title=title)
     try:
         replace_file(path, text.encode())
     except FileError as cause:
@@ -52,7 +52,7 @@ def write_atlas_page(path: PathLike, reach_map: ReachMap, *, title: str = TITLE)
     return every
 
 
-def atlas_html(reach_map: ReachMap, *, title: str = TITLE) -> tuple[str, int]:
+def _atlas_html(reach_map: ReachMap, *, title: str = TITLE) -> tuple[str, int]:
     """The same as text, and every how-manieth position it has; arguments as `write_atlas_page`.
 
     Raises:

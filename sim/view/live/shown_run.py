@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from baxter_kin import Baxter
 from baxter_kin.value_objects import FrozenMapping
-from planner import Body, Scene, Situation
-from sim.clock import DEFAULT_TICK_S
+from planner import Body, Scene, State
 from sim.events import Event, EventKind, Snapshot
 from sim.recording.recorder import Recorder
 from sim.recording.recording import Recording
-from sim.view.gripper_status import GripperPhase, GripperStatus
+from sim.timeline import DEFAULT_TICK_S
+from sim.view.gripper_status import GripperPhase, GripperStatus, sides_with_fingers
 from sim.view.telemetry.live import LiveTelemetry
 
 FRAME_S = 1.0 / 60.0
@@ -32,20 +32,21 @@ class ShownRun:
         drawn_only: the names of the others that were drawn meanwhile.
     """
 
-    def __init__(self, robot: Baxter, situation: Situation) -> None:
+    def __init__(self, robot: Baxter, state: State) -> None:
         """Nothing told yet.
 
         Args:
             robot: which is shown.
-            situation: how its world is when it begins.
+            state: how its world is when it begins.
         """
-        self.bodies = dict(situation.scene.bodies)
+        self.bodies = dict(state.scene.bodies)
         self.drawn_only: set[str] = set()
         self._recorder = Recorder(robot, keep=KEPT_SNAPSHOTS)
-        self._recorder.remember(situation.scene)
+        self._recorder.remember(state.scene)
         self._telemetry = LiveTelemetry(robot)
-        self._telemetry.start(situation)
+        self._telemetry.start(state)
         self._grippers = GripperStatus()
+        self._fingered = sides_with_fingers(robot.joint_names)
         self._seed, self._seed_until_s = "", 0.0
         self._next_frame_s = 0.0
         self._last: Snapshot | None = None
@@ -81,7 +82,10 @@ class ShownRun:
         """Take note of how everything is, and of other bodies that are drawn, where they are."""
         if others:
             snapshot = self._with(others, snapshot)
-        self._grippers.see({side: state.percent for side, state in snapshot.grippers.items()})
+        states = snapshot.grippers.items()
+        self._grippers.see(
+            {side: state.percent for side, state in states if side in self._fingered}
+        )
         if self._last is None or snapshot.time_s > self._last.time_s:
             self._recorder.on_snapshot(snapshot)
         self._last = snapshot

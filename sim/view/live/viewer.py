@@ -3,7 +3,7 @@
 ```python
 viewer = Viewer()  # the last value of a notebook's cell shows itself; else open viewer.url
 simulation = Simulation(world, [viewer])
-simulation.execute(plan)  # in real time, on the page
+simulation.execute(plan, certificate=verify(plan))  # in real time, on the page
 ```
 
 Meshcat's viewer draws, fed by a small server of our own in this process
@@ -26,7 +26,7 @@ from baxter_kin.errors import expect, quoted
 from baxter_kin.model import given_or_stock
 from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
 from baxter_kin.value_objects import NotCopied
-from planner import Body, Scene, Situation
+from planner import Body, Scene, State
 from sim.errors import ViewerError
 from sim.events import Event, EventKind, Observer, Snapshot
 from sim.recording.recorded_motion import recorded_move
@@ -38,7 +38,7 @@ from sim.view.live.shown_run import ShownRun
 from sim.view.replay import FRAME_HEIGHT_PX, Replay, encoded_content
 
 LONGEST_WAIT_S = 86_400.0
-_EMPTY = Situation(Scene({}), {})
+_EMPTY = State(Scene({}), {})
 
 
 class Viewer(NotCopied, Observer):
@@ -124,20 +124,20 @@ class Viewer(NotCopied, Observer):
             raise ViewerError(f"timeout_s must be from 0 to {LONGEST_WAIT_S:g} s, got {seconds:g}")
         return self._pages.wait(seconds)
 
-    def on_start(self, situation: Situation) -> None:
+    def on_start(self, state: State) -> None:
         """Show how a simulation begins, in place of the one before; a closed view shows nothing.
 
         Raises:
-            ViewerError: when it is no situation, or one of another robot.
+            ViewerError: when it is no state, or one of another robot.
         """
-        expect(situation, Situation, "situation", ViewerError)
+        expect(state, State, "state", ViewerError)
         if self._pages.is_closed:
             return
-        joints = [situation.joints.get(name) for name in self._robot.joint_names]
+        joints = [state.joints.get(name) for name in self._robot.joint_names]
         q = self._checked_q([x for x in joints if x is not None])
-        bodies = self._scene.replace_bodies(self._run.bodies, situation.scene)
+        bodies = self._scene.replace_bodies(self._run.bodies, state.scene)
         self._pages.publish([*bodies, *self._scene.forget_run(), *self._scene.move(q, {}, {})])
-        self._begin_run(situation)
+        self._begin_run(state)
 
     def on_event(self, event: Event) -> None:
         """A body appears or disappears, or a gripper does something.
@@ -257,11 +257,11 @@ class Viewer(NotCopied, Observer):
 
     def _begin_run_if_over(self, time_s: float) -> None:
         if self._run.is_over(time_s):
-            self._begin_run(Situation(Scene(self._run.bodies), {}))
+            self._begin_run(State(Scene(self._run.bodies), {}))
 
-    def _begin_run(self, situation: Situation) -> None:
+    def _begin_run(self, state: State) -> None:
         """A simulation begins."""
-        self._run = ShownRun(self._robot, situation)
+        self._run = ShownRun(self._robot, state)
         if self._pacing is not None:
             self._pacing.begin()
 

@@ -27,6 +27,9 @@ until there are no more than `MOST_ROWS`."""
 MOVED_RAD = 1e-4
 """An arm all of whose joints stay within this stands still."""
 
+MOVING_RAD_S = 0.02
+"""An arm moves at a time when one of its joints is faster than this."""
+
 STEP = 2.0**-13
 """To which positions are rounded, rad; velocities and accelerations to twice and eight times
 that."""

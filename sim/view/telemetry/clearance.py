@@ -1,6 +1,6 @@
 """The clearance of a recording over time: how near what moves comes to anything else.
 
-What counts and what touches on purpose is on `nearest` and `on_purpose`.
+What counts is on `nearest`, and what may touch on `stated_contacts`.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from planner.collision.robot.robot_body import RobotBody
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError
 from sim.events import Event, EventKind
-from sim.recording.recorded_motion import RecordedMove
+from sim.recording.recorded_motion import RecordedMove, arm_joints
 from sim.recording.recording import Recording
 from sim.view.meshcat_commands import Command
-from sim.view.telemetry.arms import arms_that_move
+from sim.view.telemetry.arms import MOVING_RAD_S, arms_that_move
 from sim.view.telemetry.nearest import Nearest, NearestPairs
-from sim.view.telemetry.on_purpose import ContactsOnPurpose, Moment
+from sim.view.telemetry.stated_contacts import Contacts, StatedContacts
 
 SAMPLES_PER_S = 20.0
 MOST_SAMPLES = 600
@@ -85,9 +85,9 @@ def clearance_samples(
     if pairs is None:
         return []
     found = []
-    for row, contacts in _with_contacts(recording, shapes):
-        moment = moment_of(recording, row)
-        near = pairs.at(moment.q, moment.T_base_bodies, contacts.at(moment))
+    moving = _moving_sides(recording)
+    for row, contacts in _with_contacts(recording, robot):
+        near = pairs.at(recording.q[row], _poses(recording, row), contacts, moving[row])
         if near is not None:
             found.append(ClearanceSample(float(recording.times_s[row]), near))
     return found
@@ -126,11 +126,10 @@ def sampled_rows(times_s: FloatArray) -> Indices:
     return rows
 
 
-def moment_of(recording: Recording, row: int) -> Moment:
-    """A snapshot of a recording."""
+def _poses(recording: Recording, row: int) -> dict[str, FloatArray]:
+    """Where the bodies are that are there at a snapshot, by name, shape (4, 4)."""
     poses = {name: track[row] for name, track in recording.body_poses.items()}
-    there = {name: pose for name, pose in poses.items() if np.isfinite(pose).all()}
-    return Moment(recording.q[row], {name: _matrix(pose) for name, pose in there.items()})
+    return {name: _matrix(pose) for name, pose in poses.items() if np.isfinite(pose).all()}
 
 
 def _matrix(pose: FloatArray) -> FloatArray:
@@ -139,27 +138,37 @@ def _matrix(pose: FloatArray) -> FloatArray:
     return matrix
 
 
-def _with_contacts(
-    recording: Recording, shapes: RobotShapes
-) -> Iterator[tuple[int, ContactsOnPurpose]]:
-    """Every sampled row, with the contacts on purpose as they are known by then."""
-    contacts = ContactsOnPurpose(shapes)
-    contacts.bodies.update(recording.bodies)
-    for side, name in _held_from_the_start(recording, shapes.robot):
-        contacts.hold(side, name, moment_of(recording, 0))
+def _with_contacts(recording: Recording, robot: Baxter) -> Iterator[tuple[int, Contacts]]:
+    """Every sampled row, with what is held and may touch by then."""
+    contacts = StatedContacts()
+    for side, name in _held_from_the_start(recording, robot):
+        contacts.hold(side, name)
     story = deque(_story(recording))
     for row in sampled_rows(recording.times_s).tolist():
         while story and story[0][0] <= recording.times_s[row]:
-            time_s, what = story.popleft()
-            before = max(int(np.searchsorted(recording.times_s, time_s, side="right")) - 1, 0)
-            moment = moment_of(recording, before)
+            what = story.popleft()[1]
             if isinstance(what, RecordedMove):
-                arm = shapes.robot.arm(what.limb)
-                order = [what.joint_names.index(name) for name in arm.joint_names]
-                contacts.begin(what.limb, what.trajectory.q_goal[order], moment)
+                contacts.on_move(what)
             else:
-                contacts.hear(what, moment)
-        yield row, contacts
+                contacts.on_event(what)
+        yield row, contacts.now
+
+
+def _moving_sides(recording: Recording) -> dict[int, tuple[str, ...]]:
+    """By sampled row the arms that move then, or else those that moved last; empty before."""
+    index = {name: number for number, name in enumerate(recording.joint_names)}
+    rows = sampled_rows(recording.times_s)
+    before, after = rows[np.maximum(np.arange(len(rows)) - 1, 0)], np.append(rows[1:], rows[-1])
+    spans_s = recording.times_s[after] - recording.times_s[before]
+    joints = {s: [index[n] for n in arm_joints(s)] for s in arms_that_move(recording)}
+    ways = {s: np.abs(recording.q[after] - recording.q[before])[:, of] for s, of in joints.items()}
+    found: dict[int, tuple[str, ...]] = {}
+    moving: tuple[str, ...] = ()
+    for number, row in enumerate(rows.tolist()):
+        least = MOVING_RAD_S * spans_s[number]
+        moving = tuple(s for s, way in ways.items() if way[number].max() > least) or moving
+        found[row] = moving
+    return found
 
 
 def _story(recording: Recording) -> list[tuple[float, Event | RecordedMove]]:

@@ -20,14 +20,14 @@ from baxter_kin.value_objects import OneLine, listing
 from planner import Body
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import SceneError
-from planner.situation import Situation
+from planner.state import State
 from sim.errors import ViewerError
 from sim.events import Event, EventKind, Snapshot
 from sim.recording.recorded_motion import AGREEMENT_RAD, RecordedMove, recorded_move
-from sim.view.telemetry.arms import MOVED_RAD, limits_of
+from sim.view.telemetry.arms import MOVED_RAD, MOVING_RAD_S, limits_of
 from sim.view.telemetry.clearance import NO_BODY, NO_MOTION, NO_PAIR
 from sim.view.telemetry.nearest import NearestPairs
-from sim.view.telemetry.on_purpose import ContactsOnPurpose, Moment
+from sim.view.telemetry.stated_contacts import StatedContacts
 from sim.view.telemetry.waypoints import waypoint
 
 CLEARANCE_PERIOD_S = 0.1
@@ -65,40 +65,30 @@ class LiveTelemetry(OneLine):
         self._shapes, self._clock = shapes, clock
         self._arms = {side: _ArmState(robot, side) for side in robot.arms}
         self._bodies: dict[str, Body] = {}
-        self._contacts: ContactsOnPurpose | None = None
+        self._contacts = StatedContacts()
         self._pairs: NearestPairs | None = None
-        self._moment: Moment | None = None
         self._measured_s = -np.inf
+        self._moving: tuple[str, ...] = ()
         self._waypoints: deque[Topics] = deque(maxlen=WAYPOINTS_KEPT)
         self._told: Topics = {}
         self._has_shapes = True
 
-    def start(self, situation: Situation) -> None:
+    def start(self, state: State) -> None:
         """A run begins: what is there counts, and what the hands hold, and nothing else.
 
         Raises:
-            ViewerError: when it is no situation.
+            ViewerError: when it is no state.
         """
-        expect(situation, Situation, "situation", ViewerError)
+        expect(state, State, "state", ViewerError)
         self._arms = {side: _ArmState(self._robot, side) for side in self._robot.arms}
-        self._bodies = dict(situation.scene.bodies)
-        self._contacts = self._pairs = None
-        self._moment = self._first_moment(situation)
-        contacts = self._known_contacts() if situation.held else None
-        for held in situation.held:
-            if contacts is not None and self._moment is not None:
-                contacts.hold(held.side, held.body, self._moment)
+        self._bodies = dict(state.scene.bodies)
+        self._contacts, self._pairs = StatedContacts(), None
+        self._moving = ()
+        for held in state.attachments:
+            self._contacts.hold(held.side, held.body)
         self._waypoints.clear()
         self._told.clear()
         self._measured_s = -np.inf
-
-    def _first_moment(self, situation: Situation) -> Moment | None:
-        """Where everything is then; None where it does not say so of all joints."""
-        names = self._robot.joint_names
-        if any(name not in situation.joints for name in names):
-            return None
-        q = np.array([situation.joints[name] for name in names])
-        return Moment(q, {body.name: body.T_base_body.homogeneous for body in situation.scene})
 
     def hear(self, event: Event) -> None:
         """Take note of something that happened.
@@ -111,8 +101,7 @@ class LiveTelemetry(OneLine):
             self._add(event.body)
         elif event.body is not None and event.kind is EventKind.DELETED:
             self._remove(event.body.name)
-        elif self._contacts is not None and self._moment is not None:
-            self._contacts.hear(event, self._moment)
+        self._contacts.on_event(event)
         move = recorded_move(event)
         if move is not None:
             self._begin(move)
@@ -130,10 +119,11 @@ class LiveTelemetry(OneLine):
             raise ViewerError(
                 f"the snapshot has {shot.q.size} joints, the robot {len(self._robot.joint_names)}"
             )
-        T_bodies = {name: T.homogeneous for name, T in shot.T_base_bodies.items()}
-        self._moment = Moment(shot.q, T_bodies)
         states = {side: arm.see(shot.time_s, shot.q) for side, arm in self._arms.items()}
         moved = [side for side, arm in self._arms.items() if arm.has_moved]
+        speeds = {side: max(map(abs, states[side]["v"])) for side in moved}
+        now = tuple(side for side, speed in speeds.items() if speed > MOVING_RAD_S)
+        self._moving = now or self._moving
         self._end_waypoints(shot.time_s)
         news: Topics = {
             "arms": {side: self._arms[side].limits for side in moved},
@@ -143,7 +133,7 @@ class LiveTelemetry(OneLine):
         now_s = self._clock()
         if now_s - self._measured_s >= CLEARANCE_PERIOD_S:
             self._measured_s = now_s
-            news |= self._clearance(shot.time_s, tuple(moved))
+            news |= self._clearance(shot, tuple(moved))
         return self._changed(news)
 
     def _changed(self, news: Topics) -> Topics:
@@ -163,14 +153,11 @@ class LiveTelemetry(OneLine):
         self._pairs = None
 
     def _begin(self, move: RecordedMove) -> None:
-        arm = self._arms[move.limb]
-        arm.begin(move)
+        self._arms[move.limb].begin(move)
         self._end_waypoints(move.start_s, side=move.limb)
         self._waypoints.append(waypoint(self._robot, move, move.start_s, None))
         self._measured_s = -np.inf  # its first frame tells of it
-        contacts = self._known_contacts()
-        if contacts is not None and self._moment is not None:
-            contacts.begin(move.limb, arm.goal_of(move), self._moment)
+        self._contacts.on_move(move)
 
     def _end_waypoints(self, time_s: float, side: str | None = None) -> None:
         """Those that have come to their end, or have been stopped by the next of their side."""
@@ -180,37 +167,29 @@ class LiveTelemetry(OneLine):
                 if side == told["side"] or time_s >= end_s:
                     told["end"] = min(time_s, end_s)
 
-    def _clearance(self, time_s: float, sides: tuple[str, ...]) -> Topics:
-        if not sides or self._moment is None:
+    def _clearance(self, shot: Snapshot, sides: tuple[str, ...]) -> Topics:
+        if not sides:
             return {"clearance": None, "unmeasured": NO_MOTION}
-        contacts, pairs = self._known_contacts(), self._known_pairs(sides)
-        if contacts is None or pairs is None:
+        pairs = self._known_pairs(sides)
+        if pairs is None:
             return {"clearance": None, "unmeasured": NO_BODY}
-        near = pairs.at(self._moment.q, self._moment.T_base_bodies, contacts.at(self._moment))
+        poses = {name: T.homogeneous for name, T in shot.T_base_bodies.items()}
+        near = pairs.at(shot.q, poses, self._contacts.now, self._moving)
         if near is None:
             return {"clearance": None, "unmeasured": NO_PAIR}
-        told = {"time": time_s, "distance_m": near.distance_m, "first": near.first}
+        told = {"time": shot.time_s, "distance_m": near.distance_m, "first": near.first}
         told |= {"second": near.second, "points": near.points_base.reshape(-1).tolist()}
         return {"clearance": told, "unmeasured": ""}
 
-    def _known_contacts(self) -> ContactsOnPurpose | None:
-        if self._contacts is None and self._has_shapes:
+    def _known_pairs(self, sides: tuple[str, ...]) -> NearestPairs | None:
+        """What is to be measured; None for a robot without some of the links of the body."""
+        if self._has_shapes and (self._pairs is None or self._pairs.sides != sides):
             try:
                 self._shapes = self._shapes or RobotShapes(self._robot)
-                self._contacts = ContactsOnPurpose(self._shapes)
-            except SceneError:  # a robot without some of the links that the body has
+                self._pairs = NearestPairs(self._shapes, sides, self._bodies)
+            except SceneError:
                 self._has_shapes = False
-        if self._contacts is not None:
-            self._contacts.bodies = self._bodies
-        return self._contacts
-
-    def _known_pairs(self, sides: tuple[str, ...]) -> NearestPairs | None:
-        if self._pairs is not None and self._pairs.sides == sides:
-            return self._pairs
-        if self._shapes is None or not self._has_shapes:
-            return None
-        self._pairs = NearestPairs(self._shapes, sides, self._bodies)
-        return self._pairs
+        return self._pairs if self._has_shapes else None
 
     def _facts(self) -> tuple[str, ...]:
         moved = [f"{side} arm has moved" for side, arm in self._arms.items() if arm.has_moved]
@@ -240,11 +219,6 @@ class _ArmState:
         self._move, self.end_s, self.has_moved = move, move.end_s, True
         self._order = [move.joint_names.index(name) for name in self._arm.joint_names]
         self.limits = limits_of(self._arm, [move.trajectory.limits])
-
-    def goal_of(self, move: RecordedMove) -> FloatArray:
-        """Where a move that was begun ends, shape (7,), rad."""
-        goal: FloatArray = move.trajectory.q_goal[self._order]
-        return goal
 
     def see(self, time_s: float, full: FloatArray) -> Mapping[str, list[float]]:
         """The state at a time, in numbers for the page."""

@@ -8,7 +8,7 @@ stand still against the arms that move, and those in a hand against everything b
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +19,11 @@ from planner import Body, Scene
 from planner.collision.distances import UNKNOWN_DEPTH_M
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.collision.shape_pairs import ShapePairs
+from sim.view.telemetry.stated_contacts import Contacts
+
+TIE_M = 1e-4
+"""Pairs whose distances differ by no more than this count as equally near. Among these, a pair of
+the moving hand is reported: 0.1 mm is the last digit that the page shows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,26 +42,6 @@ class Nearest:
     first: str
     second: str
     points_base: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class Contacts:
-    """What holds what, and what may touch at some time.
-
-    Attributes:
-        held: body by side of the hand that holds it.
-        by_hand: (side, body): the hand grasps it, is about to, or has just let it go.
-        by_body: (held body, body): it stood on it, will stand on it, or carries it.
-    """
-
-    held: Mapping[str, str] = field(default_factory=dict)
-    by_hand: frozenset[tuple[str, str]] = frozenset()
-    by_body: frozenset[tuple[str, str]] = frozenset()
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """Equal where all of it is."""
-        return tuple(sorted(self.held.items())), self.by_hand, self.by_body
 
 
 class NearestPairs:
@@ -88,7 +73,8 @@ class NearestPairs:
         self._of_bodies = pairs.add_scene(
             Scene(self.bodies), None, may_press=False, supports=frozenset()
         )
-        self._moved = frozenset().union(*(shapes.of_arm(arm) for arm in arms))
+        self._arms = {arm.side: frozenset(shapes.of_arm(arm)) for arm in arms}
+        self._moved = frozenset().union(*self._arms.values())
         self._hands = {side: shapes.of_hand(arm) for side, arm in shapes.robot.arms.items()}
         known = set(pairs.numbers)
         for first, second in self._further_pairs():
@@ -104,43 +90,63 @@ class NearestPairs:
         joints = [shape.parentJoint for shape in pairs.geometry.geometryObjects]
         self._joints = np.array(joints[: self._robot_count])
         self._thickness_m = [made.margin_m + made.padding_m for made in pairs.made]
-        self._owners = self._named_owners()
-        self._counting: dict[tuple[object, ...], Indices] = {}
+        self._owners, self._parts = self._numbered_parts()
+        self._counting: dict[tuple[object, ...], tuple[Indices, Indices]] = {}
         self._last = 0
 
     def at(
-        self, q: FloatArray, T_base_bodies: Mapping[str, FloatArray], contacts: Contacts
+        self,
+        q: FloatArray,
+        T_base_bodies: Mapping[str, FloatArray],
+        contacts: Contacts,
+        moving: Collection[str] = (),
     ) -> Nearest | None:
         """The nearest two; None where nothing counts.
+
+        Pairs of an arm that stands are left out while the other arm moves: their distances do not
+        change, and were measured when that arm came there.
 
         Args:
             q: a full configuration, shape (19,), rad and m.
             T_base_bodies: of the bodies that are there, by name, shape (4, 4); others than `bodies`
                 are passed over.
             contacts: what may touch.
+            moving: the sides of the arms that move at this time; all of `sides` when empty.
         """
         there = frozenset(name for name in self.bodies if name in T_base_bodies)
-        pairs = self._pairs_that_count(there, contacts)
+        now = frozenset(moving) or frozenset(self.sides)
+        pairs, of_hands = self._pairs_that_count(there, contacts, now)
         if not len(pairs):
             return None
         poses = self._placed(q, T_base_bodies)
         distances = self._checked.distances
         distances.place(poses)
         pair, distance_m = self._least(poses, pairs)
+        if len(of_hands) and pair not in of_hands:
+            of_hand, its_m = self._least(poses, of_hands, below_m=distance_m + TIE_M)
+            if its_m < distance_m + TIE_M:
+                pair, distance_m = of_hand, its_m
         near = self._checked.between(pair, distance_m)
         points = self._on_skins(pair, distances.points(pair, distance_m))
         if distance_m > 0.0:
             distance_m = float(np.linalg.norm(points[1] - points[0]))
         first, second = self._checked.numbers[pair].tolist()
-        if self._moves(second, contacts) and not self._moves(first, contacts):
+        if self._moves(second, contacts, now) and not self._moves(first, contacts, now):
             return Nearest(distance_m, near.second, near.first, points[::-1])
         return Nearest(distance_m, near.first, near.second, points)
 
-    def _moves(self, shape: int, contacts: Contacts) -> bool:
-        """Whether a shape is of an arm that moves, or in a hand."""
+    def _moves(self, shape: int, contacts: Contacts, moving: Collection[str]) -> bool:
+        """Whether a shape is of an arm that moves now, or in its hand."""
         owner = int(self._owners[shape])
-        held = contacts.held.values()
-        return list(self.bodies)[owner] in held if owner >= 0 else shape in self._moved
+        if owner < 0:
+            return any(shape in self._arms[side] for side in moving)
+        return contacts.holder(list(self.bodies)[owner]) in moving
+
+    def _is_of_hand(self, shape: int, contacts: Contacts, moving: Collection[str]) -> bool:
+        """Whether a shape is a moving hand, or what it holds."""
+        if int(self._owners[shape]) < 0:
+            return any(shape in self._hands[side] for side in moving)
+        return self._moves(shape, contacts, moving)
 
     def _further_pairs(self) -> set[tuple[int, int]]:
         """Those of the other arms that move, and of bodies that can be carried."""
@@ -160,50 +166,58 @@ class NearestPairs:
             found.update((min(index, i), max(index, i)) for index in own for i in others)
         return found
 
-    def _named_owners(self) -> NDArray[np.intp]:
-        """For each shape the number of its body, from 0; -1 for those of the robot."""
-        owners = np.full(len(self._thickness_m), -1)
+    def _numbered_parts(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """For each shape the number of its body, -1 for those of the robot, and of its part."""
+        owners, parts = np.full((2, len(self._thickness_m)), -1)
         for number, own in enumerate(self._of_bodies.values()):
-            owners[own] = number
-        return owners
+            owners[own], parts[own] = number, np.arange(len(own))
+        return owners, parts
 
-    def _pairs_that_count(self, there: frozenset[str], contacts: Contacts) -> Indices:
-        key = (there, *contacts.key)
+    def _pairs_that_count(
+        self, there: frozenset[str], contacts: Contacts, moving: frozenset[str]
+    ) -> tuple[Indices, Indices]:
+        """The pairs of what moves now, and those of them that are of a moving hand."""
+        key = (there, moving, contacts)
         if key not in self._counting:
             if len(self._counting) > MOST_KEPT:
                 self._counting.clear()
-            self._counting[key] = np.flatnonzero(self._counts(there, contacts))
+            counted = np.flatnonzero(self._counts(there, contacts))
+            numbers = self._checked.numbers
+            moved, of_hands = (
+                [p for p in counted if any(test(s, contacts, moving) for s in numbers[p].tolist())]
+                for test in (self._moves, self._is_of_hand)
+            )
+            self._counting[key] = np.array(moved, np.intp), np.array(of_hands, np.intp)
         return self._counting[key]
 
     def _counts(self, there: frozenset[str], contacts: Contacts) -> NDArray[np.bool_]:
         """Whether each pair counts: robot and robot, robot and body, body and body."""
         names = list(self.bodies)
-        held = {body: side for side, body in contacts.held.items()}
-        counts = np.zeros(len(self._checked.numbers), dtype=np.bool_)
-        for number, (first, second) in enumerate(self._checked.numbers.tolist()):
-            owners = self._owners[first], self._owners[second]
-            of = [names[owner] for owner in owners if owner >= 0]
-            if not there.issuperset(of):
-                continue
-            if len(of) == 1:
-                link = first if owners[0] < 0 else second
-                counts[number] = self._link_counts(link, of[0], held, contacts)
-            elif len(of) == 2:
-                is_carried = not held.keys().isdisjoint(of)
-                may_touch = contacts.by_body.isdisjoint([(of[0], of[1]), (of[1], of[0])])
-                counts[number] = is_carried and may_touch
-            else:
-                counts[number] = True
+        counts = np.ones(len(self._checked.numbers), dtype=np.bool_)
+        for number, pair in enumerate(self._checked.numbers.tolist()):
+            links = [shape for shape in pair if self._owners[shape] < 0]
+            parts = [
+                (names[self._owners[shape]], int(self._parts[shape]))
+                for shape in pair
+                if self._owners[shape] >= 0
+            ]
+            if not there.issuperset(name for name, _ in parts):
+                counts[number] = False
+            elif len(parts) == 1:
+                counts[number] = self._link_counts(links[0], parts[0][0], contacts)
+            elif len(parts) == 2:
+                is_carried = any(contacts.holder(name) is not None for name, _ in parts)
+                counts[number] = is_carried and not contacts.of_bodies(*parts)
         return counts
 
-    def _link_counts(
-        self, link: int, body: str, held: Mapping[str, str], contacts: Contacts
-    ) -> bool:
-        if body in held:
-            return link not in self._hands[held[body]]
-        return link in self._moved and not any(
-            link in self._hands[side] for side, name in contacts.by_hand if name == body
+    def _link_counts(self, link: int, name: str, contacts: Contacts) -> bool:
+        holder = contacts.holder(name)
+        if holder is not None:
+            return link not in self._hands[holder]
+        may_touch = self.bodies[name].is_movable and any(
+            link in self._hands[side] and contacts.of_hand(side, name) for side in self._hands
         )
+        return link in self._moved and not may_touch
 
     def _placed(self, q: FloatArray, T_base_bodies: Mapping[str, FloatArray]) -> FloatArray:
         """Poses of all shapes in base, shape (n, 4, 4); those of absent bodies anywhere."""
@@ -217,11 +231,16 @@ class NearestPairs:
         placed: FloatArray = np.concatenate([links, parts])
         return placed
 
-    def _least(self, poses: FloatArray, pairs: Indices) -> tuple[int, float]:
-        """The nearest of some pairs, the one of last time looked at first."""
+    def _least(
+        self, poses: FloatArray, pairs: Indices, below_m: float = np.inf
+    ) -> tuple[int, float]:
+        """The nearest of some pairs, the one of the last call measured first.
+
+        The distance is `below_m` where no pair is nearer than that.
+        """
         distances = self._checked.distances
         bounds = self._checked.gaps_m(poses[None], np.zeros_like(pairs), pairs)
-        nearest, least_m = int(pairs[0]), np.inf
+        nearest, least_m = int(pairs[0]), below_m
         limits = dict(zip(pairs.tolist(), bounds.tolist(), strict=True))
         order = pairs[np.argsort(bounds)].tolist()
         if self._last in limits:

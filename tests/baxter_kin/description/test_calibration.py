@@ -1,15 +1,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baxter_kin import Baxter
+from baxter_kin.description import ElectricGripper
 from baxter_kin.description.calibration import (
     MOST_APART_M,
     MOST_TURNED_RAD,
@@ -17,11 +19,12 @@ from baxter_kin.description.calibration import (
     finger_joints,
     hand_links,
     origin_of,
+    with_unique_names,
     without_hands,
 )
-from baxter_kin.description.urdf import Urdf
+from baxter_kin.description.urdf import JointKind, Urdf, UrdfJoint
 from baxter_kin.errors import DescriptionError, UnknownNameError
-from tests.served_urdf import served_urdf
+from tests.served_urdf import VARIANTS, served_urdf, variant
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +65,7 @@ def without(text: str, *joints: str) -> str:
         ("left_e1", "revolute", "prismatic", "left_e1 is prismatic; Baxter's is revolute"),
         ("left_e1", "revolute", "continuous", "'continuous'"),
         ("left_e1", "revolute", "fixed", "left_e1 is fixed"),
-        ("torso_t0", "fixed", "revolute", "torso_t0 is revolute, and not one of Baxter's"),
+        ("pedestal_fixed", '"fixed"', '"revolute"', "pedestal_fixed has no <limit>"),
         ("head_pan", '"torso"', '"left_wrist"', "head_pan is on left_w2; Baxter's is on base"),
         ("left_s1", 'lower="[^"]*"', 'lower="2"', "left_s1 has an empty range"),
         ("left_s1", 'lower="[^"]*"', 'lower="nan"', "left_s1 has lower 'nan'"),
@@ -103,6 +106,165 @@ def test_a_joint_that_baxter_lacks_is_named() -> None:
     )
     with pytest.raises(DescriptionError, match="joint knob is revolute, and not one of Baxter's"):
         Baxter.load(served().replace("</robot>", stool))
+
+
+def test_a_joint_that_moves_on_a_hand_is_refused_with_what_to_say_instead() -> None:
+    jaw = (
+        '<link name="jaw"/><joint name="knuckle" type="revolute"><parent link="left_hand"/>'
+        '<child link="jaw"/><limit upper="1" velocity="1"/></joint></robot>'
+    )
+    text = served().replace("</robot>", jaw)
+    with pytest.raises(DescriptionError, match=r"knuckle is revolute.*hands=\{'left'"):
+        Baxter.load(text)
+    assert Baxter.load(text, hands={"left": None}).joint_names
+
+
+def test_fingers_of_another_length_are_refused_with_what_to_say_instead(robot: Baxter) -> None:
+    """Rethink's standard fingers are 37.7 mm shorter, and there is no body of them."""
+    text = changed(served(), "r_gripper_r_finger_tip_joint", "0.1127", "0.075")
+    with pytest.raises(DescriptionError, match=r"lies 37\.7 mm .* by hands={'right': ...}") as no:
+        Baxter.load(text)
+    assert "not a Baxter" not in str(no.value)
+    hands = {side: ElectricGripper() for side in ("left", "right")}
+    assert Baxter.load(text, hands=hands).digest == robot.digest
+
+
+@pytest.mark.parametrize(
+    "joints",
+    ['<joint name="arm_1" type="continuous"/>', '<joint name="left_s0" type="fixed"/>'],
+)
+@pytest.mark.parametrize("root", ["base", "base_link"])
+def test_another_robot_is_first_of_all_none_that_this_toolkit_is_for(
+    root: str, joints: str
+) -> None:
+    text = f'<robot name="x"><link name="{root}"/>{joints}</robot>'
+    with pytest.raises(DescriptionError, match="used: this toolkit is for Baxter only; it"):
+        Baxter.load(text)
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("kind", [str, str.encode])
+def test_files_of_real_robots_load(name: str, kind: Callable[[str], str | bytes]) -> None:
+    robot = Baxter.load(kind(variant(name)))
+    again = Baxter.load(robot.description.text)
+    assert again.description.text == robot.description.text
+    assert again.digest == robot.digest
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_in_files_of_real_robots_arms_are_as_stated(robot: Baxter, name: str) -> None:
+    """But for the mounts, they state every joint as it is drawn."""
+    own = Baxter.load(variant(name))
+    for side in ("left", "right"):
+        q = robot.arm(side).neutral
+        T_mount_hand, T_drawn = (
+            each.model.frames[each.model.getFrameId(f"{side}_arm_mount")].placement.actInv(
+                each.arm(side).with_tip(f"{side}_hand_link").T_base_tip(q)
+            )
+            for each in (own, robot)
+        )
+        rounding = 1e-12
+        assert np.abs(T_mount_hand.homogeneous - T_drawn.homogeneous).max() < rounding
+
+
+def test_a_fixed_joint_may_have_the_name_of_a_link_that_carries_another() -> None:
+    text = variant("camera_on_the_head")
+    robot = Baxter.load(text)
+    names = [str(frame.name) for frame in robot.model.frames]
+    assert len(set(names)) == len(names)
+    assert {"cam", "cam_lens"} <= set(names)
+
+
+def test_a_link_with_the_name_of_a_moving_joint_is_found_as_a_tip() -> None:
+    arm = Baxter.load(variant("camera_named_as_a_moving_joint")).arm("left")
+    T_hand_eye = (
+        arm.with_tip("left_hand")
+        .T_base_tip(arm.neutral)
+        .actInv(arm.with_tip("left_w2").T_base_tip(arm.neutral))
+    )
+    np.testing.assert_allclose(T_hand_eye.translation, [0.0, 0.0, 0.05], atol=1e-12)
+
+
+names = st.sampled_from(
+    [
+        "left_w2",
+        "left_w2_link",
+        "left_w2_joint",
+        "universe",
+        "cam",
+        "cam_link",
+        "cam_joint",
+        "torso",
+    ]
+)
+
+
+@settings(max_examples=50)
+@given(st.lists(st.tuples(names, names), max_size=6, unique_by=(lambda n: n[0], lambda n: n[1])))
+def test_names_of_what_is_mounted_never_matter(tree: Urdf, added: list[tuple[str, str]]) -> None:
+    """Each is mounted on the one before; Pinocchio finds every frame by its name alone."""
+    parent = "left_hand_link"
+    joints, taken = list(tree.joints), {tree.root, *tree.by_child, *tree.by_name}
+    for name, child in added:
+        if child not in tree.by_child and name not in tree.by_name:
+            joints.append(UrdfJoint(name, JointKind.FIXED, parent, child, xyz=(0.0, 0.0, 0.01)))
+            parent = child
+    unique = with_unique_names(Urdf(tree.root, tuple(joints)))
+    assert with_unique_names(unique) == unique
+    robot = Baxter.load(Urdf(tree.root, tuple(joints)).text)
+    frames = [str(frame.name) for frame in robot.model.frames]
+    assert len(set(frames)) == len(frames)
+    assert len(unique.joints) == len(joints)
+    assert taken <= {unique.root, *unique.by_child, *unique.by_name}
+
+
+def test_an_older_head_is_replaced_by_the_later_drawing_and_what_is_on_it_stays(
+    drawn: Baxter,
+) -> None:
+    own = Baxter.load(variant("older_head"))
+    for link in ("head", "screen", "display", "head_camera_link"):
+        assert place(own.description.tree, "base", link) == place(
+            drawn.description.tree, "base", link
+        )
+    lens = place(own.description.tree, "base", "lens").translation
+    np.testing.assert_allclose(lens, [0.0947 + 0.1, 0.0, 0.686 + 0.1], atol=1e-12)
+    assert any("head_pan 34.7 mm" in note for note in own.description.notes)
+
+
+def test_a_head_far_from_where_it_is_drawn_is_refused() -> None:
+    text = changed(served(), "head_pan", XYZ, 'origin rpy="0 0 0" xyz="0.06 0 0.9"')
+    with pytest.raises(DescriptionError, match=r"joint head_pan lies 214\.0 mm"):
+        Baxter.load(text)
+
+
+def test_a_calibrated_head_stays_as_it_is_stated() -> None:
+    text = changed(served(), "head_pan", XYZ, 'origin rpy="0 0 0" xyz="0.065 0 0.686"')
+    robot = Baxter.load(text)
+    assert place(robot.description.tree, "base", "head").translation[0] == 0.065
+    assert robot.description.notes == ()
+
+
+def test_a_gripper_on_a_base_of_the_robot_has_its_own_base_where_it_is(drawn: Baxter) -> None:
+    own = Baxter.load(variant("grippers_on_bases")).description.tree
+    for link in ("left_gripper_base_link", "right_gripper_base_link", "l_gripper_l_finger_tip"):
+        difference = place(own, "base", link).homogeneous
+        difference -= place(drawn.description.tree, "base", link).homogeneous
+        assert np.abs(difference).max() < 1e-12
+    assert place(own, "left_hand_link", "left_gripper_base").isIdentity(1e-12)
+
+
+def test_limits_are_those_of_the_text_and_wider_ones_are_noted(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    wider = Baxter.load(variant("older_limits"))
+    (note,) = wider.description.notes
+    assert caplog.messages == [f"the URDF given as text: {note}"]
+    assert "left_s0 up to 2.5/s instead of 1.5/s" in note
+    assert "and 12 more" in note
+    assert wider.arm("left").limits.v_max.tolist() == [2.5] * 4 + [5.0] * 3
+    narrower = Baxter.load(changed(served(), "left_s0", 'upper="[^"]*"', 'upper="1.5"'))
+    assert narrower.arm("left").limits.q_max[0] == 1.5
+    assert narrower.description.notes == ()
 
 
 def test_bounds_are_wide_of_what_calibration_does() -> None:

@@ -67,6 +67,13 @@ def test_effort_does_not_count(tree: Urdf) -> None:
     assert RobotIdentity.of(tree).digest == other.digest
 
 
+def test_a_mount_that_lies_elsewhere_is_named_with_its_distance(tree: Urdf) -> None:
+    """No joint that moves lies elsewhere on the link that it is on."""
+    own = Baxter.load(served_urdf(measured="one")).description.identity
+    drawn = Baxter.load(served_urdf()).description.identity
+    assert own.difference(drawn) == "joint left_torso_arm_mount lies 11 mm elsewhere"
+
+
 def test_a_missing_hand_is_said(robot: Baxter) -> None:
     bare = Baxter.load(served_urdf(without_grippers=["right"])).description.identity
     found = robot.description.identity.difference(bare)

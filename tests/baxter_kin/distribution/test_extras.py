@@ -57,3 +57,19 @@ def test_no_message_names_a_distribution_that_no_index_has() -> None:
     for folder in ("baxter_kin", "planner", "sim", "examples", "scripts"):
         for path in (CHECKOUT / folder).rglob("*.py"):
             assert "baxter-kin[" not in path.read_text(encoding="utf-8"), path
+
+
+def test_no_page_or_message_replaces_an_editable_checkout_by_a_copy() -> None:
+    """`pip install '.[NAME]'` does so without a word; with `-e` the checkout stays what runs."""
+    pages = [CHECKOUT / "README.md", *(CHECKOUT / "docs").rglob("*.md")]
+    notebooks = (CHECKOUT / "notebooks").glob("*.ipynb")
+    code = [*(CHECKOUT / "baxter_kin").rglob("*.py"), *(CHECKOUT / "planner").rglob("*.py")]
+    of_the_checkout = re.compile(r"pip install (?P<editable>-e )?['\"]?\.(?![\w/])")
+    commands = {
+        (path.name, match[0]): match["editable"] is not None
+        for path in [*pages, *notebooks, *code, *(CHECKOUT / "sim").rglob("*.py")]
+        if path.name != "extras.py"  # says why not
+        for match in of_the_checkout.finditer(path.read_text(encoding="utf-8"))
+    }
+    assert len(commands) > 10
+    assert [command for command, is_editable in commands.items() if not is_editable] == []

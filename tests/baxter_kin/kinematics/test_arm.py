@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import math
+import pickle
 import threading
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,9 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin import Arm, Baxter
-from baxter_kin.errors import ConfigurationError, PoseError, UnknownNameError
+from baxter_kin import Arm, Baxter, IKService
+from baxter_kin.errors import ConfigurationError, LimitsError, PoseError, UnknownNameError
 from baxter_kin.kinematics.arm import JOINTS, MIRROR
+from planner import Manipulator
 
 AGREEMENT = 1e-12
 
@@ -211,3 +214,49 @@ def test_many_tips_are_where_pinocchio_has_each(robot: Baxter, seed: int, side: 
 def test_what_is_no_list_of_configurations_is_refused(left: Arm, qs: Any) -> None:
     with pytest.raises(ConfigurationError):
         left.T_base_tips(qs)
+
+
+def test_an_arm_with_narrower_limits_is_solved_and_planned_for_within_them(
+    robot: Baxter, left: Arm
+) -> None:
+    q_max = left.limits.q_max.copy()
+    q_max[1] = -0.4
+    narrow = left.with_limits(replace(left.limits, q_max=q_max))
+    assert left.limits.q_max[1] > q_max[1]
+    assert narrow.with_tip("left_hand").limits is narrow.limits
+    assert narrow.joint_names == left.joint_names
+    rng = np.random.default_rng(0)
+    solved = 0
+    for _ in range(50):
+        T = left.T_base_tip(left.random_configuration(rng))
+        result = IKService(narrow).solve(T)
+        solved += result.is_valid
+        assert not result.is_valid or result.q[1] <= q_max[1]
+    assert solved
+    own = replace(robot, arms={**robot.arms, "left": narrow})
+    assert Manipulator.of(own, "left").limits is narrow.limits
+    assert pickle.loads(pickle.dumps(narrow)).limits.q_max[1] == q_max[1]
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        lambda _: None,
+        lambda left: left.limits.q_max,
+        lambda left: replace(left.limits, names=tuple(reversed(left.joint_names))),
+        lambda left: replace(left.limits, q_max=left.limits.q_max + 1e-6),
+        lambda left: replace(left.limits, q_min=left.limits.q_min - 1e-6),
+    ],
+)
+def test_limits_of_nothing_of_other_joints_and_beyond_the_stops_are_refused(
+    left: Arm, limits: Any
+) -> None:
+    with pytest.raises(LimitsError):
+        left.with_limits(limits(left))
+
+
+def test_limits_of_an_arm_that_others_use_cannot_be_set(left: Arm) -> None:
+    before = left.limits
+    with pytest.raises(AttributeError, match="with_limits"):
+        left.limits = None
+    assert left.limits is before

@@ -19,8 +19,8 @@ from planner import Body, Box, Manipulator, Part, RobotShapes, Scene
 from planner.collision import Clearance, ClearanceChecker
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
+from planner.scene.attachment import Attachment
 from planner.scene.contact import coal_shape, convex, surface
-from planner.scene.held import Held
 from planner.scene.mesh import Mesh
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at, overhead
@@ -263,9 +263,9 @@ class TestMeshes:
     ) -> Clearance:
         """A body in the neutral hand, so far above the slab that it may touch."""
         left = manipulator.arm
-        held = Held("left", body.name, at(-0.025, -0.025, -0.025))
+        held = Attachment(body.name, "left_gripper", at(-0.025, -0.025, -0.025))
         T_base_tip = left.T_base_tip(left.neutral)
-        low = body.at(T_base_tip * held.T_tip_body).extent_m(Z)[0]
+        low = body.at(T_base_tip * held.T_link_body).extent_m(Z)[0]
         x, y, _ = T_base_tip.translation
         support = Body("slab", (Part(slab, ORIGIN),), at(x, y, low - gap - 0.01))
         scene = Scene.of([support, body])

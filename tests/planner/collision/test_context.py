@@ -16,8 +16,8 @@ from planner.collision import ClearanceChecker, ContinuousProof
 from planner.collision.context import CollisionContext, Touches
 from planner.collision.sampling import SCREENING_STEP_RAD, looks_clear
 from planner.errors import MotionError, SceneError
+from planner.scene.attachment import Attachment
 from planner.scene.contact import PRESSING_TOLERANCE_M, has_depth
-from planner.scene.held import Held
 from tests.conftest import at, overhead
 from tests.planner.walls import Room, wall
 
@@ -182,7 +182,7 @@ def test_a_held_body_may_touch_its_support_but_not_press_into_it(
     low = block.extent_m([0.0, 0.0, 1.0])[0]
     lift = table.extent_m([0.0, 0.0, 1.0])[1] - low + gap
     raised = block.at(at(0.0, 0.0, lift) * block.T_base_body)
-    held = Held("left", "block", T_base_tip.inverse() * raised.T_base_body)
+    held = Attachment("block", "left_gripper", T_base_tip.inverse() * raised.T_base_body)
     scene = Scene.of([table, raised])
     context = manipulator.context(
         scene, finger_m=0.0208, held=held, supports=["table"], margin_m=0.003

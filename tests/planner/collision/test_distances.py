@@ -15,8 +15,8 @@ from baxter_kin import Arm, Baxter
 from planner import Body, Part, RobotShapes, Scene
 from planner.collision import ClearanceChecker
 from planner.collision.distances import Distances, Enclosure
+from planner.scene.attachment import Attachment
 from planner.scene.contact import PRESSING_TOLERANCE_M, surface
-from planner.scene.held import Held
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
 from tests.planner.collision.conftest import ORIGIN, ball, full
@@ -39,7 +39,7 @@ def test_shapes_whose_depth_coal_does_not_find_count_as_inside_each_other(
 ) -> None:
     tip = left.T_base_tip(left.neutral)
     sail = mesh_of([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.0, 0.1, 0.0]], [[0, 1, 2]])
-    held = Held("left", "ball", ORIGIN)
+    held = Attachment("ball", "left_gripper", ORIGIN)
     sail_body = Body("sail", (Part(sail, ORIGIN),), at(*tip.translation))
     scene = Scene.of([sail_body, ball("ball", 0, 0, 0)])
     checker = ClearanceChecker(shapes, left, scene, held=held, touchable="sail", supports=["sail"])

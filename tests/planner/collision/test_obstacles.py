@@ -8,7 +8,7 @@ import pytest
 from baxter_kin.validation import FloatArray
 from planner import Body, Box, Manipulator, Mesh, Part, Scene
 from planner.collision.context import CollisionContext
-from planner.collision.obstacles import JOINTS, LOOKS, REACH_M, Obstacles
+from planner.collision.obstacles import LOOKS, REACH_M, Obstacles
 from planner.splines import weights_at
 from tests.conftest import at
 
@@ -52,8 +52,8 @@ def test_bounds_are_the_distances_there_and_change_as_they_do(
     for q, rows in zip(positions(controls, bounds.weights), bounds.numbers, strict=True):
         excess = np.sort(rows @ [*q, 1.0])
         assert excess[0] == pytest.approx(least_excess(obstacles, q), abs=1e-9)
-        for joint in range(JOINTS):
-            step = STEP_RAD * np.eye(JOINTS)[joint]
+        for joint in range(len(q)):
+            step = STEP_RAD * np.eye(len(q))[joint]
             there, here = (least_excess(obstacles, q + sign * step) for sign in (1.0, -1.0))
             lowest = rows[np.argmin(rows @ [*q, 1.0])]
             slope = (there - here) / (2.0 * STEP_RAD)

@@ -15,8 +15,8 @@ from planner.collision import ClearanceChecker
 from planner.collision.robot.robot_body import RobotBody
 from planner.collision.shape_pairs import CheckedPairs, ShapePairs
 from planner.errors import SceneError
+from planner.scene.attachment import Attachment
 from planner.scene.contact import PRESSING_TOLERANCE_M
-from planner.scene.held import Held
 from tests.conftest import at
 from tests.planner.collision.conftest import ORIGIN, ball, full
 
@@ -96,7 +96,7 @@ class TestAllowedContacts:
     def test_a_held_body_is_not_checked_against_the_hand(
         self, block: Body, left: Arm, shapes: RobotShapes, q: FloatArray
     ) -> None:
-        held = Held("left", "block", at(-0.025, -0.025, -0.025))
+        held = Attachment("block", "left_gripper", at(-0.025, -0.025, -0.025))
         found = ClearanceChecker(shapes, left, Scene.of([block]), held=held).clearance(q)
         assert found.distance_m > 0.01
 
@@ -105,9 +105,9 @@ class TestAllowedContacts:
         self, manipulator: Manipulator, block: Body, gap: float, is_allowed: bool
     ) -> None:
         left, robot = manipulator.arm, manipulator.robot
-        held = Held("left", "block", at(-0.025, -0.025, -0.025))
+        held = Attachment("block", "left_gripper", at(-0.025, -0.025, -0.025))
         T_base_tip = left.T_base_tip(left.neutral)
-        low = block.at(T_base_tip * held.T_tip_body).extent_m(Z)[0]
+        low = block.at(T_base_tip * held.T_link_body).extent_m(Z)[0]
         x, y, _ = T_base_tip.translation
         slab = Body("slab", (Part(Box((0.1, 0.1, 0.02)), ORIGIN),), at(x, y, low - gap - 0.01))
         scene = Scene.of([slab, block])
@@ -119,9 +119,9 @@ class TestAllowedContacts:
         self, manipulator: Manipulator, block: Body
     ) -> None:
         left, robot = manipulator.arm, manipulator.robot
-        held = Held("left", "block", at(-0.025, -0.025, -0.025))
+        held = Attachment("block", "left_gripper", at(-0.025, -0.025, -0.025))
         T_base_tip = left.T_base_tip(left.neutral)
-        low = block.at(T_base_tip * held.T_tip_body).extent_m(Z)[0]
+        low = block.at(T_base_tip * held.T_link_body).extent_m(Z)[0]
         x, y, _ = T_base_tip.translation
         shelf = Body("shelf", (Part(Box((0.1, 0.1, 0.02)), ORIGIN),), at(x, y, low - 0.001 - 0.01))
         scene = Scene.of([shelf, block])
@@ -135,7 +135,7 @@ class TestAllowedContacts:
     ) -> None:
         tip = left.T_base_tip(left.neutral)
         huge = Body("huge", (Part(Sphere(float(np.linalg.norm(tip.translation))), ORIGIN),), ORIGIN)
-        held = Held("left", "huge", ORIGIN)
+        held = Attachment("huge", "left_gripper", ORIGIN)
         found = ClearanceChecker(shapes, left, Scene.of([huge]), held=held).clearance(q)
         assert found.distance_m < 0.0
         assert "huge" in (found.first, found.second)
@@ -147,7 +147,7 @@ class TestAllowedContacts:
         tip = left.T_base_tip(left.neutral)
         reach = float(np.linalg.norm(tip.translation)) - 0.3
         huge = Body("huge", (Part(Sphere(reach), ORIGIN),), ORIGIN)
-        held = Held("left", "huge", ORIGIN)
+        held = Attachment("huge", "left_gripper", ORIGIN)
         without = ClearanceChecker(shapes, left, Scene.of([huge]), held=held).clearance(q)
         like_links = Scene.of([huge, *(ball(name, 9, 9, 9) for name in sorted(names))])
         with_names = ClearanceChecker(shapes, left, like_links, held=held).clearance(q)
@@ -163,18 +163,18 @@ class TestAllowedContacts:
         self, left: Arm, shapes: RobotShapes, scene: Scene
     ) -> None:
         with pytest.raises(SceneError, match="no body 'brick' in the scene"):
-            ClearanceChecker(shapes, left, scene, held=Held("left", "brick", ORIGIN))
+            ClearanceChecker(shapes, left, scene, held=Attachment("brick", "left_gripper", ORIGIN))
 
     def test_what_the_other_hand_holds_is_not_carried(
         self, left: Arm, shapes: RobotShapes, scene: Scene
     ) -> None:
         with pytest.raises(SceneError, match="in the right hand; the left arm cannot carry it"):
-            ClearanceChecker(shapes, left, scene, held=Held("right", "block", ORIGIN))
+            ClearanceChecker(shapes, left, scene, held=Attachment("block", "right_gripper", ORIGIN))
 
     def test_a_held_body_cannot_stand_there_to_be_touched(
         self, left: Arm, shapes: RobotShapes, scene: Scene
     ) -> None:
-        held = Held("left", "block", ORIGIN)
+        held = Attachment("block", "left_gripper", ORIGIN)
         with pytest.raises(SceneError, match="'block' is in the hand"):
             ClearanceChecker(shapes, left, scene, held=held, touchable="block")
 

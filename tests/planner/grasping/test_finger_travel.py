@@ -24,7 +24,7 @@ from planner.clearance import ContinuousProof
 from planner.collision.robot.robot_body import RobotBody
 from planner.grasping import Grasp
 from planner.grasping.finger_travel import FingerTravel, TravelCheck, closing_travel, prove_travel
-from planner.pick_place.phases import LEAST_ROOM_M
+from planner.grasping.overhead import LEAST_ROOM_M
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
 from tests.conftest import at
 

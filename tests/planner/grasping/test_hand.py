@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from scipy.optimize import linprog
 
 from baxter_kin import Baxter
 from baxter_kin.errors import ConfigurationError, PoseError, UnknownNameError
+from baxter_kin.validation import FloatArray
 from planner import Body, Box, Cylinder, Hand, Manipulator, Part, RobotShapes
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
 from planner.grasping import Grasp
+from planner.grasping.grasp import extent
 from planner.scene.bodies import Shape, Sphere
+from planner.scene.mesh import Mesh, cuboid
 from planner.verification.body.robot_body import robot_body
 from tests.bodies import grasp_of
 from tests.conftest import at, overhead
-from tests.planner.conftest import hands_of
+from tests.planner.conftest import hands_of, hull
 
 GAP_TOLERANCE_M = 5e-6
 """The gaps are given in mm with two decimals."""
@@ -31,9 +37,14 @@ SEED_TOLERANCE_MM = 2e-2
 CONTACT_TOLERANCE_M = 1e-7
 """Contacts of boxes, cylinders and balls are found to 1e-8, and two of them add up."""
 
+HOLLOW_M = 9e-4
+"""How far the middle of a real pad is behind its foremost points."""
+
 ORIGIN = at(0.0, 0.0, 0.0)
 PAD_Z_M = -0.015
 """Middle of the pads, seen from the tip."""
+
+SQUARE = [(-0.025, -0.025), (0.025, -0.025), (0.025, 0.025), (-0.025, 0.025)]
 
 PICK = overhead(0.70, 0.15, -0.129)
 
@@ -310,11 +321,123 @@ def test_of_several_parts_the_outermost_touch_the_pads(hand: Hand) -> None:
     assert grasp.push_m == pytest.approx(-0.005, abs=CONTACT_TOLERANCE_M)
 
 
-@given(st.floats(-3.1, 3.1))
-def test_width_across_is_the_extent_along_the_closing_axis(hand: Hand, yaw: float) -> None:
-    T = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.zeros(3))
-    expected = 0.05 * (abs(np.sin(yaw)) + abs(np.cos(yaw)))
-    assert hand.width_across_m(T, thing(cube(0.05))) == pytest.approx(expected, abs=1e-12)
+def pads_rectangle(hand: Hand) -> list[tuple[float, float]]:
+    """What both pads cover along x and z of the tip."""
+    spans = [[extent(part, axis) for pad in hand.pads for part in pad] for axis in (0, 2)]
+    return [(min(low for low, _ in each), max(high for _, high in each)) for each in spans]
+
+
+@given(yaw=st.floats(-3.1, 3.1), x=st.floats(-0.02, 0.02), y=st.floats(-0.02, 0.02))
+def test_the_width_of_a_cube_is_that_of_its_outline_between_the_pads(
+    real_hand: Hand, yaw: float, x: float, y: float
+) -> None:
+    T = at(x, y, 0.0) * pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.zeros(3))
+    (x_min, x_max), _ = pads_rectangle(real_hand)
+    corners = [T.inverse().act(np.array([i, j, 0.0]))[:2] for i, j in SQUARE]
+    _, low, _, high = shapely.Polygon(corners).intersection(shapely.box(x_min, -1, x_max, 1)).bounds
+    width = real_hand.width_across_m(T, thing(cube(0.05)))
+    assert width == pytest.approx(high - low, abs=1e-9)
+
+
+SHAPES = [
+    Box((0.03, 0.02, 0.05)),
+    Cylinder(0.015, 0.06),
+    hull(np.random.default_rng(3).uniform(-0.03, 0.03, (12, 3))),
+]
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
+def test_the_width_of_a_shape_is_that_of_its_hull_between_the_pads(
+    real_hand: Hand, shape: Shape
+) -> None:
+    """The peer is a linear program; round shapes are polytopes of 720 corners a rim there."""
+    rng = np.random.default_rng(11)
+    x, z = pads_rectangle(real_hand)
+    for _ in range(20):
+        place = rng.uniform(-0.02, 0.02, 3) + np.array([0.0, 0.0, PAD_Z_M])
+        T = pin.SE3(pin.exp3(rng.standard_normal(3)), place)
+        body = Body("thing", (Part(shape, ORIGIN),), T, is_movable=True)
+        points = corners_of(shape) @ T.rotation.T + place
+        low, high = (_reach_m(sign, points, x, z) for sign in (-1.0, 1.0))
+        assert real_hand.width_across_m(ORIGIN, body) == pytest.approx(high + low, abs=1e-6)
+
+
+def corners_of(shape: Shape) -> FloatArray:
+    if isinstance(shape, Box):
+        return np.array(list(product((-0.5, 0.5), repeat=3))) * shape.size_m
+    if isinstance(shape, Cylinder):
+        turns = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+        ring = shape.radius_m * np.stack([np.cos(turns), np.sin(turns), 0.0 * turns], axis=1)
+        up = np.array([0.0, 0.0, shape.length_m / 2.0])
+        return np.concatenate([ring - up, ring + up])
+    assert isinstance(shape, Mesh)
+    return shape.vertices
+
+
+def _reach_m(
+    sign: float, points: FloatArray, x: tuple[float, float], z: tuple[float, float]
+) -> float:
+    """How far the hull of points reaches along y, or -y, where x and z are in intervals."""
+    inside = np.array([points[:, 0], -points[:, 0], points[:, 2], -points[:, 2]])
+    bounds = np.array([x[1], -x[0], z[1], -z[0]])
+    found = linprog(-sign * points[:, 1], inside, bounds, np.ones((1, len(points))), [1.0])
+    return float(-found.fun)
+
+
+@given(y=st.floats(-0.01, 0.01), x=st.floats(0.0, 0.045), radius=st.floats(0.005, 0.03))
+def test_the_width_of_a_ball_is_that_of_its_disc_at_the_edge_of_the_pads(
+    real_hand: Hand, x: float, y: float, radius: float
+) -> None:
+    (_, x_max), _ = pads_rectangle(real_hand)
+    beside = max(x - x_max, 0.0)
+    assume(abs(beside - radius) > 1e-4)
+    expected = 2.0 * np.sqrt(radius**2 - beside**2) if beside < radius else 0.0
+    width = real_hand.width_across_m(ORIGIN, thing(Sphere(radius), x, y))
+    assert width == pytest.approx(expected, abs=1e-6)
+
+
+def mug(handle_m: float) -> Body:
+    """A cup with a handle of that thickness, seen from the tip: the pads are around the handle."""
+    cup = Part(Cylinder(0.04, 0.09), at(-0.064, 0.0, 0.0))
+    handle = Part(Box((0.06, handle_m, 0.05)), at(-0.014, 0.0, 0.0))
+    return Body("mug", (cup, handle), at(0.0, 0.0, PAD_Z_M), is_movable=True)
+
+
+def test_a_mug_is_as_wide_as_the_handle_that_the_pads_are_around(real_hand: Hand) -> None:
+    assert real_hand.width_across_m(ORIGIN, mug(0.018)) == pytest.approx(0.018)
+    assert grasped(real_hand, mug(0.018)).width_m == pytest.approx(0.018, abs=HOLLOW_M)
+    thin = real_hand.close_on(ORIGIN, mug(0.010), real_hand.stroke_m)
+    assert str(thin) == (
+        "mug measures 10.0 mm across the hand, whose closed finger pads are 15.3 mm apart"
+    )
+    turned = real_hand.close_on(at(-0.064, 0.0, 0.0), mug(0.018), real_hand.stroke_m)
+    assert "mug measures 80.0 mm across the hand" in str(turned)
+
+
+def test_a_bin_is_as_wide_as_the_wall_that_the_pads_are_around(real_hand: Hand) -> None:
+    """As boxes and as one mesh; the wall on the other side is farther than the hand opens."""
+    near = Box((0.2, 0.02, 0.1))
+    walls = (Part(near, at(0.0, 0.0, 0.0)), Part(near, at(0.0, 0.1, 0.0)))
+    wall = cuboid(near.size_m)
+    vertices = np.concatenate([wall.vertices, wall.vertices + np.array([0.0, 0.1, 0.0])])
+    one = Mesh(vertices, np.concatenate([wall.triangles, wall.triangles + 8]))
+    for parts in (walls, (Part(one, ORIGIN),)):
+        body = Body("bin", parts, at(0.0, 0.0, PAD_Z_M - 0.03), is_movable=True)
+        assert real_hand.width_across_m(ORIGIN, body) == pytest.approx(0.02)
+        assert grasped(real_hand, body).width_m == pytest.approx(0.02, abs=HOLLOW_M)
+
+
+def test_nothing_between_the_pads_is_no_width(hand: Hand) -> None:
+    assert hand.width_across_m(ORIGIN, thing(cube(0.06), x=0.2)) == 0.0
+    missed = hand.close_on(ORIGIN, thing(cube(0.06), x=0.2), hand.stroke_m)
+    assert "200 mm to the side of the tip" in str(missed)
+
+
+def test_a_pad_that_is_inside_a_body_from_beside_holds_nothing(hand: Hand) -> None:
+    """A wall behind the open pad, and a slat between the pads, of one body."""
+    slat, wall = Part(cube(0.03), ORIGIN), Part(Box((0.05, 0.03, 0.05)), at(0.0, 0.046, 0.0))
+    body = Body("both", (slat, wall), at(0.0, 0.0, PAD_Z_M), is_movable=True)
+    assert grasp_of(hand, ORIGIN, body, hand.stroke_m) is None
 
 
 @pytest.mark.parametrize("finger_m", [-1e-6, 0.0209, np.nan, np.inf, None, "open", [0.01], True])

@@ -30,6 +30,7 @@ from planner.errors import SceneError
 from planner.grasping import Grasp, Miss, MissKind
 from planner.grasping.grasp import extent
 from planner.grasping.overhead import FINGER_CLEARANCE_M, LOWEST_SHARE, MESH_STEP_RAD
+from planner.scene.contact import gap_m
 from tests.bodies import with_plain_fingers
 from tests.conftest import at
 from tests.planner.conftest import hands_of, hull
@@ -236,6 +237,71 @@ def test_refuses_what_is_no_hand_and_no_body(hands: dict[str, Hand]) -> None:
         overhead_grasp(nothing, standing(0.04, 0.04, 0.04))
     with pytest.raises(SceneError, match="body must be"):
         overhead_grasp(hands["left"], nothing)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5])
+def test_it_turns_where_a_neighbour_leaves_no_room_for_a_finger(
+    real_hands: dict[str, Hand], yaw: float
+) -> None:
+    hand, body = real_hands["left"], standing(0.05, 0.04, 0.05, yaw)
+    beside = body.at(body.T_base_body * at(0.0, 0.045, 0.0))
+    neighbour = Body("beside", beside.parts, beside.T_base_body, is_movable=True)
+    alone = overhead_grasp(hand, body, yaw_rad=yaw)
+    between = overhead_grasp(hand, body, neighbours=Scene.of([body, neighbour]), yaw_rad=yaw)
+    assert abs(alone.rotation[:, 1] @ body.T_base_body.rotation[:, 1]) == pytest.approx(1.0)
+    assert abs(between.rotation[:, 1] @ body.T_base_body.rotation[:, 0]) == pytest.approx(1.0)
+    for far_m in (0.04, 0.12):  # a finger that is open as far as it must be needs 2 cm
+        away = neighbour.at(body.T_base_body * at(0.0, 0.04 + far_m, 0.0))
+        np.testing.assert_allclose(
+            overhead_grasp(hand, body, neighbours=[away], yaw_rad=yaw).homogeneous,
+            alone.homogeneous,
+        )
+
+
+def test_something_round_is_grasped_beside_its_neighbours(real_hands: dict[str, Hand]) -> None:
+    hand = real_hands["left"]
+    tin = Body("tin", (Part(Cylinder(0.02, 0.06), ORIGIN),), at(0.7, 0.1, -0.125))
+    others = [Body(f"{y:g}", tin.parts, at(0.7, 0.1 + y, -0.125)) for y in (-0.045, 0.045)]
+    T = overhead_grasp(hand, tin, neighbours=others)
+    fingers = list(hand.fingers_at(T, hand.stroke_m))
+    assert min(gap_m(f, other.placed_parts[0]) for f in fingers for other in others) > 0.0
+
+
+def test_what_neighbours_enclose_is_grasped_as_if_they_were_not_there(
+    real_hands: dict[str, Hand],
+) -> None:
+    body = standing(0.05, 0.04, 0.05)
+    around = [
+        Body(f"{x:g} {y:g}", body.parts, body.T_base_body * at(x, y, 0.0))
+        for x, y in ((0.05, 0.0), (-0.05, 0.0), (0.0, 0.04), (0.0, -0.04))
+    ]
+    for hand in real_hands.values():
+        T = overhead_grasp(hand, body, neighbours=around)
+        np.testing.assert_array_equal(T.homogeneous, overhead_grasp(hand, body).homogeneous)
+
+
+@pytest.mark.parametrize("nothing", [None, 5, "block", ["block"]])
+def test_neighbours_are_bodies(hands: dict[str, Hand], nothing: Any) -> None:
+    with pytest.raises(SceneError, match="neighbours"):
+        overhead_grasp(hands["left"], standing(0.04, 0.04, 0.04), neighbours=nothing)
+
+
+def mug(x_m: float, y_m: float, yaw: float = 0.0) -> Body:
+    """A cup 10 cm wide, with a handle of 18 mm; both reach the same height."""
+    parts = (
+        Part(Cylinder(0.05, 0.09), at(0, 0, 0.045)),
+        Part(Box((0.1, 0.018, 0.05)), at(0.09, 0, 0.065)),
+    )
+    place = pin.SE3(pin.utils.rotate("z", yaw), np.array([x_m, y_m, TABLE_Z_M]))
+    return Body("mug", parts, place, is_movable=True)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_a_mug_is_grasped_by_its_handle(real_hands: dict[str, Hand], yaw: float) -> None:
+    body = mug(0.70, 0.15, yaw)
+    grasp = closed(real_hands["left"], body)
+    assert isinstance(grasp, Grasp)
+    assert grasp.width_m == pytest.approx(0.018, abs=1e-5)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.4, -0.7])

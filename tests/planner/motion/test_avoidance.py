@@ -20,7 +20,8 @@ from planner.motion.avoidance import (
     Motions,
     led_around,
 )
-from planner.motion.program.motion_program import Clearances, MotionProgram
+from planner.motion.program.clearance_rows import Clearances
+from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.phases import MotionTask, Phase
 from planner.splines import Sketch
 from tests.planner import toy_world
@@ -55,7 +56,7 @@ BENT = Sketch(
 
 @pytest.fixture(scope="module")
 def program() -> MotionProgram:
-    return MotionProgram([Phase(INTERVALS, rests=True, at_goal=True)], keeps_clear=True)
+    return MotionProgram([Phase(INTERVALS, rests=True, at_goal=True)], 7)
 
 
 def around(

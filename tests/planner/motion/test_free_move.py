@@ -52,13 +52,18 @@ def densely(space: ToySpace) -> IsClear:
     return lambda motion: looks_clear(motion, space.is_free, 1e-3)
 
 
+PATIENT_S = 60.0
+"""On a busy machine a search takes longer than the default allows."""
+
+
 def plan(
     space: ToySpace = AROUND_DISC, is_clear: IsClear | None = None, **options: Any
 ) -> Trajectory:
     start, goal = options.pop("q_start", LEFT), options.pop("q_goal", RIGHT)
     limits = options.pop("limits", LIMITS)
     judge = densely(space) if is_clear is None else is_clear
-    return plan_free_move(start, goal, limits, space, judge, **options)
+    timed = {"timeout_s": PATIENT_S} | options
+    return plan_free_move(start, goal, limits, space, judge, **timed)
 
 
 def is_straight(motion: Trajectory) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +18,30 @@ from numpy.typing import NDArray
 import planner.motion.joint_move
 from baxter_kin import Arm, JointLimits
 from baxter_kin.errors import ConfigurationError
-from planner import Trajectory, plan_joint_move
+from baxter_kin.frames import raised
+from planner import (
+    Manipulator,
+    PickAndPlace,
+    Plan,
+    Scene,
+    Trajectory,
+    plan_free_move,
+    plan_joint_move,
+    plan_pick_and_place,
+    plan_retract,
+    plan_start_move,
+    plan_straight_move,
+    verify,
+)
 from planner.errors import MotionError
 from planner.motion.joint_move import (
     LONGEST_MOTION_S,
+    MAX_CLIP_RAD,
     POSITION_TOLERANCE_RAD,
     RATIO_TOLERANCE,
     rest_to_rest_s,
 )
+from tests.conftest import overhead
 
 TIME_TOLERANCE_S = 1e-9
 """Ruckig solves polynomials of degree six; its times are good to about 1e-12 of some seconds."""
@@ -286,16 +304,114 @@ def test_a_state_that_must_overshoot_the_speed_limit_is_refused() -> None:
 
 
 @pytest.mark.parametrize("which", ["v_start", "v_goal"])
-def test_a_speed_a_hair_above_the_limit_is_refused_naming_the_joint(left: Arm, which: str) -> None:
-    v = np.zeros(7)
-    v[3] = left.limits.v_max[3] * (1 + 1e-12)
-    with pytest.raises(MotionError, match=f"{which} asks 1.5 of left_e1, whose limit is 1.5"):
+def test_a_speed_above_the_limit_by_more_than_rounding_is_refused_naming_the_joint(
+    left: Arm, which: str
+) -> None:
+    v: Any = np.zeros(7)
+    v[3] = left.limits.v_max[3] * (1 + 2 * RATIO_TOLERANCE)
+    match = f"{which} asks 1.500000003 of left_e1, whose limit is 1.5"
+    with pytest.raises(MotionError, match=match):
         plan_joint_move(left.neutral, left.neutral, left.limits, **{which: v})
+
+
+@pytest.mark.parametrize("excess", [1e-16, 1e-12, RATIO_TOLERANCE])
+@pytest.mark.parametrize("which", ["v_start", "v_goal"])
+def test_a_speed_above_the_limit_by_rounding_is_moved_inside_it(
+    left: Arm, which: str, excess: float
+) -> None:
+    v: Any = np.zeros(7)
+    v[3] = left.limits.v_max[3] * (1 + excess)
+    motion = plan_joint_move(left.neutral, left.start, left.limits, **{which: v})
+    assert_within_limits(motion)
+    reached = motion.v[0 if which == "v_start" else -1]
+    assert reached == pytest.approx(v, rel=RATIO_TOLERANCE, abs=0.0)
+
+
+@pytest.mark.parametrize("less", [0.0, 1e-12, 1e-9])
+@pytest.mark.parametrize("which", ["start", "goal"])
+def test_a_speed_that_reaches_its_limit_when_the_acceleration_ends_costs_no_time(
+    left: Arm, which: str, less: float
+) -> None:
+    """1.499 rad/s at 0.2 rad/s^2 come to 1.5 rad/s with 20 rad/s^3, the limit; or come from it."""
+    v, a, q_start, q_goal = np.zeros(7), np.zeros(7), left.neutral.copy(), left.neutral.copy()
+    v[0], a[0] = 1.499 - less, 0.2 if which == "start" else -0.2
+    q_start[0], q_goal[0] = -1.5, 1.5
+    rates: dict[str, Any] = {f"v_{which}": v, f"a_{which}": a}
+    motion = plan_joint_move(q_start, q_goal, left.limits, **rates)
+    assert motion.duration == pytest.approx(2.425002, abs=1e-6)
+    assert_within_limits(motion)
+
+
+def test_an_arm_that_is_where_it_shall_be_may_still_have_rates_of_rounding(left: Arm) -> None:
+    v = np.zeros(7)
+    v[0] = 6e-17
+    assert plan_joint_move(left.neutral, left.neutral, left.limits, v_start=v).duration < 1e-8
+    q = [-0.17278714, 0.08203635, -1.79600434, 1.06796589, -1.54676486, 0.59718264, -0.83015473]
+    v = np.array([-4.48e-17, 4.38e-17, -5.29e-17, -1.43e-17, -8.43e-18, -1.34e-18, 5.72e-17])
+    a = np.array([5.51e-16, -3.82e-16, -4.60e-16, 7.26e-16, 7.65e-16, 2.14e-17, -3.11e-16])
+    assert plan_joint_move(q, q, left.limits, v_start=v, a_start=a).duration < 1e-8
+
+
+@pytest.mark.parametrize("distance", [1e-12, -1e-9, 1e-17])
+def test_a_state_and_its_mirror_image_are_joined_without_a_crash(distance: float) -> None:
+    """Ruckig 0.19 finds more profiles than its array holds: the whole process ended."""
+    v, a = 0.1911652819600179, -6.1251263179504924
+    limits = one_joint(v, 7.764963490403938, 98.12757846557213)
+    motion = plan_joint_move(
+        [0.0], [distance], limits, v_start=[v], a_start=[a], v_goal=[-v], a_goal=[a]
+    )
+    assert motion.duration > 0.0
+    assert_within_limits(motion)
+
+
+REPLANNED_S = 1e-6
+"""By how much planning again from a sample may lengthen a motion."""
+
+BRIEF_S = 1e-3
+"""In the last millisecond, correcting the rounding of a position takes a part of the time."""
+
+
+@given(seeds)
+def test_a_loop_that_plans_again_from_samples_ends_when_the_first_plan_does(
+    left: Arm, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    motion = plan_joint_move(inside(left.limits, rng), inside(left.limits, rng), left.limits)
+    left_s = motion.duration
+    for _ in range(4):
+        step_s = rng.uniform(0.0, motion.duration) if rng.random() < 0.5 else 0.01
+        state = motion.sample(min(step_s, motion.duration))
+        left_s = max(left_s - step_s, 0.0)
+        motion = plan_joint_move(
+            state.q, motion.q_goal, left.limits, v_start=state.v, a_start=state.a
+        )
+        assert motion.duration <= left_s + REPLANNED_S or motion.duration < BRIEF_S
+        assert_within_limits(motion)
+        for before, after in zip(state, motion.sample(0.0), strict=True):
+            assert after == pytest.approx(before, rel=RATIO_TOLERANCE, abs=1e-14)
+
+
+@given(seeds)
+def test_a_moving_start_on_the_boundary_of_what_can_stay_in_the_limits_costs_no_time(
+    left: Arm, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    limits = left.limits
+    q_start, q_goal = (inside(limits, rng, margin=0.25) for _ in range(2))
+    a = rng.uniform(0.0, 0.5, 7) * limits.a_max * rng.choice([-1.0, 1.0], 7)
+    v = 0.3 * rng.uniform(-1.0, 1.0, 7) * limits.v_max
+    for i in np.flatnonzero(rng.random(7) < 0.5):
+        v[i] = np.sign(a[i]) * (limits.v_max[i] - a[i] ** 2 / (2 * limits.j_max[i]))
+    roomy = replace(limits, q_min=limits.q_min - 10.0, q_max=limits.q_max + 10.0)
+    motion = plan_joint_move(q_start, q_goal, roomy, v_start=v, a_start=a)
+    slower = plan_joint_move(q_start, q_goal, roomy, v_start=v * (1 - 1e-9), a_start=a)
+    assert motion.duration <= slower.duration + REPLANNED_S
+    assert_within_limits(motion)
 
 
 @pytest.mark.parametrize("which", ["a_start", "a_goal"])
 def test_an_acceleration_above_the_limit_is_refused_naming_the_joint(left: Arm, which: str) -> None:
-    a = np.zeros(7)
+    a: Any = np.zeros(7)
     a[5] = -2.5
     with pytest.raises(MotionError, match=f"{which} asks -2.5 of left_w1, whose limit is 2"):
         plan_joint_move(left.neutral, left.neutral, left.limits, **{which: a})
@@ -436,3 +552,87 @@ class TestRestTime:
     def test_what_is_no_displacement_is_refused(self, left: Arm, way: object) -> None:
         with pytest.raises(MotionError):
             rest_to_rest_s(way, left.limits)  # type: ignore[arg-type]
+
+
+class TestAStartOutsideTheLimits:
+    """Every planner takes it alike: joint w2 is turned beyond its end."""
+
+    MotionPlanner = Callable[..., Trajectory | Plan]
+
+    @pytest.fixture(
+        params=[
+            "joint move",
+            "free move",
+            "straight move",
+            "start move",
+            "retract",
+            "pick and place",
+        ]
+    )
+    def plan_from(
+        self, request: pytest.FixtureRequest, manipulator: Manipulator, scene: Scene
+    ) -> MotionPlanner:
+        arm, limits = manipulator.arm, manipulator.limits
+        context = manipulator.context(scene)
+        pick, place = overhead(0.70, 0.15, -0.129), overhead(0.75, 0.0, -0.129)
+        task = PickAndPlace("block", pick, place)
+        planners: dict[str, TestAStartOutsideTheLimits.MotionPlanner] = {
+            "joint move": lambda q, **how: plan_joint_move(q, arm.neutral, limits, **how),
+            "free move": lambda q, **how: plan_free_move(q, arm.neutral, limits, context, **how),
+            "straight move": lambda q, **how: plan_straight_move(
+                arm, q, raised(arm.T_base_tip(self.at_end(arm)), 0.05), limits, **how
+            ),
+            "start move": lambda q, **how: plan_start_move(manipulator, scene, q, **how),
+            "retract": lambda q, **how: plan_retract(manipulator, scene, q, 0.05, **how),
+            "pick and place": lambda q, **how: plan_pick_and_place(
+                task, manipulator, scene, q, **how
+            ),
+        }
+        return planners[str(request.param)]
+
+    @staticmethod
+    def at_end(arm: Arm, beyond_rad: float = 0.0) -> NDArray[np.float64]:
+        q = np.array(arm.start)
+        q[6] = arm.limits.q_max[6] + beyond_rad
+        return q
+
+    @pytest.mark.parametrize("beyond_rad", [1e-15, 9e-7])
+    def test_by_rounding_is_taken_in(
+        self,
+        plan_from: MotionPlanner,
+        left: Arm,
+        beyond_rad: float,
+        caplog: pytest.LogCaptureFixture,
+    ) -> None:
+        found = plan_from(self.at_end(left, beyond_rad))
+        assert found.q_start.tolist() == self.at_end(left).tolist()
+        assert not caplog.records
+
+    def test_farther_out_is_refused_with_how_far_and_what_to_do(
+        self, plan_from: MotionPlanner, left: Arm
+    ) -> None:
+        with pytest.raises(ConfigurationError, match=r"by 0\.05 rad .*clip_start=True"):
+            plan_from(self.at_end(left, 0.05))
+
+    def test_it_is_clipped_if_asked_for_and_the_log_says_so(
+        self, plan_from: MotionPlanner, left: Arm, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        with caplog.at_level(logging.WARNING):
+            found = plan_from(self.at_end(left, MAX_CLIP_RAD), clip_start=True)
+        assert found.q_start.tolist() == self.at_end(left).tolist()
+        assert "outside the joint limits by up to 0.1 rad" in caplog.text
+        assert "left_w2" in caplog.text
+        if isinstance(found, Plan):
+            assert verify(found).is_valid
+
+    def test_beyond_what_may_be_clipped_it_is_refused(
+        self, plan_from: MotionPlanner, left: Arm
+    ) -> None:
+        with pytest.raises(ConfigurationError, match=r"by 0\.11 rad"):
+            plan_from(self.at_end(left, 0.11), clip_start=True)
+
+
+def test_a_goal_outside_the_limits_by_rounding_is_taken_in(left: Arm) -> None:
+    beyond = np.array(left.start)
+    beyond[6] = left.limits.q_max[6] + 1e-15
+    assert plan_joint_move(left.neutral, beyond, left.limits).q_goal[6] == left.limits.q_max[6]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,12 +13,16 @@ from baxter_kin import Arm
 from baxter_kin.validation import FloatArray
 from planner import Response, Trajectory, fit_response, plan_joint_move
 from planner.errors import ResponseError
+from planner.motion.response_fit import LEAST_TRAVEL_RAD
 from planner.motion.tracking_tube import tracking_tube
 from planner.trajectory import joined
 
 STEP_S = 0.01
 NOISE_RAD = 4e-4
 """An encoder's step on a Baxter."""
+
+STILL = 1500
+"""Samples of a joint at rest, 15 s."""
 
 TRUE_S = np.array([0.40, 0.35, 0.42, 0.38, 0.30, 0.45, 0.25])
 
@@ -111,9 +117,9 @@ def test_refuses_what_tells_nothing(move: Trajectory) -> None:
     t, u, q = recorded(move, TRUE_S)
     still_u, still_q = np.array(u), np.array(q)
     still_u[:, 3] = still_q[:, 3] = 0.5
-    with pytest.raises(ResponseError, match="joint 3 was commanded over 0 rad"):
+    with pytest.raises(ResponseError, match=r"joint 3 \(e1\) was commanded over 0 rad"):
         fit_response(t, still_u, q)
-    with pytest.raises(ResponseError, match="joint 3 was measured over 0 rad"):
+    with pytest.raises(ResponseError, match=r"joint 3 \(e1\) was measured over 0 rad"):
         fit_response(t, u, still_q)
     with pytest.raises(ResponseError, match="increase"):
         fit_response(t[::-1], u, q)
@@ -135,6 +141,30 @@ def test_refuses_a_motion_that_is_too_slow(move: Trajectory) -> None:
     t, u, q = recorded(move, TRUE_S)
     with pytest.raises(ResponseError, match="does not tell its lag"):
         fit_response(np.linspace(0.0, 0.099 * (len(t) - 1), len(t)), 0.2 * u, 0.2 * q)
+
+
+def test_a_joint_that_stands_still_most_of_the_time_tells_its_lag_where_it_moves(
+    move: Trajectory,
+) -> None:
+    """As in a recording in which one joint moves after the other."""
+    t, u, q = recorded(move, TRUE_S)
+    u, q = (np.concatenate([0.3 * x, 0.3 * np.repeat(x[-1:], STILL, axis=0)]) for x in (u, q))
+    found = fit_response(STEP_S * np.arange(len(t) + STILL), u, q)
+    assert (found.lag_s[:, 0] <= TRUE_S).all()
+    assert (found.lag_s[:, 1] >= TRUE_S).all()
+
+
+@pytest.mark.parametrize("below", [1e-2, 1e-4, 1e-6])
+def test_a_refusal_never_states_a_number_that_its_limit_allows(
+    move: Trajectory, below: float
+) -> None:
+    t, u, q = recorded(move, TRUE_S)
+    travel = LEAST_TRAVEL_RAD * (1.0 - below)
+    u[:, 3] = np.linspace(0.0, travel, len(t))
+    with pytest.raises(ResponseError) as refusal:
+        fit_response(t, u, q)
+    stated, limit = (float(number) for number in re.findall(r"([\d.]+) rad", str(refusal.value)))
+    assert stated < limit == LEAST_TRAVEL_RAD
 
 
 def test_refuses_an_arm_that_does_not_follow(move: Trajectory) -> None:

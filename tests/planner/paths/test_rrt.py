@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import subprocess
 import sys
@@ -217,11 +218,16 @@ def test_the_log_level_of_others_is_put_back() -> None:
         util.setLogLevel(level)
 
 
-def test_no_edge_is_longer_than_the_longest() -> None:
+def test_no_edge_is_longer_than_the_longest_and_shortcuts_leave_a_shorter_way(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     wide = with_range(LIMITS, 50.0)
-
+    cut = np.linalg.norm(np.diff(found(limits=wide), axis=0), axis=1)
+    simplifier = importlib.import_module("ompl.geometric").PathSimplifier
+    monkeypatch.setattr(simplifier, "partialShortcutPath", lambda *_: True)
     lengths = np.linalg.norm(np.diff(found(limits=wide), axis=0), axis=1)
     assert lengths.max() <= LONGEST_EDGE_RAD + 1e-9
+    assert cut.sum() < lengths.sum()
 
 
 def with_range(limits: JointLimits, reach: float) -> JointLimits:

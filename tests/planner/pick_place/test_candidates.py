@@ -9,7 +9,7 @@ from baxter_kin.errors import RequestError
 from planner import Manipulator, PickAndPlace, Plan, Scene, transfer_bound_s
 from planner.errors import MotionError
 from planner.pick_place.candidates import Candidates
-from planner.pick_place.request import PlanRequest
+from planner.pick_place.task import PlanRequest
 from tests.conftest import at, overhead
 from tests.planner.pick_place.conftest import PICK, PLACE, TASK
 

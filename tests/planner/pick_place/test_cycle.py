@@ -10,7 +10,7 @@ from planner import Manipulator, PickAndPlace, Plan, Scene
 from planner.pick_place.cycle import MOVES, Cycle, StoppingCycles
 from planner.pick_place.phases import PhaseMaker
 from planner.pick_place.plan_builder import NoSolutionError
-from planner.pick_place.request import PlanRequest
+from planner.pick_place.task import PlanRequest
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.planner.pick_place.conftest import PICK, PLACE, TASK
 

@@ -15,7 +15,7 @@ from planner.pick_place.candidates import CandidatePair, Candidates
 from planner.pick_place.cycle import Cycle, StoppingCycles
 from planner.pick_place.cycle_program import CycleProgram
 from planner.pick_place.phases import PhaseMaker
-from planner.pick_place.request import PlanRequest
+from planner.pick_place.task import PlanRequest
 from tests.conftest import at
 from tests.planner.pick_place.conftest import PICK, PLACE, TASK
 

@@ -10,7 +10,7 @@ from planner import Manipulator, PickAndPlace, PlanFailure, Scene
 from planner.pick_place.hand_lines import refuse_blocked_hand
 from planner.pick_place.phases import PhaseMaker
 from planner.pick_place.plan_builder import NoSolutionError
-from planner.pick_place.request import PlanRequest
+from planner.pick_place.task import PlanRequest
 from tests.planner.pick_place.conftest import PICK, PLACE, TASK, box, labels, planned
 
 

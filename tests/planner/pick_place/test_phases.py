@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter, ElectricGripper
@@ -13,10 +14,12 @@ from planner import (
     Body,
     Box,
     Manipulator,
+    Mesh,
     Part,
     PickAndPlace,
     Scene,
     load_object,
+    make_block,
     plan_pick_and_place,
     verify,
 )
@@ -24,7 +27,8 @@ from planner.grasping.finger_travel import closing_travel, travel_check
 from planner.pick_place.cycle import MOVES
 from planner.pick_place.phases import LONGEST_DROP_M, OPENING_STEP_M, PhaseMaker, Phases
 from planner.pick_place.plan_builder import NoSolutionError
-from planner.pick_place.request import PlanRequest
+from planner.pick_place.task import PlanRequest
+from planner.scene.support import come_down
 from tests.bodies import grasp_of
 from tests.conftest import at, overhead
 from tests.planner.pick_place.conftest import ORIGIN, PICK, PLACE, TASK, box, labels, planned
@@ -59,14 +63,43 @@ def test_a_body_wider_than_the_hand_fails_with_both_widths(
     assert labels(plan) == []
 
 
-def test_a_narrower_hand_refuses_the_block_with_both_widths(scene: Scene) -> None:
+@pytest.mark.parametrize(
+    ("edge_m", "beside_m", "reason"),
+    [
+        (
+            *(0.054, 0.0),
+            "block measures 54.0 mm, 55.3 mm between the pads as it lies, but the right hand opens "
+            "only 52.7 mm",
+        ),
+        (
+            *(0.050, 0.0015),
+            "block measures 50.0 mm, 51.2 mm between the pads as it lies, which the right hand "
+            "opens for (52.7 mm), but off its middle: a pad would come down 0.5 mm inside it",
+        ),
+    ],
+)
+def test_a_narrower_hand_refuses_the_block_with_both_widths(
+    table: Body, edge_m: float, beside_m: float, reason: str
+) -> None:
     robot = Baxter.load(hands={"right": ElectricGripper(tips="half_round")})
     right = Manipulator.of(robot, "right")
-    task = PickAndPlace("block", overhead(0.7, -0.15, -0.129), overhead(0.75, 0.0, -0.129))
-    plan = planned(task, right, scene)
+    pick = overhead(0.7, -0.15, -0.129)
+    block = make_block("block", at(0.7, -0.15 + beside_m, -0.155 + edge_m / 2), edge_m=edge_m)
+    task = PickAndPlace("block", pick, overhead(0.75, 0.0, -0.129))
+    plan = planned(task, right, Scene.of([table, block]))
     assert plan.failure is not None
-    assert "block measures 50.0 mm" in plan.failure.reason
-    assert "the right hand opens only 52.7 mm" in plan.failure.reason
+    assert plan.failure.reason == reason
+
+
+def test_a_block_that_fits_between_half_round_tips_is_carried(table: Body) -> None:
+    """Its corners reach beside the tips, 53.2 mm apart along the closing axis."""
+    robot = Baxter.load(hands={"right": ElectricGripper(tips="half_round")})
+    right = Manipulator.of(robot, "right")
+    block = make_block("block", at(0.7, -0.15, -0.13), edge_m=0.05)
+    task = PickAndPlace("block", overhead(0.7, -0.15, -0.129), overhead(0.75, 0.0, -0.129))
+    plan = planned(task, right, Scene.of([table, block]))
+    assert plan.is_valid, str(plan.failure)
+    assert verify(plan, description=robot.description).is_valid
 
 
 def test_a_place_that_the_body_would_tip_off_is_refused_with_how_far(
@@ -185,3 +218,82 @@ def test_a_body_let_go_higher_would_fall_and_how_far_is_told(
     found = made(manipulator, scene, PickAndPlace("block", PICK, raised(PLACE, 0.02)))
     with pytest.raises(NoSolutionError, match=r"within 10 mm below it, and table is 20 mm below"):
         found.refuse_impossible()
+
+
+def cube_at(name: str, x: float, y: float, above_m: float = 0.0) -> Body:
+    return make_block(name, at(x, y, -0.13 + above_m), edge_m=0.05)
+
+
+@pytest.mark.parametrize("dx", [0.0, 0.03])
+def test_a_place_that_is_taken_is_refused_by_who_stands_there(
+    manipulator: Manipulator, scene: Scene, dx: float
+) -> None:
+    blue = cube_at("blue", 0.75 + dx, 0.0)
+    plan = planned(TASK, manipulator, scene.with_body(blue))
+    assert plan.failure is not None
+    assert plan.failure.stage == "place: descend"
+    assert re.fullmatch(
+        r"blue stands there: block would be [\d.]+ mm inside it", plan.failure.reason
+    )
+    assert plan.failure.is_certain
+
+
+def test_a_wall_that_stands_in_the_place_is_named(manipulator: Manipulator, scene: Scene) -> None:
+    wall = box("wall", (0.02, 0.2, 0.2), 0.75, 0.0, -0.055)
+    plan = planned(TASK, manipulator, scene.with_body(wall))
+    assert plan.failure is not None
+    assert plan.failure.reason.startswith("wall stands there: block would be")
+
+
+def test_a_neighbour_of_the_place_does_not_take_it(manipulator: Manipulator, scene: Scene) -> None:
+    """It stands 0.3 mm beside the placed block, along the fingers."""
+    blue = cube_at("blue", 0.75 - 0.0025 + 0.0503, 0.0015)
+    assert made(manipulator, scene.with_body(blue)).taken is None
+
+
+@pytest.mark.parametrize(("supports", "too"), [(("block",), ""), (("block", "other"), ", too")])
+def test_a_body_that_something_stands_on_is_not_taken_away_from_under_it(
+    manipulator: Manipulator, scene: Scene, supports: tuple[str, ...], too: str
+) -> None:
+    x, y, _ = scene["block"].centre_base.tolist()
+    middle = x + 0.05 * (len(supports) - 1)
+    top = make_block("top", at(middle, y, -0.095), edge_m=(0.14, 0.04, 0.02))
+    loaded = scene.with_body(top).with_body(cube_at("other", x + 0.1, y))
+    plan = planned(TASK, manipulator, loaded)
+    assert plan.failure is not None
+    assert str(plan.failure) == (f"pick: retract: top stands on block{too}; carry that away first")
+    assert plan.failure.is_certain
+
+
+@pytest.mark.parametrize(
+    ("tilt_deg", "is_level_enough"), [(0.001, True), (0.8, True), (3.0, False)]
+)
+def test_a_measured_table_may_be_off_level_by_a_degree(
+    manipulator: Manipulator, block: Body, tilt_deg: float, is_level_enough: bool
+) -> None:
+    R = pin.exp3(np.array([0.0, np.radians(tilt_deg), 0.0]))
+    table = box("table", (0.6, 0.8, 0.02), 0.7, 0.1, -0.165)
+    top = R @ np.array([0.0, 0.0, 0.01])
+    tilted = table.at(pin.SE3(R, np.array([0.7, 0.1, -0.155]) - top))
+    x = 0.7 - 0.05 / np.cos(np.radians(tilt_deg))
+    standing = come_down(block.at(at(x - 0.0275, 0.1265, -0.05)), [tilted]).body
+    place = overhead(0.75, 0.0, -0.129 - 0.05 * np.tan(np.radians(tilt_deg)) + 0.003)
+    pick = overhead(x, 0.15, float(standing.centre_base[2]))
+    maker = made(manipulator, Scene.of([tilted, standing]), PickAndPlace("block", pick, place))
+    if is_level_enough:
+        maker.refuse_impossible()
+    else:
+        with pytest.raises(NoSolutionError, match=r"would not stand: table slopes by 3.0 deg"):
+            maker.refuse_impossible()
+
+
+def test_a_block_is_put_into_a_bin_that_is_one_mesh(manipulator: Manipulator, scene: Scene) -> None:
+    """A floor, and one triangle that rises by 1 mm at its far edge, 0.4 m away."""
+    corners = [[-0.1, -0.4, 0], [0.1, -0.4, 0], [0.1, 0.1, 0], [-0.1, 0.1, 0], [0.1, -0.1, 0.001]]
+    floor = Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3], [2, 1, 4]]))
+    bin_ = Body("bin", (Part(floor, ORIGIN),), at(0.77, 0.0, -0.1549))
+    task = PickAndPlace("block", PICK, overhead(0.72, 0.0, -0.1285))
+    plan = planned(task, manipulator, scene.with_body(bin_))
+    assert plan.is_valid, str(plan.failure)
+    certificate = verify(plan)
+    assert certificate.is_valid, certificate.verdict

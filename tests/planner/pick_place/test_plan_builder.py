@@ -22,7 +22,7 @@ from planner.pick_place.plan_builder import (
     proven,
     refuse_blocked,
 )
-from planner.pick_place.request import PlanRequest
+from planner.pick_place.task import PlanRequest
 from tests.conftest import overhead
 from tests.planner.pick_place.conftest import box, labels
 
@@ -115,8 +115,7 @@ def test_a_plan_states_what_was_asked_for(manipulator: Manipulator, scene: Scene
     request = PlanRequest(manipulator, scene, manipulator.arm.start, line_tolerance=wide)
     plan = PlanBuilder(request).plan()
     assert plan.line_tolerance is wide
-    assert plan.situation is not None
-    assert [body.name for body in plan.situation.scene] == [body.name for body in scene]
+    assert [body.name for body in plan.start.scene] == [body.name for body in scene]
 
 
 def test_the_proof_of_a_motion_is_above_the_margin_of_its_situation(

@@ -19,15 +19,19 @@ from baxter_kin.errors import ConfigurationError
 from baxter_kin.frames import raised
 from planner import (
     Body,
+    Box,
+    Cylinder,
     Grip,
     GripperAction,
     LineTolerance,
     Manipulator,
     Move,
+    Part,
     PickAndPlace,
     Plan,
     Scene,
     load_plan,
+    overhead_grasp,
     plan_joint_move,
     plan_pick_and_place,
     plan_retract,
@@ -37,8 +41,8 @@ from planner import (
 )
 from planner.collision import ClearanceChecker
 from planner.errors import MotionError, SceneError, TaskError
+from planner.scene.attachment import Attachment
 from planner.scene.contact import touching
-from planner.scene.held import Held
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.bodies import grasp_of
 from tests.conftest import at, overhead
@@ -197,7 +201,7 @@ def test_clearances_agree_with_a_check_ten_times_as_dense(
     grasp = grasp_of(hand, PICK, block, hand.stroke_m)
     assert grasp is not None
     placed = scene.moved("block", PLACE * grasp.T_tip_body)
-    held, stood = Held("left", "block", grasp.T_tip_body), touching(block, scene)
+    held, stood = Attachment("block", "left_gripper", grasp.T_tip_body), touching(block, scene)
     full = hand.stroke_m
     for move in plan.moves:
         carries = move.label in ("pick: retract", "place: approach", "place: descend")
@@ -465,3 +469,68 @@ def test_lines_of_no_length_to_speak_of_raise_nothing(
     task = PickAndPlace("block", PICK, PLACE, clear_m=clear_m, hover_m=hover_m)
     plan = planned(task, manipulator, scene)
     assert plan.is_valid or plan.failure is not None
+
+
+def tee(gap_m: float, side: float) -> tuple[Part, ...]:
+    """A post with a block beside it whose underside is a gap above that of the post."""
+    arm = Box((0.02, 0.02, 0.09 - gap_m))
+    return (
+        Part(Box((0.04, 0.04, 0.09)), at(0.0, 0.0, 0.0)),
+        Part(arm, at(side * 0.03, 0.0, gap_m / 2)),
+    )
+
+
+def mug(gap_m: float, side: float) -> tuple[Part, ...]:
+    """A cylinder with a handle, a gap above its underside."""
+    handle = Part(Box((0.02, 0.008, 0.03)), at(side * 0.034, 0.0, gap_m - 0.03))
+    return Part(Cylinder(0.025, 0.09), at(0.0, 0.0, 0.0)), handle
+
+
+@pytest.mark.parametrize(
+    ("parts", "push_m"),
+    [
+        (tee(0.005, 1.0), 0.0),
+        (tee(0.015, -1.0), 0.0),
+        (mug(0.005, 1.0), 0.0),
+        (tee(0.005, 1), 4e-3),
+    ],
+)
+def test_what_is_proven_of_a_body_in_several_parts_holds_for_each_of_them(
+    manipulator: Manipulator, table: Body, parts: tuple[Part, ...], push_m: float
+) -> None:
+    """One part stands on the table, and the other passes it at a distance that counts."""
+    body = Body("tee", parts, at(0.65, 0.25, -0.11), is_movable=True)
+    grasp = overhead_grasp(manipulator.hand, body) * at(0.0, push_m, 0.0)
+    task = PickAndPlace("tee", grasp, at(0.0, -0.2, 0.0) * grasp)
+    plan = planned(task, manipulator, Scene.of([table, body]))
+    assert plan.is_valid, str(plan.failure)
+    certificate = verify(plan)
+    assert certificate.is_valid, certificate.verdict
+    near = {step.label: step.proof.nearest for step in plan if step.proof is not None}
+    for label in ("pick: retract", "place: descend", *["pick: close"] * (push_m > 0.0)):
+        assert {near[label].first, near[label].second} == {"tee", "table"}
+
+
+def test_a_body_in_two_parts_is_stacked_on_another(manipulator: Manipulator, table: Body) -> None:
+    """The lower one carries by its higher part; its lower one is passed at 15 mm."""
+    body = Body("tee", tee(0.005, 1.0), at(0.65, 0.25, -0.11), is_movable=True)
+    shoulder = Part(Box((0.05, 0.05, 0.035)), at(0.05, 0.0, -0.0075))
+    step = Body(
+        "step", (Part(Box((0.05, 0.05, 0.05)), at(0, 0, 0)), shoulder), at(0.65, 0.05, -0.13)
+    )
+    grasp = overhead_grasp(manipulator.hand, body)
+    task = PickAndPlace("tee", grasp, at(0.0, -0.2, 0.05) * grasp)
+    plan = planned(task, manipulator, Scene.of([table, step, body]))
+    assert plan.is_valid, str(plan.failure)
+    certificate = verify(plan)
+    assert certificate.is_valid, certificate.verdict
+
+
+def test_a_body_in_the_other_hand_is_refused_by_the_name_of_the_hand(
+    manipulator: Manipulator, scene: Scene
+) -> None:
+    held = Attachment("block", "right_gripper", at(0.0, 0.0, 0.0))
+    plan = plan_pick_and_place(TASK, manipulator, scene, manipulator.arm.start, held=[held])
+    assert plan.failure is not None
+    assert plan.failure.reason == "block is in the right hand"
+    assert labels(plan) == []

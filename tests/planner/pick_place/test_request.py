@@ -10,8 +10,8 @@ import pytest
 from baxter_kin.errors import ConfigurationError
 from planner import LineTolerance, Manipulator, Scene
 from planner.errors import MotionError, SceneError, TaskError
-from planner.pick_place.request import PlanRequest
-from planner.scene.held import Held
+from planner.pick_place.task import PlanRequest
+from planner.scene.attachment import Attachment
 from tests.conftest import at
 
 ORIGIN = at(0.0, 0.0, 0.0)
@@ -27,12 +27,12 @@ def test_the_start_is_a_copy_that_cannot_be_changed(manipulator: Manipulator, sc
 
 
 def test_the_other_hand_may_hold_something(manipulator: Manipulator, scene: Scene) -> None:
-    held = Held("right", "block", ORIGIN)
+    held = Attachment("block", "right_gripper", ORIGIN)
     assert PlanRequest(manipulator, scene, manipulator.arm.start, held=[held]).held == (held,)
 
 
 def test_the_hand_that_plans_must_be_empty(manipulator: Manipulator, scene: Scene) -> None:
-    held = Held("left", "block", ORIGIN)
+    held = Attachment("block", "left_gripper", ORIGIN)
     with pytest.raises(TaskError, match="the left hand holds 'block'; it must be empty"):
         PlanRequest(manipulator, scene, manipulator.arm.start, held=[held])
 

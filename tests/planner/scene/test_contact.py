@@ -20,9 +20,11 @@ from planner.errors import SceneError
 from planner.scene.bodies import Shape
 from planner.scene.contact import (
     MOST_TOUCHED_TRIANGLES,
+    PartContact,
     coal_pose,
     coal_shape,
     convex_pieces,
+    part_contacts,
     shape_of,
     touching,
     travel_to_contact,
@@ -303,3 +305,20 @@ def test_distances_are_not_longer_than_the_slab_between_the_shapes(seed: int) ->
         coal.distance(*arguments[0], *arguments[1], request, result)
         normals.append(result.normal)
         assert found <= widest_slab_m(first, second, np.array(normals)) + ACCURACY_M
+
+
+def test_only_the_parts_that_touch_are_contacts() -> None:
+    """A body of two parts on a body of two: one pair of parts touches, three do not."""
+    tee = Body(
+        "tee",
+        (placed(Box((0.04, 0.04, 0.09)), 0.0), placed(Box((0.02, 0.02, 0.085)), 0.03, z=0.0025)),
+        at(0.0, 0.0, 0.045),
+    )
+    step = Body(
+        "step",
+        (placed(Box((0.04, 0.2, 0.02)), 0.0), placed(Box((0.2, 0.2, 0.01)), 0.0, z=-0.0075)),
+        at(0.0, 0.0, -0.01),
+    )
+    scene = Scene.of([tee, step])
+    assert part_contacts(tee, scene) == {PartContact(0, "step", 0)}
+    assert touching(tee, scene) == {"step"}

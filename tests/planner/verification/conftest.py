@@ -15,17 +15,17 @@ from hypothesis.extra import numpy as hnp
 from baxter_kin import pose_from_quaternion
 from baxter_kin.description import RobotDescription
 from planner import (
+    Attachment,
     Body,
     Box,
     Certificate,
-    Held,
     Manipulator,
     Move,
     Part,
     PickAndPlace,
     Plan,
     Scene,
-    Situation,
+    State,
     Trajectory,
     plan_joint_move,
     plan_pick_and_place,
@@ -92,7 +92,7 @@ def plan(manipulator: Manipulator, world: Scene) -> Plan:
     task = PickAndPlace("block", PICK, PLACE)
     made = plan_pick_and_place(task, manipulator, world, manipulator.arm.neutral)
     assert made.is_valid, str(made.failure)
-    return without_statements(replace(made, situation=Situation.of(manipulator, world)))
+    return without_statements(replace(made, start=State.of(manipulator, world)))
 
 
 @pytest.fixture(scope="session")
@@ -119,9 +119,8 @@ def certificate(plan: Plan) -> Certificate:
 
 
 def with_bodies(plan: Plan, change: Callable[[Scene], Scene]) -> Plan:
-    assert plan.situation is not None
-    situation = replace(plan.situation, scene=change(plan.situation.scene))
-    return replace(plan, situation=situation)
+    state = replace(plan.start, scene=change(plan.start.scene))
+    return replace(plan, start=state)
 
 
 TABLE_M = -0.155
@@ -149,7 +148,7 @@ def cube_plan(manipulator: Manipulator, cube_scene: Scene) -> Plan:
     task = PickAndPlace("block", pick, place)
     made = plan_pick_and_place(task, manipulator, cube_scene, manipulator.arm.neutral)
     assert made.is_valid, str(made.failure)
-    return without_statements(replace(made, situation=Situation.of(manipulator, cube_scene)))
+    return without_statements(replace(made, start=State.of(manipulator, cube_scene)))
 
 
 @pytest.fixture(scope="session")
@@ -158,17 +157,16 @@ def cube_certificate(cube_plan: Plan) -> Certificate:
 
 
 @pytest.fixture
-def holding(cube_plan: Plan, manipulator: Manipulator) -> Situation:
+def holding(cube_plan: Plan, manipulator: Manipulator) -> State:
     """The same world, and a stick in the right hand."""
-    assert cube_plan.situation is not None
-    joints = dict(cube_plan.situation.joints)
+    joints = dict(cube_plan.start.joints)
     for name, sign in (("l", 1.0), ("r", -1.0)):
         joints[f"r_gripper_{name}_finger_joint"] = sign * 0.002
     right = manipulator.robot.arm("right")
     tip = right.T_base_tip(np.array([joints[name] for name in right.joint_names]))
-    hold = Held("right", "stick", pin.SE3.Identity())
+    hold = Attachment("stick", "right_gripper", pin.SE3.Identity())
     stick = Body("stick", (Part(Box((0.006, 0.006, 0.03)), at(0, 0, 0)),), tip, is_movable=True)
-    return Situation(cube_plan.situation.scene.with_body(stick), joints, (hold,))
+    return State(cube_plan.start.scene.with_body(stick), joints, (hold,))
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from baxter_kin.errors import UnknownNameError
-from planner import Certificate, Plan, Response, Scene, Situation, verify
+from planner import Certificate, Plan, Response, Scene, State, verify
+from planner.completion import complete
 from planner.verification import Check
 from planner.verification.certificate import Relation, Worst, greatest, least
 from tests.conftest import at
@@ -30,7 +31,8 @@ def test_the_table_names_every_check(certificate: Certificate) -> None:
 
 
 def test_the_page_explains_every_check(cube_plan: Plan) -> None:
-    tracked = verify(cube_plan, response=Response((0.0, 0.0), late_s=0.0))
+    stated = complete(cube_plan)
+    tracked = verify(stated, response=Response((0.0, 0.0), late_s=0.0))
     section = PAGE.read_text("utf-8").split("## Each line of the table\n")[1].split("\n## ")[0]
     rows = re.findall(r"^\| (.+?) \|", section, re.MULTILINE)[1:]
     names = [name for row in rows for name in row.split(", ")]
@@ -46,8 +48,7 @@ def test_the_data_has_every_check(certificate: Certificate) -> None:
 def test_a_certificate_is_that_of_the_plan_and_world_it_was_made_of(
     cube_plan: Plan, cube_certificate: Certificate
 ) -> None:
-    assert cube_plan.situation is not None
-    again = Situation(Scene(cube_plan.situation.scene.bodies), cube_plan.situation.joints)
+    again = State(Scene(cube_plan.start.scene.bodies), cube_plan.start.joints)
     assert cube_certificate.is_of(cube_plan)
     assert cube_certificate.is_of(cube_plan, again)
     assert not cube_certificate.is_of(replace(cube_plan))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from planner import Body, Box, Move, Part, Plan, Situation, verify
+from planner import Body, Box, Move, Part, Plan, State, verify
 from planner.clearance import Clearance, ContinuousProof
 from tests.conftest import at
 from tests.planner.verification.conftest import BLOCK, TABLE_M, failed, with_bodies
@@ -37,19 +37,17 @@ def claim(
 
 
 def test_fingers_start_within_their_stroke(plan: Plan) -> None:
-    assert plan.situation is not None
-    joints = dict(plan.situation.joints)
+    joints = dict(plan.start.joints)
     for name in ("l_gripper_l_finger_joint", "l_gripper_r_finger_joint"):
         joints[name] *= 1.01
-    found = verify(replace(plan, situation=replace(plan.situation, joints=joints)))
+    found = verify(replace(plan, start=replace(plan.start, joints=joints)))
     assert "finger start outside the stroke" in failed(found)
     assert "l_gripper_" in found["finger start outside the stroke"].where
 
 
 def test_fingers_start_equally_open(plan: Plan) -> None:
-    assert plan.situation is not None
-    joints = {**plan.situation.joints, "l_gripper_r_finger_joint": -0.02}
-    found = verify(replace(plan, situation=replace(plan.situation, joints=joints)))
+    joints = {**plan.start.joints, "l_gripper_r_finger_joint": -0.02}
+    found = verify(replace(plan, start=replace(plan.start, joints=joints)))
     assert "fingers unequally open" in failed(found)
 
 
@@ -113,7 +111,7 @@ def test_a_stated_margin_must_be_kept(cube_plan: Plan) -> None:
     assert "clearance beyond the stated margin" in failed(found)
 
 
-def test_what_is_held_stands_where_its_hand_is(cube_plan: Plan, holding: Situation) -> None:
+def test_what_is_held_stands_where_its_hand_is(cube_plan: Plan, holding: State) -> None:
     away = holding.scene["stick"].T_base_body * at(0.0, 0.0, 0.01)
     elsewhere = replace(holding, scene=holding.scene.moved("stick", away))
     assert failed(verify(cube_plan, elsewhere)) == {"held bodies off their hands"}

@@ -19,7 +19,7 @@ from planner import (
     PickAndPlace,
     Plan,
     Scene,
-    Situation,
+    State,
     Trajectory,
     plan_joint_move,
     plan_pick_and_place,
@@ -130,12 +130,11 @@ def test_a_block_dragged_along_the_table_is_found(plan: Plan, manipulator: Manip
 
 
 def test_the_other_arm_in_the_way_is_found(plan: Plan, robot: Baxter) -> None:
-    assert plan.situation is not None
     right = robot.arm("right")
     reached = IKService(right).solve(pose_from_quaternion((0.75, 0.0, 0.03), DOWN))
     assert reached.is_valid
-    joints = {**plan.situation.joints, **right.joints(reached.q)}
-    found = verify(replace(plan, situation=replace(plan.situation, joints=joints)))
+    joints = {**plan.start.joints, **right.joints(reached.q)}
+    found = verify(replace(plan, start=replace(plan.start, joints=joints)))
     assert failed(found) == CLEARANCE
     assert "right_" in found["clearance"].where or "r_gripper" in found["clearance"].where
 
@@ -214,7 +213,7 @@ def test_an_elbow_may_not_go_into_a_cube_that_the_urdfs_cylinder_misses(
     made = plan_pick_and_place(task, manipulator, scene, manipulator.arm.neutral)
     cube = Body("cube", (Part(Box((0.02, 0.02, 0.02)), at(0, 0, 0)),), at(0.482, 0.271, 0.345))
     believed = without_statements(made)
-    found = verify(believed, Situation.of(manipulator, scene.with_body(cube)))
+    found = verify(believed, State.of(manipulator, scene.with_body(cube)))
     # where the hand lets go, the cube's centre is inside the elbow: the winding number there is 1
     inside = "bodies inside a link"
     assert failed(found) == {"clearance", "clearance between samples", inside}
@@ -222,11 +221,11 @@ def test_an_elbow_may_not_go_into_a_cube_that_the_urdfs_cylinder_misses(
     assert found[inside].where == "left_lower_elbow with cube"
 
 
-def test_what_the_other_hand_holds_is_in_the_way(cube_plan: Plan, holding: Situation) -> None:
+def test_what_the_other_hand_holds_is_in_the_way(cube_plan: Plan, holding: State) -> None:
     crossing = at(0.70, 0.15, TABLE_M + 0.06)
     rod = Body("stick", (Part(Box((0.3, 0.006, 0.006)), at(0, 0, 0)),), crossing)
     tip, scene = holding.scene["stick"].T_base_body, holding.scene.without("stick")
-    held = replace(holding.held[0], T_tip_body=tip.inverse() * crossing)
-    found = verify(cube_plan, Situation(scene.with_body(rod), holding.joints, (held,)))
+    held = replace(holding.attachments[0], T_link_body=tip.inverse() * crossing)
+    found = verify(cube_plan, State(scene.with_body(rod), holding.joints, (held,)))
     assert not found["clearance"].is_passed or not found["clearance of fingers"].is_passed
     assert "stick" in found.verdict

@@ -19,7 +19,7 @@ from planner import (
     PlanFailure,
     Response,
     Scene,
-    Situation,
+    State,
     plan_joint_move,
     save_plan,
     verify,
@@ -35,7 +35,7 @@ def plan(manipulator: Manipulator, scene: Scene) -> Plan:
     start = manipulator.arm.neutral
     goal = start + 0.1
     move = Move("reach out", plan_joint_move(start, goal, manipulator.limits))
-    return Plan("left", start, (move,), situation=Situation.of(manipulator, scene))
+    return Plan(State.of(manipulator, scene, q=start), (move,))
 
 
 @pytest.fixture
@@ -155,14 +155,6 @@ def test_a_file_without_a_plan_exits_with_2_and_one_sentence(
     assert not said.out
     assert len(said.err.splitlines()) == 1
     assert str(file) in said.err
-
-
-def test_a_plan_without_situation_exits_with_2(
-    plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    save_plan(replace(plan, situation=None), tmp_path / "bare.json")
-    assert main([str(tmp_path / "bare.json")]) == 2
-    assert "does not say for which situation" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("arguments", [[], ["a", "b"], ["a", "--js"], ["a", "--straight"]])

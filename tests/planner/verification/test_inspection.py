@@ -10,12 +10,12 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter, pose_from_quaternion
-from baxter_kin.errors import UnknownNameError
 from planner import (
+    Attachment,
     Body,
     Box,
     Certificate,
-    Held,
+    Claim,
     Manipulator,
     Move,
     Part,
@@ -23,7 +23,7 @@ from planner import (
     Plan,
     PlanFailure,
     Scene,
-    Situation,
+    State,
     Trajectory,
     plan_file,
     plan_pick_and_place,
@@ -50,7 +50,7 @@ def test_the_right_arm_passes_too(robot: Baxter, table: Body) -> None:
     scene = Scene.of([table, narrow])
     task = PickAndPlace("block", pose_from_quaternion((0.70, -0.15, -0.129), DOWN), PLACE)
     made = plan_pick_and_place(task, right, scene, right.arm.neutral)
-    found = verify(made, Situation.of(right, scene))
+    found = verify(made, State.of(right, scene))
     assert found.is_valid, found.verdict
 
 
@@ -83,8 +83,16 @@ def test_a_failed_plan_says_so(plan: Plan) -> None:
     assert found["failed steps"].where == "place: retract: no way up"
 
 
+def test_a_claim_that_is_not_known_is_not_certified(plan: Plan) -> None:
+    moves = {plan.moves[3].label: replace(plan.moves[3], claims=(Claim("upright"),))}
+    claimed = replace(plan, steps=tuple(moves.get(step.label, step) for step in plan))
+    found = verify(claimed)
+    assert failed(found) == {"claims that are not known"}
+    assert found["claims that are not known"].where == f"{plan.moves[3].label}: upright"
+
+
 def test_a_plan_without_steps_is_valid(manipulator: Manipulator, world: Scene) -> None:
-    plan = Plan("left", manipulator.arm.neutral, (), situation=Situation.of(manipulator, world))
+    plan = Plan(State.of(manipulator, world), (), limb="left")
     found = verify(plan)
     assert found.is_valid
     assert found.verdict.startswith("valid: left arm, a plan without steps, all ")
@@ -92,18 +100,12 @@ def test_a_plan_without_steps_is_valid(manipulator: Manipulator, world: Scene) -
 
 def test_a_move_that_stays_is_valid(manipulator: Manipulator, world: Scene) -> None:
     stay = Move("stay", Trajectory.stay(manipulator.arm.neutral, manipulator.limits))
-    plan = Plan("left", manipulator.arm.neutral, (stay,))
-    assert verify(plan, Situation.of(manipulator, world)).is_valid
+    assert verify(Plan(State.of(manipulator, world), (stay,))).is_valid
 
 
-def test_a_plan_without_situation_is_refused(plan: Plan) -> None:
-    with pytest.raises(TaskError, match="does not say for which situation"):
-        verify(replace(plan, situation=None))
-
-
-def test_a_situation_of_another_robot_is_refused(plan: Plan, world: Scene) -> None:
+def test_a_state_of_another_robot_is_refused(plan: Plan, world: Scene) -> None:
     with pytest.raises(TaskError, match="lacks joint 'head_pan'"):
-        verify(plan, Situation(world, {}))
+        verify(plan, State(world, {}))
 
 
 def test_an_unknown_straight_move_is_refused(plan: Plan) -> None:
@@ -120,48 +122,52 @@ def test_the_plan_with_nothing_in_the_way_is_valid(cube_certificate: Certificate
     assert cube_certificate.is_valid, cube_certificate.verdict
 
 
-def test_without_the_meshes_it_judges_by_the_planners_body_and_says_so(
-    robot: Baxter, cube_plan: Plan, manipulator: Manipulator, cube_scene: Scene, tmp_path: Path
+def test_without_the_meshes_no_clearance_is_measured_and_the_plan_is_not_valid(
+    robot: Baxter, cube_plan: Plan, cube_certificate: Certificate, tmp_path: Path
 ) -> None:
+    """The planner's own body would judge itself; what needs no shapes is checked as ever."""
     bare = replace(robot.description, stock=replace(robot.description.stock, package_dir=tmp_path))
     found = verify(cube_plan, description=bare)
-    assert found.is_valid, found.verdict
-    assert "measured on the planner's own body, since cannot read" in found.verdict
+    assert not found.is_valid
+    assert [check.name for check in found.failures] == ["clearance"]
+    assert "clearance not measured, must be > 0 m" in found.verdict
+    assert "the package example-robot-data brings the meshes" in found.verdict
     assert str(tmp_path) in found.verdict
-    cube = Body("cube", (Part(Box((0.02, 0.02, 0.02)), at(0, 0, 0)),), at(0.482, 0.271, 0.345))
-    there = Situation.of(manipulator, cube_scene.with_body(cube))
-    assert not verify(cube_plan, there, description=bare).is_valid
+    assert "not measured" in found.table()
+    assert not found.as_dict()["is_valid"]
+    for check in found.checks:
+        assert check.name == "clearance" or check == cube_certificate[check.name]
 
 
-def test_a_situation_has_the_fingers_of_both_hands_open_as_a_new_world_has(
+def test_a_state_has_the_fingers_of_both_hands_open_as_a_new_world_has(
     manipulator: Manipulator, scene: Scene
 ) -> None:
-    joints = Situation.of(manipulator, scene).joints
+    joints = State.of(manipulator, scene).joints
     assert joints["l_gripper_l_finger_joint"] == manipulator.hand.stroke_m
     assert joints["r_gripper_l_finger_joint"] == manipulator.hand.stroke_m
     assert list(joints) == list(manipulator.robot.joint_names)
 
 
-def test_a_situation_cannot_be_changed(manipulator: Manipulator, scene: Scene) -> None:
+def test_a_state_cannot_be_changed(manipulator: Manipulator, scene: Scene) -> None:
     joints = {"head_pan": 0.0}
-    situation = Situation(scene, joints)
+    state = State(scene, joints)
     joints["head_pan"] = 1.0
-    assert situation.joints["head_pan"] == 0.0
+    assert state.joints["head_pan"] == 0.0
 
 
-def test_a_situation_needs_a_scene_and_numbers(scene: Scene) -> None:
+def test_a_state_needs_a_scene_and_numbers(scene: Scene) -> None:
     with pytest.raises(SceneError, match="scene must be of class Scene"):
-        Situation("table", {})  # type: ignore[arg-type]
+        State("table", {})  # type: ignore[arg-type]
     with pytest.raises(TaskError, match="joint head_pan must be a finite number"):
-        Situation(scene, {"head_pan": math.nan})
+        State(scene, {"head_pan": math.nan})
 
 
-def test_a_situation_says_what_the_hands_hold(scene: Scene) -> None:
-    right = Held("right", "block", pin.SE3.Identity())
-    assert [each.body for each in Situation(scene, {}, (right,)).held] == ["block"]
+def test_a_state_says_what_the_hands_hold(scene: Scene) -> None:
+    right = Attachment("block", "right_gripper", pin.SE3.Identity())
+    assert [each.body for each in State(scene, {}, (right,)).attachments] == ["block"]
     with pytest.raises(SceneError, match="no body 'cup'"):
-        Situation(scene, {}, (replace(right, body="cup"),))
-    with pytest.raises(TaskError, match="held by one hand, got: block, block"):
-        Situation(scene, {}, (right, replace(right, side="left")))
-    with pytest.raises(UnknownNameError, match="limb"):
-        replace(right, side="middle")
+        State(scene, {}, (replace(right, body="cup"),))
+    with pytest.raises(TaskError, match="a hand holds one body at most, got: block, table"):
+        State(scene, {}, (right, replace(right, body="table")))
+    with pytest.raises(SceneError, match="must be a link of an arm"):
+        replace(right, link="middle_gripper")

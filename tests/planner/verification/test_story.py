@@ -10,13 +10,13 @@ import pytest
 
 from baxter_kin.description import RobotDescription
 from planner import (
+    Attachment,
     Grip,
     GripperAction,
-    Held,
     Manipulator,
     Move,
     Plan,
-    Situation,
+    State,
     plan_joint_move,
     verify,
 )
@@ -54,7 +54,7 @@ def test_a_body_that_is_not_there_is_found(plan: Plan) -> None:
 
 
 def test_a_plan_of_one_arm_while_the_other_hand_holds_something_is_valid(
-    cube_plan: Plan, holding: Situation
+    cube_plan: Plan, holding: State
 ) -> None:
     found = verify(cube_plan, holding)
     assert found.is_valid, found.verdict
@@ -63,7 +63,6 @@ def test_a_plan_of_one_arm_while_the_other_hand_holds_something_is_valid(
 def test_a_hand_that_holds_something_carries_it_from_the_start(
     cube_plan: Plan, manipulator: Manipulator
 ) -> None:
-    assert cube_plan.situation is not None
     place = [step.label for step in cube_plan].index("place: approach")
     rest = cube_plan.steps[place:]
     assert isinstance(rest[0], Move)
@@ -79,15 +78,16 @@ def test_a_hand_that_holds_something_carries_it_from_the_start(
     )
     closed = verify_opening(cube_plan)
     joints = {
-        **cube_plan.situation.joints,
+        **cube_plan.start.joints,
         "l_gripper_l_finger_joint": closed,
         "l_gripper_r_finger_joint": -closed,
+        **manipulator.arm.joints(q),
     }
     T_tip_body = pin.SE3(pin.utils.rotate("x", np.pi), np.array([0.0, 0.0, 0.01]))
-    body = cube_plan.situation.scene["block"].at(manipulator.arm.T_base_tip(q) * T_tip_body)
-    scene = cube_plan.situation.scene.without("block").with_body(body)
-    situation = Situation(scene, joints, (Held("left", "block", T_tip_body),))
-    found = verify(Plan("left", q, steps, situation=situation))
+    body = cube_plan.start.scene["block"].at(manipulator.arm.T_base_tip(q) * T_tip_body)
+    scene = cube_plan.start.scene.without("block").with_body(body)
+    state = State(scene, joints, (Attachment("block", "left_gripper", T_tip_body),))
+    found = verify(Plan(state, steps))
     assert not found["gripper actions out of order"].value, found.verdict
     assert failed(found) <= {"slide in contact"}, found.verdict
 
@@ -113,9 +113,8 @@ def test_an_open_beyond_the_stroke_is_found(cube_plan: Plan) -> None:
 
 @pytest.fixture(scope="module")
 def story(cube_plan: Plan, urdf: UrdfRobot) -> Story:
-    assert cube_plan.situation is not None
     solids = robot_body(RobotDescription.installed()).solids
-    return Story(cube_plan, cube_plan.situation, urdf, Fingers(urdf, solids))
+    return Story(cube_plan, cube_plan.start, urdf, Fingers(urdf, solids))
 
 
 def test_runs_and_travels_of_the_fingers_take_turns_and_hold_every_step(

@@ -12,6 +12,7 @@ import pytest
 from planner import LineTolerance, Manipulator, Plan
 from planner.errors import TaskError
 from planner.verification import Tolerances
+from tests.conftest import state_at
 
 
 @pytest.mark.parametrize("value", [-1.0, math.nan, "1"])
@@ -29,14 +30,14 @@ def test_no_tolerance_may_be_negative(name: str) -> None:
 
 def test_off_its_lines_a_plan_is_allowed_what_it_states(manipulator: Manipulator) -> None:
     loose = LineTolerance(2e-3, 0.01)
-    plan = Plan("left", manipulator.arm.neutral, (), line_tolerance=loose)
+    plan = Plan(state_at(manipulator.arm.neutral), (), line_tolerance=loose, limb="left")
     assert Tolerances.of(plan) == replace(Tolerances(), line_m=2e-3, line_rad=0.01)
 
 
 def test_a_plan_that_states_nothing_is_allowed_the_toolkits_promises(
     manipulator: Manipulator,
 ) -> None:
-    assert Tolerances.of(Plan("left", manipulator.arm.neutral, ())) == Tolerances()
+    assert Tolerances.of(Plan(state_at(manipulator.arm.neutral), (), limb="left")) == Tolerances()
 
 
 @pytest.mark.parametrize("wrong", [None, "plan", np.zeros(7)], ids=str)

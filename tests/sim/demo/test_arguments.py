@@ -2,21 +2,42 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from inspect import signature
 from pathlib import Path
 
 import pytest
 
+from planner import PickAndPlace
+from planner.atlas.questions.placing.task import TableTransfer
+from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M
+from sim import Transfer
+from sim.demo import arguments
 from sim.demo.arguments import DEFAULT_RETRIES, parse_options
 
 
 def test_default_is_the_original_demo() -> None:
     options = parse_options([])
     assert options.limb == "left"
-    assert options.hover_m == 0.15
+    assert options.hover_m == DEFAULT_HOVER_M
     assert options.poses_m == ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
     assert options.cycles == 2
     assert options.speed_ratio == 1.0
     assert not options.is_headless
+
+
+def test_the_hover_distance_is_the_same_for_whoever_does_not_give_one(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert arguments.DEFAULT_HOVER_M == DEFAULT_HOVER_M
+    with pytest.raises(SystemExit):
+        parse_options(["--help"])
+    assert f"sideways above {100.0 * DEFAULT_CLEAR_M:g} cm" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    for maker in (PickAndPlace, Transfer, TableTransfer, TableTransfer.from_above):
+        defaults = {name: p.default for name, p in signature(maker).parameters.items()}
+        assert defaults["hover_m"] == DEFAULT_HOVER_M
+        assert defaults["clear_m"] == DEFAULT_CLEAR_M
 
 
 def test_a_dwell_is_that_of_a_robot_unless_it_is_said(tmp_path: Path) -> None:

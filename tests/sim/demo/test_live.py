@@ -6,9 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
-import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -16,7 +14,6 @@ from typing import Any
 import pytest
 
 from sim.demo import live, main
-from sim.demo.live import can_open, where_to_look
 from tests.sim.conftest import Watched
 from tests.sim.view.live.websocket import DEADLINE_S, Page
 from tests.sim.view.replay_decoding import decoded
@@ -24,39 +21,6 @@ from tests.sim.view.replay_decoding import decoded
 URL = "http://127.0.0.1:7000/"
 DISPLAY = {"DISPLAY": ":0"}
 SSH = {"SSH_CONNECTION": "10.0.0.1 5000 10.0.0.2 22"}
-
-
-@pytest.mark.parametrize(
-    ("environ", "platform", "is_opened"),
-    [
-        (DISPLAY, "linux", True),
-        ({"WAYLAND_DISPLAY": "wayland-0"}, "linux", True),
-        ({}, "darwin", True),
-        ({}, "linux", False),
-        ({"DISPLAY": ""}, "linux", False),
-        (DISPLAY | SSH, "linux", False),
-        (DISPLAY | {"CI": "true"}, "linux", False),
-        ({"CI": "true"}, "darwin", False),
-    ],
-)
-def test_a_browser_is_opened_where_the_user_would_see_it(
-    environ: dict[str, str], platform: str, is_opened: bool
-) -> None:
-    assert can_open(environ, platform) == is_opened
-
-
-def test_what_is_said_has_the_address_and_what_it_waits_for() -> None:
-    assert list(where_to_look(URL, {}, False, 15.0)) == [
-        "open http://127.0.0.1:7000/ in a browser to watch",
-        "(starts when the page is open, or in 15 s)",
-    ]
-    assert URL in next(where_to_look(URL, DISPLAY, True, 15.0))
-    assert len(list(where_to_look(URL, {}, False, 0.0))) == 1
-
-
-def test_over_ssh_the_command_that_forwards_the_port_is_said() -> None:
-    said = "\n".join(where_to_look("http://127.0.0.1:7003/", SSH, False, 15.0))
-    assert "ssh -L 7003:127.0.0.1:7003 user@host" in said
 
 
 @pytest.mark.parametrize(
@@ -78,19 +42,6 @@ def test_it_opens_the_page_once(
     line = ["-q", "--wait", "0", "--port", str(port), *obstacle]
     assert main([*line, *more]) == 1  # an arm inside an obstacle ends it at once
     assert found == [url.replace("7000", str(port)) for url in opened]
-
-
-def test_opening_a_page_waits_for_no_browser(monkeypatch: pytest.MonkeyPatch) -> None:
-    opened, closes = threading.Event(), threading.Event()
-
-    def open_and_stay(_url: str) -> bool:
-        opened.set()
-        return closes.wait(DEADLINE_S)
-
-    monkeypatch.setattr(webbrowser, "open", open_and_stay)
-    live.open_page(URL)
-    assert opened.wait(DEADLINE_S)
-    closes.set()
 
 
 def test_a_port_that_is_taken_is_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,6 +15,7 @@ from planner.clearance import Clearance
 from sim import Event, EventKind, Outcome
 from sim.demo.arguments import parse_options
 from sim.demo.report import KEPT_CYCLES, KEPT_EVENTS, Report, Totals
+from tests.conftest import state_at
 
 POSES_M = ((0.7, 0.15, -0.129), (0.75, 0.0, -0.129))
 DONE, FAILED = Outcome(None, 6.0), Outcome("pick: close: missed", 2.0)
@@ -31,7 +32,7 @@ def plan(manipulator: Manipulator) -> Plan:
     ]
     close = Grip("pick: close", GripperAction.CLOSE, "block")
     opening = Grip("place: open", GripperAction.OPEN, "block")
-    return Plan("left", here, (moves[0], close, moves[1], opening, moves[2]))
+    return Plan(state_at(here), (moves[0], close, moves[1], opening, moves[2]))
 
 
 @pytest.fixture
@@ -97,7 +98,7 @@ def test_a_plan_that_failed_has_its_reason_and_no_transfer(report: Report, plan:
 
 
 def test_only_the_last_cycles_and_events_are_kept(report: Report, manipulator: Manipulator) -> None:
-    nothing = Plan("left", manipulator.arm.neutral, ())
+    nothing = Plan(state_at(manipulator.arm.neutral), (), limb="left")
     for number in range(KEPT_CYCLES + 3):
         report.add_cycle(number, POSES_M, nothing, 0.0)
     for number in range(KEPT_EVENTS + 5):

@@ -38,7 +38,7 @@ from sim import (
 from sim.perception import LoopResult, Sighting
 from sim.perception.closed_loop import LOOKS, WIDTH_TOLERANCE_M, mean_of, split_at_close
 from sim.perception.noisy_poses import displaced
-from tests.conftest import at
+from tests.conftest import at, state_at
 
 UPRIGHT_M = 0.026
 """The tip above the bottom of the block."""
@@ -305,11 +305,11 @@ class TestSplit:
         picking, placing = split_at_close(plan)
         assert (*picking.steps, *placing.steps) == plan.steps
         assert picking.steps[-1].label == "pick: close"
-        assert picking.situation is plan.situation
+        assert picking.start is plan.start
 
     def test_a_plan_that_closes_nothing_is_refused(self) -> None:
         with pytest.raises(SimulationError, match="closes no fingers"):
-            split_at_close(Plan("left", np.zeros(7), ()))
+            split_at_close(Plan(state_at(np.zeros(7)), (), limb="left"))
 
 
 class TestContradictions:

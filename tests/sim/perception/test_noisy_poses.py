@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from baxter_kin import Baxter
 from planner import Body
 from sim import Noise, NoisyPoses, Simulation, SimulationError, TruePoses, World
-from sim.clock import DEFAULT_TICK_S
 from sim.perception.noisy_poses import displaced
+from sim.timeline import DEFAULT_TICK_S
 from tests.conftest import at
 
 EXACT = 1e-12

@@ -13,14 +13,14 @@ from planner import Body, Manipulator, Plan
 from sim import SimulationError, Transfer
 from sim.perception import LoopResult
 from sim.perception.transfer import Attempt
-from tests.conftest import at
+from tests.conftest import at, state_at
 
 TIP, GOAL = at(0.0, 0.0, 0.02), at(0.7, 0.1, -0.155)
 
 
 @pytest.fixture(scope="module")
 def plans(manipulator: Manipulator) -> list[Plan]:
-    return [Plan("left", manipulator.arm.neutral, ()) for _ in range(2)]
+    return [Plan(state_at(manipulator.arm.neutral), (), limb="left") for _ in range(2)]
 
 
 def test_a_transfer_keeps_its_poses_when_the_callers_change() -> None:

@@ -16,14 +16,17 @@ from numpy.typing import NDArray
 
 import sim.recording
 from baxter_kin import Baxter
+from baxter_kin.validation import FloatArray
 from planner import Body, Grip, GripperAction, Manipulator, Move, Plan, Scene, plan_joint_move
 from planner.plan import PlanFailure
-from planner.scene.held import Held
-from planner.situation import Situation
+from planner.scene.attachment import Attachment
+from planner.state import State
 from sim import Recording, read_rsdk_csv, write_csv
 from sim.errors import RecordingError
 from sim.outcome import ROBOT_DWELL_S
 from sim.recording.csv_writing import STROKE_M, TRAVEL_S, PlanCsvFile
+from tests.conftest import state_at
+from tests.served_urdf import served_urdf, variant
 from tests.sim.runs import Run
 
 DIGITS = 1e-11
@@ -156,11 +159,15 @@ class TestGrippers:
         assert robot.model.upperPositionLimit[index] == STROKE_M
 
     def test_a_hand_that_holds_something_stays_closed(self, plan: Plan, path: Path) -> None:
-        assert plan.situation is not None
-        held = Held("right", "block", plan.situation.scene["block"].T_base_body)
-        situation = Situation(plan.situation.scene, plan.situation.joints, (held,))
-        write_csv(replace(plan, steps=plan.steps[:1], situation=situation), path)
+        held = Attachment("block", "right_gripper", plan.start.scene["block"].T_base_body)
+        state = State(plan.start.scene, plan.start.joints, (held,))
+        write_csv(replace(plan, steps=plan.steps[:1], start=state), path)
         assert set(table_of(path)["right_gripper"]) == {0.0}
+
+
+def arm_at(plan: Plan, q: FloatArray) -> State:
+    """The start of a plan with its arm elsewhere."""
+    return replace(plan.start, joints={**plan.start.joints, **state_at(q).joints})
 
 
 class TestSeveralPlans:
@@ -170,7 +177,7 @@ class TestSeveralPlans:
         back = plan_joint_move(
             plan.moves[-1].trajectory.q_goal, plan.q_start, plan.moves[0].trajectory.limits
         )
-        home = replace(plan, q_start=back.q_start, steps=(Move("home", back),))
+        home = replace(plan, start=arm_at(plan, back.q_start), steps=(Move("home", back),))
         with PlanCsvFile(path, dwell_s=0.2) as file:
             for each in (plan, home, plan):
                 file.add(each)
@@ -196,11 +203,9 @@ class TestRefused:
         assert not path.exists()
 
     def test_one_that_does_not_say_where_the_other_arm_stands(self, plan: Plan, path: Path) -> None:
-        with pytest.raises(RecordingError, match="where the other arm stands is not known"):
-            write_csv(replace(plan, situation=None), path)
-        situation = Situation(Scene.of(), {"right_s0": 0.0})
+        state = State(Scene.of(), {**state_at(plan.q_start).joints, "right_s0": 0.0})
         with pytest.raises(RecordingError, match="lacks right_s1"):
-            write_csv(replace(plan, situation=situation), path)
+            write_csv(replace(plan, start=state), path)
         assert not path.exists()
 
     @pytest.mark.parametrize("dwell_s", [-0.1, 60.1, float("nan"), "1", None, True])
@@ -230,3 +235,29 @@ class TestRefused:
 
 def test_it_is_at_both_doors() -> None:
     assert sim.recording.write_csv is write_csv
+
+
+def test_a_plan_for_the_drawing_is_written_with_one_warning(
+    plan: Plan, path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with PlanCsvFile(path) as file:
+        file.add(plan)
+        file.add(replace(plan, steps=(), start=arm_at(plan, plan.moves[-1].trajectory.q[-1])))
+    (warning,) = caplog.messages
+    assert warning.startswith(f"{path} has set-points for Baxter as it is drawn")
+
+
+def test_a_plan_for_a_real_robot_is_written_without_a_warning(
+    plan: Plan, path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    own = Baxter.load(served_urdf(measured="one")).description.identity
+    write_csv(replace(plan, robot=own), path)
+    assert caplog.messages == []
+
+
+def test_a_camera_on_the_head_makes_no_arm_another_one(
+    plan: Plan, path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    own = Baxter.load(variant("camera_on_the_head")).description.identity
+    write_csv(replace(plan, robot=own), path)
+    assert len(caplog.messages) == 1

@@ -72,7 +72,7 @@ def test_written_live_it_comes_back_to_the_bit_and_plays_the_same(
 def test_every_line_is_json_of_one_entry(path: Path) -> None:
     first, *lines = [json.loads(line) for line in path.read_text("ascii").splitlines()]
     assert first["format"] == "baxter-kin log"
-    assert first["version"] == 2
+    assert first["version"] == 4
     assert {len(line) for line in lines} == {1}
     kinds = {kind for line in lines for kind in line}
     assert kinds == {"body", "event", "move", "snapshot", "end"}

@@ -62,7 +62,7 @@ def test_numpy_opens_it_too_without_pickle(path: Path, picked: Recording) -> Non
         assert entries["q"].tolist() == picked.q.tolist()
         document = json.loads(entries["document"].tobytes())
     assert document["format"] == "baxter-kin recording"
-    assert document["version"] == 4
+    assert document["version"] == 5
 
 
 def test_meshes_and_colours_come_back(picked: Recording, tmp_path: Path) -> None:
@@ -90,12 +90,12 @@ def test_any_numbers_and_text_come_back(
     assert_same(load_recording(path), wanted)
 
 
-@pytest.mark.parametrize("version", [1, 2, 3])
+@pytest.mark.parametrize("version", [1, 2, 3, 4])
 def test_files_of_earlier_versions_are_read(path: Path, tmp_path: Path, version: int) -> None:
     """They had a checksum of the other entries besides."""
     with np.load(path) as entries:
         arrays = dict(entries)
-    document = arrays["document"].tobytes().replace(b'"version":4', f'"version":{version}'.encode())
+    document = arrays["document"].tobytes().replace(b'"version":5', f'"version":{version}'.encode())
     arrays["document"] = np.frombuffer(document, np.uint8)
     np.savez(tmp_path / "old.npz", **arrays, sha256=np.zeros(32, np.uint8))
     assert_same(load_recording(tmp_path / "old.npz"), load_recording(path))
@@ -205,8 +205,8 @@ class TestRefused:
         ("change", "words"),
         [
             (
-                ('"version":4', '"version":5'),
-                r"has version 5, but only \(1, 2, 3, 4\) are read here",
+                ('"version":5', '"version":6'),
+                r"has version 6, but only \(1, 2, 3, 4, 5\) are read here",
             ),
             (("baxter-kin recording", "baxter-kin something"), "its format is"),
             (('"tracks":[', '"tracks":["more",'), "tracks under"),

@@ -15,7 +15,7 @@ from planner import (
     plan_pick_and_place,
     plan_start_move,
 )
-from planner.scene.held import Held
+from planner.scene.attachment import Attachment
 from sim import World
 from sim.errors import RecordingError
 from sim.events import EventKind
@@ -46,8 +46,7 @@ def test_the_block_is_grasped_carried_and_let_go_where_planned(plan: Plan, robot
     recording = planned_recording(plan, robot)
     kinds = [event.kind for event in recording.events]
     assert kinds.count(EventKind.GRASPED) == kinds.count(EventKind.RELEASED) == 1
-    assert plan.situation is not None
-    begin = plan.situation.scene["block"].T_base_body.translation
+    begin = plan.start.scene["block"].T_base_body.translation
     track = recording.body_poses["block"]
     assert track[0, :3] == pytest.approx(begin)
     assert track[-1, :3] - begin == pytest.approx([0.05, -0.15, 0.0], abs=2e-3)
@@ -55,35 +54,27 @@ def test_the_block_is_grasped_carried_and_let_go_where_planned(plan: Plan, robot
 
 def test_everything_begins_exactly_where_the_plan_has_it(plan: Plan, robot: Baxter) -> None:
     recording = planned_recording(plan, robot)
-    assert plan.situation is not None
     own = robot.arm("left").joint_names
-    for name, value in plan.situation.joints.items():
+    for name, value in plan.start.joints.items():
         if name not in own and "finger" not in name:
             assert recording.q[0, recording.joint_names.index(name)] == pytest.approx(value)
-    table = plan.situation.scene["table"].T_base_body.translation
+    table = plan.start.scene["table"].T_base_body.translation
     assert recording.body_poses["table"][0, :3] == pytest.approx(table)
 
 
 def test_what_is_held_first_is_in_the_hand(plan: Plan, robot: Baxter, block: Body) -> None:
-    arm, situation = robot.arm("left"), plan.situation
-    assert situation is not None
+    arm, state = robot.arm("left"), plan.start
     T_base_tip = arm.T_base_tip(plan.q_start)
-    in_hand = Held("left", "block", overhead(0.0, 0.0, 0.0))
-    scene = situation.scene.without("block").with_body(block.at(T_base_tip * in_hand.T_tip_body))
+    in_hand = Attachment("block", "left_gripper", overhead(0.0, 0.0, 0.0))
+    scene = state.scene.without("block").with_body(block.at(T_base_tip * in_hand.T_link_body))
     laden = replace(
         plan,
         steps=plan.steps[:1] if not hasattr(plan.steps[0], "action") else plan.moves[:1],
-        situation=replace(situation, scene=scene, held=(in_hand,)),
+        start=replace(state, scene=scene, attachments=(in_hand,)),
     )
     recording = planned_recording(laden, robot)
-    T_goal = arm.T_base_tip(plan.moves[0].trajectory.q_goal) * in_hand.T_tip_body
+    T_goal = arm.T_base_tip(plan.moves[0].trajectory.q_goal) * in_hand.T_link_body
     assert recording.body_poses["block"][-1, :3] == pytest.approx(T_goal.translation)
-
-
-def test_a_plan_that_names_no_world_is_shown_without_bodies(plan: Plan) -> None:
-    recording = planned_recording(replace(plan, steps=plan.moves, situation=None))
-    assert recording.bodies == {}
-    assert recording.duration_s == pytest.approx(plan.motion_time_s)
 
 
 def test_an_invalid_plan_is_refused_with_its_failure(

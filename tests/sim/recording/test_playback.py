@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter
-from planner import Situation
+from planner import State
 from sim import Event, EventKind, Observer, Recorder, Recording, Snapshot, retell, save_recording
 from sim.errors import RecordingError
 from sim.recording.npz_file import load_recording
@@ -79,15 +79,15 @@ def test_grippers_and_bodies_are_told(picked: Recording) -> None:
 def test_bodies_that_were_there_from_the_beginning_are_told_before(
     recording: Recording, picked: Recording
 ) -> None:
-    begun: list[Situation] = []
+    begun: list[State] = []
 
     class Watch(Observer):
-        def on_start(self, situation: Situation) -> None:
-            begun.append(situation)
+        def on_start(self, state: State) -> None:
+            begun.append(state)
 
     for each in (recording, picked):  # the events of the second one tell of both
         retell(each, Watch())
-    assert [set(situation.scene.bodies) for situation in begun] == [{"table"}, set()]
+    assert [set(state.scene.bodies) for state in begun] == [{"table"}, set()]
     assert list(begun[0].joints.values()) == recording.q[0].tolist()
 
 

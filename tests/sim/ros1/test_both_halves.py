@@ -57,8 +57,7 @@ def halves(
     robot: Baxter, plan: Plan, master_uri: str, following: Following | None = None
 ) -> Iterator[Halves]:
     world, witness = World(robot), Witness()
-    assert plan.situation is not None
-    for body in plan.situation.scene:
+    for body in plan.start.scene:
         world.spawn(body)
     start = {"left": plan.q_start, "right": robot.arm("right").neutral}
     with (
@@ -92,8 +91,7 @@ def block_m(robot: Baxter, demo_plan: Plan) -> np.ndarray:  # noqa: F811
     """Where `Simulation.execute` puts the block."""
     world = World(robot)
     simulation = Simulation(world)
-    assert demo_plan.situation is not None
-    for body in demo_plan.situation.scene:
+    for body in demo_plan.start.scene:
         simulation.spawn(body)
     world.move_arm("left", demo_plan.q_start)
     assert simulation.execute(demo_plan).is_success

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -170,6 +171,9 @@ def test_a_condition_that_does_not_hold_is_told_once(
         ["sim.ros1.execute", "plan.json", "--dry-run", "--record", "a.jsonl"],
         ["sim.ros1.check", "--output", "a.json"],
         ["sim.ros1.check", "--yes"],
+        ["sim.ros1.mirror", "--port", "0"],
+        ["sim.ros1.mirror", "--headless", "--port", "7000"],
+        ["sim.ros1.mirror", "--headless", "--no-browser"],
     ],
 )
 def test_wrong_usage_is_told_in_a_sentence(tmp_path: Path, arguments: list[str]) -> None:
@@ -185,11 +189,25 @@ def test_a_dry_run_sends_nothing(
     run = Command(tmp_path / "log", "sim.ros1.execute", str(plan_file), "--dry-run", uri=uri)
     assert run.status() == 0, run.said
     assert "would move: left arm, 7 moves" in run.said
+    assert run.said.count("not proven: how the arm lags (--response)\n") == 1
     assert "ok   state: ready, not enabled yet" in run.said
-    assert "\nverifying the plan in the situation that the robot reports: some seconds" in run.said
+    assert "\nverifying the plan in the state that the robot reports: some seconds" in run.said
     again = Command(tmp_path / "again", "sim.ros1.check", uri=uri)
     assert again.status() == 0
     assert "not enabled yet" in again.said
+
+
+def test_a_dry_run_with_a_response_does_not_call_the_lag_unproven(
+    robot_process: tuple[Command, str], plan_file: Path, tmp_path: Path
+) -> None:
+    _, uri = robot_process
+    known = "--lag-s", "0", "0.001"
+    run = Command(
+        tmp_path / "log", "sim.ros1.execute", str(plan_file), "--dry-run", *known, uri=uri
+    )
+    assert run.status(120.0) == 0, run.said
+    assert "ok   tracking: clear wherever the lag leads" in run.said
+    assert "not proven" not in run.said
 
 
 def test_without_a_yes_it_does_not_move(
@@ -275,3 +293,15 @@ def test_the_mirror_records_what_it_sees(
     assert mirror.status() == 0, mirror.said
     rows = csv.read_text().splitlines()
     assert 30 <= len(rows) <= 55
+
+
+def test_the_mirror_is_served_where_it_is_asked_to_be(
+    robot_process: tuple[Command, str], tmp_path: Path
+) -> None:
+    _, uri = robot_process
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    options = "--no-browser", "--port", str(port), "--duration-s", "1"
+    mirror = Command(tmp_path / "log", "sim.ros1.mirror", *options, uri=uri)
+    assert mirror.status() == 0, mirror.said
+    assert f"open http://127.0.0.1:{port}/ in a browser to watch\n" in mirror.said

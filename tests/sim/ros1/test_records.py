@@ -19,8 +19,8 @@ from rosbags.highlevel import AnyReader
 from baxter_kin import Baxter
 from sim import Event, EventKind, Observer, Snapshot, load_recording, read_log
 from sim.errors import RecordingError
-from sim.ros1.execution.samples import Sample, SampleObserver
 from sim.ros1.records import SUFFIXES, record_to
+from sim.samples import Sample, SampleObserver
 from sim.world.gripper import NO_GRIPPER
 
 COUNT = 40

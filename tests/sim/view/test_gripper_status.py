@@ -107,3 +107,21 @@ def test_what_came_before_a_cut_recording_is_not_told(executed: Recording) -> No
 
 def test_the_other_hand_has_nothing_to_tell(executed: Recording) -> None:
     assert [phase.words for _, phase in gripper_timelines(executed)["right"]] == ["open"]
+
+
+def without_left_fingers(recording: Recording) -> Recording:
+    """The same motion of a robot that has a tool, such as a pen, on its left flange."""
+    kept = [i for i, name in enumerate(recording.joint_names) if not name.startswith("l_gripper")]
+    names = tuple(recording.joint_names[i] for i in kept)
+    return replace(recording, joint_names=names, q=recording.q[:, kept], robot=None, events=())
+
+
+def test_a_hand_without_fingers_has_no_gripper_status(executed: Recording) -> None:
+    timelines = gripper_timelines(without_left_fingers(executed))
+    assert timelines["left"] == []
+    assert [phase.words for _, phase in timelines["right"]] == ["open"]
+
+
+def test_an_arm_that_was_not_recorded_has_no_gripper_status(executed: Recording) -> None:
+    left_alone = replace(executed, limbs=("left",))
+    assert gripper_timelines(left_alone)["right"] == []

@@ -11,6 +11,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from baxter_kin import Baxter
+from baxter_kin.description import Tool
 from planner import Body, Manipulator, PickAndPlace, Plan, RobotBody, Scene, plan_pick_and_place
 from sim import Replay
 from sim.errors import RecordingError
@@ -18,7 +19,8 @@ from sim.recording.recording import Recording
 from sim.view.replay import write_replay
 from sim.view.replay_content import encoded_content
 from sim.view.telemetry.clearance import NO_MOTION
-from tests.conftest import overhead
+from tests.baxter_kin.description.test_hands import BALL
+from tests.conftest import at, overhead
 from tests.sim.conftest import Watched, watched_page
 from tests.sim.view.replay_decoding import decoded
 from tests.sim.view.test_replay import MAX_BYTES, MAX_GZIPPED
@@ -51,7 +53,7 @@ def test_layers_are_those_that_there_are(content: dict[str, Any]) -> None:
     assert shown == {
         "robot": True,
         "paths": True,
-        "goals": False,
+        "goals": True,
         "frames": False,
         "nearest": True,
     }
@@ -94,6 +96,29 @@ def test_a_body_that_is_drawn_only_is_no_part_of_the_clearance(
 def test_arrays_of_an_arm_have_as_many_rows_as_times(content: dict[str, Any]) -> None:
     arm = content["arms"]["left"]
     assert {len(arm[name]) for name in "qva"} == {7 * len(arm["times"])}
+
+
+def test_both_grippers_have_a_badge_though_one_does_nothing(content: dict[str, Any]) -> None:
+    assert set(content["grippers"]) == {"left", "right"}
+    assert [words for _, words, _ in content["grippers"]["right"]] == ["open"]
+    assert content["sides"] == ["left"]
+
+
+@pytest.fixture(scope="module")
+def with_pen(robot: Baxter, executed: Recording) -> tuple[Baxter, Recording]:
+    """The left arm moves a tool that has no fingers."""
+    with_pen = Baxter.load(hands={"left": Tool((BALL,), at(0.0, 0.0, 0.1))})
+    q = executed.q[:, list(robot.indices(with_pen.joint_names))]
+    names = with_pen.joint_names
+    changed = replace(executed, joint_names=names, q=q, robot=None, events=(), moves=())
+    return with_pen, changed
+
+
+def test_a_tool_has_no_gripper_badge(with_pen: tuple[Baxter, Recording]) -> None:
+    robot, recording = with_pen
+    content = decoded(encoded_content(recording, robot))
+    assert "left" not in content["grippers"]
+    assert content["sides"] == ["left"]
 
 
 def test_a_page_lasts_as_long_as_the_longer_recording(

@@ -5,12 +5,16 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import numpy as np
 import pytest
 from IPython.lib.pretty import pretty
 
-from baxter_kin import Baxter
+from baxter_kin import Baxter, NamedFrame, StampedPose
+from baxter_kin.frames import checked_pose
 from planner.errors import SceneError
 from sim import Workbench
+from sim.workbench.tabletop import TABLE_Z_M
+from tests.conftest import at
 
 
 @pytest.fixture
@@ -33,6 +37,14 @@ def test_a_place_as_block_is_asked_for_by_to(bench: Workbench) -> None:
         bench.carry("red", onto=onto)
 
 
+def test_a_place_may_be_seen_from_a_frame_of_ones_own(bench: Workbench) -> None:
+    stand = NamedFrame("stand", at(0.75, 0.05, TABLE_Z_M))
+    for place in (StampedPose(at(0.0, 0.0, 0.025), stand), at(0.70, 0.15, -0.13).homogeneous):
+        assert bench.carry("red", to=place, arm="left").is_done
+        found = bench.world.body("red").T_base_body
+        assert found.isApprox(checked_pose(place), 1e-6)
+
+
 @pytest.mark.parametrize(
     ("to", "hint"),
     [
@@ -50,18 +62,42 @@ def test_a_place_beside_the_table_is_not_asked_about(bench: Workbench) -> None:
     assert "are these" not in str(bench.carry("red", to=(1.6, 0.0)))
 
 
-def test_an_arm_in_the_way_of_the_other_is_named_with_what_to_do(bench: Workbench) -> None:
+def test_an_idle_arm_that_alone_is_in_the_way_withdraws_first(bench: Workbench) -> None:
     assert bench.carry("blue", to=(0.75, 0.0), arm="right").is_done
+    motion_s = bench.motion_s
+    task = bench.carry("blue", to=(0.75, 0.25), arm="left")
+    assert task.is_done
+    assert task.arm == "left"
+    assert task.verdict.endswith("; the right arm withdrew first")
+    assert task.motion_s == pytest.approx(bench.motion_s - motion_s)
+    np.testing.assert_allclose(bench.world.arm_q("right"), bench.robot.arm("right").neutral)
+
+
+def test_an_arm_does_not_withdraw_in_vain(bench: Workbench) -> None:
+    assert bench.carry("blue", to=(0.75, 0.0), arm="right").is_done
+    bench.add_obstacle("wall", 0.75, 0.25, size_m=(0.05, 0.05, 0.1))
+    before = bench.world.q
     refused = bench.carry("blue", to=(0.75, 0.25), arm="left")
-    assert "the right arm is in the way: withdraw('right') brings it back" in str(refused)
-    assert bench.withdraw("right").is_done
-    assert bench.carry("blue", to=(0.75, 0.25), arm="left").is_done
+    assert "; with the right arm withdrawn, " in refused.verdict
+    assert "wall" in refused.verdict
+    np.testing.assert_array_equal(bench.world.q, before)
+
+
+def test_an_arm_that_holds_something_does_not_withdraw(bench: Workbench) -> None:
+    assert bench.carry("blue", to=(0.75, 0.0), arm="right").is_done
+    bench.add_block("green", 0.60, -0.30, edge_m=0.04)
+    bench.world.attach("right", "green", at(0.0, 0.0, 0.0))
+    before = bench.world.q
+    refused = bench.carry("red", to=(0.75, -0.02), arm="left")
+    assert not refused.is_done
+    assert "withdr" not in refused.verdict
+    np.testing.assert_array_equal(bench.world.q, before)
 
 
 def test_an_arm_that_rests_is_in_nobodys_way(bench: Workbench) -> None:
     bench.add_obstacle("wall", 0.70, 0.30, size_m=(0.3, 0.02, 0.2))
     refused = str(bench.carry("red", to=(0.70, 0.30), arm="left"))
-    assert "with wall" in refused
+    assert "wall stands there" in refused
     assert not re.search("withdraw", refused)
 
 

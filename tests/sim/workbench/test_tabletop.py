@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from baxter_kin import Baxter
+from planner import Body, Box, Cylinder, Part
 from planner.errors import SceneError
 from sim import Workbench
 from sim.workbench.tabletop import TABLE_Z_M
@@ -55,6 +56,49 @@ def test_an_obstacle_is_not_put_where_a_block_stands(bench: Workbench) -> None:
         bench.add_obstacle("wall", 0.65, -0.30, size_m=WALL)
 
 
+def test_a_box_and_a_cylinder_stand_on_the_table_and_are_carried(robot: Baxter) -> None:
+    bench = Workbench(robot)
+    bench.add_box("book", 0.65, 0.20, size_m=(0.15, 0.04, 0.10), yaw_rad=0.3, colour="blue")
+    bench.add_cylinder("tin", 0.75, -0.15, radius_m=0.02, length_m=0.09)
+    for name, height_m in (("book", 0.10), ("tin", 0.09)):
+        body = bench.world.body(name)
+        assert body.extent_m((0, 0, 1)) == pytest.approx((TABLE_Z_M, TABLE_Z_M + height_m))
+        assert body.is_movable
+    assert bench.carry("book", to=(0.75, 0.1), arm="left").is_done
+    assert bench.carry("tin", to=(0.65, -0.2), arm="right").is_done
+    for name, where in (("book", (0.75, 0.1)), ("tin", (0.65, -0.2))):
+        assert bench.world.body(name).centre_base[:2] == pytest.approx(where, abs=1e-5)
+
+
+def test_cylinders_may_touch_where_their_bounding_boxes_overlap(robot: Baxter) -> None:
+    bench, step = Workbench(robot), 0.1 / math.sqrt(2.0)
+    bench.add_cylinder("one", 0.70, 0.0, radius_m=0.05, length_m=0.1)
+    bench.add_cylinder("two", 0.70 + step, step, radius_m=0.05, length_m=0.1)
+    with pytest.raises(SceneError, match=r"no room for 'three' at .* 'one' stands there"):
+        bench.add_cylinder("three", 0.70 - step, -step + 0.002, radius_m=0.05, length_m=0.1)
+
+
+@pytest.mark.parametrize("wrong", [{"radius_m": 0.0}, {"length_m": math.nan}, {"x_m": None}])
+def test_numbers_of_a_cylinder_are_lengths(bench: Workbench, wrong: dict[str, Any]) -> None:
+    numbers: dict[str, Any] = {"x_m": 0.7, "y_m": 0.0, "radius_m": 0.02, "length_m": 0.1} | wrong
+    with pytest.raises(SceneError, match=next(iter(wrong))):
+        bench.add_cylinder("tin", **numbers)
+
+
+def test_a_body_of_any_shape_stands_where_its_pose_says(bench: Workbench) -> None:
+    plate = Part(Cylinder(0.06, 0.01), at(0.0, 0.0, 0.005))
+    knob = Part(Cylinder(0.012, 0.06), at(0.0, 0.0, 0.04))
+    bench.add_body(Body("lid", (plate, knob), at(0.70, 0.0, TABLE_Z_M + 0.003), is_movable=True))
+    shelf = Body("shelf", (Part(Box((0.2, 0.2, 0.02)), at(0.0, 0.0, 0.0)),), at(0.9, 0.3, 0.1))
+    bench.add_body(shelf)
+    assert bench.world.body("lid").T_base_body.isApprox(at(0.70, 0.0, TABLE_Z_M), 1e-6)
+    assert bench.world.body("shelf").T_base_body.isApprox(shelf.T_base_body)
+    with pytest.raises(SceneError, match="body must be of class Body, got str"):
+        bench.add_body("lid")  # type: ignore[arg-type]
+    with pytest.raises(SceneError, match="already has a body named 'lid'"):
+        bench.add_body(shelf.__class__("lid", shelf.parts, shelf.T_base_body))
+
+
 @pytest.mark.parametrize("size", [0.3, (0.3, 0.2), "big", None, (0.3, 0.2, math.nan)])
 def test_a_size_is_three_lengths(bench: Workbench, size: Any) -> None:
     with pytest.raises(SceneError, match="three edges along x, y and z in m, such as"):
@@ -78,3 +122,25 @@ def test_a_size_is_above_zero(bench: Workbench) -> None:
 def test_other_units_are_asked_about(bench: Workbench, block: dict[str, Any], hint: str) -> None:
     with pytest.raises(SceneError, match=hint):
         bench.add_block("blue", **({"x_m": 0.7, "y_m": 0.0} | block))
+
+
+def test_a_mug_is_carried_by_its_handle(robot: Baxter) -> None:
+    """The cup is 10 cm wide, which no hand holds; the handle 18 mm."""
+    bench = Workbench(robot)
+    cup = Part(Cylinder(0.05, 0.09), at(0.0, 0.0, 0.045))
+    handle = Part(Box((0.1, 0.018, 0.03)), at(0.09, 0.0, 0.07))
+    bench.add_body(Body("mug", (cup, handle), at(0.65, 0.15, TABLE_Z_M), is_movable=True))
+    task = bench.carry("mug", to=at(0.70, 0.0, TABLE_Z_M), arm="left")
+    assert task.is_done, task.verdict
+    assert task.off_m is not None
+    assert task.off_m < 1e-4
+
+
+def test_a_block_between_others_is_grasped_where_there_is_room(robot: Baxter) -> None:
+    """Its narrow side is closed in by neighbours, where it stands or where it goes."""
+    for y_m in (0.10, -0.05):
+        bench = Workbench(robot)
+        bench.add_box("red", 0.65, 0.10, size_m=(0.045, 0.04, 0.05))
+        bench.add_block("blue", 0.65, y_m + 0.05, edge_m=0.05)
+        bench.add_block("green", 0.65, y_m - 0.05, edge_m=0.05)
+        assert bench.carry("red", to=(0.65, -0.05), arm="left").is_done

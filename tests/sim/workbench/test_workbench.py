@@ -63,7 +63,7 @@ def test_a_block_goes_where_it_is_told(carried: tuple[Workbench, TaskResult]) ->
 def test_what_came_of_it_is_one_line(carried: tuple[Workbench, TaskResult]) -> None:
     text = str(carried[1])
     assert text.startswith("carry red: done by the left arm in ")
-    assert text.endswith(" mm off its place (verified, 41 checks)")
+    assert text.endswith(" mm off its place (verified, 43 checks)")
     assert "\n" not in text
 
 
@@ -130,6 +130,33 @@ def test_a_block_below_another_stays_there(bench: Workbench) -> None:
     task = bench.carry("blue", to=(0.80, 0.15))
     assert str(task) == "carry blue: refused: red stands on blue; carry that away first"
     assert task.plan is None
+
+
+def test_a_block_that_carries_a_plank_with_another_stays_there(bench: Workbench) -> None:
+    bench.add_block("blue", 0.70, 0.05)
+    bench.simulation.spawn(make_block("top", at(0.70, 0.10, 0.0), edge_m=(0.04, 0.14, 0.02)))
+    for name in ("red", "blue"):
+        task = bench.carry(name, to=(0.80, -0.15))
+        assert task.verdict == f"refused: top stands on {name}, too; carry that away first"
+
+
+def test_a_place_that_is_taken_is_refused_by_who_stands_there(bench: Workbench) -> None:
+    bench.add_block("green", 0.70, -0.15)
+    task = bench.carry("red", to=(0.71, -0.14), arm="left")
+    assert "place: descend: green stands there: red would be" in task.verdict
+
+
+def test_a_block_inside_a_table_that_is_measured_higher_is_lifted_out_of_it_with_a_warning(
+    robot: Baxter, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench = Workbench(robot)
+    table = bench.world.body("table")
+    bench.simulation.delete("table")
+    bench.simulation.spawn(table.at(at(0.0, 0.0, 0.003) * table.T_base_body))
+    bench.add_block("red", 0.70, 0.15)
+    assert caplog.messages == ["red would be 3.0 mm inside table; it is put 3.0 mm higher"]
+    bottom_m, _ = bench.world.body("red").extent_m((0.0, 0.0, 1.0))
+    assert bottom_m == pytest.approx(TABLE_Z_M + 0.003, abs=1e-6)
 
 
 def test_the_plan_comes_with_the_result(
@@ -242,16 +269,17 @@ def test_an_empty_arm_goes_back(robot: Baxter) -> None:
     assert "it was there already" in str(bench.withdraw("left"))
 
 
-def test_what_an_arm_over_the_table_hinders_is_refused_with_the_way_out(bench: Workbench) -> None:
+def test_a_plan_that_an_idle_arm_hinders_is_refused_with_the_way_out(bench: Workbench) -> None:
     bench.add_block("blue", 0.70, -0.05)
+    plan = bench.plan("right", "blue", on_table(0.75, 0.05, 0.05))
     bench.carry("red", to=(0.75, 0.12), arm="left")
-    refused = bench.carry("blue", to=(0.75, 0.05), arm="right")
-    assert refused.verdict.endswith(
+    verdict, is_done = bench.execute(bench.plan("right", "blue", on_table(0.75, 0.05, 0.05)))
+    assert not is_done
+    assert verdict.endswith(
         "; the left arm is in the way: withdraw('left') brings it back beside the table"
     )
     assert bench.withdraw("left").is_done
-    assert "withdraw(" not in bench.carry("blue", to=(1.40, 0.40), arm="right").verdict
-    assert bench.carry("blue", to=(0.75, 0.05), arm="right").is_done
+    assert bench.execute(plan)[1]
 
 
 def test_all_of_it_is_recorded_and_can_be_replayed(bench: Workbench) -> None:

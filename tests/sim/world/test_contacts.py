@@ -31,11 +31,11 @@ from planner import (
 )
 from planner.collision import ClearanceChecker
 from planner.scene.contact import PRESSING_TOLERANCE_M
+from planner.verification.tolerances import Tolerances
 from sim import Event, EventKind, Observer, Outcome, Simulation, SimulationError, World
 from sim.world import Contact
-from sim.world.as_planned import falls_as_planned, is_as_planned
-from sim.world.contacts import CHECK_S, ContactWatch
-from tests.conftest import at, overhead
+from sim.world.contacts import CHECK_S, ContactWatch, falls_as_planned, is_as_planned
+from tests.conftest import at, overhead, state_at
 
 PICK, PLACE = overhead(0.70, 0.15, -0.129), overhead(0.72, -0.15, -0.129)
 TABLE_Z_M = -0.155
@@ -69,7 +69,7 @@ class Bench:
 
     def grasp(self) -> None:
         """The first half: stands at the pick, the block in the hand."""
-        outcome = self.simulation.execute(Plan("left", self.plan.q_start, self.plan.steps[:4]))
+        outcome = self.simulation.execute(Plan(state_at(self.plan.q_start), self.plan.steps[:4]))
         assert outcome.is_success, outcome.failure
 
     def line(self, x: float, y: float, z: float) -> Outcome:
@@ -78,7 +78,7 @@ class Bench:
         motion = plan_straight_move(
             self.manipulator.arm, q, overhead(x, y, z), self.manipulator.limits
         )
-        return self.simulation.execute(Plan("left", q, (Move("line", motion),)))
+        return self.simulation.execute(Plan(state_at(q), (Move("line", motion),)))
 
 
 def red() -> Body:
@@ -101,6 +101,51 @@ def bench(robot: Baxter, manipulator: Manipulator, table: Body, plan: Plan) -> B
     return Bench(robot, manipulator, table, plan)
 
 
+class TestOutcome:
+    """An execution says what was hit, and whether its plan had been verified."""
+
+    def test_a_success_that_went_into_a_box_says_so(self, bench: Bench) -> None:
+        bench.simulation.spawn(make_block("box", at(0.70, 0.045, TABLE_Z_M + 0.025)))
+        for goal in ((0.70, 0.0, 0.0), (0.70, 0.0, -0.12)):
+            outcome = bench.line(*goal)
+        assert outcome.is_success
+        assert [hit.other for hit in outcome.hits] == ["box"]
+        assert list(outcome.hits) == bench.diary.hits
+        assert "inside box" in repr(outcome)
+
+    def test_hits_are_those_of_that_execution_alone(self, bench: Bench) -> None:
+        bench.simulation.spawn(make_block("box", at(0.70, 0.045, TABLE_Z_M + 0.025)))
+        assert bench.line(0.70, 0.0, -0.12).hits
+        assert not bench.line(0.70, 0.0, 0.1).hits
+
+    def test_a_plan_without_a_certificate_is_warned_of(
+        self, bench: Bench, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        bench.simulation.execute(bench.plan)
+        assert "executed without a certificate" in caplog.text
+
+    def test_a_certificate_that_is_not_valid_is_warned_of(
+        self, bench: Bench, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        strict = replace(Tolerances(), clearance_m=0.5)
+        certificate = verify(bench.plan, tolerances=strict)
+        assert not certificate.is_valid
+        bench.simulation.execute(bench.plan, certificate=certificate)
+        assert "its certificate is not valid" in caplog.text
+
+    def test_nothing_is_warned_of_where_the_certificate_counts(
+        self, bench: Bench, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        bench.simulation.execute(bench.plan, certificate=verify(bench.plan))
+        assert not caplog.records
+
+    def test_nothing_is_warned_of_where_it_is_missing_on_purpose(
+        self, bench: Bench, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        bench.simulation.execute(bench.plan, unverified=True)
+        assert not caplog.records
+
+
 class TestTable:
     """What does not give way ends the move."""
 
@@ -121,7 +166,7 @@ class TestTable:
 
     def test_the_fingers_do_not_either(self, bench: Bench) -> None:
         bench.world.delete("red")
-        bench.simulation.execute(Plan("left", bench.plan.q_start, bench.plan.steps[:3]))
+        bench.simulation.execute(Plan(state_at(bench.plan.q_start), bench.plan.steps[:3]))
         outcome = bench.line(0.70, 0.15, -0.2)
         assert outcome.failure is not None
         assert "line: the left hand (l_gripper_" in outcome.failure
@@ -145,7 +190,7 @@ class TestTable:
         arm = bench.manipulator.arm
         q, goal = bench.world.arm_q("left"), np.array([1.0, -1.0, -3.0, 2.5, 0.0, 1.9, 0.0])
         move = Move("fold", plan_joint_move(q, goal, arm.limits))
-        outcome = bench.simulation.execute(Plan("left", q, (move,)))
+        outcome = bench.simulation.execute(Plan(state_at(q), (move,)))
         assert outcome.failure is not None
         assert "would pass through" in outcome.failure
 
@@ -316,7 +361,9 @@ class TestProofs:
 
     def test_a_plan_that_does_not_say_its_world_is(self, bench: Bench) -> None:
         assert is_as_planned(bench.world, bench.plan)
-        assert not is_as_planned(bench.world, replace(bench.plan, situation=None))
+        assert not is_as_planned(
+            bench.world, replace(bench.plan, start=state_at(bench.plan.q_start))
+        )
 
     def test_a_full_hand_is_not_as_planned(self, bench: Bench) -> None:
         bench.world.attach("left", "red", pin.SE3.Identity())
@@ -335,7 +382,7 @@ class TestProofs:
 
 
 def test_a_contact_is_as_deep_as_the_planner_measures(bench: Bench) -> None:
-    bench.simulation.execute(Plan("left", bench.plan.q_start, bench.plan.steps[:3]))
+    bench.simulation.execute(Plan(state_at(bench.plan.q_start), bench.plan.steps[:3]))
     bench.world.place_body("red", at(0.70, 0.162, TABLE_Z_M + 0.025))
     q = bench.world.arm_q("left")
     motion = plan_joint_move(q, q + 1e-4, bench.manipulator.limits)
@@ -348,7 +395,7 @@ def test_a_contact_is_as_deep_as_the_planner_measures(bench: Bench) -> None:
 def test_a_released_block_between_the_fingers_is_no_hit(bench: Bench) -> None:
     bench.grasp()
     q = bench.world.arm_q("left")
-    opening = Plan("left", q, (Grip("open", GripperAction.OPEN),))
+    opening = Plan(state_at(q), (Grip("open", GripperAction.OPEN),), limb="left")
     assert bench.simulation.execute(opening).is_success
     assert bench.line(0.70, 0.15, 0.0).is_success
     assert bench.diary.hits == []

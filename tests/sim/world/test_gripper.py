@@ -15,7 +15,7 @@ from planner import Body, Box, Part
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim import SimulationError, World
 from sim.world import Gripper, GripperState
-from sim.world.finger_closing import Closing
+from sim.world.gripper import Closing
 from tests.conftest import at
 
 CONTACT_M = 1e-7

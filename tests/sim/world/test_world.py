@@ -230,7 +230,7 @@ class TestSpawnAndDelete:
         for name in "abc":
             world.spawn(cube(name, 0.7, 0.1, 0.3))
         world.delete("a")
-        assert world.supports == {"b": "table", "c": "b"}
+        assert world.supports == {"b": ("table",), "c": ("b",)}
         heights = [lowest(world, name) - TABLE_Z_M for name in "bc"]
         assert heights == pytest.approx([0.0, 0.05], abs=3 * REST_M)
 
@@ -238,7 +238,7 @@ class TestSpawnAndDelete:
         world.spawn(cube("a", 0.7, 0.1, 0.3))
         world.spawn(cube("b", 0.9, 0.1, 0.3))
         world.delete("table")
-        assert world.supports == {"a": FLOOR, "b": FLOOR}
+        assert world.supports == {"a": (FLOOR,), "b": (FLOOR,)}
         assert lowest(world, "a") == pytest.approx(FLOOR_Z_M, abs=REST_M)
 
     def test_a_name_that_is_taken_is_refused_and_nothing_changes(
@@ -306,11 +306,11 @@ class TestRiders:
         centres = [tower.body(name).centre_base for name in "abc"]
         for centre, height in zip(centres, (0.025, 0.075, 0.125), strict=True):
             assert centre == pytest.approx([0.9, -0.2, TABLE_Z_M + height], abs=3 * REST_M)
-        assert tower.supports == {"a": "table", "b": "a", "c": "b"}
+        assert tower.supports == {"a": ("table",), "b": ("a",), "c": ("b",)}
 
     def test_a_body_taken_off_a_tower_is_no_rider_any_more(self, tower: World) -> None:
         tower.place_body("b", at(0.9, -0.2, TABLE_Z_M + 0.025))
-        assert tower.supports == {"a": "table", "b": "table", "c": "b"}
+        assert tower.supports == {"a": ("table",), "b": ("table",), "c": ("b",)}
         before = tower.body("b").T_base_body
         tower.place_body("a", at(0.6, 0.2, TABLE_Z_M + 0.025))
         assert tower.body("b").T_base_body == before

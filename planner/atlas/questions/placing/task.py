@@ -17,7 +17,7 @@ from baxter_kin.value_objects import OneLine, count, phrase, position
 from planner.errors import TaskError
 from planner.grasping.hand import Hand
 from planner.grasping.overhead import overhead_grasp
-from planner.pick_place.task import PickAndPlace
+from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M, PickAndPlace
 from planner.scene.bodies import Body, Scene
 
 
@@ -40,8 +40,8 @@ class TableTransfer(OneLine):
     body: str
     T_table_pick: pin.SE3
     T_table_place: pin.SE3
-    hover_m: float = 0.15
-    clear_m: float = 0.05
+    hover_m: float = DEFAULT_HOVER_M
+    clear_m: float = DEFAULT_CLEAR_M
 
     def __post_init__(self) -> None:
         seen = self.seen_from_base(pin.SE3.Identity())
@@ -56,8 +56,8 @@ class TableTransfer(OneLine):
         T_table_to: PoseLike,
         *,
         T_table_pick: PoseLike | None = None,
-        hover_m: float = 0.15,
-        clear_m: float = 0.05,
+        hover_m: float = DEFAULT_HOVER_M,
+        clear_m: float = DEFAULT_CLEAR_M,
     ) -> TableTransfer:
         """A body is grasped where it is, and goes to another pose.
 

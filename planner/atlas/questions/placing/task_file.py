@@ -34,6 +34,7 @@ from planner.atlas.questions.placing.grid import FLOOR_M, PlacementGrid
 from planner.atlas.questions.placing.task import TableTask, TableTransfer, Visit
 from planner.errors import AtlasError
 from planner.grasping.hand import Hand
+from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M
 from planner.scene.bodies import Body
 from planner.scene.objects import load_object, make_block
 
@@ -64,8 +65,8 @@ class _Transfer:
     body: str
     to: _Pose
     pick: _Pose | None = None
-    hover_m: float = 0.15
-    clear_m: float = 0.05
+    hover_m: float = DEFAULT_HOVER_M
+    clear_m: float = DEFAULT_CLEAR_M
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,14 +20,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baxter_kin.validation import FloatArray, Indices
-from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
 from planner.collision.continuous.motion_bounds import Placed
 from planner.collision.covers import Covers, placed_points
-from sim.ros1.execution.guard.stages import JOINTS, Room, inner_joints
+from sim.ros1.execution.guard.stages import Room, shared_joints
 from sim.ros1.execution.stops import StopCause
 
 WINDOW_S = 1.5
@@ -85,10 +83,12 @@ class PathGuard:
         checker = context.checker
         self._bounds, self._names = checker.motion_bounds, names
         self._full = context.q_others
-        shapes = np.unique(checker.pairs)
-        self._shapes = shapes[self._bounds.depth[shapes] > 0]
+        shared = shared_joints(checker)
+        shapes = np.unique(checker.pairs[shared == 0])
+        self._shapes = shapes[self._bounds.moves[shapes].any(axis=1)]
         self._corners = _corners(checker.checked.covers, self._shapes)
-        self._outer = _outer(checker, self._shapes)
+        self._own = checker.pairs[shared > 0]
+        self._hangs = shared[shared > 0] == np.arange(1, len(names) + 1)[:, None]  # joint, own pair
         self._path: deque[_Point] = deque()
         self._at = 0
         self._stood_since_s: float | None = None
@@ -154,10 +154,12 @@ class PathGuard:
         """How far the arm is from some configurations of the path."""
         points = [self._path[number] for number in numbers]
         offs = np.array([point.corners for point in points]) - corners
-        moved = np.sqrt((offs**2).sum(axis=-1).max(axis=-1))[..., None]  # points, shapes, 1
+        moved = np.sqrt((offs**2).sum(axis=-1).max(axis=(1, 2)))
         turns = np.abs(np.array([point.q for point in points]) - q)
-        seen = self._bounds.motions_m(placed, turns, self._shapes)[..., 1:]
-        displaced = np.where(self._outer, np.concatenate([moved, seen], axis=2), 0.0).max(axis=1)
+        number, own = np.indices((len(points), len(self._own))).reshape(2, -1)
+        seen = self._bounds.motions_m(placed, turns, number, self._own[own])
+        seen = np.where(self._hangs, seen.reshape(len(points), 1, -1), 0.0).max(axis=2)
+        displaced = np.column_stack([moved, seen])
         allowed = np.array([point.room.clear_m for point in points]) - KEPT_M
         excess = displaced - allowed
         best = int(excess.max(axis=1).argmin())
@@ -200,12 +202,3 @@ def _corners(covers: Covers, shapes: Indices) -> FloatArray:
     low, high = covers.lowest[shapes], covers.highest[shapes]
     corners: FloatArray = np.where(is_high, high[:, None, :], low[:, None, :])
     return corners
-
-
-def _outer(checker: ClearanceChecker, shapes: Indices) -> NDArray[np.bool_]:
-    """Whether a shape is the outer one of a pair whose inner one hangs on a joint, shape (n, 8)."""
-    depth, inner = checker.motion_bounds.depth[checker.pairs], inner_joints(checker)
-    outer = np.take_along_axis(checker.pairs, depth.argmax(axis=1)[:, None], axis=1)[:, 0]
-    is_outer = np.zeros((len(shapes), JOINTS + 1), dtype=np.bool_)
-    is_outer[np.searchsorted(shapes, outer), inner] = True
-    return is_outer

@@ -1,34 +1,31 @@
 """Stages: a plan cut where its fingers act, and what is clear by how much on each of its moves.
 
 Between two actions of the fingers nothing changes but the arm: the same bodies stand still, the
-same one is in the hand. What each move is clear of is proven here once more, in the situation as
-the robot reports it (`planner.collision.continuous.proof`), apart for
-pairs of which one shape stands still, and for those of the arm with itself by the joint that the
-inner shape hangs on: seen from there, only the joints beyond it move the other one.
+same one is in the hand. What each move is clear of is proven here once more, in the state as the
+robot reports it (`planner.collision.continuous.proof`), apart for pairs of which one shape stands
+still, and for those of the arm with itself by the joint that the inner shape hangs on: seen from
+there, only the joints beyond it move the other one.
 
-What is touched on purpose counts for none: the hand near the body that it is about to close on
-or has let go, a carried body and what it stood or will stand on. How near these come is kept, as it
-has to be told. They count as touched on purpose only where the move is not clear without that.
+Contacts that a step states are excluded, where its move is not clear without that; how near they
+come is kept, to be reported.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from baxter_kin.validation import Checked, FloatArray, Indices
+from baxter_kin.validation import Checked, Indices
 from baxter_kin.value_objects import OneLine, clear, phrase
-from planner import Grip, GripperAction, Held, Manipulator, Move, Plan, Scene
+from planner import Grip, Manipulator, Move, Plan
 from planner.clearance import Clearance, ContinuousProof
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
 from planner.collision.continuous.motion import ArmShapeMotion
 from planner.collision.continuous.proof import prove_motion
-from planner.grasping import Grasp
-from planner.scene.contact import touching
-from planner.situation import Situation
+from planner.completion import after, state_of
 from sim.errors import SimulationError
 
 STRICT_M = 0.005
@@ -36,8 +33,6 @@ STRICT_M = 0.005
 
 MOST_OFF_RAD = 0.25
 """How far a joint may be off its set-point, whatever is known of it."""
-
-JOINTS = 7
 
 FAR_M = 10.0
 """Stands for the clearance where there is nothing to keep clear of."""
@@ -52,7 +47,7 @@ class Room(Checked, OneLine, error=SimulationError):
         clear_m: proven distance of the arm, and what it carries, first from all that stands still,
             then from its own shapes that hang on its joint 1, 2 .. 7; m.
         nearest: what is nearest of all of these; None where there is nothing.
-        on_purpose: the nearest of what may be touched; None where nothing may.
+        intended: the nearest of what may be touched; None where nothing may.
         most_off_rad: how far a joint may be off its set-point; less than usual where it is proven
             how far the arm's lag leads.
     """
@@ -60,7 +55,7 @@ class Room(Checked, OneLine, error=SimulationError):
     label: str
     clear_m: tuple[float, ...]
     nearest: Clearance | None = None
-    on_purpose: Clearance | None = None
+    intended: Clearance | None = None
     most_off_rad: float = MOST_OFF_RAD
 
     def _facts(self) -> tuple[str, ...]:
@@ -96,108 +91,38 @@ class GripStage:
 
 
 class NotClearError(SimulationError):
-    """A move is not clear in the situation as it is."""
+    """A move is not clear in the state as it is."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Hand:
-    """What the hand does at a point of a plan.
-
-    Attributes:
-        scene: the bodies, the held one where it stood.
-        finger_m: how far the fingers are open.
-        held: what they hold.
-        near: names of bodies that the hand has let go, or is about to close on.
-    """
-
-    scene: Scene
-    finger_m: float
-    held: Held | None = None
-    near: tuple[str, ...] = ()
-
-
-def stages_of(
-    plan: Plan, manipulator: Manipulator, situation: Situation
-) -> tuple[MoveStage | GripStage, ...]:
-    """Follow a valid plan in a situation.
+def guarded(plan: Plan, manipulator: Manipulator) -> tuple[MoveStage | GripStage, ...]:
+    """Cut a complete plan where its fingers act, and find what each move is clear of.
 
     Args:
-        plan: what shall be done.
-        manipulator: the arm, with all other joints where they stand.
-        situation: what stands where at first.
+        plan: what shall be done, from robot and bodies as they are.
+        manipulator: the arm and its hand.
 
     Raises:
         NotClearError: when a move is not proven clear; says which and of what.
     """
-    own = [held for held in situation.held if held.side == plan.limb]
-    hand = _Hand(situation.scene, manipulator.finger_m, own[0] if own else None)
     stages: list[MoveStage | GripStage] = []
-    q = plan.q_start
-    steps = list(plan.steps)
-    while steps:
-        moves = tuple(_leading_moves(steps))
-        steps = steps[len(moves) :]
-        grip = steps.pop(0) if steps else None
-        wanted = grip.body if isinstance(grip, Grip) and hand.held is None else None
-        if moves:
-            near = tuple(filter(None, (*hand.near, wanted)))
-            stages.append(_stage(moves, manipulator, replace(hand, near=near)))
-            q = moves[-1].trajectory.q_goal
-        if isinstance(grip, Grip):
-            hand = _after(grip, manipulator, hand, q)
-            stages.append(GripStage(grip, hand.finger_m))
-    return tuple(stages)
+    finger, moves = manipulator.hand.joint_names[0], list[Move]()
+    for step in plan:
+        if isinstance(step, Move):
+            moves.append(step)
+            continue
+        stages += _stages(moves, manipulator)
+        end = after(step, state_of(step), manipulator)
+        stages.append(GripStage(step, end.joints[finger]))
+        moves = []
+    return (*stages, *_stages(moves, manipulator))
 
 
-def _leading_moves(steps: list[Move | Grip]) -> Iterator[Move]:
-    for step in steps:
-        if not isinstance(step, Move):
-            return
-        yield step
-
-
-def _after(grip: Grip, manipulator: Manipulator, hand: _Hand, q: FloatArray) -> _Hand:
-    """What the hand does once the fingers have acted."""
-    T_base_tip, fingers = manipulator.arm.T_base_tip(q), manipulator.hand
-    if grip.action is GripperAction.OPEN:
-        opening_m = fingers.stroke_m if grip.opening_m is None else grip.opening_m
-        if hand.held is None:
-            return replace(hand, finger_m=opening_m, near=())
-        body = hand.scene[hand.held.body].at(T_base_tip * hand.held.T_tip_body)
-        scene = hand.scene.without(body.name).with_body(body)
-        return _Hand(scene, opening_m, near=(body.name,))
-    if grip.body is None:
-        return replace(hand, finger_m=0.0, near=())
-    grasp = fingers.close_on(T_base_tip, hand.scene[grip.body], hand.finger_m)
-    if not isinstance(grasp, Grasp):
-        raise NotClearError(f"{grip.label}: the fingers would miss: {grasp}")
-    held = Held(manipulator.arm.side, grip.body, grasp.T_tip_body)
-    return _Hand(hand.scene, grasp.finger_m, held)
-
-
-def _stage(moves: tuple[Move, ...], manipulator: Manipulator, hand: _Hand) -> MoveStage:
-    contexts = list(_contexts(moves, manipulator, hand))
-    rooms = tuple(_room(move, contexts) for move in moves)
-    return MoveStage(moves, rooms, contexts[0])
-
-
-def _contexts(
-    moves: tuple[Move, ...], manipulator: Manipulator, hand: _Hand
-) -> Iterator[CollisionContext]:
-    """The strict situation first, then those in which something may be touched."""
-    scene, finger_m = hand.scene, hand.finger_m
-    yield manipulator.context(scene, finger_m=finger_m, held=hand.held)
-    for name in hand.near:
-        for may_press in (False, True):
-            yield manipulator.context(scene, finger_m=finger_m, touchable=name, may_press=may_press)
-    if hand.held is not None:
-        body, others = scene[hand.held.body], scene.without(hand.held.body)
-        T_base_tip = manipulator.arm.T_base_tip(moves[-1].trajectory.q_goal)
-        stood = touching(body, scene)
-        will_stand = touching(body.at(T_base_tip * hand.held.T_tip_body), others)
-        yield manipulator.context(
-            scene, finger_m=finger_m, held=hand.held, supports=stood | will_stand
-        )
+def _stages(moves: list[Move], manipulator: Manipulator) -> Iterator[MoveStage]:
+    """Each move where nothing may be touched, or else where its contacts may be."""
+    if moves:
+        strict = manipulator.at(state_of(moves[0]))
+        contexts = ([strict, manipulator.at(state_of(m), m.contacts)] for m in moves)
+        yield MoveStage(tuple(moves), tuple(map(_room, moves, contexts)), strict)
 
 
 def _room(move: Move, contexts: list[CollisionContext]) -> Room:
@@ -218,14 +143,13 @@ def _room(move: Move, contexts: list[CollisionContext]) -> Room:
 
 
 def _room_in(move: Move, context: CollisionContext) -> Room | str:
-    """How clear it is in a situation, or what speaks against it."""
+    """How clear it is in a state, or what speaks against it."""
     checker = context.checker
-    inner = inner_joints(checker)
+    shared = shared_joints(checker)
     motion = ArmShapeMotion(checker, move.trajectory, context.q_others)
     found: list[ContinuousProof] = []
-    for joint in range(JOINTS + 1):
-        pairs = np.flatnonzero(inner == joint)
-        result = prove_motion(checker.checked, motion, 0.0, pairs)
+    for count in range(len(checker.mover.joint_names) + 1):
+        result = prove_motion(checker.checked, motion, 0.0, np.flatnonzero(shared == count))
         if not isinstance(result, ContinuousProof):
             return str(result)
         found.append(result)
@@ -235,10 +159,10 @@ def _room_in(move: Move, context: CollisionContext) -> Room | str:
     return Room(move.label, rooms, nearest if nearest.first else None, meant)
 
 
-def inner_joints(checker: ClearanceChecker) -> Indices:
-    """Of each pair, which joint of the arm the inner shape hangs on, shape (pairs,); 0 for none."""
-    inner: Indices = checker.motion_bounds.depth[checker.pairs].min(axis=1)
-    return inner
+def shared_joints(checker: ClearanceChecker) -> Indices:
+    """How many joints move both shapes of each pair, shape (pairs,); the last holds the inner."""
+    shared: Indices = checker.motion_bounds.moves[checker.pairs].all(axis=1).sum(axis=1)
+    return shared
 
 
 LOOK_S = 0.05

@@ -21,10 +21,10 @@ from sim.ros1.execution.guard.watch import Watch
 from sim.ros1.execution.link.baxter_link import BaxterLink
 from sim.ros1.execution.link.channel import ArmChannel
 from sim.ros1.execution.link.joint_table import ArmReading
-from sim.ros1.execution.samples import Sample
 from sim.ros1.execution.stops import Stop, StopCause
 from sim.ros1.execution.stream.set_points import SentMotion, SetPoint
 from sim.ros1.execution.stream.ticks import PlanTime, Schedule
+from sim.samples import Sample
 
 SETTLED_RAD_S = 0.02
 """An arm has arrived when no joint is farther off, half a degree as in the original, or faster."""

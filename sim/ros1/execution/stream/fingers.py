@@ -7,9 +7,7 @@ that acknowledges no command, as that of the original simulator, is judged by it
 
 from __future__ import annotations
 
-from baxter_kin.validation import positive_scalar
 from planner import Grip, GripperAction
-from sim.errors import SimulationError
 from sim.ros1.execution.link.baxter_link import BaxterLink, GripperReport
 from sim.ros1.execution.stops import Stop, StopCause
 
@@ -102,12 +100,3 @@ class FingerStep:
 
     def _silent(self, detail: str) -> Stop:
         return Stop(StopCause.GRIPPER_SILENT, subject=self._limb, bound=LONGEST_S, detail=detail)
-
-
-def checked_dwell_s(dwell_s: float) -> float:
-    """A pause, if it is one.
-
-    Raises:
-        SimulationError: when it is no number above zero.
-    """
-    return positive_scalar(dwell_s, "dwell_s", SimulationError)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from baxter_kin.validation import FloatArray
-from sim.grip_telling import GripTelling
+from sim.grip_steps import GripEvents
 from sim.world.contacts import ContactWatch
 
 SAME_STOP_STEPS = 100
@@ -27,15 +27,15 @@ class ContactStop:
         is_stopped: whether joints were kept where they are when the arm was moved last.
     """
 
-    def __init__(self, side: str, watch: ContactWatch, telling: GripTelling) -> None:
+    def __init__(self, side: str, watch: ContactWatch, events: GripEvents) -> None:
         """Watch an arm.
 
         Args:
             side: "left" or "right".
             watch: looks for contacts, of this arm only.
-            telling: told of them.
+            events: reports them.
         """
-        self._side, self._watch, self._telling = side, watch, telling
+        self._side, self._watch, self._events = side, watch, events
         self.is_stopped = self._is_inside = False
         self._steps_near = 0  # that are left until a stop is told again
 
@@ -53,7 +53,7 @@ class ContactStop:
         self._is_inside = would_stop and self._watch.is_blocked(self._side, q)
         for contact in contacts:
             stops = contact.stops and not self._is_inside
-            self._telling.hit(self._side, replace(contact, stops=stops))
+            self._events.hit(self._side, replace(contact, stops=stops))
         if would_stop and not self._is_inside:
             return self._slid(q, q_next)
         self.is_stopped, self._steps_near = False, max(self._steps_near - 1, 0)

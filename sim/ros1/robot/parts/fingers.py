@@ -1,6 +1,6 @@
 """Fingers: those of one hand, which close and open step by step while the arm may move.
 
-What they meet, push and hold is found as in a simulation (`sim.world.finger_closing`), anew
+What they meet, push and hold is found as in a simulation (`sim.world.gripper`), anew
 whenever the hand has moved since. What they let go of falls meanwhile.
 """
 
@@ -10,11 +10,10 @@ from dataclasses import dataclass, replace
 
 from baxter_kin.value_objects import OneLine, millimetres
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
-from sim.grip_telling import GripTelling
+from sim.grip_steps import GripEvents
 from sim.world.contacts import ContactWatch
 from sim.world.falling import Rest
-from sim.world.finger_closing import Closing
-from sim.world.gripper import Gripper
+from sim.world.gripper import Closing, Gripper
 from sim.world.world import World
 
 AS_BEFORE = 1e-9
@@ -43,7 +42,7 @@ class Fingers(OneLine):
     """
 
     def __init__(
-        self, world: World, side: str, gripper: Gripper, telling: GripTelling, watch: ContactWatch
+        self, world: World, side: str, gripper: Gripper, events: GripEvents, watch: ContactWatch
     ) -> None:
         """The fingers of a hand in a world.
 
@@ -51,11 +50,11 @@ class Fingers(OneLine):
             world: where they are.
             side: "left" or "right".
             gripper: what holds for them.
-            telling: told what they do.
+            events: reports what they do.
             watch: looks at what opening fingers run into.
         """
         self._world, self._side, self._gripper = world, side, gripper
-        self._telling, self._watch = telling, watch
+        self._events, self._watch = events, watch
         self._hand = world.hand(side)
         self.has_missed = False
         self._goal_m: float | None = None
@@ -141,12 +140,12 @@ class Fingers(OneLine):
     def _arrive(self, closing: Closing) -> None:
         """The fingers are on something, or closed."""
         self._gripper.finish(closing)
-        self._telling.pushed(self._side, closing)
+        self._events.pushed(self._side, closing)
         self.has_missed = closing.grasp is None
         if self.has_missed:
-            self._telling.missed(self._side, closing)
+            self._events.missed(self._side, closing)
         else:
-            self._telling.grasped(self._side, closing)
+            self._events.grasped(self._side, closing)
 
     def _push_ends(self, closing: Closing) -> None:
         """The fingers stop on their way; what they pushed stays there."""
@@ -156,7 +155,7 @@ class Fingers(OneLine):
             for push in closing.pushes
             if push.begin_m > finger_m
         )
-        self._telling.pushed(self._side, Closing(finger_m, pushes=pushes))
+        self._events.pushed(self._side, Closing(finger_m, pushes=pushes))
 
     def _prediction(self) -> Closing:
         """How closing will end, from where the hand is now."""
@@ -184,11 +183,11 @@ class Fingers(OneLine):
         name = self._gripper.release()
         self._holds_nothing = name is None
         if name is not None:
-            self._telling.released(self._side, name)
+            self._events.released(self._side, name)
             self._fall = _Fall(name, self._world.rest(name))
         now_m = self._world.finger_m(self._side)
         for contact in self._watch.of_fingers(self._side, goal_m, FINGER_SPEED_M_S):
-            self._telling.hit(self._side, contact)
+            self._events.hit(self._side, contact)
             if contact.stops:
                 return now_m + contact.free_s * FINGER_SPEED_M_S
         return goal_m
@@ -199,7 +198,7 @@ class Fingers(OneLine):
         if finger_m == goal_m:
             self._goal_m = None
             if self._holds_nothing:
-                self._telling.opened(self._side)
+                self._events.opened(self._side)
 
     def _fall_on(self, dt_s: float) -> None:
         fall = self._fall
@@ -210,7 +209,7 @@ class Fingers(OneLine):
             self._fall = None
         elif fall.time_s >= fall.rest.duration_s:
             self._world.put_to_rest(fall.name, fall.rest)
-            self._telling.settled(fall.name, fall.rest)
+            self._events.settled(fall.name, fall.rest)
             self._fall = None
         else:
             self._world.carry(fall.name, fall.rest.pose(fall.time_s))
@@ -220,7 +219,7 @@ class Fingers(OneLine):
         fall, self._fall = self._fall, None
         if fall is not None and not self._is_held(fall.name):
             rest = self._world.settle(fall.name)
-            self._telling.settled(fall.name, rest)
+            self._events.settled(fall.name, rest)
 
     def _is_held(self, name: str) -> bool:
         return any(held.body == name for held in self._world.held)

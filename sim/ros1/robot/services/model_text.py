@@ -101,7 +101,7 @@ class _Reader:
         if kind.name == "sphere":
             return Sphere(self.numbers(kind, "radius", 1)[0])
         if kind.name == "mesh":
-            path = mesh_path(self.value(kind, "uri") or self.value(kind, "filename"))
+            path = _mesh_path(self.value(kind, "uri") or self.value(kind, "filename"))
             return load_mesh(path, self.numbers(kind, "scale", 3, (1.0, 1.0, 1.0)))
         raise SceneError(f"boxes, cylinders, spheres and meshes are simulated, not {kind.name}")
 
@@ -269,7 +269,7 @@ def numbers(text: str, count: int, what: str) -> tuple[float, ...]:
     return values
 
 
-def mesh_path(uri: str) -> Path:
+def _mesh_path(uri: str) -> Path:
     """Where a mesh is on this computer.
 
     `model://` is looked up in GAZEBO_MODEL_PATH, `package://` in ROS_PACKAGE_PATH.

@@ -94,7 +94,8 @@ class Models(OneLine):
         world = self._baxter.world
         body = world.body(name)
         holder = next((held.side for held in world.held if held.body == name), None)
-        on = f"in the {holder} hand" if holder else f"on {world.supports.get(name, 'nothing')}"
+        stands_on = " and ".join(world.supports.get(name, ())) or "nothing"
+        on = f"in the {holder} hand" if holder else f"on {stands_on}"
         T_base_body: pin.SE3 = body.T_base_body
         turned = f"xyzw {numbers(quaternion_xyzw(T_base_body))}"
         centre = numbers(body.centre_base.round(4))

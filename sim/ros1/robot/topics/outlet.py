@@ -24,7 +24,7 @@ NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Outlet:
+class _Outlet:
     """A topic that is told at every tick.
 
     Attributes:
@@ -48,7 +48,7 @@ class Outlets(OneLine):
             node: who tells them.
         """
         self._node = node
-        self._outlets: list[Outlet] = []
+        self._outlets: list[_Outlet] = []
         self._stamp = message_type("std_msgs/Header").make(stamp=0.0).stamp
 
     def add(self, topic: str, type_name: str, fill: Fill, **fixed: Any) -> None:
@@ -65,7 +65,7 @@ class Outlets(OneLine):
             message.header.stamp = self._stamp
         if hasattr(message, "timestamp"):
             message.timestamp = self._stamp
-        self._outlets.append(Outlet(self._node.advertise(topic, type_name), message, fill))
+        self._outlets.append(_Outlet(self._node.advertise(topic, type_name), message, fill))
 
     def tell(self) -> None:
         """Tell all that somebody listens to, as of now."""

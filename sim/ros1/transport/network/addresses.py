@@ -78,12 +78,12 @@ def place_of(uri: str) -> Place:
         host, port = parts.hostname, parts.port
     except ValueError:
         host, port = None, None
-    if parts_are_missing(host, port) or parts.scheme not in ("http", "rosrpc"):
+    if _parts_are_missing(host, port) or parts.scheme not in ("http", "rosrpc"):
         raise RosMessageError(f"not an address such as http://127.0.0.1:11311: {quoted(uri)}")
     return Place(str(host), int(port or 0))
 
 
-def parts_are_missing(host: str | None, port: int | None) -> bool:
+def _parts_are_missing(host: str | None, port: int | None) -> bool:
     """Whether an address lacks its host or its port."""
     return not host or not port
 

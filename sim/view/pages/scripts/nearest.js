@@ -13,7 +13,7 @@ painters[NEAREST] = paintNearest;
 
 function showNearest(nearest) {
   const chip = element("nearest-chip");
-  write(chip, nearest ? `nearest: ${millimetres(nearest.distance)}` : "");
+  write(chip, nearest ? `nearest: ${millimetres(nearest.distance)}, ${pairText(nearest)}` : "");
   chip.title = nearest ? pairText(nearest) : "";
   const node = nodeAt(NEAREST);
   if (!node) return;

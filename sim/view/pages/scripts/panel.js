@@ -9,7 +9,7 @@ const REFRESH_MS = 100;
 const WIDE_PX = 1100;
 const HIGH_PX = 640;
 
-const panel = { plots: {}, clearance: null, side: null, isChosen: false, joint: null, cells: [], drawn: -1, refreshed: 0, waiting: 0, time: 0, waypoint: null };
+const panel = { plots: {}, clearance: null, side: null, isChosen: false, joint: null, cells: [], drawn: -1, from: 0, refreshed: 0, waiting: 0, time: 0, waypoint: null };
 
 // Where the panel is: the replay's time, or now.
 const panelTime = () => panel.time;
@@ -18,6 +18,8 @@ function createPanel() {
   for (const key of Object.keys(QUANTITIES)) panel.plots[key] = createPlot(element(`plot-${key}`), seekFromPanel);
   panel.clearance = createPlot(element("plot-clearance"), seekFromPanel);
   element("arm").addEventListener("change", () => { panel.isChosen = true; chooseArm(element("arm").value); });
+  element("acceleration").addEventListener("change", showAcceleration);
+  showAcceleration();
   element("panel-button").addEventListener("click", () => openPanel(element("panel").hidden));
   element("stages").addEventListener("change", (event) => seekFromPanel(Number(event.target.value)));
   for (const details of element("panel").querySelectorAll("details")) details.addEventListener("toggle", drawPanel);
@@ -31,6 +33,14 @@ function openPanel(isOpen) {
   element("panel-button").setAttribute("aria-expanded", isOpen);
   drawPanel();
   refit({ flies: true });
+}
+
+// Accelerations change too often to be read at a glance: their plot and column come on demand.
+function showAcceleration() {
+  const isShown = element("acceleration").checked;
+  element("plot-a").hidden = !isShown;
+  element("joint-table").classList.toggle("no-acceleration", !isShown);
+  drawPanel();
 }
 
 function seekFromPanel(time) {
@@ -89,6 +99,7 @@ function bringOut(j) {
 function drawPanel() {
   if (element("panel").hidden || !viewer) return;
   panel.drawn = telemetry.version;
+  panel.from = plotWindow(panel.time).from;
   const arm = telemetry.arms[panel.side];
   if (arm) for (const key of Object.keys(QUANTITIES)) panel.plots[key].draw(jointPicture(arm, key));
   element("clearance-section").hidden = !telemetry.clearance && !telemetry.unmeasured;
@@ -102,12 +113,12 @@ function jointPicture(arm, key) {
   const joints = arm.joints.map((_, j) => j).sort((one, other) => (one === only) - (other === only));
   const curves = joints.map((j) => ({
     times: arm.times,
-    values: (i) => SHARE[key](arm, j, arm[key][i * JOINTS + j]),
+    values: (i) => SHARE[key](arm, j, arm[key][i * arm.joints.length + j]),
     colour: only === null || only === j ? `--joint-${j}` : "--grid",
     dash: DASHES[j],
     width: only === j ? 2.4 : 1.5,
   }));
-  return { from: telemetry.from, to: telemetry.to, low: -1.08, high: 1.08, curves, rules: jointRules(arm, key) };
+  return { ...plotWindow(panel.time), low: -1.08, high: 1.08, curves, rules: jointRules(arm, key) };
 }
 
 // The limits; in numbers where they are those of one joint.
@@ -121,12 +132,13 @@ function jointRules(arm, key) {
 }
 
 function clearancePicture({ times, distance_m: distances }) {
-  const first = Math.max(0, countUntil(times, telemetry.from) - 1);
-  const most = Math.max(0.05, ...Array.from(distances).slice(first));
+  const { from, to } = plotWindow(panel.time);
+  const first = Math.max(0, countUntil(times, from) - 1);
+  const most = Math.max(0.05, ...Array.from(distances).slice(first, countUntil(times, to) + 1));
   const high = Math.ceil(most / 0.05) * 0.05;
   const rules = [0, high / 2, high].map((at) => ({ at, label: `${Math.round(1000 * at)}` }));
   const curve = { times, values: (i) => distances[i], colour: "--nearest", dash: [], width: 2 };
-  return { from: telemetry.from, to: telemetry.to, low: 0, high: 1.04 * high, curves: [curve], rules };
+  return { from, to, low: 0, high: 1.04 * high, curves: [curve], rules };
 }
 
 // Follow the time: cursors with each frame, words and numbers ten times a second.
@@ -143,7 +155,7 @@ function pointPanel(time, { isNow = false } = {}) {
 
 function refreshPanel() {
   panel.refreshed = performance.now();
-  if (panel.drawn !== telemetry.version) return drawPanel();
+  if (panel.drawn !== telemetry.version || panel.from !== plotWindow(panel.time).from) return drawPanel();
   showNumbers(panel.time);
   showPair(clearanceAt(panel.time));
   showWaypoint(panel.time);

@@ -2,6 +2,7 @@
 const PLOT_LEFT = 3.1; // in the root's font size, as in panel.css
 const PLOT_RIGHT = 0.6;
 const DASHES = [[], [7, 3], [2, 2.5], [10, 3, 2, 3], [4, 4], [14, 4], [1.5, 4]];
+const CLICK_AFTER_MS = 350; // so late may a click follow the end of a press, if any does
 const STEPS_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600];
 
 // A plot in a figure; what it shows comes with draw().
@@ -20,13 +21,19 @@ function createPlot(figure, seek) {
   const mayScroll = ({ pointerType, clientX, clientY }) => pointerType === "touch"
     && Math.abs(clientX - pressed.clientX) <= Math.abs(clientY - pressed.clientY);
   const seekUnder = (event) => { if (!mayScroll(event)) seek(timeAt(event)); };
+  let releasing;
+  const release = () => { clearTimeout(releasing); heldWindow = null; pointPanel(panelTime()); };
   canvas.addEventListener("pointerdown", (event) => {
     pressed = event;
+    clearTimeout(releasing);
+    heldWindow = { ...range };
     canvas.setPointerCapture(event.pointerId);
     seekUnder(event);
   });
   canvas.addEventListener("pointermove", (event) => { if (event.buttons & 1) seekUnder(event); });
-  canvas.addEventListener("click", (event) => seek(timeAt(event)));
+  canvas.addEventListener("click", (event) => { seek(timeAt(event)); release(); });
+  canvas.addEventListener("pointerup", () => { releasing = setTimeout(release, CLICK_AFTER_MS); });
+  canvas.addEventListener("pointercancel", release);
   return {
     draw(picture) {
       Object.assign(range, { from: picture.from, to: picture.to });

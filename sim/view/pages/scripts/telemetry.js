@@ -1,11 +1,23 @@
 // What is measured over time: joints against their limits, the clearance, the waypoints. A replay
-// brings it whole; a live page gathers the last seconds. Values of n times lie flat, n * 7.
+// brings it whole; a live page gathers the last seconds. Values of n times lie flat, n * joints.
 const LIVE_WINDOW_S = 20;
 const MOST_SAMPLES = 4000;
 const SAME_PAIR_WITHIN_S = 0.5;
-const JOINTS = 7;
 
 const telemetry = { arms: {}, clearance: null, unmeasured: "", waypoints: [], from: 0, to: 1, version: 0 };
+
+// What the plots show of a replay or a live page: all of a short one, else the last seconds before the
+// time shown, and a little of what follows, so that the cursor is never at the edge.
+const PLOT_WINDOW_S = 10;
+const AHEAD_S = 2;
+let heldWindow = null; // while a plot is pressed, so that it does not move under the pointer
+function plotWindow(time) {
+  if (heldWindow) return heldWindow;
+  const { from, to } = telemetry;
+  if (to - from <= PLOT_WINDOW_S) return { from, to };
+  const end = Math.min(Math.max(time + AHEAD_S, from + PLOT_WINDOW_S), to);
+  return { from: end - PLOT_WINDOW_S, to: end };
+}
 
 function takeRecorded(content) {
   Object.assign(telemetry, {
@@ -34,7 +46,7 @@ function hearState({ time, arms }) {
     arm.q.push(...q);
     arm.v.push(...v);
     arm.a.push(...a);
-    shorten(arm, { times: 1, q: JOINTS, v: JOINTS, a: JOINTS }, time);
+    shorten(arm, { times: 1, q: q.length, v: q.length, a: q.length }, time);
   }
   telemetry.to = time;
   telemetry.from = Math.max(0, time - LIVE_WINDOW_S);
@@ -76,12 +88,12 @@ function bracket(times, time) {
   return [i, span > 0 ? Math.min(Math.max((time - times[i]) / span, 0), 1) : 0];
 }
 
-// The seven values of "q", "v" or "a" at a time.
+// The values of "q", "v" or "a" at a time.
 function jointValues(arm, key, time) {
   if (!arm.times.length) return null;
   const [i, share] = bracket(arm.times, time);
-  const value = (row, joint) => arm[key][row * JOINTS + joint];
-  return Array.from({ length: JOINTS }, (_, j) => (share ? (1 - share) * value(i, j) + share * value(i + 1, j) : value(i, j)));
+  const value = (row, joint) => arm[key][row * arm.joints.length + joint];
+  return Array.from(arm.joints, (_, j) => (share ? (1 - share) * value(i, j) + share * value(i + 1, j) : value(i, j)));
 }
 
 // A value as a share of its limit: 1 and -1 are the limits, 0 the middle between them.

@@ -69,10 +69,9 @@ def hausdorff_rad(a: SelfMotion, b: SelfMotion) -> float:
 
 
 def with_limits(arm: Arm, robot: Baxter, q_min: FloatArray, q_max: FloatArray) -> Arm:
-    """The same arm with other position limits."""
-    other = Arm(arm.side, robot.model)
-    other.limits = replace(arm.limits, q_min=q_min, q_max=q_max)
-    return other
+    """The same arm with other position limits, as far as its stops allow them."""
+    low, high = np.maximum(q_min, arm.limits.q_min), np.minimum(q_max, arm.limits.q_max)
+    return robot.arm(arm.side).with_limits(replace(arm.limits, q_min=low, q_max=high))
 
 
 def singular_near(arm: Arm, q: FloatArray) -> FloatArray:

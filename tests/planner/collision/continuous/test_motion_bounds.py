@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
@@ -18,6 +17,7 @@ from baxter_kin import Arm, Baxter
 from planner import RobotShapes, Scene, Trajectory, plan_joint_move
 from planner.collision.checker import ClearanceChecker
 from planner.collision.continuous.motion_bounds import JointSpan, MotionBounds
+from planner.collision.mover import Mover
 from planner.errors import MotionError, TrajectoryError
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.calibrated import calibrated_arm
@@ -47,7 +47,7 @@ class Rig:
         shapes = RobotShapes(robot)
         self.arm, self.shapes = arm, shapes.model.geometryObjects
         self.covers = shapes.covers
-        self.bounds = MotionBounds(robot.model, shapes.model, arm, self.covers)
+        self.bounds = MotionBounds(robot.model, shapes.model, Mover.of(arm), self.covers)
         self.q_others = robot.configuration()
         self._robot = robot
 
@@ -58,16 +58,25 @@ class Rig:
         pin.forwardKinematics(self._robot.model, data, full)
         return [data.oMi[s.parentJoint] * s.placement for s in self.shapes]
 
-    def moving(self) -> Iterator[tuple[int, Any]]:
-        """The shapes of the arm with their numbers."""
-        return ((i, self.shapes[i].geometry) for i in np.flatnonzero(self.bounds.depth).tolist())
+    @property
+    def moving(self) -> list[int]:
+        """The shapes of the arm."""
+        found: list[int] = np.flatnonzero(self.bounds.moves.any(axis=1)).tolist()
+        return found
 
-    def bound(self, q: FloatArray, turns: FloatArray) -> FloatArray:
-        """What is under test, shape (shapes, 8)."""
-        where = self.bounds.place(self.q_others, q[None])
-        found: FloatArray = self.bounds.motions_m(
-            where, turns[None], np.arange(len(self.bounds.depth))
-        )[0]
+    @property
+    def standing(self) -> int:
+        """A shape that no joint of the arm moves."""
+        return int(self.bounds.moves.any(axis=1).argmin())
+
+    def bounds_m(
+        self, q: FloatArray, turns: FloatArray, pairs: list[tuple[int, int]]
+    ) -> list[float]:
+        """What is under test."""
+        where, zero = self.bounds.place(self.q_others, q[None]), np.zeros(len(pairs), dtype=np.intp)
+        found: list[float] = self.bounds.motions_m(
+            where, turns[None], zero, np.array(pairs)
+        ).tolist()
         return found
 
     def random_turn(self, seed: int, size: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -89,14 +98,14 @@ def surface(geometry: Any) -> FloatArray:
     return np.asarray(geometry.vertices())
 
 
-def acted(T: pin.SE3, geometry: Any) -> FloatArray:
+def acted(T: pin.SE3, shape: Any) -> FloatArray:
     """Its extreme points where it is placed, shape (n, 3)."""
-    return np.asarray(surface(geometry) @ T.rotation.T + T.translation)
+    return np.asarray(surface(shape.geometry) @ T.rotation.T + T.translation)
 
 
 def test_every_shape_of_the_arm_moves_and_no_other(rig: Rig) -> None:
     names = [str(shape.name) for shape in rig.shapes]
-    moved = {names[i] for i in np.flatnonzero(rig.bounds.depth)}
+    moved = {names[i] for i in rig.moving}
     assert moved == {name for name in names if name.startswith(("left_", "l_gripper"))}
 
 
@@ -115,32 +124,33 @@ def test_poses_are_those_of_pinocchio(rig: Rig, seed: int) -> None:
 @given(seeds, sizes)
 def test_no_point_of_a_shape_moves_farther(rig: Rig, seed: int, size: float) -> None:
     q, turns, q_after = rig.random_turn(seed, size)
-    before, after, bound = rig.poses(q), rig.poses(q_after), rig.bound(q, turns)
-    for i, geometry in rig.moving():
-        moved = acted(before[i], geometry) - acted(after[i], geometry)
-        assert np.linalg.norm(moved, axis=1).max() <= bound[i, 0] + ROUNDING_M
+    before, after = rig.poses(q), rig.poses(q_after)
+    pairs = [(i, rig.standing) for i in rig.moving]
+    for (i, _), bound in zip(pairs, rig.bounds_m(q, turns, pairs), strict=True):
+        moved = acted(before[i], rig.shapes[i]) - acted(after[i], rig.shapes[i])
+        assert np.linalg.norm(moved, axis=1).max() <= bound + ROUNDING_M
 
 
 @settings(max_examples=15)
 @given(seeds, sizes)
 def test_nor_seen_from_another_link(rig: Rig, seed: int, size: float) -> None:
     q, turns, q_after = rig.random_turn(seed, size)
-    before, after, bound = rig.poses(q), rig.poses(q_after), rig.bound(q, turns)
-    depth = rig.bounds.depth
-    for (i, geometry), (k, _) in product(rig.moving(), rig.moving()):
-        if depth[k] <= depth[i]:
-            was, now = before[k].actInv(before[i]), after[k].actInv(after[i])
-            moved = acted(was, geometry) - acted(now, geometry)
-            assert np.linalg.norm(moved, axis=1).max() <= bound[i, depth[k]] + ROUNDING_M
+    before, after, moves = rig.poses(q), rig.poses(q_after), rig.bounds.moves
+    pairs = [(i, k) for i, k in product(rig.moving, rig.moving) if (moves[k] <= moves[i]).all()]
+    for (i, k), bound in zip(pairs, rig.bounds_m(q, turns, pairs), strict=True):
+        was, now = before[k].actInv(before[i]), after[k].actInv(after[i])
+        moved = acted(was, rig.shapes[i]) - acted(now, rig.shapes[i])
+        assert np.linalg.norm(moved, axis=1).max() <= bound + ROUNDING_M
 
 
 def test_one_joint_alone_comes_near_the_bound(rig: Rig) -> None:
     q, turns = np.zeros(7), np.array([0.0, 1e-4, 0.0, 0.0, 0.0, 0.0, 0.0])
-    before, after, bound = rig.poses(q), rig.poses(q + turns), rig.bound(q, turns)
-    for i, geometry in rig.moving():
-        moved = acted(before[i], geometry) - acted(after[i], geometry)
+    before, after = rig.poses(q), rig.poses(q + turns)
+    pairs = [(i, rig.standing) for i in rig.moving]
+    for (i, _), bound in zip(pairs, rig.bounds_m(q, turns, pairs), strict=True):
+        moved = acted(before[i], rig.shapes[i]) - acted(after[i], rig.shapes[i])
         farthest = np.linalg.norm(moved, axis=1).max()
-        assert bound[i, 0] <= CAPSULE_PLAY * farthest
+        assert bound <= CAPSULE_PLAY * farthest
 
 
 @settings(max_examples=25)

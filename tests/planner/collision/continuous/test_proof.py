@@ -25,9 +25,9 @@ from planner.collision.continuous.proof import (
     prove_clear,
 )
 from planner.errors import MotionError, SceneError, TrajectoryError
+from planner.scene.attachment import Attachment
 from planner.scene.bodies import Shape
 from planner.scene.contact import PRESSING_TOLERANCE_M
-from planner.scene.held import Held
 from tests.bodies import CORNERS, SIDES
 from tests.conftest import at
 from tests.planner.conftest import mesh_of
@@ -286,7 +286,7 @@ class Carry:
         under = T_base_tip.translation - [0.0, 0.0, 0.025 + 0.005 - depth_m]
         support = Body("support", (Part(shape, ORIGIN),), at(*under))
         cube = Body("cube", (Part(Box((0.05, 0.05, 0.05)), ORIGIN),), at(*T_base_tip.translation))
-        held = Held("left", "cube", T_base_tip.inverse() * cube.T_base_body)
+        held = Attachment("cube", "left_gripper", T_base_tip.inverse() * cube.T_base_body)
         checker = ClearanceChecker(
             self._shapes,
             left,

@@ -2,20 +2,44 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.collision.obstacles import JOINTS, PAIRS
+from baxter_kin.validation import FloatArray
+from planner.collision.obstacles import PAIRS, REACH_M, LinearBounds
 from planner.motion.program.clearance_rows import clearance_rows
 from planner.motion.program.phases import Phase
-from planner.motion.program.unknowns import Numbers, Unknowns
+from planner.motion.program.unknowns import Unknowns
 
 ROUNDING = 1e-12
 
 PHASES = (Phase(4), Phase(5, rests=True, at_goal=True))
 INTERVALS = 9
+JOINTS = 7
+
+
+def random_bounds(rng: np.random.Generator) -> list[LinearBounds]:
+    """Those of both phases; some bound nothing, as where nothing is near."""
+    bounds = []
+    for phase in PHASES:
+        numbers = rng.normal(size=(phase.intervals, PAIRS, JOINTS + 1))
+        numbers[rng.random((phase.intervals, PAIRS)) < 0.3] = [*np.zeros(JOINTS), REACH_M]
+        bounds.append(LinearBounds(rng.normal(size=(phase.intervals, 4)), numbers, 0.0))
+    return bounds
+
+
+def excesses(
+    bounds: list[LinearBounds], known: FloatArray, shortfalls: FloatArray
+) -> list[np.float64]:
+    """What distances exceed what is needed by, bound by bound."""
+    found, interval = [], 0
+    for each, controls in zip(bounds, Unknowns.of(PHASES, JOINTS).controls, strict=True):
+        for k, numbers in enumerate(each.numbers):
+            q = each.weights[k] @ known[controls[k : k + 4]]
+            found += [n[:JOINTS] @ q + n[JOINTS] + shortfalls[interval] for n in numbers if n[0]]
+            interval += 1
+    return found
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -23,35 +47,19 @@ def test_each_row_is_a_linear_bound_in_the_point_that_the_weights_say_and_the_sh
     seed: int,
 ) -> None:
     rng = np.random.default_rng(seed)
-    unknowns, numbers = Unknowns.of(PHASES, keeps_clear=True), Numbers(PHASES, INTERVALS)
-    x = ca.MX.sym("x", unknowns.count)
-    rows = clearance_rows(PHASES, unknowns, x, numbers)
-    assert rows is not None
-    at, given_ = rng.normal(size=unknowns.count), rng.normal(size=numbers.all.shape[0])
-    asked = [rows.g, numbers.q_ends, numbers.weights, numbers.clearances]
-    values = ca.Function("values", [x, numbers.all], asked).call([at, given_])
-    found, q_ends, weights, clearances = (each.full() for each in values)
-    known = np.concatenate([at, q_ends.ravel()])
-    expected, interval = [], 0
-    for controls in unknowns.controls:
-        for k in range(len(controls) - 3):
-            q = weights[:, interval] @ known[controls[k : k + 4]]
-            for bound in clearances.T[PAIRS * interval : PAIRS * (interval + 1)]:
-                excess = bound[:JOINTS] @ q + bound[JOINTS]
-                expected.append(excess + at[unknowns.shortfalls[interval]])
-            interval += 1
-    np.testing.assert_allclose(found.ravel(), expected, atol=ROUNDING)
+    unknowns, bounds = Unknowns.of(PHASES, JOINTS), random_bounds(rng)
+    x, q_ends, shortfalls = (rng.normal(size=n) for n in (unknowns.count, 2 * JOINTS, INTERVALS))
+    rows = clearance_rows(unknowns, bounds, q_ends)
+    found = (rows.matrix @ np.concatenate([x, shortfalls])).full().ravel() - rows.low
+    expected = excesses(bounds, np.concatenate([x, q_ends]), shortfalls)
+    np.testing.assert_allclose(found, expected, atol=ROUNDING)
 
 
-def test_distances_may_exceed_what_is_needed_by_any_amount_but_not_fall_short() -> None:
-    unknowns, numbers = Unknowns.of(PHASES, keeps_clear=True), Numbers(PHASES, INTERVALS)
-    rows = clearance_rows(PHASES, unknowns, ca.MX.sym("x", unknowns.count), numbers)
-    assert rows is not None
-    assert len(rows.low) == len(rows.high) == INTERVALS * PAIRS
-    assert not rows.low.any()
-    assert np.isinf(rows.high).all()
-
-
-def test_there_are_none_where_clearance_is_not_asked_for() -> None:
-    unknowns = Unknowns.of(PHASES)
-    assert clearance_rows(PHASES, unknowns, ca.MX.sym("x", unknowns.count), Numbers(PHASES)) is None
+def test_where_nothing_is_near_there_are_no_rows() -> None:
+    unknowns = Unknowns.of(PHASES, JOINTS)
+    nothing = np.zeros((INTERVALS, PAIRS, JOINTS + 1))
+    nothing[:, :, JOINTS] = REACH_M
+    bounds = [LinearBounds(np.zeros((INTERVALS, 4)), nothing, REACH_M)]
+    rows = clearance_rows(unknowns, bounds, np.zeros(2 * JOINTS))
+    assert rows.matrix.shape == (0, unknowns.count + INTERVALS)
+    assert rows.shortfalls == INTERVALS

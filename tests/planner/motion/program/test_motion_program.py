@@ -15,7 +15,6 @@ from baxter_kin.validation import FloatArray
 from planner import StraightLine, Trajectory
 from planner.motion.guess import Way, along
 from planner.motion.program import nodes
-from planner.motion.program.clearance_rows import clearance_rows
 from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.phases import MotionTask, Phase
 from planner.motion.program.sparse import Rows
@@ -55,17 +54,16 @@ def differentiable(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 @pytest.mark.parametrize(
     ("make", "phases"),
     [
-        *((make, PHASES) for make in (spline_rows, line_rows, height_rows, clearance_rows)),
+        *((make, PHASES) for make in (spline_rows, line_rows, height_rows)),
         *((make, AT_SPEED) for make in (spline_rows, line_rows, speed_rows)),
-        *((make, TO_GOAL) for make in (spline_rows, height_rows, clearance_rows)),
+        *((make, TO_GOAL) for make in (spline_rows, height_rows)),
     ],
 )
 def test_derivatives_are_those_that_casadi_finds_by_itself(
     arm: Arm, make: Callable[..., Rows], phases: tuple[Phase, ...]
 ) -> None:
     rng = np.random.default_rng(1)
-    unknowns = Unknowns.of(phases, keeps_clear=True)
-    numbers = Numbers(phases, len(unknowns.shortfalls))
+    unknowns, numbers = Unknowns.of(phases, 7), Numbers(phases, 7)
     x = ca.MX.sym("x", unknowns.count)
     rows = make(phases, unknowns, x, numbers)
     multipliers = ca.MX.sym("multipliers", rows.g.shape[0])
@@ -99,7 +97,7 @@ def straight(
     line = StraightLine(T, raised(T, height_m))
     guess = along(arm, limits, q, Way(line, intervals, ends_at_rest=True))
     assert isinstance(guess, Sketch)
-    program = MotionProgram([Phase(intervals, 0, rests=True)])
+    program = MotionProgram([Phase(intervals, 0, rests=True)], 7)
     found = program.solve([guess], MotionTask(q, (line,), TOLERANCE), arm, limits)
     assert found is not None
     return found[0]
@@ -150,5 +148,5 @@ def test_what_cannot_be_done_is_told_by_none(left: Arm, q_grasp: FloatArray) -> 
     line = StraightLine(T, raised(T, 2.0))
     sketch = Sketch(np.tile(q_grasp, (11, 1)), np.zeros((2, 7)), 1.0)
     task = MotionTask(q_grasp, (line,), TOLERANCE, ())
-    program = MotionProgram([Phase(10, 0, rests=True)])
+    program = MotionProgram([Phase(10, 0, rests=True)], 7)
     assert program.solve([sketch], task, left, left.limits) is None

@@ -17,7 +17,7 @@ from planner import StraightLine
 from planner.motion.program.phases import MotionTask, Phase
 from planner.motion.program.sparse import Rows
 from planner.motion.program.spline_rows import spline_rows
-from planner.motion.program.unknowns import GIVEN, Numbers, Unknowns, numbers_of
+from planner.motion.program.unknowns import Numbers, Unknowns, numbers_of
 from planner.splines import trajectory_of
 
 ROUNDING = 1e-9
@@ -38,7 +38,7 @@ def random_controls(seed: int) -> FloatArray:
 @cache
 def made(phases: tuple[Phase, ...]) -> tuple[Unknowns, Rows, ca.Function]:
     """The rows and how they are computed."""
-    unknowns, numbers = Unknowns.of(phases), Numbers(phases)
+    unknowns, numbers = Unknowns.of(phases, 7), Numbers(phases, 7)
     symbols = ca.MX.sym("x", unknowns.count)
     rows = spline_rows(phases, unknowns, symbols, numbers)
     return unknowns, rows, ca.Function("value", [symbols, numbers.all], [rows.g])
@@ -53,7 +53,7 @@ def rows_at(
 ) -> tuple[Rows, FloatArray]:
     """The rows, and their values where the unknowns are those of some splines."""
     unknowns, rows, value = made(phases)
-    x = np.zeros(unknowns.count + GIVEN)
+    x = np.zeros(unknowns.count + 14)
     for where, these in zip(unknowns.controls, controls, strict=True):
         x[where] = these
     x[unknowns.durations] = durations_s

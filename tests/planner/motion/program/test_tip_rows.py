@@ -40,7 +40,7 @@ class Drawn:
         self, make: Callable[..., Rows | None], phases: tuple[Phase, ...], arm: Arm
     ) -> None:
         rng = np.random.default_rng(2)
-        unknowns, numbers = Unknowns.of(phases), Numbers(phases)
+        unknowns, numbers = Unknowns.of(phases, 7), Numbers(phases, 7)
         symbols, known = ca.MX.sym("x", unknowns.count), np.zeros(unknowns.count + 14)
         rows = make(phases, unknowns, symbols, numbers)
         assert rows is not None
@@ -127,5 +127,5 @@ def test_speeds_are_those_of_the_tip_less_those_of_the_line(arm: Arm, end: int) 
 def test_there_are_none_where_nothing_is_asked_for(
     make: Callable[..., Rows | None], phases: tuple[Phase, ...]
 ) -> None:
-    unknowns = Unknowns.of(phases)
-    assert make(phases, unknowns, ca.MX.sym("x", unknowns.count), Numbers(phases)) is None
+    unknowns = Unknowns.of(phases, 7)
+    assert make(phases, unknowns, ca.MX.sym("x", unknowns.count), Numbers(phases, 7)) is None

@@ -14,7 +14,7 @@ from baxter_kin.frames import raised
 from planner import StraightLine
 from planner.motion.program.nodes import geometry_numbers, line_numbers
 from planner.motion.program.phases import MotionTask, Phase
-from planner.motion.program.unknowns import GIVEN, Numbers, Unknowns, ends_of, numbers_of
+from planner.motion.program.unknowns import Numbers, Unknowns, ends_of, numbers_of
 
 CYCLE = (Phase(4), Phase(5, 0, (1.0, 0.0), rests=True), Phase(4, 0), Phase(6, 1, rests=True))
 TO_GOAL = (Phase(4), Phase(5, rests=True, at_goal=True))
@@ -26,16 +26,12 @@ every = pytest.mark.parametrize(
 
 
 @every
-@pytest.mark.parametrize("keeps_clear", [False, True])
-def test_every_unknown_stands_somewhere_and_at_one_place(
-    phases: tuple[Phase, ...], keeps_clear: bool
-) -> None:
-    found = Unknowns.of(phases, keeps_clear=keeps_clear)
+def test_every_unknown_stands_somewhere_and_at_one_place(phases: tuple[Phase, ...]) -> None:
+    found = Unknowns.of(phases, 7)
     controls = {int(i) for each in found.controls for i in each.ravel() if i < found.count}
     others = [
         *found.durations.tolist(),
         *(i for each in found.fractions if each is not None for i in each.tolist()),
-        *found.shortfalls.tolist(),
     ]
     assert len(set(others)) == len(others)
     assert not controls & set(others)
@@ -46,7 +42,7 @@ def test_every_unknown_stands_somewhere_and_at_one_place(
 def test_each_phase_has_controls_fractions_and_a_duration_of_its_own(
     phases: tuple[Phase, ...],
 ) -> None:
-    found = Unknowns.of(phases)
+    found = Unknowns.of(phases, 7)
     assert len(set(found.durations.tolist())) == len(phases)
     for phase, controls, fractions in zip(phases, found.controls, found.fractions, strict=True):
         assert controls.shape == (phase.intervals + 3, 7)
@@ -54,17 +50,8 @@ def test_each_phase_has_controls_fractions_and_a_duration_of_its_own(
         assert (None if fractions is None else len(fractions)) == knots
 
 
-@every
-def test_clearance_falls_short_once_in_each_interval_where_it_is_asked_for(
-    phases: tuple[Phase, ...],
-) -> None:
-    intervals = sum(phase.intervals for phase in phases)
-    assert len(Unknowns.of(phases, keeps_clear=True).shortfalls) == intervals
-    assert not len(Unknowns.of(phases).shortfalls)
-
-
 def test_where_the_arm_rests_three_controls_are_one_and_the_next_phase_begins_with_it() -> None:
-    found = Unknowns.of(CYCLE)
+    found = Unknowns.of(CYCLE, 7)
     resting = np.concatenate([found.controls[1][-3:], found.controls[2][:3]])
     assert (resting == resting[0]).all()
     assert (resting < found.count).all()
@@ -74,19 +61,19 @@ def test_where_the_arm_rests_three_controls_are_one_and_the_next_phase_begins_wi
 
 @pytest.mark.parametrize("phases", [CYCLE, TO_GOAL])
 def test_the_arm_begins_at_the_start_that_is_given(phases: tuple[Phase, ...]) -> None:
-    found = Unknowns.of(phases)
+    found = Unknowns.of(phases, 7)
     start = found.count + np.arange(7)
     np.testing.assert_array_equal(found.controls[0][:3], np.tile(start, (3, 1)))
 
 
 def test_it_ends_at_the_goal_that_is_given() -> None:
-    found = Unknowns.of(TO_GOAL)
-    goal = found.count + np.arange(7, GIVEN)
+    found = Unknowns.of(TO_GOAL, 7)
+    goal = found.count + np.arange(7, 14)
     np.testing.assert_array_equal(found.controls[-1][-3:], np.tile(goal, (3, 1)))
 
 
 def test_where_it_enters_at_speed_the_first_controls_are_unknown() -> None:
-    found = Unknowns.of(AT_SPEED)
+    found = Unknowns.of(AT_SPEED, 7)
     assert (found.controls[0] < found.count).all()
 
 
@@ -98,7 +85,7 @@ def test_each_number_of_a_task_stands_where_the_program_reads_it(arm: Arm, unit_
     task = MotionTask(
         arm.start, lines, (1e-5, 2e-5), (0.1,), q_goal=arm.neutral, rates=(0.1, 0.2, 0.3, 0.4)
     )
-    numbers, given = Numbers(CYCLE), numbers_of(task, arm, limits, unit_s)
+    numbers, given = Numbers(CYCLE, 7), numbers_of(task, arm, limits, unit_s)
     expected: dict[str, Any] = {
         "q_ends": [*arm.start, *arm.neutral],
         "limits": [*limits.v_max * unit_s, *limits.a_max * unit_s**2, *limits.j_max * unit_s**3],

@@ -29,11 +29,11 @@ from planner import (
     save_plan,
     verify,
 )
+from planner.completion import move_contexts
 from planner.errors import ResponseError, TaskError, TrajectoryError
 from planner.motion.tracking_tube import SETTLED_RAD
 from planner.pick_place.tracking.proof import START_RAD, planned_for
 from planner.pick_place.tracking.runs import REST_RAD_S
-from planner.pick_place.tracking.situations import contexts_of
 from planner.trajectory import Trajectory, joined
 from tests.conftest import overhead
 
@@ -127,7 +127,7 @@ def test_simulated_arms_never_come_nearer_than_proven(
 ) -> None:
     """Placed by Pinocchio, distances by coal; the tip within what is stated of it."""
     rng = np.random.default_rng(0)
-    contexts = contexts_of(tracked_plan, manipulator)
+    contexts = move_contexts(tracked_plan, manipulator)
     tips = [_tips(joined([move.trajectory]), manipulator) for move in tracked_plan.moves]
     for _ in range(6):
         least = dict.fromkeys(range(len(contexts)), np.inf)
@@ -214,10 +214,9 @@ def test_a_thing_that_only_a_lagging_arm_hits_is_found(
         (Part(Sphere(0.002), pin.SE3.Identity()),),
         pin.SE3(np.eye(3), way[off.argmax()] - np.array([0.0, 0.0, BLOCK_BELOW_M])),
     )
-    assert tracked_plan.situation is not None
-    scene = tracked_plan.situation.scene.with_body(ball)
-    plan = replace(tracked_plan, situation=replace(tracked_plan.situation, scene=scene))
-    contexts = contexts_of(plan, manipulator)
+    scene = tracked_plan.start.scene.with_body(ball)
+    plan = replace(tracked_plan, start=replace(tracked_plan.start, scene=scene))
+    contexts = move_contexts(plan, manipulator)
     for move, context in zip(plan.moves, contexts, strict=True):
         assert context.prove(move.trajectory).is_clear, move.label
     exact = Response((0.0, 0.0), 0.0, 0.3, late_s=0.0)

@@ -163,10 +163,9 @@ def test_coals_distances_are_right_to_what_planner_and_certificate_allow(
 @pytest.fixture(scope="module")
 def distances(cube_plan: Plan, urdf: UrdfRobot) -> SolidDistances:
     """Along the run that carries a cube."""
-    assert cube_plan.situation is not None
     solids = robot_body(RobotDescription.installed()).solids
-    story = Story(cube_plan, cube_plan.situation, urdf, Fingers(urdf, solids))
-    stretches = Stretches(urdf, solids, urdf.standing(cube_plan.situation.joints), [], ())
+    story = Story(cube_plan, cube_plan.start, urdf, Fingers(urdf, solids))
+    stretches = Stretches(urdf, solids, urdf.standing(cube_plan.start.joints), [], ())
     run = next(s for s in story.stages if isinstance(s, Run) and s.carried is not None)
     stretch = stretches.of_run(run, 0.1)
     return SolidDistances(urdf, stretch, stretches.pairs_of_run(run, stretch))

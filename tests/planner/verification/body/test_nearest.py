@@ -16,11 +16,10 @@ from planner.verification.urdf_robot import UrdfRobot
 
 
 def test_the_nearest_is_that_of_all_pairs_at_all_samples(cube_plan: Plan) -> None:
-    assert cube_plan.situation is not None
     files = RobotDescription.installed()
     robot, solids = UrdfRobot(files, cube_plan.limb), robot_body(files).solids
-    standing = robot.standing(cube_plan.situation.joints)
-    story = Story(cube_plan, cube_plan.situation, robot, Fingers(robot, solids))
+    standing = robot.standing(cube_plan.start.joints)
+    story = Story(cube_plan, cube_plan.start, robot, Fingers(robot, solids))
     stretches = Stretches(robot, solids, standing, [], ())
     runs = [stage for stage in story.stages if isinstance(stage, Run) and stage.moves]
     assert runs[1].carried is not None

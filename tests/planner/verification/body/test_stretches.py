@@ -24,16 +24,14 @@ ROUNDING_M = 1e-9
 
 @pytest.fixture(scope="module")
 def story(cube_plan: Plan, urdf: UrdfRobot) -> Story:
-    assert cube_plan.situation is not None
     solids = robot_body(RobotDescription.installed()).solids
-    return Story(cube_plan, cube_plan.situation, urdf, Fingers(urdf, solids))
+    return Story(cube_plan, cube_plan.start, urdf, Fingers(urdf, solids))
 
 
 @pytest.fixture(scope="module")
 def stretches(cube_plan: Plan, urdf: UrdfRobot) -> Stretches:
-    assert cube_plan.situation is not None
     solids = robot_body(RobotDescription.installed()).solids
-    return Stretches(urdf, solids, urdf.standing(cube_plan.situation.joints), [], ())
+    return Stretches(urdf, solids, urdf.standing(cube_plan.start.joints), [], ())
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 
 from baxter_kin.description import RobotDescription
 from baxter_kin.validation import FloatArray
-from planner import Manipulator, Scene, Situation
+from planner import Manipulator, Scene, State
 from planner.verification.body.distances import SolidDistances, SolidPair
 from planner.verification.body.robot_body import robot_body
 from planner.verification.body.solid import solids_of
@@ -32,7 +32,7 @@ def urdf_robot() -> UrdfRobot:
 
 @pytest.fixture(scope="module")
 def standing(urdf_robot: UrdfRobot, manipulator: Manipulator, scene: Scene) -> FloatArray:
-    return urdf_robot.standing(Situation.of(manipulator, scene).joints)
+    return urdf_robot.standing(State.of(manipulator, scene).joints)
 
 
 @pytest.fixture(scope="module")

@@ -58,7 +58,11 @@ def test_nul_bytes_after_a_power_failure_are_a_half_written_line(
     ("old", "new", "words"),
     [
         (b"baxter-kin log", b"something", "is no log: it does not begin with its format"),
-        (b'"version":2', b'"version":"1"', r"has version '1', but only \(1, 2, 3\) are read here"),
+        (
+            b'"version":4',
+            b'"version":"1"',
+            r"has version '1', but only \(1, 2, 3, 4\) are read here",
+        ),
         (b'{"snapshot"', b'{"picture"', "line 4: has the entry 'picture'; known are body"),
         (b'{"snapshot":', b'{"event":', "line 4: event has no entry|line 4: event"),
         (b'"q":[', b'"q":[0.5,', r"line 4: q has shape \(20,\); it must have \(19,\)"),

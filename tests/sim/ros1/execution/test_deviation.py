@@ -11,7 +11,7 @@ from baxter_kin import Arm
 from baxter_kin.validation import FloatArray
 from planner import plan_joint_move
 from sim.ros1.execution.deviation import deviation_of
-from sim.ros1.execution.samples import Sample
+from sim.samples import Sample
 
 CHORD_M = 1e-4
 """Between two set-points the tip's way is taken to be straight."""

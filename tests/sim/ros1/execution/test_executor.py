@@ -19,9 +19,9 @@ from sim.ros1.definitions import message_type
 from sim.ros1.execution.execution import MeasuredOutcome
 from sim.ros1.execution.executor import RosExecutor
 from sim.ros1.execution.ready_plan import ExecutionOptions, ReadyPlan
-from sim.ros1.execution.samples import Sample, SampleObserver
 from sim.ros1.execution.stops import StopCause
 from sim.ros1.execution.stream.set_points import Pace
+from sim.samples import Sample, SampleObserver
 from tests.sim.ros1.execution.bus import BusNode
 from tests.sim.ros1.execution.conftest import FAST, Network, networked
 from tests.sim.runs import Witness
@@ -50,6 +50,9 @@ def test_the_plan_is_carried_out_and_told_as_a_simulation_tells_it(
 ) -> None:
     recorder, samples, witness = Recorder(robot), Samples(), Witness()
     outcome = network.executor(recorder, samples, witness).execute(ready, "cycle 1, ")
+    sent = recorder.recording().commands["left"]
+    assert np.array_equal(sent.q_sent, [sample.q_sent for sample in samples.samples])
+    assert np.array_equal(sent.q_measured, [sample.q_measured for sample in samples.samples])
     assert outcome.is_success, outcome.failure
     assert outcome.stop is None
     kinds = [kind for kind in witness.kinds if kind is not EventKind.SPAWNED]

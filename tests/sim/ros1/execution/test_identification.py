@@ -22,12 +22,16 @@ def wait_for_arm(network: Network) -> None:
     assert network.link.wait_until(lambda: not network.link.joints.missing(names), 2.0)
 
 
-def test_the_lag_of_every_joint_is_found(robot: Baxter, demo_plan: Plan) -> None:
+def test_the_lag_of_every_joint_is_found(
+    robot: Baxter, demo_plan: Plan, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "sim.ros1.execution.identification")
     for network in networked(robot, demo_plan, lag_s=LAG_S):
         wait_for_arm(network)
         before = dict(network.robot.q)
         found = Identification(network.link, "left")
         assert f"{STEP_RAD:g} rad" in found.warning
+        assert "(s0, s1, e0, e1, w0, w1, w2)" in found.warning
         assert network.robot.commands == []
         response = found.run()
         assert (response.lag_s[:, 0] <= LAG_S + OFF_S).all()
@@ -37,6 +41,10 @@ def test_the_lag_of_every_joint_is_found(robot: Baxter, demo_plan: Plan) -> None
         assert moved == {f"left_{j}" for j in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")}
         assert all(abs(network.robot.q[name] - q) < 0.01 for name, q in before.items())
         assert any("lag" in line for line in found.lines(response))
+        progress = [record.getMessage() for record in caplog.records]
+        assert progress[0] == "moving s0, joint 1 of 7"
+        assert progress[6] == "moving w2, joint 7 of 7"
+        assert len(progress) == 8
 
 
 def test_a_robot_that_does_not_describe_itself_is_not_moved(network: Network) -> None:

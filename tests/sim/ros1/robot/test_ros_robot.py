@@ -341,7 +341,7 @@ class TestServices:
             client.move(above)
         centre = served.baxter.world.body("block").centre_base
         assert centre == pytest.approx([0.75, 0.0, -0.130], abs=0.003)
-        assert served.baxter.world.supports["block"] == "cafe_table"
+        assert served.baxter.world.supports["block"] == ("cafe_table",)
         client.listen(*ROSOUT)
         for name in ("cafe_table", "block"):
             assert client.call(

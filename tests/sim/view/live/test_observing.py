@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter, IKService
+from baxter_kin.description import Tool
 from planner import (
     Body,
     Manipulator,
     Move,
     Scene,
-    Situation,
+    State,
     make_block,
     plan_joint_move,
     plan_start_move,
@@ -28,6 +29,7 @@ from sim.errors import RecordingError, ViewerError
 from sim.view.live.pacing import Pacing
 from sim.view.live.shown_run import FRAME_S, ShownRun
 from sim.world import GripperState
+from tests.baxter_kin.description.test_hands import BALL
 from tests.conftest import at
 from tests.sim.view.live.websocket import Page, page_of
 from tests.sim.view.replay_decoding import decoded
@@ -116,6 +118,13 @@ def test_tells_what_the_gripper_holds(
     page.wait_until(lambda page: page.told["grippers"].get("left") == ["holding block", "holding"])
 
 
+def test_a_tool_has_no_gripper_status() -> None:
+    robot = Baxter.load(hands={"left": Tool((BALL,), at(0.0, 0.0, 0.1))})
+    run = ShownRun(robot, State(Scene({}), {}))
+    run.see(snapshot(robot, 0))
+    assert set(run.phases) == {"right"}
+
+
 def test_shows_the_seed_of_a_move_until_it_ends(viewer: Viewer, page: Page, robot: Baxter) -> None:
     arm = robot.arm("left")
     answer = IKService(arm).solve(arm.T_base_tip(arm.start), current=arm.start)
@@ -130,7 +139,7 @@ def test_shows_the_seed_of_a_move_until_it_ends(viewer: Viewer, page: Page, robo
 
 def test_no_more_frames_than_a_screen_shows(robot: Baxter) -> None:
     for speed in (1.0, 4.0):
-        run = ShownRun(robot, Situation(Scene({}), {}))
+        run = ShownRun(robot, State(Scene({}), {}))
         times = [tick * TICK_S for tick in range(200) if run.takes_frame(tick * TICK_S, speed)]
         assert min(b - a for a, b in pairwise(times)) >= speed * FRAME_S
 

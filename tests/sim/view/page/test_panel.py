@@ -58,7 +58,31 @@ def test_every_joint_has_a_curve_told_apart_by_more_than_its_colour(story: Watch
     assert len(set(styles)) == 7
 
 
+def test_accelerations_are_shown_on_demand(story: Watched) -> None:
+    accelerated = story.page.locator("#joint-table thead th").nth(3)
+    assert not story.page.is_visible("#plot-a")
+    assert not accelerated.is_visible()
+    story.page.check("#acceleration")
+    assert story.page.is_visible("#plot-a")
+    assert accelerated.is_visible()
+    story.page.uncheck("#acceleration")
+
+
+def test_the_plots_show_the_last_seconds_of_a_long_recording(story: Watched) -> None:
+    windows = story.run(
+        """() => {
+          const { to } = telemetry;
+          telemetry.to = 60;
+          const found = [0, 30, 60].map(plotWindow).map(({ from, to }) => [from, to]);
+          telemetry.to = to;
+          return found;
+        }"""
+    )
+    assert windows == [[0, 10], [22, 32], [50, 60]]
+
+
 def test_the_curves_are_drawn(story: Watched) -> None:
+    story.page.check("#acceleration")
     for plot in ("q", "v", "a", "clearance"):
         colours = story.run(
             """(id) => {
@@ -70,6 +94,7 @@ def test_the_curves_are_drawn(story: Watched) -> None:
             f"plot-{plot}",
         )
         assert colours > 20
+    story.page.uncheck("#acceleration")
 
 
 def test_no_joint_is_drawn_beyond_a_limit(story: Watched) -> None:
@@ -163,7 +188,10 @@ def test_the_nearest_two_are_named_and_the_line_between_them_is_as_long(story: W
     length = story.run("nodeAt('/nearest').object.scale.y")
     told_mm = float(story.page.inner_text("#nearest-chip").split()[1])
     assert told_mm == pytest.approx(1000 * length, abs=0.51)
-    assert " and " in story.page.inner_text("#pair")
+    pair = story.run("pairText(clearanceAt(replay.time))")
+    assert " and " in pair
+    assert pair in story.page.inner_text("#pair")
+    assert story.page.inner_text("#nearest-chip").endswith(f" mm, {pair}")
 
 
 def test_a_waypoint_tells_seed_and_residual(story: Watched) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from baxter_kin import Baxter
 from planner import Body, Plan, Scene
-from planner.situation import Situation
+from planner.state import State
 from sim.errors import ViewerError
 from sim.events import Event, Observer, Snapshot
 from sim.recording.planned_recording import planned_recording
@@ -33,8 +33,8 @@ class Page(Observer):
         self.live = LiveTelemetry(robot, clock=lambda: self.time_s)
         self.told: list[dict[str, Any]] = []
 
-    def on_start(self, situation: Situation) -> None:
-        self.live.start(situation)
+    def on_start(self, state: State) -> None:
+        self.live.start(state)
 
     def on_event(self, event: Event) -> None:
         self.live.hear(event)
@@ -129,7 +129,7 @@ def test_the_clearance_comes_some_ten_times_a_second(page: Page, shown: Recordin
 def test_bodies_it_was_not_told_of_are_no_trouble(shown: Recording, robot: Baxter) -> None:
     page = Page(robot)
     retell(replace(shown, events=shown.events[1:]), page)
-    page.live.start(Situation(Scene({}), {}))
+    page.live.start(State(Scene({}), {}))
     page.on_snapshot(Snapshot(100.0, shown.q[0], {"block": pin.SE3.Identity()}, _grippers(), ""))
     page.on_snapshot(Snapshot(101.0, shown.q[-1], {"block": pin.SE3.Identity()}, _grippers(), ""))
     assert page.last("clearance") is not None
@@ -183,7 +183,7 @@ def test_refuses_what_is_none_of_it(robot: Baxter, method: str) -> None:
 def test_says_what_it_follows(robot: Baxter, table: Body) -> None:
     live = LiveTelemetry(robot)
     joints = dict(zip(robot.joint_names, robot.configuration().tolist(), strict=True))
-    live.start(Situation(Scene.of([table]), joints))
+    live.start(State(Scene.of([table]), joints))
     assert repr(live) == "LiveTelemetry(1 body: table)"
 
 

@@ -9,12 +9,14 @@ from trimesh.proximity import closest_point_naive
 
 from baxter_kin import Baxter
 from baxter_kin.validation import FloatArray
-from planner import Body
+from planner import Body, make_block
 from planner.collision.robot.robot_body import RobotBody
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.scene.bodies import Box
+from planner.scene.contact import Contact
 from sim.recording.recording import Recording
-from sim.view.telemetry.nearest import Contacts, Nearest, NearestPairs
+from sim.view.telemetry.nearest import TIE_M, Nearest, NearestPairs
+from sim.view.telemetry.stated_contacts import Contacts
 from tests.conftest import at
 
 APART_M = 1e-9
@@ -165,8 +167,9 @@ def test_a_hand_that_may_touch_a_body_does_not_count_against_it(
     assert touching.distance_m <= 0.0
     assert "block" in (touching.first, touching.second)
     for contacts in (
-        Contacts(by_hand=frozenset([("left", "block")])),
-        Contacts(held={"left": "block"}),
+        Contacts(meant=frozenset(Contact.of_hand("left", "block", may_press=False))),
+        Contacts(unknown=frozenset(["left"])),
+        Contacts(held=frozenset([("left", "block")])),
     ):
         near = measured.at(q, around, contacts)
         assert near is not None
@@ -176,14 +179,23 @@ def test_a_hand_that_may_touch_a_body_does_not_count_against_it(
 def test_a_held_body_counts_against_others_unless_it_may_touch_them(
     measured: NearestPairs, robot: Baxter, poses: dict[str, FloatArray]
 ) -> None:
-    q, held = np.array(robot.configuration()), {"left": "block"}
+    q, held = np.array(robot.configuration()), frozenset([("left", "block")])
     near = measured.at(q, poses, Contacts(held))
     assert near is not None
     assert {near.first, near.second} == {"block", "table"}
     assert near.first == "block"
-    free = measured.at(q, poses, Contacts(held, by_body=frozenset([("block", "table")])))
-    assert free is not None
-    assert {free.first, free.second} != {"block", "table"}
+    other_part = Contact("block", "table", 0, 7)
+    still = measured.at(q, poses, Contacts(held, frozenset([other_part])))
+    assert still is not None
+    assert {still.first, still.second} == {"block", "table"}
+    for contacts in (
+        Contacts(held, frozenset([Contact("block", "table")])),
+        Contacts(held, frozenset([Contact("table", "block", 0, 0)])),
+        Contacts(held, unknown=frozenset(["left"])),
+    ):
+        free = measured.at(q, poses, contacts)
+        assert free is not None
+        assert {free.first, free.second} != {"block", "table"}
 
 
 def test_both_arms_count_when_both_move(shapes: RobotShapes, robot: Baxter) -> None:
@@ -193,3 +205,66 @@ def test_both_arms_count_when_both_move(shapes: RobotShapes, robot: Baxter) -> N
     for q in configurations(robot, 6):
         one, other, least = (nearest(pairs, q, {}) for pairs in (left, right, both))
         assert least.distance_m == pytest.approx(min(one.distance_m, other.distance_m), abs=1e-9)
+
+
+def test_a_pair_of_the_moving_arm_is_preferred_to_one_that_stands(
+    shapes: RobotShapes, robot: Baxter
+) -> None:
+    """A box 20 mm beside the left hand, which stands, while the right arm moves."""
+    q = np.array(robot.configuration())
+    tip = robot.arm("left").T_base_tip(robot.arm("left").neutral).translation
+    box = make_block("box", at(*tip), edge_m=0.02)
+    beside = {"box": at(tip[0], tip[1] + 0.12, tip[2]).homogeneous}
+    pairs = NearestPairs(shapes, ("left", "right"), {"box": box})
+    standing = pairs.at(q, beside, Contacts())
+    assert standing is not None
+    assert "box" in (standing.first, standing.second)
+    moving = pairs.at(q, beside, Contacts(), ("right",))
+    assert moving is not None
+    assert moving.first.startswith(("right_", "r_gripper"))
+    assert moving.distance_m >= standing.distance_m
+    alone = NearestPairs(shapes, ("right",), {"box": box}).at(q, beside, Contacts())
+    assert alone is not None
+    assert moving.distance_m == pytest.approx(alone.distance_m, abs=1e-9)
+
+
+@pytest.mark.parametrize(("nearer_m", "names_hand"), [(0.5 * TIE_M, True), (2.0 * TIE_M, False)])
+def test_of_equally_near_pairs_that_of_the_moving_hand_is_reported(
+    shapes: RobotShapes, robot: Baxter, nearer_m: float, names_hand: bool
+) -> None:
+    """One box over the forearm, and one before the fingers that is a little farther away."""
+    q, arm = np.array(robot.configuration()), robot.arm("left")
+    q[list(robot.indices(arm.joint_names))] = arm.start
+    elbow, tip = _elbow_and_tip(robot, q)
+    boxes = {name: make_block(name, at(0, 0, 0), edge_m=0.02) for name in ("one", "other")}
+    pairs = NearestPairs(shapes, ("left",), boxes)
+
+    def poses(first_m: float, second_m: float) -> dict[str, FloatArray]:
+        up, down = np.array([0.0, 0.0, first_m]), np.array([0.0, 0.0, -second_m])
+        return {"one": at(*(elbow + up)).homogeneous, "other": at(*(tip + down)).homogeneous}
+
+    def away_m(name: str, height_m: float) -> float:
+        placed = poses(height_m, height_m)
+        near = pairs.at(q, {name: placed[name]}, Contacts())
+        assert near is not None
+        assert name in (near.first, near.second)
+        return near.distance_m
+
+    def height_m(name: str, wanted_m: float) -> float:
+        low, high = 0.02, 0.3
+        while high - low > 1e-9:
+            middle = (low + high) / 2
+            low, high = (middle, high) if away_m(name, middle) < wanted_m else (low, middle)
+        return high
+
+    heights = height_m("one", 0.015), height_m("other", 0.015 + nearer_m)
+    near = pairs.at(q, poses(*heights), Contacts(), ("left",))
+    assert near is not None
+    assert ("other" in (near.first, near.second)) is names_hand
+
+
+def _elbow_and_tip(robot: Baxter, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    elbow = data.oMi[robot.model.getJointId("left_e1")].translation
+    return elbow, data.oMf[robot.model.getFrameId(robot.arm("left").tip_frame)].translation

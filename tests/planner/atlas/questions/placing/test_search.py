@@ -50,8 +50,7 @@ def test_what_is_confirmed_has_plans_that_verify(found: Placements, robot: Baxte
     assert place.is_confirmed
     assert plan.limb == place.arms[0]
     assert verify(plan, description=robot.description).is_valid
-    assert plan.situation is not None
-    at = plan.situation.scene["table"].T_base_body
+    at = plan.start.scene["table"].T_base_body
     assert at.isApprox(place.T_base_table)
     assert (place.T_table_base * place.T_base_table).isApprox(pin.SE3.Identity())
 

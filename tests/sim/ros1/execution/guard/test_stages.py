@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from baxter_kin.kinematics.arm import JOINTS
-from planner import Body, Box, Manipulator, Part, Plan
-from planner.situation import Situation
+from planner import Body, Box, Grip, GripperAction, Manipulator, Move, Part, Plan
+from planner.collision.context import CollisionContext
+from planner.completion import complete, move_contexts
 from sim.ros1.execution.guard.stages import (
     GripStage,
     MoveStage,
     NotClearError,
     Room,
-    inner_joints,
-    stages_of,
+    guarded,
+    shared_joints,
 )
 from sim.ros1.execution.ready_plan import ReadyPlan
 from tests.conftest import at
@@ -45,7 +46,7 @@ def test_every_move_has_a_room_that_agrees_with_what_the_plan_proved(
 
 
 def test_what_is_meant_to_touch_is_told_and_nothing_else(rooms: dict[str, Room]) -> None:
-    meant = {label: room.on_purpose for label, room in rooms.items()}
+    meant = {label: room.intended for label, room in rooms.items()}
     assert meant["pick: approach"] is None
     assert meant["place: approach"] is None
     for label in ("pick: descend", "place: retract"):
@@ -62,7 +63,7 @@ def test_samples_of_every_pair_keep_what_their_room_says(ready: ReadyPlan) -> No
     """By distances at instants, where the rooms are proven over intervals."""
     stage = next(stage for stage in ready.stages if isinstance(stage, MoveStage))
     checker, move, room = stage.context.checker, stage.moves[0], stage.rooms[0]
-    full, inner = np.array(stage.context.q_others), inner_joints(checker)
+    full, inner = np.array(stage.context.q_others), shared_joints(checker)
     least = np.full(len(JOINTS) + 1, np.inf)
     for t in np.linspace(0.0, move.trajectory.duration, 40).tolist():
         full[checker.motion_bounds.q_index] = move.trajectory.sample(t).q
@@ -81,21 +82,80 @@ def test_the_fingers_act_in_between(ready: ReadyPlan) -> None:
 
 def test_a_body_in_the_way_is_named(demo_plan: Plan, manipulator: Manipulator) -> None:
     """A pole where the plan knows none."""
-    known = demo_plan.situation
-    assert known is not None
+    known = demo_plan.start
     middle = demo_plan.moves[0].trajectory.sample(0.5).q
     where = manipulator.arm.T_base_tip(middle).translation
     pole = Body("pole", (Part(Box((0.02, 0.02, 0.02)), at(0.0, 0.0, 0.0)),), at(*where))
     changed = replace(known, scene=known.scene.with_body(pole))
     with pytest.raises(NotClearError, match=r"pick: approach.*pole"):
-        stages_of(demo_plan, manipulator, changed)
+        stages_for(replace(demo_plan, start=changed), manipulator)
 
 
 def test_without_a_change_it_is_the_situation_of_the_plan(
     demo_plan: Plan, manipulator: Manipulator
 ) -> None:
-    assert isinstance(demo_plan.situation, Situation)
-    stages = stages_of(demo_plan, manipulator, demo_plan.situation)
+    stages = stages_for(demo_plan, manipulator)
     assert [type(stage).__name__ for stage in stages] == [
         *("GripStage", "MoveStage", "GripStage", "MoveStage", "GripStage", "MoveStage"),
     ]
+
+
+class TestContactsAreThoseOfThePlanner:
+    """Where the guard once derived contacts of its own, and these plans told both apart."""
+
+    def test_a_released_body_is_where_it_lands(
+        self, demo_plan: Plan, manipulator: Manipulator
+    ) -> None:
+        """The hand is tilted by a degree, the body is let go above the table, and stands level."""
+        stages = stages_for(demo_plan, manipulator)
+        last = stages[-1]
+        assert isinstance(last, MoveStage)
+        planned = move_contexts(demo_plan, manipulator)[-1]
+        assert placements(last.context, "block") == pytest.approx(
+            placements(planned, "block"), abs=1e-12
+        )
+
+    def test_an_opening_beyond_the_stroke_is_the_stroke(
+        self, demo_plan: Plan, manipulator: Manipulator
+    ) -> None:
+        wide = tuple(
+            replace(step, opening_m=0.05)
+            if isinstance(step, Grip) and step.action is GripperAction.OPEN
+            else step
+            for step in demo_plan.steps
+        )
+        stages = stages_for(replace(demo_plan, steps=wide), manipulator)
+        opened = [
+            stage.finger_m
+            for stage in stages
+            if isinstance(stage, GripStage) and stage.grip.action is GripperAction.OPEN
+        ]
+        assert opened == [manipulator.hand.stroke_m] * 2
+
+    def test_a_held_body_may_touch_its_old_support_in_the_first_move_alone(
+        self, demo_plan: Plan, manipulator: Manipulator
+    ) -> None:
+        """It is lifted, put back on the table without being let go, and lifted again."""
+        steps = list(demo_plan.steps)
+        at_retract = next(i for i, step in enumerate(steps) if step.label == "pick: retract")
+        lift = steps[at_retract]
+        assert isinstance(lift, Move)
+        back = replace(lift, label="back", trajectory=lift.trajectory.reversed())
+        again = replace(lift, label="again")
+        steps[at_retract : at_retract + 1] = [lift, back, again]
+        touching = replace(demo_plan, steps=tuple(steps))
+        with pytest.raises(NotClearError, match=r"back: .*block.*table"):
+            stages_for(touching, manipulator)
+
+
+def stages_for(plan: Plan, manipulator: Manipulator) -> tuple[MoveStage | GripStage, ...]:
+    """Of a plan that is completed for its start."""
+    return guarded(complete(plan, manipulator=manipulator), manipulator)
+
+
+def placements(context: CollisionContext, name: str) -> list[float]:
+    """Where the shapes of a body are placed."""
+    shapes = context.checker.geometry.geometryObjects
+    mine = [shape.placement.homogeneous for shape in shapes if shape.name.startswith(f"{name}/")]
+    assert mine
+    return [float(number) for number in np.ravel(mine)]

@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 from baxter_kin import Baxter
 from planner import Body
 from sim import EventKind, Simulation, World
-from sim.grip_telling import GripTelling
+from sim.grip_steps import GripEvents
 from sim.ros1.robot.parts.electric_gripper import PARAMETERS, ElectricGripper, GripperOrder
 from sim.ros1.robot.parts.fingers import Fingers
 from sim.ros1.robot.parts.joint_order import BadOrderError
 from sim.timeline import Timeline
 from sim.world import Gripper
 from sim.world.contacts import ContactWatch
-from tests.conftest import overhead
+from tests.conftest import overhead, state_at
 from tests.sim.runs import Witness
 
 TICK_S = 0.01
@@ -41,9 +41,9 @@ class Bench:
             self.world.spawn(body)
         grippers = {side: Gripper(self.world, side) for side in self.world.hands}
         self.timeline = Timeline(self.world, grippers, [self.witness], TICK_S)
-        telling = GripTelling(self.world, grippers, self.timeline)
+        events = GripEvents(self.world, grippers, self.timeline)
         watch = ContactWatch(self.world)
-        self.fingers = Fingers(self.world, "left", grippers["left"], telling, watch)
+        self.fingers = Fingers(self.world, "left", grippers["left"], events, watch)
         self.gripper = ElectricGripper(self.fingers)
         self.sequence = 0
 
@@ -92,7 +92,7 @@ def closed_in_a_simulation(robot: Baxter, table: Body, block: Body, q: Any) -> W
     simulation.spawn(table)
     simulation.spawn(block)
     grip = Grip("close", GripperAction.CLOSE, body="block")
-    assert simulation.execute(Plan("left", q, (grip,))).is_success
+    assert simulation.execute(Plan(state_at(q), (grip,), limb="left")).is_success
     return world
 
 
@@ -142,7 +142,7 @@ class TestClosing:
         assert bench.gripper.is_gripping
         held = bench.world.holding("left")
         assert held is not None
-        expected = bench.world.T_base_tip("left") * held.T_tip_body
+        expected = bench.world.T_base_tip("left") * held.T_link_body
         assert bench.world.body("block").T_base_body.isApprox(expected, 1e-12)
 
     def test_a_hand_that_leaves_while_it_closes_misses(self, bench: Bench) -> None:
@@ -223,7 +223,7 @@ class TestOpening:
         )
         assert heights[0] == high
         assert heights == sorted(heights, reverse=True)
-        assert bench.world.supports["block"] == "table"
+        assert bench.world.supports["block"] == ("table",)
         assert bench.kinds[-2:] == [EventKind.RELEASED, EventKind.SETTLED]
 
     def test_it_falls_no_farther_when_it_is_taken_away(self, bench: Bench) -> None:

@@ -70,7 +70,7 @@ def furnished(shop: Shop) -> Shop:
 
 def test_the_demos_scene_is_where_the_demo_expects_it(furnished: Shop) -> None:
     world = furnished.baxter.world
-    assert world.supports["block"] == "cafe_table"
+    assert world.supports["block"] == ("cafe_table",)
     assert world.body("cafe_table").extent_m((0, 0, 1))[1] == pytest.approx(-0.155)
     np.testing.assert_allclose(
         world.body("block").centre_base, [0.6975, 0.1515, -0.130], atol=REST_M
@@ -101,7 +101,7 @@ def test_where_the_block_is_is_told_before_each_deletion(furnished: Shop) -> Non
     (told,) = [text for text in furnished.said if text.startswith("before")]
     assert told.startswith("before cafe_table is deleted: block at (0.67")
     assert told.endswith("its centre at (0.6975, 0.1515, -0.13) m, on cafe_table")
-    assert furnished.baxter.world.supports["block"] == "floor"
+    assert furnished.baxter.world.supports["block"] == ("floor",)
     assert furnished.delete("block").success
     response = furnished.delete("block")
     assert not response.success

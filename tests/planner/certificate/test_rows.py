@@ -1,0 +1,202 @@
+"""What a row concludes holds at every instant: against points and instants drawn at random."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.certificate.body import Body
+from planner.certificate.clusters import Clusters, Nodes, Shape
+from planner.certificate.errors import NotCertifiedError
+from planner.certificate.intervals import Array, Interval, Pose
+from planner.certificate.motion import Cubics
+from planner.certificate.robot import Robot
+from planner.certificate.rows import (
+    BY_DIRECTION,
+    BY_MIDDLES,
+    CUT_FIRST,
+    CUT_TIME,
+    Advice,
+    Judge,
+    Mover,
+    Pair,
+    Step,
+    Tasks,
+    certified_m,
+)
+
+ROWS, INSTANTS = 400, 25
+
+ROUNDING_M = 1e-12
+"""Of the distances that are compared with; what rows conclude is below by their own bounds."""
+
+
+@pytest.fixture(scope="module")
+def clusters() -> Clusters:
+    return Clusters()
+
+
+@pytest.fixture(scope="module")
+def movers(clusters: Clusters, own: Robot, body: Body, planned: Any) -> list[Mover]:
+    """Links of the arm and of the rest, each a mover of its own."""
+    joints = dict(planned.start.joints)
+    found = []
+    for each in body.shapes:
+        where = own.attached(each.link, joints)
+        root = clusters.add(each.shape, where.T * each.T_link_shape)
+        if where.finger is None:
+            found.append(Mover(each.link, root, where.level))
+    return found
+
+
+@pytest.fixture
+def step(document: dict[str, Any], movers: list[Mover]) -> Step:
+    cubics = Cubics(document["plan"]["steps"][1]["trajectory"], "move")
+    end_s = cubics.duration_s
+    pairs = [
+        Pair(first, second, 0.0, 0.0, end_s)
+        for first in movers
+        for second in movers
+        if first.level > second.level
+    ]
+    return Step("move", pairs, cubics, cubics.q[0])
+
+
+def random_tasks(judge: Judge, clusters: Clusters, rng: np.random.Generator) -> Tasks:
+    """Nodes some levels below the roots, in cells of 1 to 500 ms."""
+    roots = judge.tasks().only(rng.integers(len(judge.step.pairs), size=ROWS))
+    sides = []
+    for nodes in (roots.first, roots.second):
+        chosen = nodes.copy()
+        for _ in range(int(rng.integers(6))):
+            children = clusters.children(chosen)
+            picked = children[np.arange(ROWS), rng.integers(2, size=ROWS)]
+            chosen = np.where(picked >= 0, picked, chosen)
+        sides.append(chosen)
+    duration_s = judge.step.duration_s
+    length = 10 ** rng.uniform(-3.0, -0.3, ROWS)
+    start = rng.uniform(0.0, np.maximum(duration_s - length, 0.0))
+    end = np.minimum(start + length, duration_s)
+    return Tasks(roots.pair, sides[0], sides[1], start, end)
+
+
+def poses(own: Robot, cubics: Cubics, times_s: Array) -> list[tuple[Array, Array]]:
+    """Of all joints seen from base, in doubles, joint 0 being base itself."""
+    q = cubics.at(times_s)
+    middle = 0.5 * (q.low + q.high)
+    R, p = np.tile(np.eye(3), (len(times_s), 1, 1)), np.zeros((len(times_s), 3))
+    found = [(R, p)]
+    for i, span in enumerate(own.spans):
+        (S, _), (s, _) = span.R.centred(), span.p.centred()
+        c, d = np.cos(middle[:, i]), np.sin(middle[:, i])
+        turn = np.zeros((len(times_s), 3, 3))
+        turn[:, 0, 0], turn[:, 1, 1], turn[:, 0, 1], turn[:, 1, 0] = c, c, -d, d
+        turn[:, 2, 2] = 1.0
+        p = p + R @ s
+        R = R @ S @ turn
+        found.append((R, p))
+    return found
+
+
+def lowest(clusters: Clusters, node: int, n: Array, T: tuple[Array, Array]) -> Array:
+    """Least n . x of a node at some instants, n seen from base, one each."""
+    R, p = T
+    along = np.einsum("tij,ti->tj", R, n)
+    x = clusters.points(node)
+    ball, disc, axis = clusters.widths(node)
+    least = (along @ x.T).min(axis=1) - ball * np.linalg.norm(n, axis=1)
+    if disc:
+        across = along - np.outer(along @ axis, axis)
+        least = least - disc * np.linalg.norm(across, axis=1)
+    found: Array = least + np.einsum("ti,ti->t", n, p)
+    return found
+
+
+def test_no_instant_is_below_what_a_row_concludes(
+    own: Robot, clusters: Clusters, step: Step
+) -> None:
+    rng = np.random.default_rng(35)
+    judge = Judge(own, clusters, step)
+    tasks = random_tasks(judge, clusters, rng)
+    judge.place(np.unique(np.concatenate([tasks.start_s, tasks.end_s])))
+    n = judge.between_middles(tasks)
+    odd = rng.random(ROWS) < 0.3
+    n[odd] = rng.integers(-127, 128, (int(odd.sum()), 3))
+    gaps = judge.gaps_m(tasks, n)
+    assert step.cubics is not None
+    nearest = np.inf
+    for row in range(ROWS):
+        times_s = np.concatenate(
+            [
+                rng.uniform(tasks.start_s[row], tasks.end_s[row], INSTANTS),
+                [tasks.start_s[row], tasks.end_s[row]],
+            ]
+        )
+        pair = step.pairs[int(tasks.pair[row])]
+        T = poses(own, step.cubics, times_s)
+        first, second = T[pair.first.level], T[pair.second.level]
+        along = np.einsum("tij,j->ti", second[0], n[row])
+        gap = lowest(clusters, int(tasks.first[row]), along, first)
+        gap += lowest(clusters, int(tasks.second[row]), -along, second)
+        gap /= np.linalg.norm(n[row])
+        assert (gap >= gaps[row] - ROUNDING_M).all()
+        nearest = min(nearest, float((gap - gaps[row]).min()))
+    assert nearest < 1e-3  # else the bound would say nothing
+
+
+def test_directions_that_say_nothing_conclude_nothing(
+    own: Robot, clusters: Clusters, step: Step
+) -> None:
+    judge = Judge(own, clusters, step)
+    tasks = judge.tasks()
+    judge.place(np.unique(np.concatenate([tasks.start_s, tasks.end_s])))
+    for n in (np.zeros((len(tasks), 3)), np.full((len(tasks), 3), np.nan)):
+        gaps = judge.gaps_m(tasks, n)
+        assert not (gaps > 0.0).any()
+
+
+def pair_of_boxes(clusters: Clusters, apart_m: float) -> Step:
+    """Two cubes of 2 cm that stand still, with a gap along x."""
+    cube = Shape.of_file({"type": "Box", "size_m": [0.02, 0.02, 0.02]}, "cube")
+    roots = [
+        clusters.add(cube, Pose(Interval(np.eye(3)), Interval([x, 0.0, 0.0])))
+        for x in (0.0, 0.02 + apart_m)
+    ]
+    first, second = (Mover(name, root, 0) for name, root in zip("ab", roots, strict=True))
+    return Step("still", [Pair(first, second, 0.001, 0.0, 1.0)], None, np.zeros(7))
+
+
+def letters(*values: int) -> Nodes:
+    return np.array(values, np.intp)
+
+
+def test_a_gap_is_certified_to_the_last_digits(own: Robot) -> None:
+    clusters = Clusters()
+    step = pair_of_boxes(clusters, 0.01)
+    found = certified_m(own, clusters, step, Advice(letters(BY_MIDDLES), np.zeros((0, 3))))
+    assert found == pytest.approx(0.01, abs=1e-10)
+    assert found < 0.01
+
+
+@pytest.mark.parametrize(
+    ("apart_m", "given", "reason"),
+    [
+        (0.0009, letters(BY_MIDDLES), "not shown to keep 1.000 mm"),
+        (0.01, letters(), "ends too soon"),
+        (0.01, letters(BY_DIRECTION), "ends too soon"),
+        (0.01, letters(5), "malformed"),
+        (0.01, letters(-1), "malformed"),
+        (0.01, letters(CUT_FIRST), "cannot be cut"),
+        (0.01, letters(CUT_TIME, BY_MIDDLES), "ends too soon"),
+        (0.01, letters(*[CUT_TIME] * 200_000), "more rows"),
+    ],
+)
+def test_a_witness_that_does_not_do_is_refused(
+    own: Robot, apart_m: float, given: Nodes, reason: str
+) -> None:
+    clusters = Clusters()
+    step = pair_of_boxes(clusters, apart_m)
+    with pytest.raises(NotCertifiedError, match=reason):
+        certified_m(own, clusters, step, Advice(given, np.zeros((0, 3))))

@@ -1,0 +1,121 @@
+"""The world that a plan was made for, and what is no world."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from baxter_kin import Baxter
+from planner import Body, Manipulator, Scene, State
+from planner.errors import SceneError, TaskError
+from planner.scene.attachment import Attachment
+from tests.conftest import at
+
+ORIGIN = at(0.0, 0.0, 0.0)
+
+
+def test_joints_stand_where_the_manipulator_plans_for_them(robot: Baxter, scene: Scene) -> None:
+    q_others = np.array(robot.configuration({"right_s0": 0.3, "l_gripper_l_finger_joint": 0.01}))
+    found = State.of(Manipulator.of(robot, "left", q_others=q_others), scene)
+    assert set(found.joints) == set(robot.joint_names)
+    assert found.joints["right_s0"] == 0.3
+    assert found.joints["l_gripper_l_finger_joint"] == 0.01
+
+
+def test_fingers_beyond_their_stroke_count_as_open_all_the_way(robot: Baxter) -> None:
+    """And the second finger mirrors the first, wherever it was said to be."""
+    q_others = robot.configuration({"l_gripper_l_finger_joint": 0.5})
+    manipulator = Manipulator.of(robot, "left", q_others=q_others)
+    joints = State.of(manipulator, Scene.of()).joints
+    stroke_m = manipulator.hand.stroke_m
+    assert joints["l_gripper_l_finger_joint"] == stroke_m
+    assert joints["l_gripper_r_finger_joint"] == -stroke_m
+
+
+def test_it_does_not_follow_the_joints_that_it_was_made_of(scene: Scene) -> None:
+    joints = {"left_s0": 0.1}
+    state = State(scene, joints)
+    joints["left_s0"] = 0.2
+    assert state.joints["left_s0"] == 0.1
+    with pytest.raises(TypeError):
+        state.joints["left_s0"] = 0.2  # type: ignore[index]
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, "0.1", None])
+def test_a_joint_that_stands_nowhere_is_refused_by_name(scene: Scene, value: Any) -> None:
+    with pytest.raises(TaskError, match="joint left_s0"):
+        State(scene, {"left_s0": value})
+
+
+@pytest.mark.parametrize("joints", [None, [0.1], {5: 0.1}])
+def test_joints_without_names_are_refused(scene: Scene, joints: Any) -> None:
+    with pytest.raises(TaskError, match="joint"):
+        State(scene, joints)
+
+
+def test_a_held_body_must_be_in_the_scene(scene: Scene) -> None:
+    with pytest.raises(SceneError, match="no body 'brick' in the scene; it has: "):
+        State(scene, {}, (Attachment("brick", "left_gripper", ORIGIN),))
+
+
+def test_both_hands_may_be_full(scene: Scene, block: Body) -> None:
+    both = scene.with_body(Body("other", block.parts, block.T_base_body))
+    held = Attachment("block", "left_gripper", ORIGIN), Attachment("other", "right_gripper", ORIGIN)
+    assert State(both, {}, held).attachments == held
+
+
+def test_a_hand_holds_one_body(scene: Scene) -> None:
+    held = (
+        Attachment("block", "left_gripper", ORIGIN),
+        Attachment("table", "left_gripper", ORIGIN),
+    )
+    with pytest.raises(TaskError, match="a hand holds one body at most, got: block, table"):
+        State(scene, {}, held)
+
+
+@pytest.fixture
+def state(manipulator: Manipulator, scene: Scene) -> State:
+    return State.of(manipulator, scene, q=manipulator.arm.start)
+
+
+def test_what_hangs_on_a_hand_moves_with_it(state: State, manipulator: Manipulator) -> None:
+    T_tip_body, arm = at(0.0, 0.0, 0.02), manipulator.arm
+    moved = state.held_by("left_gripper", "block", T_tip_body).moved(
+        manipulator.robot, arm.joints(arm.neutral)
+    )
+    assert moved.q(arm.joint_names).tolist() == arm.neutral.tolist()
+    expected = arm.T_base_tip(arm.neutral) * T_tip_body
+    assert moved.scene["block"].T_base_body.isApprox(expected)
+    assert moved.scene["table"] is state.scene["table"]
+
+
+def test_what_is_released_stays_behind(state: State, manipulator: Manipulator) -> None:
+    robot, arm = manipulator.robot, manipulator.arm
+    held = state.held_by("left_gripper", "block", ORIGIN).moved(robot, {})
+    there = held.released("block")
+    assert there.attachments == ()
+    assert there.scene["block"] is held.scene["block"]
+    lower = held.released("block", at(0.7, 0.1, 0.0)).moved(robot, arm.joints(arm.neutral))
+    assert lower.scene["block"].T_base_body.isApprox(at(0.7, 0.1, 0.0))
+
+
+def test_a_body_in_two_hands_is_where_both_have_it(state: State, manipulator: Manipulator) -> None:
+    robot = manipulator.robot
+    left, right = (
+        robot.arm(side).T_base_tip(state.q(robot.arm(side).joint_names))
+        for side in ("left", "right")
+    )
+    T = at(0.8, 0.0, 0.0)
+    both = state.held_by("left_gripper", "block", left.actInv(T)).held_by(
+        "right_gripper", "block", right.actInv(T)
+    )
+    assert both.moved(robot, {}).scene["block"].T_base_body.isApprox(T)
+    with pytest.raises(TaskError, match="would tear it apart"):
+        both.moved(robot, {"left_s0": 0.1})
+
+
+def test_a_joint_that_is_not_there_is_named(state: State) -> None:
+    with pytest.raises(TaskError, match="no joint left_s7"):
+        state.q(["left_s0", "left_s7"])
