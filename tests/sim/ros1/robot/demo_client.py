@@ -31,6 +31,10 @@ from std_msgs.msg import Bool, Empty, Float64, Header
 SIDE = "left"
 DOWN = Quaternion(-0.0249590815779, 0.999649402929, 0.00737916180073, 0.00486450832011)
 NEAR_RAD = 0.0087
+SETTLED_RAD = 0.001
+"""How near the hand must be before it grasps; at NEAR_RAD the block may be grasped millimetres too
+low in the hand, then it meets the table before the arm is near the place."""
+
 FILTER = 0.05
 """Share of the way that each command goes; the original's moves take four times as long."""
 
@@ -90,7 +94,7 @@ class Robot:
             raise ValueError(f"no solution at {x}, {y}, {z}")
         return dict(zip(answer.joints[0].name, answer.joints[0].position))  # noqa: B905 - as above
 
-    def move(self, goal: dict[str, float]) -> None:
+    def move(self, goal: dict[str, float], near_rad: float = NEAR_RAD) -> None:
         command = dict(self.joints)
 
         def send() -> None:
@@ -103,7 +107,7 @@ class Robot:
             )
 
         self._wait(
-            lambda: all(abs(self.joints[name] - goal[name]) < NEAR_RAD for name in goal), send
+            lambda: all(abs(self.joints[name] - goal[name]) < near_rad for name in goal), send
         )
 
     def grip(self, position: float) -> None:
@@ -140,10 +144,10 @@ def main() -> None:
     robot.enable()
     robot.grip(100.0)
     gripped = []
-    for x, y, position in ((0.70, 0.15, 0.0), (0.75, 0.0, 100.0)):
+    for x, y, position, near_rad in ((0.70, 0.15, 0.0, SETTLED_RAD), (0.75, 0.0, 100.0, NEAR_RAD)):
         above, there = (robot.solve(x, y, z) for z in (0.021, -0.129))
         robot.move(above)
-        robot.move(there)
+        robot.move(there, near_rad)
         robot.grip(position)
         gripped.append(robot.heard["EndEffectorState"].gripping)
         robot.move(above)
