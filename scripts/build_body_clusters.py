@@ -15,6 +15,7 @@ minutes.
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,10 @@ def main() -> None:
     sizes = np.zeros((len(placed), 3))
     for row, each in zip(sizes, placed, strict=True):
         row[: len(each.primitive[1])] = each.primitive[1]
+    points = np.concatenate([tree.points for tree in trees])
+    single = points.astype(np.float32)
+    if not (single == points).all():
+        sys.exit("points of the meshes are not in single precision, as the reader gives them")
     notice = (StockFiles.installed().urdf.parent.parent / "LICENSE").read_text("utf-8")
     np.savez_compressed(
         options.out,
@@ -62,7 +67,7 @@ def main() -> None:
         notice=np.array(notice),
         meshes=np.array(meshes),
         nodes=np.array([tree.size for tree in trees]),
-        points=np.concatenate([tree.points for tree in trees]),
+        points=single,
         counts=np.concatenate([tree.counts for tree in trees]).astype(np.int32),
         children=np.concatenate([tree.children for tree in trees]).astype(np.int32),
         links=np.array([each.link for each in placed]),

@@ -61,7 +61,7 @@ class KernelCache:
         except OSError:
             return None
         except FileError as cause:
-            log.warning("%s; compiling the IK kernel afresh", cause)
+            log.warning("%s; compiling the kernel afresh", cause)
             return None
         return library if _checksum(content) == checksum else None
 
@@ -172,7 +172,7 @@ class PrivateFolder:
         if self._folder is None:
             self._folder = Path(os.path.realpath(tempfile.mkdtemp(prefix="baxter-kin-")))
             atexit.register(_remove, self._folder, os.getpid())
-            log.warning("%s; compiled IK kernels are kept for this process only", reason)
+            log.warning("%s; compiled kernels are kept for this process only", reason)
         return make_own_folder(self._folder)  # again, when something has tidied it away
 
 

@@ -1,9 +1,9 @@
-"""CasADi functions as machine code, where a C compiler is found; never required.
+"""C as machine code, where a C compiler is found; never required.
 
-The C that CasADi generates is compiled once and kept (`baxter_kin.compilation.kernel_cache`), under
-a name that is a hash of the functions themselves, so another model or version gets another file.
-Compilers are tried in turn, and what they make is kept only if it loads and computes the same in
-another process. Whatever goes wrong, the answer is None and the virtual machine does the work.
+C is compiled once and kept (`baxter_kin.compilation.kernel_cache`), under a name that is a hash of
+what it is made from, so another model or version gets another file. Compilers are tried in turn,
+and what they make is kept only if it stands a trial in another process. Whatever goes wrong, the
+answer is None and something slower does the work: for CasADi's functions, its virtual machine.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ import platform
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Protocol, TypeVar
 
 import casadi as ca
 
@@ -36,57 +38,117 @@ _FAILED: set[Compiler] = set()
 log = logging.getLogger(__name__)
 
 
+T_co = TypeVar("T_co", covariant=True)
+
+
+class Kernel(Protocol[T_co]):
+    """C that can be compiled, and how it is used."""
+
+    @property
+    def instead(self) -> str:
+        """What does the work where it cannot be compiled."""
+
+    @property
+    def key(self) -> str:
+        """A hash of all that the machine code depends on, but for the compiler: all agree."""
+
+    @property
+    def source(self) -> str:
+        """The C."""
+
+    def load(self, library: Path) -> T_co | None:
+        """What a library holds, known not to be rubbish; None when it is something else."""
+
+    def trial(self, library: Path) -> Sequence[str]:
+        """A command that has exit status 0 if a library holds the kernel; rubbish may kill it.
+
+        Files may be left beside the library.
+        """
+
+
 def compiled(
     functions: Sequence[ca.Function],
     alongside: Callable[[], Iterable[Sequence[ca.Function]]] = tuple,
 ) -> tuple[ca.Function, ...] | None:
-    """The same functions as machine code; None without a compiler or when anything fails.
+    """CasADi functions as machine code; None without a compiler or when anything fails.
 
     Args:
         functions: which share a library.
         alongside: makes those of other libraries that are compiled whenever this one has to be, so
             that who needs them later need not wait.
     """
+    return built(_Functions(functions), lambda: map(_Functions, alongside()))
+
+
+def built(
+    kernel: Kernel[T_co], alongside: Callable[[], Iterable[Kernel[object]]] = tuple
+) -> T_co | None:
+    """A kernel as machine code; None without a compiler or when anything fails.
+
+    Args:
+        kernel: the C.
+        alongside: makes other kernels that are compiled whenever this one has to be.
+    """
     found = compilers()
     if not found:
-        log.debug("no C compiler found; using CasADi's virtual machine")
+        log.debug("no C compiler found; using %s", kernel.instead)
         return None
-    key = _key(functions)
     try:
         for cache in kernel_caches():
-            library = cache.library(key)
-            machine_code = None if library is None else loaded(functions, str(library))
-            if machine_code is None and cache.is_writable:
-                machine_code = _made(functions, key, cache, found)
-                if machine_code is not None and cache.is_lasting:
+            library = cache.library(kernel.key)
+            loaded = None if library is None else kernel.load(library)
+            if loaded is None and cache.is_writable:
+                loaded = _made(kernel, cache, found)
+                if loaded is not None and cache.is_lasting:
                     _make_missing(alongside(), cache, found)
-            if machine_code is not None or cache.is_writable:
-                return machine_code
+            if loaded is not None or cache.is_writable:
+                return loaded
     except (OSError, FileError) as cause:
-        log.warning("cannot compile a kernel (%s); using CasADi's virtual machine", cause)
+        log.warning("cannot compile a kernel (%s); using %s", cause, kernel.instead)
     return None
 
 
+def key_of(*parts: str | bytes) -> str:
+    """A hash of what a kernel is made from, and of how and for what it is compiled."""
+    own = (*parts, *FLAGS, platform.system(), platform.machine())
+    texts = (part if isinstance(part, bytes) else part.encode() for part in own)
+    return hashlib.sha256(b"\0".join(texts)).hexdigest()[:32]
+
+
+@dataclass(frozen=True)
+class _Functions:
+    """CasADi functions that share a library."""
+
+    functions: Sequence[ca.Function]
+    instead = "CasADi's virtual machine"
+
+    @property
+    def key(self) -> str:
+        return key_of(*(f.serialize() for f in self.functions), version("casadi"))
+
+    @property
+    def source(self) -> str:
+        return _source(self.functions)
+
+    def load(self, library: Path) -> tuple[ca.Function, ...] | None:
+        return loaded(self.functions, str(library))
+
+    def trial(self, library: Path) -> Sequence[str]:
+        saved = [library.with_name(f"{i}.casadi") for i in range(len(self.functions))]
+        for function, path in zip(self.functions, saved, strict=True):
+            function.save(str(path))
+        return (sys.executable, str(agreement.__file__), str(library), *map(str, saved))
+
+
 def _make_missing(
-    kernels: Iterable[Sequence[ca.Function]], cache: KernelCache, found: Sequence[Compiler]
+    kernels: Iterable[Kernel[object]], cache: KernelCache, found: Sequence[Compiler]
 ) -> None:
-    for functions in kernels:
-        key = _key(functions)
-        if cache.library(key) is None:
-            _made(functions, key, cache, found)
+    for kernel in kernels:
+        if cache.library(kernel.key) is None:
+            _made(kernel, cache, found)
 
 
-def _key(functions: Sequence[ca.Function]) -> str:
-    """A hash of all that the machine code depends on, but for the compiler: all agree."""
-    machine = (platform.system(), platform.machine())
-    texts = (function.serialize() for function in functions)
-    parts = (*texts, version("casadi"), *FLAGS, *machine)
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
-
-
-def _made(
-    functions: Sequence[ca.Function], key: str, cache: KernelCache, found: Sequence[Compiler]
-) -> tuple[ca.Function, ...] | None:
+def _made(kernel: Kernel[T_co], cache: KernelCache, found: Sequence[Compiler]) -> T_co | None:
     """Compiled by the first compiler that can, and kept."""
     how_often = f"once; kept in {cache.folder}" if cache.is_lasting else "once in this process"
     for compiler in found:
@@ -94,20 +156,20 @@ def _made(
             continue
         log.info("compiling a kernel with %s: takes some seconds, %s", compiler, how_often)
         with cache.workplace() as folder:
-            library = _made_by(compiler, functions, Path(folder), cache)
+            library = _made_by(compiler, kernel, Path(folder), cache)
             if library is not None:
-                return loaded(functions, str(cache.keep(key, library)))
-    log.debug("no C compiler works; using CasADi's virtual machine")
+                return kernel.load(cache.keep(kernel.key, library))
+    log.debug("no C compiler works; using %s", kernel.instead)
     return None
 
 
 def _made_by(
-    compiler: Compiler, functions: Sequence[ca.Function], folder: Path, cache: KernelCache
+    compiler: Compiler, kernel: Kernel[object], folder: Path, cache: KernelCache
 ) -> Path | None:
-    """A library that computes the same; None from a compiler that is broken, which is noted."""
+    """A library that stands its trial; None from a compiler that is broken, which is noted."""
     try:
-        library = compiler.compile(_source(functions), folder)
-        if _stands_trial(library, functions):
+        library = compiler.compile(kernel.source, folder)
+        if _stands_trial(kernel, library):
             return library
         reason = "what it writes does not load, or computes something else"
     except subprocess.TimeoutExpired as cause:
@@ -118,25 +180,21 @@ def _made_by(
     except OSError as cause:
         reason = cause.strerror or str(cause)
     log.warning(
-        "%s cannot compile a kernel (%s); another compiler, or else CasADi's virtual machine, "
-        "takes its place",
+        "%s cannot compile a kernel (%s); another compiler, or else %s, takes its place",
         compiler,
         reason,
+        kernel.instead,
     )
     _FAILED.add(compiler)
     return None
 
 
-def _stands_trial(library: Path, functions: Sequence[ca.Function]) -> bool:
-    """Whether it loads and computes the same in another process, which it may kill."""
-    saved = [library.with_name(f"{i}.casadi") for i in range(len(functions))]
-    for function, path in zip(functions, saved, strict=True):
-        function.save(str(path))
-    command = (sys.executable, str(agreement.__file__), str(library), *map(str, saved))
+def _stands_trial(kernel: Kernel[object], library: Path) -> bool:
+    """Whether it is what it should be, tried in another process, which it may kill."""
     imports = os.pathsep.join(filter(os.path.isabs, sys.path))  # what is found here, is found there
     environment = {**os.environ, "PYTHONPATH": imports}
     try:
-        run_within(TRIAL_S, command, library.parent, environment)
+        run_within(TRIAL_S, kernel.trial(library), library.parent, environment)
     except subprocess.SubprocessError:
         return False
     return True

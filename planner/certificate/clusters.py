@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.certificate.errors import NotCertifiedError, require
 from planner.certificate.intervals import UNIT, Array, Interval, Pose, norm_bound
@@ -38,20 +39,18 @@ class Shape:
     """A tree of clusters in a frame of its own; node 0 is the root.
 
     Attributes:
-        points: of all nodes, one after the other, shape (k, 3), m.
+        points: of all nodes, one after the other, shape (k, 3), m, in single or double precision.
         counts: how many points each of n nodes has.
         children: numbers of the children of each node, or `LEAF`, shape (n, 2).
         ball_m: radius of the ball that widens every node.
         disc_m: radius of the disc across z that widens every node.
-        apex: a further point of every node, shape (3,), or None.
     """
 
-    points: Array
+    points: NDArray[np.floating[Any]]
     counts: Nodes
     children: Nodes
     ball_m: float = 0.0
     disc_m: float = 0.0
-    apex: Array | None = None
 
     @classmethod
     def of_points(cls, points: Array, ball_m: float = 0.0, disc_m: float = 0.0) -> Shape:
@@ -102,25 +101,23 @@ class Shape:
 
     @cached_property
     def reach_m(self) -> float:
-        """Upper bound on the distance of any point from the shape's own origin."""
-        return float(norm_bound(self.points).max()) + self.ball_m + self.disc_m
+        """Upper bound on the distance of any point from the shape's own origin.
 
-    def filled(self) -> Shape:
-        """With what it encloses: every node reaches to the middle of the whole as well.
-
-        What a surface around the middle hides from outside is on a line from the middle to the
-        surface, so in one of the nodes.
+        The root contains all other nodes, but for what they are widened by.
         """
-        if self.size == 1:
-            return self
+        return float(norm_bound(self.points_of(0)).max()) + 2.0 * self.ball_m + self.disc_m
+
+    @cached_property
+    def middle(self) -> Array:
+        """The middle of the box around the whole, shape (3,)."""
         root = self.points_of(0)
-        return replace(self, apex=0.5 * (root.min(axis=0) + root.max(axis=0)))
+        middle: Array = 0.5 * (root.min(axis=0) + root.max(axis=0))
+        return middle
 
     def points_of(self, node: int) -> Array:
         """The points of a node."""
         start = self._starts[node]
-        own = self.points[start : start + self.counts[node]]
-        return own if self.apex is None else np.vstack([own, self.apex])
+        return self.points[start : start + self.counts[node]].astype(np.float64)
 
     @cached_property
     def _starts(self) -> Nodes:
@@ -167,6 +164,26 @@ def tree_of(
     return Shape(np.concatenate(points), counts, np.array(children))
 
 
+class Placed(NamedTuple):
+    """A tree in the frame that carries it.
+
+    Attributes:
+        shape: the tree.
+        R, p: its pose there, shapes (3, 3) and (3,).
+        root: the number of its root over all trees.
+        apex: a further point of every node, seen from the shape, or None.
+        joined: the numbers of the two trees, in the order in which they were added, around which
+            this one is a box, or None.
+    """
+
+    shape: Shape
+    R: Array
+    p: Array
+    root: int
+    apex: Array | None
+    joined: tuple[int, int] | None
+
+
 class Clusters:
     """All trees of one problem, each at a constant pose in the frame that carries it.
 
@@ -174,25 +191,33 @@ class Clusters:
     """
 
     def __init__(self) -> None:
-        self._shapes: list[Shape] = []
+        self.placed: list[Placed] = []
         self._bases: list[int] = []
-        self._poses: list[tuple[Array, Array]] = []
-        self._children: dict[int, tuple[int, int]] = {}  # of boxes around several trees
         self._count = 0
         self._error_R = self._error_p = 0.0
         self.reach_m = 0.0
 
-    def add(self, shape: Shape, T: Pose) -> int:
-        """Add a tree at a pose; returns the number of its root."""
+    def add(self, shape: Shape, T: Pose, *, is_filled: bool = False) -> int:
+        """Add a tree at a pose; returns the number of its root.
+
+        What is filled contains what its surface encloses as well, since every node reaches to the
+        middle of the whole: what a surface around the middle hides from outside is on a line from
+        the middle to the surface, so in one of the nodes.
+        """
+        return self._add(shape, T, shape.middle if is_filled and shape.size > 1 else None)
+
+    def _add(
+        self, shape: Shape, T: Pose, apex: Array | None, joined: tuple[int, int] | None = None
+    ) -> int:
         (R, error_R), (p, error_p) = T.R.centred(), T.p.centred()
         self._error_R, self._error_p = max(self._error_R, error_R), max(self._error_p, error_p)
-        self._shapes.append(shape)
-        self._bases.append(self._count)
-        self._poses.append((R, p))
-        reach_m = (shape.reach_m + float(norm_bound(p))) * (1.0 + 1e-9)
-        self.reach_m = max(self.reach_m, reach_m)
+        root = self._count
+        self.placed.append(Placed(shape, R, p, root, apex, joined))
+        self._bases.append(root)
+        own_m = shape.reach_m if apex is None else max(shape.reach_m, float(norm_bound(apex)))
+        self.reach_m = max(self.reach_m, (own_m + float(norm_bound(p))) * (1.0 + 1e-9))
         self._count += shape.size
-        return self._count - shape.size
+        return root
 
     def joined(self, roots: Sequence[int]) -> int:
         """The root of one tree of several trees that one frame carries: boxes around them."""
@@ -205,9 +230,8 @@ class Clusters:
         order = np.argsort(boxes.sum(axis=1)[:, axis], kind="stable")
         halves = [[roots[i] for i in half] for half in np.array_split(order, 2)]
         first, second = (self.joined(half) for half in halves)
-        root = self.add(Shape.of_points(_corners(low, high)), Pose.identity())
-        self._children[root] = first, second
-        return root
+        numbers = self._block(first)[0], self._block(second)[0]
+        return self._add(Shape.of_points(_corners(low, high)), Pose.identity(), None, numbers)
 
     @property
     def rounding_m(self) -> float:
@@ -223,12 +247,13 @@ class Clusters:
         """Both children of each node, shape (k, 2); `LEAF` where there are none."""
         found = np.empty((len(nodes), 2), np.intp)
         for i, node in enumerate(nodes.tolist()):
-            if node in self._children:
-                found[i] = self._children[node]
-                continue
             block, own = self._block(node)
-            kids = self._shapes[block].children[own]
-            found[i] = np.where(kids >= 0, kids + self._bases[block], LEAF)
+            placed = self.placed[block]
+            if placed.joined is not None:
+                found[i] = [self._bases[number] for number in placed.joined]
+                continue
+            kids = placed.shape.children[own]
+            found[i] = np.where(kids >= 0, kids + placed.root, LEAF)
         return found
 
     def reaches_m(self, nodes: Nodes) -> Array:
@@ -236,17 +261,19 @@ class Clusters:
         return self._each(nodes, self._reach_m)
 
     def middles(self, nodes: Nodes) -> Array:
-        """Middles of the nodes in the frames that carry them, shape (k, 3); only a choice."""
+        """Middles of boxes around the nodes, shape (k, 3), seen from the frames that carry them.
+
+        The boxes are along the axes of their shapes. Only a choice.
+        """
         return self._each(nodes, self._middle).reshape(-1, 3)
 
     def lowest(self, nodes: Nodes, n: Array) -> Array:
         """Least n . x over each node, shape (k,), n in the frame that carries it, shape (k, 3)."""
         value = np.empty(len(nodes))
         for node, rows in _alike(nodes):
-            block, own = self._block(node)
-            shape, (R, p) = self._shapes[block], self._poses[block]
+            shape, R, p = self.placed[self._block(node)[0]][:3]
             along = n[rows] @ R
-            least = (shape.points_of(own) @ along.T).min(axis=0)
+            least = (self._own(node) @ along.T).min(axis=0)
             if shape.ball_m:
                 least = least - shape.ball_m * norm_bound(n[rows])
             if shape.disc_m:
@@ -270,40 +297,44 @@ class Clusters:
 
     def rotations(self, nodes: Nodes) -> Array:
         """Axes of the shapes in the frames that carry them, shape (k, 3, 3); only a choice."""
-        return np.array([self._poses[self._block(node)[0]][0] for node in nodes.tolist()])
+        return np.array([self.placed[self._block(node)[0]].R for node in nodes.tolist()])
 
     def extents_m(self, nodes: Nodes) -> Array:
         """Diagonals of boxes around the nodes, shape (k,), m; only a choice."""
-        return self._each(nodes, lambda node: float(np.linalg.norm(np.ptp(self.points(node), 0))))
+        return self._each(nodes, lambda node: float(np.linalg.norm(np.ptp(self._own(node), 0))))
 
     def points(self, root: int) -> Array:
         """The points of a node in the frame that carries it, without ball or disc."""
-        block, own = self._block(root)
-        R, p = self._poses[block]
-        return self._shapes[block].points_of(own) @ R.T + p
+        placed = self.placed[self._block(root)[0]]
+        return self._own(root) @ placed.R.T + placed.p
 
     def widths(self, node: int) -> tuple[float, float, Array]:
         """Radii of the ball and the disc that widen a node, and the axis of the disc."""
-        block, _ = self._block(node)
-        shape, (R, _) = self._shapes[block], self._poses[block]
-        return shape.ball_m, shape.disc_m, R[:, 2]
+        placed = self.placed[self._block(node)[0]]
+        return placed.shape.ball_m, placed.shape.disc_m, placed.R[:, 2]
 
     def _box(self, root: int) -> tuple[Array, Array]:
-        block, _ = self._block(root)
-        x, shape = self.points(root), self._shapes[block]
+        x, shape = self.points(root), self.placed[self._block(root)[0]].shape
         wider = shape.ball_m + shape.disc_m + BOX_MARGIN_M
         return x.min(axis=0) - wider, x.max(axis=0) + wider
 
     def _reach_m(self, node: int) -> float:
-        block, own = self._block(node)
-        shape, (_, p) = self._shapes[block], self._poses[block]
-        own_m = float(norm_bound(shape.points_of(own)).max()) + shape.ball_m + shape.disc_m
+        shape, _, p = self.placed[self._block(node)[0]][:3]
+        own_m = float(norm_bound(self._own(node)).max()) + shape.ball_m + shape.disc_m
         return (own_m + float(norm_bound(p))) * (1.0 + 1e-9)
 
     def _middle(self, node: int) -> Array:
-        x = self.points(node)
-        middle: Array = 0.5 * (x.min(axis=0) + x.max(axis=0))
+        x = self._own(node)
+        _, R, p = self.placed[self._block(node)[0]][:3]
+        middle: Array = R @ (0.5 * (x.min(axis=0) + x.max(axis=0))) + p
         return middle
+
+    def _own(self, node: int) -> Array:
+        """The points of a node in the frame of its shape."""
+        block, own = self._block(node)
+        placed = self.placed[block]
+        points = placed.shape.points_of(own)
+        return points if placed.apex is None else np.vstack([points, placed.apex])
 
     def _each(self, nodes: Nodes, of: Any) -> Array:
         kinds, back = np.unique(nodes, return_inverse=True)

@@ -132,9 +132,8 @@ class Pose:
     @classmethod
     def of_urdf(cls, xyz: ArrayLike, rpy: ArrayLike) -> Pose:
         """An `<origin>` of a URDF: translation in m, then roll, pitch and yaw about fixed axes."""
-        roll, pitch, yaw = (
-            rotation(axis, Interval(angle)) for axis, angle in enumerate(np.asarray(rpy))
-        )
+        cosines, sines = cos_sin(Interval(rpy))
+        roll, pitch, yaw = (turn(axis, cosines[axis], sines[axis]) for axis in range(3))
         return cls(product(product(yaw, pitch), roll), Interval(xyz))
 
     @classmethod
@@ -180,7 +179,11 @@ def cos_sin(angle: Interval) -> tuple[Interval, Interval]:
 
 def rotation(axis: int, angle: Interval) -> Interval:
     """Rotation matrices about x, y or z (0, 1, 2), shape (..., 3, 3), of angles of shape (...)."""
-    c, s = cos_sin(angle)
+    return turn(axis, *cos_sin(angle))
+
+
+def turn(axis: int, c: Interval, s: Interval) -> Interval:
+    """Rotation matrices about an axis, of angles with these cosines and sines."""
     zero, one = Interval(np.zeros_like(c.low)), Interval(np.ones_like(c.low))
     i, j = (axis + 1) % 3, (axis + 2) % 3
     rows = [[zero] * 3 for _ in range(3)]

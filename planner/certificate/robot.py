@@ -77,6 +77,7 @@ class Robot:
         """
         self.limb = limb
         self._joints = _joints_of(text)
+        self._paths: dict[str, tuple[str, ...]] = {}
         moving = [link for link, joint in self._joints.items() if joint.kind != "fixed"]
         self.fingers: dict[str, float] = {}
         self.chain = [c for c in self._path(f"{limb}_gripper") if c in moving][::-1]
@@ -93,11 +94,13 @@ class Robot:
             for key in ("lower", "upper", "velocity")
         )
         before = [BASE, *self.chain]
+        origins = {child: joint.origin for child, joint in self._joints.items()}
         self.spans = [
-            self._between(link, base) for link, base in zip(self.chain, before, strict=False)
+            self._between(link, base, origins)
+            for link, base in zip(self.chain, before, strict=False)
         ]
         self.offsets: Array = np.array([norm_bound(span.p.magnitude) for span in self.spans])
-        self.tip = self._between(f"{limb}_gripper", wrist)
+        self.tip = self._between(f"{limb}_gripper", wrist, origins)
         self.fingers = {c: 1.0 if self._joints[c].upper > 0.0 else -1.0 for c in own}
         self.finger_joints = {c: self._joints[c].name for c in own}
         self.stroke_m = min(max(abs(self._joints[c].lower), self._joints[c].upper) for c in own)
@@ -105,17 +108,39 @@ class Robot:
     def __contains__(self, link: str) -> bool:
         return link == BASE or link in self._joints
 
-    def attached(self, link: str, joints: Mapping[str, float]) -> Attached:
-        """Where a link hangs, while the joints other than the arm's stand as given.
+    def places(self, joints: Mapping[str, float]) -> Mapping[str, Pose]:
+        """Poses of all links, each seen from its parent, as `attached` takes them.
+
+        Joints of this arm and its hand are at 0, others where `joints` has them.
 
         Raises:
-            NotCertifiedError: when a joint is not given, or the link is not in the robot.
+            NotCertifiedError: when a joint is not given.
+        """
+        own = {*self.chain, *self.fingers}
+        found = {child: joint.origin for child, joint in self._joints.items()}
+        moved = [c for c, j in self._joints.items() if j.kind != "fixed" and c not in own]
+        for child in moved:
+            name = self._joints[child].name
+            require(name in joints, f"the state lacks {name}")
+        q = np.array([float(joints[self._joints[child].name]) for child in moved])
+        is_turned = np.array([self._joints[child].kind == "revolute" for child in moved], np.bool_)
+        turns = rotation(2, Interval(np.where(is_turned, q, 0.0)))
+        slides = np.where(is_turned, 0.0, q)[:, None] * np.eye(3)[1]
+        for i, child in enumerate(moved):
+            found[child] = found[child] * Pose(turns[i], Interval(slides[i]))
+        return found
+
+    def attached(self, link: str, places: Mapping[str, Pose]) -> Attached:
+        """Where a link hangs, as the poses from `places` have it.
+
+        Raises:
+            NotCertifiedError: when the link is not in the robot.
         """
         path = self._path(link)
         finger = next((c for c in self.fingers if c in path), None)
         level = max((i + 1 for i, c in enumerate(self.chain) if c in path), default=0)
         base = self.chain[level - 1] if level else BASE
-        return Attached(level, finger, self._between(link, base, joints))
+        return Attached(level, finger, self._between(link, base, places))
 
     def carrier(self, link: str) -> str:
         """The link that moves with a link and hangs on a joint that can move; `BASE` if none."""
@@ -139,37 +164,26 @@ class Robot:
             found = found * Pose(product(span.R, turns[:, i]), span.p)
         return found * self.tip
 
-    def _path(self, link: str) -> list[str]:
+    def _path(self, link: str) -> tuple[str, ...]:
         """A link and all that it hangs on."""
-        require(link in self, f"the robot has no link {link}")
-        path = [link]
-        while path[-1] in self._joints:
-            require(len(path) <= len(self._joints), "the links of the robot hang in a circle")
-            path.append(self._joints[path[-1]].parent)
-        return path
+        if link not in self._paths:
+            require(link in self, f"the robot has no link {link}")
+            path = [link]
+            while path[-1] in self._joints:
+                require(len(path) <= len(self._joints), "the links of the robot hang in a circle")
+                path.append(self._joints[path[-1]].parent)
+            self._paths[link] = tuple(path)
+        return self._paths[link]
 
-    def _between(self, link: str, base: str, joints: Mapping[str, float] | None = None) -> Pose:
-        """Pose of a link seen from one that it hangs on.
-
-        Joints of this arm and its hand are at 0, others where `joints` has them.
-        """
-        T, own = Pose.identity(), {*self.chain, *self.fingers}
+    def _between(self, link: str, base: str, places: Mapping[str, Pose]) -> Pose:
+        """Pose of a link seen from one that it hangs on."""
+        T = Pose.identity()
         for child in self._path(link):
             if child == base:
                 return T
-            if child not in self._joints:
+            if child not in places:
                 break
-            joint = self._joints[child]
-            place = joint.origin
-            if joint.kind != "fixed" and child not in own and joints is not None:
-                require(joint.name in joints, f"the state lacks {joint.name}")
-                value = Interval(float(joints[joint.name]))
-                if joint.kind == "revolute":
-                    place = place * Pose(rotation(2, value), Interval(np.zeros(3)))
-                else:
-                    along = Interval.stacked([Interval(0.0), value, Interval(0.0)], -1)
-                    place = place * Pose(Interval(np.eye(3)), along)
-            T = place * T
+            T = places[child] * T
         raise NotCertifiedError(f"{link} does not hang on {base}")
 
 

@@ -116,6 +116,7 @@ class Timeline:
         robot: the robot.
         clusters: all trees.
         steps: what rows must prove, in the order of the certificate.
+        numbers: which step of the plan each belongs to, None for what stands still.
     """
 
     def __init__(
@@ -155,28 +156,31 @@ class Timeline:
         bodies = start["scene"]["bodies"]
         require(len(bodies) <= MAX_BODIES, f"the scene has more than {MAX_BODIES} bodies")
         self._things = {name: _thing(name, data) for name, data in bodies.items()}
-        self._place_links(body, joints)
-        now = self._begin(start, joints)
+        places = robot.places(joints)
+        self._place_links(body, places)
+        now = self._begin(start, joints, places)
         stated = _Stated(start, states, self)
+        self.numbers: list[int | None] = [None] * len(self.steps)
         for number, step in enumerate(self._plan_steps):
             stated.compare(number, now)
             now = self._followed(number, step, now)
+            self.numbers += [number] * (len(self.steps) - len(self.numbers))
         self._require_rest(now, "the arm does not rest at the end")
 
     # The robot
 
-    def _place_links(self, body: Body, joints: Mapping[str, float]) -> None:
+    def _place_links(self, body: Body, places: Mapping[str, Pose]) -> None:
         """Movers of all links: of the arm by joint, of fingers, and of the rest by carrier."""
         roots: dict[int | str, list[int]] = {}
         self._pads: dict[str, list[int]] = {finger: [] for finger in self.robot.fingers}
         filled: dict[int, list[int]] = {}
         for each in body.shapes:
-            where = self.robot.attached(each.link, joints)
+            where = self.robot.attached(each.link, places)
             key = where.finger or where.level or self.robot.carrier(each.link)
             root = self.clusters.add(each.shape, where.T * each.T_link_shape)
             roots.setdefault(key, []).append(root)
             if where.finger is None and each.shape.size > 1:
-                solid = self.clusters.add(each.shape.filled(), where.T * each.T_link_shape)
+                solid = self.clusters.add(each.shape, where.T * each.T_link_shape, is_filled=True)
                 filled.setdefault(where.level, []).append(solid)
             if where.finger is not None and each.link.endswith("_finger_tip"):
                 self._pads[where.finger].append(root)
@@ -207,7 +211,9 @@ class Timeline:
 
     # The start
 
-    def _begin(self, start: Mapping[str, Any], joints: Mapping[str, float]) -> _Now:
+    def _begin(
+        self, start: Mapping[str, Any], joints: Mapping[str, float], places: Mapping[str, Pose]
+    ) -> _Now:
         robot = self.robot
         missing = [name for name in robot.names if name not in joints]
         require(not missing, f"the state lacks {', '.join(missing)}")
@@ -229,7 +235,7 @@ class Timeline:
             name, link = each["body"], each["link"]
             require(name in at, f"the scene lacks {name}, which {link} holds")
             T_link_body = stated_pose(each["T_link_body"], name)
-            where = robot.attached(link, joints)
+            where = robot.attached(link, places)
             if where.level:
                 is_of_hand = where.level == ARM_JOINTS and where.finger is None
                 require(is_of_hand, f"{name} hangs on {link}, which is no hand")

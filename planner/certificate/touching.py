@@ -84,9 +84,8 @@ def _nearest(x: Array, y: Array) -> tuple[Array, Array]:
     pairs = [(0, 0)]
     weights = np.ones(1)
     for _ in range(MAX_ITERATIONS):
-        simplex, used = np.zeros((1, 4, 3)), np.arange(4)[None] < len(pairs)
-        simplex[0, : len(pairs)] = [x[i] - y[j] for i, j in pairs]
-        found = np.maximum(least_norm_weights(simplex, used)[0, : len(pairs)], 0.0)
+        corners = np.array([x[i] - y[j] for i, j in pairs])
+        found = _least_norm(corners)
         pairs = [pair for pair, w in zip(pairs, found, strict=True) if w > 0.0]
         weights = found[found > 0.0]
         v = weights @ np.array([x[i] - y[j] for i, j in pairs])
@@ -101,6 +100,31 @@ def _nearest(x: Array, y: Array) -> tuple[Array, Array]:
         found_x[i] += w
         found_y[j] += w
     return found_x / found_x.sum(), found_y / found_y.sum()
+
+
+def _least_norm(corners: Array) -> Array:
+    """Weights of the point of a simplex that is nearest to the origin, of up to four corners.
+
+    The last corner was found as a support, so it is one of those that carry the point.
+    """
+    gram, last = corners @ corners.T, len(corners) - 1
+    best = np.inf
+    weights: Array = np.eye(last + 1)[last]
+    for size in range(last + 1):
+        for others in combinations(range(last), size):
+            of = [*others, last]
+            # on the plane through corners c0, c1, ... the nearest point is perpendicular to ci - c0
+            G = gram[np.ix_(of, of)]
+            M = np.vstack([np.ones(size + 1), G[1:] - G[:1]])
+            try:
+                w = np.linalg.solve(M, np.eye(size + 1)[0])
+            except np.linalg.LinAlgError:  # corners on one line or plane: fewer carry the point
+                continue
+            norm = float(w @ G @ w)
+            if (w >= 0.0).all() and norm < best:
+                best, weights = norm, np.zeros(last + 1)
+                weights[of] = w
+    return weights
 
 
 def least_norm_weights(simplices: Array, used: NDArray[np.bool_]) -> Array:

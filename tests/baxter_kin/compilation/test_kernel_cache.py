@@ -100,7 +100,7 @@ def test_what_others_may_write_to_is_not_used_and_told_once(
     assert [record.levelno for record in caplog.records] == [logging.WARNING]
     assert caplog.messages == [
         f"cannot use {cache.folder}: other users may write to it (mode 0777; chmod go-w closes it);"
-        " compiled IK kernels are kept for this process only"
+        " compiled kernels are kept for this process only"
     ]
 
 

@@ -21,8 +21,8 @@ from planner.certificate.checking import Certified, Witness, check, read_plan
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.robot import Robot
 from planner.certificate.timeline import StepWitness, Timeline
+from planner.prover.witness import witness_of
 from planner.verification import certificate_of
-from planner.verification.prover import prove
 
 Data = dict[str, Any]
 Change = Callable[[Data], None]
@@ -259,7 +259,7 @@ def test_no_certificate_is_found_for_a_world_in_the_way(
     steps = tuple(replace(step, margin_m=0.0) for step in witness.steps)
     robot = Robot(text, "left")
     with pytest.raises(NotCertifiedError, match=reason):
-        prove(Timeline(certified["plan"], (), robot, body, steps), body.digest, steps)
+        witness_of(Timeline(certified["plan"], (), robot, body, steps), body.digest, steps)
 
 
 def test_what_is_held_at_first_may_not_reach_into_the_palm(
@@ -273,11 +273,11 @@ def test_what_is_held_at_first_may_not_reach_into_the_palm(
     start["attachments"] = at_lift[-1]["attachments"]
     plan["steps"] = []
     held = Timeline(plan, (), robot, body, ())
-    assert len(prove(held, body.digest, ()).letters) > 0
+    assert len(witness_of(held, body.digest, ()).letters) > 0
     shape = start["scene"]["bodies"]["block"]["parts"][0]["shape"]
     shape["size_m"] = [*shape["size_m"][:2], 0.3]
     with pytest.raises(NotCertifiedError, match="block and links of left_w2"):
-        prove(Timeline(plan, (), robot, body, ()), body.digest, ())
+        witness_of(Timeline(plan, (), robot, body, ()), body.digest, ())
 
 
 # Attacks on the certificate

@@ -124,12 +124,15 @@ def test_what_several_trees_are_joined_to_contains_them() -> None:
         assert (clusters.lowest(np.full(40, root), directions) >= least).all()
 
 
-def test_a_filled_shape_reaches_to_its_middle(body: Body) -> None:
+def test_every_node_of_what_is_filled_reaches_to_its_middle(body: Body) -> None:
     link = next(each for each in body.shapes if each.shape.size > 1)
-    filled = link.shape.filled()
-    assert filled.apex is not None
-    for node in range(0, filled.size, max(1, filled.size // 50)):
-        np.testing.assert_array_equal(filled.points_of(node)[-1], filled.apex)
+    clusters = Clusters()
+    root = clusters.add(link.shape, link.T_link_shape, is_filled=True)
+    placed = clusters.placed[0]
+    assert placed.apex is not None
+    for node in range(root, root + link.shape.size, max(1, link.shape.size // 50)):
+        expected = placed.R @ link.shape.middle + placed.p
+        np.testing.assert_allclose(clusters.points(node)[-1], expected, atol=1e-15)
 
 
 SHAPE = {"type": "Box", "size_m": [0.1, 0.1, 0.1]}

@@ -40,10 +40,11 @@ def test_tips_and_limits_are_those_of_pinocchio(robot: Baxter, text: str, limb: 
 def test_links_hang_where_pinocchio_has_them(robot: Baxter, text: str) -> None:
     own = Robot(text, "left")
     joints = dict(zip(robot.joint_names, robot.configuration(), strict=True))
-    where = own.attached("left_gripper", joints)
+    places = own.places(joints)
+    where = own.attached("left_gripper", places)
     assert (where.level, where.finger) == (7, None)
-    assert own.attached("l_gripper_l_finger_tip", joints).finger in own.fingers
-    other = own.attached("right_gripper", joints)
+    assert own.attached("l_gripper_l_finger_tip", places).finger in own.fingers
+    other = own.attached("right_gripper", places)
     assert (other.level, other.finger) == (0, None)
     expected = robot.arm("right").T_base_tip([joints[n] for n in robot.arm("right").joint_names])
     np.testing.assert_allclose(other.T.p.centred()[0], expected.translation, atol=SAME_M)

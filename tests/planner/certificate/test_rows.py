@@ -41,10 +41,10 @@ def clusters() -> Clusters:
 @pytest.fixture(scope="module")
 def movers(clusters: Clusters, own: Robot, body: Body, planned: Any) -> list[Mover]:
     """Links of the arm and of the rest, each a mover of its own."""
-    joints = dict(planned.start.joints)
+    places = own.places(planned.start.joints)
     found = []
     for each in body.shapes:
-        where = own.attached(each.link, joints)
+        where = own.attached(each.link, places)
         root = clusters.add(each.shape, where.T * each.T_link_shape)
         if where.finger is None:
             found.append(Mover(each.link, root, where.level))

@@ -1,0 +1,184 @@
+"""Rows found in NumPy, where no C compiler is: the same rows, a hundred times as slow.
+
+Tasks (two clusters and a cell of time) are separated by the line between their middles, or by a
+direction found by the algorithm of Gilbert, Johnson and Keerthi on what both ends of the cell sweep
+out; else the larger cluster is cut, or the cell of time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.certificate.clusters import LEAF, Clusters, Nodes
+from planner.certificate.intervals import Array
+from planner.certificate.robot import Robot
+from planner.certificate.rows import (
+    BY_DIRECTION,
+    BY_MIDDLES,
+    CUT_FIRST,
+    CUT_SECOND,
+    CUT_TIME,
+    Judge,
+    Step,
+    Tasks,
+)
+from planner.certificate.touching import least_norm_weights
+from planner.prover.kernel import SPARE_M, NotShownError, Rows
+
+SHORTEST_S = 2e-5
+"""Cells of time are not cut below this."""
+
+SCALE = 127.0
+"""Directions are whole numbers of at most this."""
+
+MAX_ITERATIONS = 25
+
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+def rows_of(robot: Robot, clusters: Clusters, step: Step, margin_m: float) -> Rows:
+    """Rows of one step.
+
+    Args:
+        robot: whose arm moves.
+        clusters: all clusters of the step.
+        step: what must keep apart.
+        margin_m: what counted pairs must keep, where they need not keep more.
+
+    Raises:
+        NotShownError: when a pair is not shown to keep what it must.
+    """
+    pairs = [
+        replace(pair, least_m=max(pair.least_m, margin_m)) if pair.is_counted else pair
+        for pair in step.pairs
+    ]
+    judge = Judge(robot, clusters, replace(step, pairs=pairs))
+    is_counted = np.array([pair.is_counted for pair in pairs], np.bool_)
+    letters: list[Nodes] = [np.zeros(0, np.intp)]
+    directions: list[Array] = [np.zeros((0, 3))]
+    proven_m, tasks = np.inf, judge.tasks()
+    while len(tasks):
+        judge.place(np.unique(np.concatenate([tasks.start_s, tasks.end_s])))
+        found, n = _Level(judge, clusters, tasks).search()
+        letters.append(found)
+        directions.append(n[found == BY_DIRECTION])
+        counted = np.flatnonzero((found <= BY_MIDDLES) & is_counted[tasks.pair])
+        gaps_m = judge.gaps_m(tasks.only(counted), n[counted])
+        proven_m = min(proven_m, float(gaps_m.min(initial=np.inf)))
+        tasks = judge.cut(tasks, found)
+    return Rows(np.concatenate(letters), np.concatenate(directions), proven_m - SPARE_M)
+
+
+@dataclass
+class _Level:
+    """All open tasks of one level."""
+
+    judge: Judge
+    clusters: Clusters
+    tasks: Tasks
+
+    def search(self) -> tuple[Nodes, Array]:
+        """A letter for each task, and a direction for those that need one."""
+        tasks = self.tasks
+        letters = np.full(len(tasks), -1, np.intp)
+        n = np.zeros((len(tasks), 3))
+        middles = self.judge.between_middles(tasks)
+        is_apart = self._spare_m(tasks, middles) > 0.0
+        letters[is_apart], n[is_apart] = BY_MIDDLES, middles[is_apart]
+        open_ = np.flatnonzero(letters < 0)
+        if len(open_):
+            self._separate(open_, letters, n, middles[open_])
+        return letters, n
+
+    def _spare_m(self, tasks: Tasks, n: Array) -> Array:
+        gaps = self.judge.gaps_m(tasks, n)
+        spare: Array = gaps - self.judge.least_m[tasks.pair] - SPARE_M
+        return spare
+
+    def _separate(self, open_: Nodes, letters: Nodes, n: Array, first: Array) -> None:
+        judge, tasks = self.judge, self.tasks.only(open_)
+        goal = judge.sag_m(tasks) + judge.least_m[tasks.pair]
+        ends, far = self.judge.supports(tasks, first)
+        count = len(open_)
+        simplex, used = np.zeros((count, 4, 3)), np.zeros((count, 4), np.bool_)
+        simplex[:, 0], used[:, 0] = ends[0] - far, True
+        v = simplex[:, 0].copy()
+        reach = np.linalg.norm(v, axis=1)
+        sweep = np.linalg.norm(ends[1] - ends[0], axis=1)
+        active = reach > goal
+        for _ in range(MAX_ITERATIONS):
+            at = np.flatnonzero(active)
+            if not len(at):
+                break
+            sub = tasks.only(at)
+            length = np.linalg.norm(v[at], axis=1)
+            d = np.where((length < 1e-9)[:, None], _UP, v[at])
+            whole = np.rint(SCALE * d / np.abs(d).max(axis=1, keepdims=True))
+            is_good = self._spare_m(sub, whole) > 0.0
+            letters[open_[at[is_good]]] = BY_DIRECTION
+            n[open_[at[is_good]]] = whole[is_good]
+            ends, far = self.judge.supports(sub, d)
+            along = [np.einsum("ki,ki->k", d, end - far) for end in ends]
+            w = np.where((along[0] < along[1])[:, None], ends[0], ends[1]) - far
+            gain = length**2 - np.minimum(*along)
+            is_stuck = gain < 1e-3 * length * np.abs(length - goal[at]) + 1e-9
+            free = (~used[at]).argmax(axis=1)
+            simplex[at, free], used[at, free] = w, True
+            shares = least_norm_weights(simplex[at], used[at])
+            used[at] = shares > 1e-12
+            v[at] = np.einsum("nk,nkj->nj", shares, simplex[at])
+            reach[at] = np.minimum(reach[at], np.linalg.norm(v[at], axis=1))
+            is_open = (reach[at] > goal[at]) & ~used[at].all(axis=1) & (length >= 1e-9)
+            active[at] = ~is_good & ~is_stuck & is_open
+        self._by_axes(tasks, open_, letters, n)
+        self._cut(tasks, open_, letters, reach, sweep)
+
+    def _by_axes(self, tasks: Tasks, open_: Nodes, letters: Nodes, n: Array) -> None:
+        """Where things touch on purpose, the axes of both shapes separate them best."""
+        may_touch = self.judge.least_m[tasks.pair] <= 0.0
+        at = np.flatnonzero((letters[open_] < 0) & may_touch & (self.judge.sag_m(tasks) < 2e-3))
+        if not len(at):
+            return
+        sub = tasks.only(at)
+        best, chosen = np.zeros(len(at)), np.zeros((len(at), 3))
+        R = self.judge.rotations(sub, sub.start_s)
+        frames = (
+            self.clusters.rotations(sub.second),
+            R @ self.clusters.rotations(sub.first),
+            R,
+        )
+        for frame in frames:
+            for axis in range(3):
+                for sign in (1.0, -1.0):
+                    d = sign * frame[:, :, axis]
+                    whole = np.rint(SCALE * d / np.abs(d).max(axis=1, keepdims=True))
+                    spare = self._spare_m(sub, whole)
+                    is_better = spare > best
+                    best[is_better], chosen[is_better] = spare[is_better], whole[is_better]
+        is_good = best > 0.0
+        letters[open_[at[is_good]]] = BY_DIRECTION
+        n[open_[at[is_good]]] = chosen[is_good]
+
+    def _cut(self, tasks: Tasks, open_: Nodes, letters: Nodes, reach: Array, sweep: Array) -> None:
+        """Cut what promises most: the time where much is swept, else the larger cluster."""
+        at = np.flatnonzero(letters[open_] < 0)
+        if not len(at):
+            return
+        sub, judge = tasks.only(at), self.judge
+        sizes = [
+            np.where(self.clusters.children(x)[:, 0] == LEAF, 0.0, self.clusters.extents_m(x))
+            for x in (sub.first, sub.second)
+        ]
+        sag, least = judge.sag_m(sub), judge.least_m[sub.pair]
+        spare = np.maximum(reach[at] - least, 0.0)
+        is_long = sub.end_s - sub.start_s > SHORTEST_S
+        is_late = (sag > 0.5 * spare) & (sag > 2e-4) & (sag > 1e-2 * np.maximum(*sizes))
+        in_time = np.where(is_long & (sag > 0.0), np.maximum(2.0 * sweep[at], 1e3 * is_late), 0.0)
+        hopeless = np.flatnonzero((sizes[0] == 0.0) & (sizes[1] == 0.0) & (in_time <= 0.0))
+        if len(hopeless):
+            i = int(hopeless[0])
+            raise NotShownError(judge.step, int(sub.pair[i]), reach[at[i]], sub.start_s[i])
+        choice = np.argmax([*sizes, in_time + 1e-12], axis=0)
+        letters[open_[at]] = np.array([CUT_FIRST, CUT_SECOND, CUT_TIME])[choice]

@@ -1,0 +1,803 @@
+/* Finds rows of separation for one step of a plan; planner.certificate.rows has the lemma.
+
+   A task is a pair of clusters and a cell of time. It is separated by a direction, fixed in the
+   frame that carries the second cluster, when the gap that the direction leaves at both ends of
+   the cell, less the sag M h^2 / 8 in between, is above what the pair must keep; else a cluster or
+   the cell is cut. Tasks are handled level by level, in the order in which the checker reads them.
+
+   Computed in doubles, without bounds on rounding: nothing of it is trusted, the checker decides.
+   Each call has its own memory, so any number of threads may search. */
+
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define ROWS_VERSION 1
+
+enum { BY_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME, NONE = 255 };
+enum { PROVEN, TOO_NEAR, NOT_SHOWN, TOO_MUCH };
+
+enum {
+    JOINTS = 7,
+    SPANS = 28,         /* pairs m < k of 0..7 */
+    LANES = 8,          /* points of a cluster are padded to a multiple of this */
+    TABLE = 1 << 14,    /* entries of a hash table, of which three quarters are used */
+    MOST_TASKS = 50000, /* of a level, as in the checker */
+    STACK = 512,
+    ITERATIONS = 30,
+};
+
+static const double FAR = 1e9;
+static const double SHORTEST_S = 2e-5;   /* cells of time are not cut below */
+static const double APART_M = 3e-4;      /* so much apart in the middle of a cell: the cell is cut */
+static const double LARGE_SAG = 4.0;     /* so many times larger than the clusters: likewise */
+static const double LEAST_SAG_M = 1e-5;  /* below, clusters are cut first */
+static const double TOUCHING_SAG_M = 2e-3;
+static const double CONVERGED = 1e-2;
+
+typedef struct {             /* a tree of clusters in a frame of its own */
+    float *x, *y, *z;        /* points of all nodes, one after the other, each node's padded */
+    int32_t *first, *count;  /* of each node */
+    const int32_t *children;
+    double *low, *high, *reach; /* its box, and how far its points are from the origin */
+} Tree;
+
+typedef struct {             /* a tree in the frame of the joint that carries it */
+    int32_t tree, has_apex;
+    int32_t joined[2];       /* the trees whose roots are its children; -1: its nodes have their own */
+    double R[9], p[3], ball, disc, apex[3];
+} Placed;
+
+typedef struct {
+    int32_t first, second;   /* which of the placed trees */
+    int32_t k, m;            /* the joints that carry them, k >= m */
+    int32_t is_counted;      /* whether it counts for the least distance */
+    double least, begin, end;
+    double slides[4];        /* of the first at the start and at the end, then of the second */
+} Pair;
+
+typedef struct {
+    int32_t pairs, pieces;
+    double duration, slack, spare;
+    double margin, share;    /* counted pairs keep the margin, and a share of the least distance */
+    const double *t, *q, *v, *a, *j, *v_peak, *a_peak;
+    const double *spans_R, *spans_p, *offsets;
+} Step;
+
+typedef struct {
+    int64_t tasks, directions;
+    double nearest, nearest_s; /* the least distance met of counted pairs */
+    double proven;             /* what all rows of counted pairs conclude at least */
+    double found, found_s;     /* why not: the distance, and when */
+    int32_t nearest_pair, found_pair;
+} Result;
+
+typedef struct { int32_t tree, node; } Cluster;
+typedef struct { int32_t pair, start, end, has_n; Cluster a, b; double n[3]; } Task;
+typedef struct { double t, R[SPANS][9], p[SPANS][3]; } Instant;
+typedef struct { int32_t start, end; double fixed[SPANS], by_reach[SPANS]; } Cell;
+
+typedef struct {             /* one call */
+    const Tree *trees;
+    const Placed *placed;
+    const Pair *pairs;
+    Step step;
+    Result *result;
+    Instant *instants;
+    Cell *cells;
+    int instant_count, instant_room, cell_count, cell_room;
+    int32_t *instant_table, *cell_table, *measured_table;
+} Search;
+
+/* ---- vectors */
+
+static inline double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+static inline double norm(const double *a) { return sqrt(dot(a, a)); }
+static inline void copy(const double *from, double *to) { memcpy(to, from, 3 * sizeof(double)); }
+
+/* The nearest whole number; calls no library, as `rint` does without SSE4. */
+static inline double rounded(double x) { return (double)(int)(x < 0 ? x - 0.5 : x + 0.5); }
+
+static inline void turned(const double *R, const double *x, double *y) {
+    for (int i = 0; i < 3; i++) y[i] = dot(R + 3 * i, x);
+}
+
+static inline void turned_back(const double *R, const double *x, double *y) {
+    for (int i = 0; i < 3; i++) y[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
+}
+
+static inline void product(const double *A, const double *B, double *C) {
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++) C[3 * r + c] = A[3 * r] * B[c] + A[3 * r + 1] * B[3 + c] + A[3 * r + 2] * B[6 + c];
+}
+
+/* ---- where joints are, and what may happen in a cell; both kept by their times */
+
+static inline int span_of(int m, int k) { return m * (15 - m) / 2 + k - m - 1; }
+
+static void configuration(const Step *s, double t, double *q) {
+    if (!s->pieces) {
+        memcpy(q, s->q, JOINTS * sizeof(double));
+        return;
+    }
+    int low = 0, high = s->pieces;
+    while (high - low > 1) {
+        int middle = (low + high) / 2;
+        if (s->t[middle] <= t) low = middle; else high = middle;
+    }
+    double d = t - s->t[low];
+    for (int i = 0; i < JOINTS; i++) {
+        int o = JOINTS * low + i;
+        q[i] = s->q[o] + d * (s->v[o] + d * (s->a[o] / 2 + d * s->j[o] / 6));
+    }
+}
+
+static void place(const Step *s, Instant *I) {
+    double q[JOINTS], turns[JOINTS][9];
+    configuration(s, I->t, q);
+    for (int i = 0; i < JOINTS; i++) {
+        double c = cos(q[i]), d = sin(q[i]);
+        for (int r = 0; r < 3; r++) {
+            const double *R = s->spans_R + 9 * i + 3 * r;
+            double *T = turns[i] + 3 * r;
+            T[0] = R[0] * c + R[1] * d;
+            T[1] = R[1] * c - R[0] * d;
+            T[2] = R[2];
+        }
+    }
+    for (int m = 0; m < JOINTS; m++) {
+        int at = span_of(m, m + 1);
+        memcpy(I->R[at], turns[m], sizeof turns[m]);
+        copy(s->spans_p + 3 * m, I->p[at]);
+        for (int k = m + 2; k <= JOINTS; k++, at++) {
+            product(I->R[at], turns[k - 1], I->R[at + 1]);
+            turned(I->R[at], s->spans_p + 3 * (k - 1), I->p[at + 1]);
+            for (int r = 0; r < 3; r++) I->p[at + 1][r] += I->p[at][r];
+        }
+    }
+}
+
+static int32_t *slot(int32_t *table, uint64_t key) { return table + (key * 0x9E3779B97F4A7C15ull >> 50); }
+static int32_t *next_slot(int32_t *table, int32_t *at) { return at + 1 == table + TABLE ? table : at + 1; }
+
+static void *grown(void *array, int count, int *room, size_t size) {
+    if (count < *room) return array;
+    *room = *room ? 2 * *room : 256;
+    return realloc(array, size * *room);
+}
+
+/* The number of an instant; -1 when there are too many. */
+static int instant(Search *s, double t) {
+    uint64_t bits;
+    memcpy(&bits, &t, sizeof bits);
+    int32_t *at = slot(s->instant_table, bits);
+    for (; *at >= 0; at = next_slot(s->instant_table, at))
+        if (s->instants[*at].t == t) return *at;
+    if (s->instant_count >= 3 * (TABLE / 4)) return -1;
+    Instant *larger = grown(s->instants, s->instant_count, &s->instant_room, sizeof(Instant));
+    if (!larger) return -1;
+    s->instants = larger;
+    s->instants[s->instant_count].t = t;
+    place(&s->step, &s->instants[s->instant_count]);
+    return *at = s->instant_count++;
+}
+
+/* The sag of a cell is fixed + by_reach * reach, for each pair of joints; NULL when there are too many. */
+static const Cell *cell(Search *s, int start, int end) {
+    int32_t *at = slot(s->cell_table, (uint64_t)start << 32 | (uint32_t)end);
+    for (; *at >= 0; at = next_slot(s->cell_table, at))
+        if (s->cells[*at].start == start && s->cells[*at].end == end) return &s->cells[*at];
+    if (s->cell_count >= 3 * (TABLE / 4)) return NULL;
+    Cell *larger = grown(s->cells, s->cell_count, &s->cell_room, sizeof(Cell));
+    if (!larger) return NULL;
+    s->cells = larger;
+    *at = s->cell_count++;
+    Cell *c = &s->cells[*at];
+    c->start = start, c->end = end;
+    double begin = s->instants[start].t, until = s->instants[end].t;
+    double eighth = (until - begin) * (until - begin) / 8 * (1 + 1e-8);
+    double V[JOINTS] = {0}, A[JOINTS] = {0}, both[JOINTS];
+    for (int g = 0; g < s->step.pieces; g++) {
+        if (s->step.t[g + 1] <= begin || s->step.t[g] >= until) continue;
+        for (int i = 0; i < JOINTS; i++) {
+            V[i] = fmax(V[i], s->step.v_peak[JOINTS * g + i]);
+            A[i] = fmax(A[i], s->step.a_peak[JOINTS * g + i]);
+        }
+    }
+    for (int i = 0; i < JOINTS; i++) both[i] = sqrt(V[i] * V[i] * V[i] * V[i] + A[i] * A[i]);
+    for (int k = 1; k <= JOINTS; k++) {
+        double u[2] = {0, 0}, w[2] = {0, 0}, lever = 0; /* [1]: by reach */
+        for (int i = k - 1; i >= 0; i--) {
+            w[0] += 2 * V[i] * u[0] + both[i] * lever;
+            w[1] += 2 * V[i] * u[1] + both[i];
+            u[0] += V[i] * lever;
+            u[1] += V[i];
+            lever += s->step.offsets[i];
+            c->fixed[span_of(i, k)] = w[0] * eighth;
+            c->by_reach[span_of(i, k)] = w[1] * eighth;
+        }
+    }
+    return c;
+}
+
+/* ---- clusters */
+
+static int is_leaf(const Search *s, Cluster c) {
+    const Placed *placed = &s->placed[c.tree];
+    return placed->joined[0] < 0 && s->trees[placed->tree].children[2 * c.node] < 0;
+}
+
+static Cluster child(const Search *s, Cluster c, int side) {
+    const Placed *placed = &s->placed[c.tree];
+    if (placed->joined[0] >= 0) return (Cluster){placed->joined[side], 0};
+    return (Cluster){c.tree, s->trees[placed->tree].children[2 * c.node + side]};
+}
+
+static void box_of(const Search *s, Cluster c, double *low, double *high) {
+    const Placed *placed = &s->placed[c.tree];
+    const Tree *tree = &s->trees[placed->tree];
+    copy(tree->low + 3 * c.node, low);
+    copy(tree->high + 3 * c.node, high);
+    for (int i = 0; i < 3 && placed->has_apex; i++) {
+        low[i] = fmin(low[i], placed->apex[i]);
+        high[i] = fmax(high[i], placed->apex[i]);
+    }
+}
+
+static double extent_of(const Search *s, Cluster c) {
+    double low[3], high[3];
+    box_of(s, c, low, high);
+    double x[3] = {high[0] - low[0], high[1] - low[1], high[2] - low[2]};
+    return norm(x);
+}
+
+/* The middle of a cluster's box, in the frame that carries it; as in the checker. */
+static void middle_of(const Search *s, Cluster c, double *x) {
+    const Placed *placed = &s->placed[c.tree];
+    double low[3], high[3], own[3];
+    box_of(s, c, low, high);
+    for (int i = 0; i < 3; i++) own[i] = 0.5 * (low[i] + high[i]);
+    turned(placed->R, own, x);
+    for (int i = 0; i < 3; i++) x[i] += placed->p[i];
+}
+
+static double reach_of(const Search *s, Cluster c) {
+    const Placed *placed = &s->placed[c.tree];
+    double own = s->trees[placed->tree].reach[c.node];
+    if (placed->has_apex) own = fmax(own, norm(placed->apex));
+    return own + placed->ball + placed->disc + norm(placed->p);
+}
+
+/* The least d . x over a cluster without its ball, d in the frame of its tree; and a point there. */
+static double lowest(const Search *s, Cluster c, const double *d, double *at) {
+    const Placed *placed = &s->placed[c.tree];
+    const Tree *tree = &s->trees[placed->tree];
+    const float *x = tree->x + tree->first[c.node], *y = tree->y + tree->first[c.node], *z = tree->z + tree->first[c.node];
+    int count = tree->count[c.node];
+    double low[LANES], best;
+    for (int l = 0; l < LANES; l++) low[l] = x[l] * d[0] + y[l] * d[1] + z[l] * d[2];
+    for (int i = LANES; i < count; i += LANES)
+        for (int l = 0; l < LANES; l++) {
+            double value = x[i + l] * d[0] + y[i + l] * d[1] + z[i + l] * d[2];
+            low[l] = value < low[l] ? value : low[l];
+        }
+    best = low[0];
+    for (int l = 1; l < LANES; l++) best = low[l] < best ? low[l] : best;
+    if (at) {
+        int i = 0;
+        while (i < count - 1 && x[i] * d[0] + y[i] * d[1] + z[i] * d[2] > best + 1e-13) i++;
+        at[0] = x[i], at[1] = y[i], at[2] = z[i];
+    }
+    if (placed->has_apex && dot(placed->apex, d) < best) {
+        best = dot(placed->apex, d);
+        if (at) copy(placed->apex, at);
+    }
+    if (placed->disc > 0) {
+        double across = sqrt(d[0] * d[0] + d[1] * d[1]);
+        best -= placed->disc * across;
+        if (at && across > 0)
+            for (int i = 0; i < 2; i++) at[i] -= placed->disc * d[i] / across;
+    }
+    return best;
+}
+
+/* ---- two clusters at one or both ends of a cell, seen from the frame that carries the second */
+
+typedef struct {
+    Cluster a, b;
+    int ends;
+    double Ra[2][9], pa[2][3], Rb[9], pb[3], ball;
+} View;
+
+static void place_first(const Search *s, const Task *task, int at, double *R, double *p) {
+    const Pair *pair = &s->pairs[task->pair];
+    const Placed *placed = &s->placed[task->a.tree];
+    const Instant *I = &s->instants[at];
+    double share = I->t / s->step.duration, x[3];
+    copy(placed->p, x);
+    x[1] += pair->slides[0] * (1 - share) + pair->slides[1] * share;
+    if (pair->m == pair->k) {
+        x[1] -= pair->slides[2] * (1 - share) + pair->slides[3] * share;
+        memcpy(R, placed->R, sizeof placed->R);
+        copy(x, p);
+        return;
+    }
+    int span = span_of(pair->m, pair->k);
+    product(I->R[span], placed->R, R);
+    turned(I->R[span], x, p);
+    for (int i = 0; i < 3; i++) p[i] += I->p[span][i];
+}
+
+static View view_of(const Search *s, const Task *task) {
+    View v = {.a = task->a, .b = task->b, .ends = task->start == task->end ? 1 : 2};
+    const Placed *second = &s->placed[task->b.tree];
+    place_first(s, task, task->start, v.Ra[0], v.pa[0]);
+    if (v.ends == 2) place_first(s, task, task->end, v.Ra[1], v.pa[1]);
+    memcpy(v.Rb, second->R, sizeof second->R);
+    copy(second->p, v.pb);
+    v.ball = s->placed[task->a.tree].ball + second->ball;
+    return v;
+}
+
+/* What n leaves at the worse end, times |n|; and the point of the difference there. */
+static double gap(const Search *s, const View *v, const double *n, double *difference) {
+    double d[3], reversed[3] = {-n[0], -n[1], -n[2]}, x[3], nearest[3] = {0}, best = INFINITY;
+    for (int end = 0; end < v->ends; end++) {
+        turned_back(v->Ra[end], n, d);
+        double found = lowest(s, v->a, d, difference ? x : NULL) + dot(n, v->pa[end]);
+        if (found >= best) continue;
+        best = found;
+        if (!difference) continue;
+        turned(v->Ra[end], x, nearest);
+        for (int i = 0; i < 3; i++) nearest[i] += v->pa[end][i];
+    }
+    turned_back(v->Rb, reversed, d);
+    best += lowest(s, v->b, d, difference ? x : NULL) - dot(n, v->pb);
+    if (difference) {
+        double far[3];
+        turned(v->Rb, x, far);
+        for (int i = 0; i < 3; i++) difference[i] = nearest[i] - far[i] - v->pb[i];
+    }
+    return best - v->ball * norm(n);
+}
+
+/* ---- Gilbert, Johnson and Keerthi */
+
+/* The point of a simplex nearest to the origin; keeps the corners that carry it, returns how many. */
+static int nearest_to_origin(double corners[4][3], int count, double *nearest) {
+    static const int subsets[15][5] = {/* size, corners */
+        {1, 0}, {1, 1}, {1, 2}, {1, 3}, {2, 0, 1}, {2, 0, 2}, {2, 1, 2}, {2, 0, 3}, {2, 1, 3}, {2, 2, 3},
+        {3, 0, 1, 2}, {3, 0, 1, 3}, {3, 0, 2, 3}, {3, 1, 2, 3}, {4, 0, 1, 2, 3}};
+    double least = INFINITY, kept[4][3];
+    int chosen = 0;
+    for (int number = 0; number < 15; number++) {
+        int size = subsets[number][0];
+        const int *of = subsets[number] + 1;
+        if (of[size - 1] >= count) continue;
+        const double *A = corners[of[0]];
+        double e[3][3], p[3];
+        for (int j = 1; j < size; j++)
+            for (int i = 0; i < 3; i++) e[j - 1][i] = corners[of[j]][i] - A[i];
+        int is_inside = 1;
+        if (size == 1) {
+            copy(A, p);
+        } else if (size == 2) {
+            double ee = dot(e[0], e[0]), share = ee > 1e-24 ? -dot(A, e[0]) / ee : -1;
+            is_inside = share > 0 && share < 1;
+            for (int i = 0; i < 3; i++) p[i] = A[i] + share * e[0][i];
+        } else if (size == 3) {
+            double ee = dot(e[0], e[0]), ff = dot(e[1], e[1]), ef = dot(e[0], e[1]);
+            double ae = -dot(A, e[0]), af = -dot(A, e[1]), det = ee * ff - ef * ef;
+            if (det <= 1e-12 * ee * ff) continue;
+            double first = (ae * ff - af * ef) / det, second = (af * ee - ae * ef) / det;
+            is_inside = first > 0 && second > 0 && first + second < 1;
+            for (int i = 0; i < 3; i++) p[i] = A[i] + first * e[0][i] + second * e[1][i];
+        } else {
+            double sum = 0, scale = norm(e[0]) * norm(e[1]) * norm(e[2]);
+            for (int j = 0; j < 3 && is_inside; j++) {
+                const double *f = e[(j + 1) % 3], *g = e[(j + 2) % 3];
+                double across[3] = {f[1] * g[2] - f[2] * g[1], f[2] * g[0] - f[0] * g[2], f[0] * g[1] - f[1] * g[0]};
+                double det = dot(e[j], across), share = -dot(A, across) / det;
+                is_inside = fabs(det) > 1e-12 * scale && share > 0;
+                sum += share;
+            }
+            is_inside = is_inside && sum < 1;
+            p[0] = p[1] = p[2] = 0;
+        }
+        if (is_inside && dot(p, p) < least) least = dot(p, p), chosen = number, copy(p, nearest);
+    }
+    int size = subsets[chosen][0];
+    for (int j = 0; j < size; j++) copy(corners[subsets[chosen][j + 1]], kept[j]);
+    memcpy(corners, kept, size * sizeof *kept);
+    return size;
+}
+
+/* The nearest direction of whole numbers up to 127. */
+static void whole(const double *d, int8_t *n) {
+    double top = fmax(fabs(d[0]), fmax(fabs(d[1]), fabs(d[2]))), best = -1;
+    for (int scale = 127; scale > 96; scale--) {
+        double m[3], factor = scale / top;
+        for (int i = 0; i < 3; i++) m[i] = rounded(d[i] * factor);
+        double along = dot(m, d) / norm(m);
+        if (along <= best + 1e-12) continue;
+        best = along;
+        for (int i = 0; i < 3; i++) n[i] = (int8_t)m[i];
+    }
+}
+
+typedef struct {         /* what a search for a direction found */
+    double d[3];         /* from where it starts; then the best direction, of any length */
+    double least;        /* the distance is at most this */
+    int8_t n[3];         /* a direction that separates */
+    double kept;         /* the distance that it keeps at the instants looked at */
+} Found;
+
+static int separates(const Search *s, const View *v, const double *d, double goal, Found *f) {
+    whole(d, f->n);
+    double n[3] = {f->n[0], f->n[1], f->n[2]};
+    f->kept = gap(s, v, n, NULL) / norm(n);
+    return f->kept > goal + s->step.spare;
+}
+
+/* Whether a direction keeps more than the goal: one of whole numbers for rows, any at an instant. */
+static int separated(const Search *s, const View *v, double goal, Found *f) {
+    int for_rows = v->ends == 2, size = 1;
+    double simplex[4][3], p[3], w[3];
+    double best = gap(s, v, f->d, simplex[0]) / norm(f->d);
+    f->least = FAR;
+    if (!for_rows && best > goal) return 1;
+    copy(simplex[0], p);
+    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
+        double length = norm(p), distance = length - v->ball;
+        f->least = fmin(f->least, distance);
+        if (length < 1e-9) return 0;
+        double u[3] = {p[0] / length, p[1] / length, p[2] / length}, kept = gap(s, v, u, w);
+        if (kept > best) best = kept, copy(u, f->d);
+        if (kept > goal && (!for_rows || (kept > goal + s->step.spare && separates(s, v, u, goal, f)))) return 1;
+        if (for_rows && f->least <= goal) return 0;
+        if (distance - kept < 1e-7 + CONVERGED * fabs(distance - goal)) return 0;
+        for (int i = 0; i < size; i++)
+            if (fabs(simplex[i][0] - w[0]) + fabs(simplex[i][1] - w[1]) + fabs(simplex[i][2] - w[2]) < 1e-12) return 0;
+        copy(w, simplex[size]);
+        size = nearest_to_origin(simplex, size + 1, p);
+        if (size == 4) {
+            f->least = -v->ball;
+            return 0;
+        }
+    }
+    return 0;
+}
+
+/* From the middle of the second cluster to that of the first, at an instant. */
+static void between(const Search *s, const Task *task, int at, double *x) {
+    const Pair *pair = &s->pairs[task->pair];
+    double first[3], second[3], share = s->instants[at].t / s->step.duration;
+    middle_of(s, task->a, first);
+    middle_of(s, task->b, second);
+    first[1] += pair->slides[0] * (1 - share) + pair->slides[1] * share;
+    second[1] += pair->slides[2] * (1 - share) + pair->slides[3] * share;
+    copy(first, x);
+    if (pair->k > pair->m) {
+        const Instant *I = &s->instants[at];
+        int span = span_of(pair->m, pair->k);
+        turned(I->R[span], first, x);
+        for (int i = 0; i < 3; i++) x[i] += I->p[span][i];
+    }
+    for (int i = 0; i < 3; i++) x[i] -= second[i];
+}
+
+/* The line between the middles, as the checker rounds it; whether rounding is sure to agree. */
+static int between_middles(const Search *s, const Task *task, double *n) {
+    double x[3], top = 1e-9;
+    int is_sure = 1;
+    between(s, task, task->start, x);
+    for (int i = 0; i < 3; i++) top = fmax(top, fabs(x[i]));
+    for (int i = 0; i < 3; i++) {
+        double value = 100 * (x[i] / top);
+        n[i] = rounded(value);
+        is_sure = is_sure && fabs(fabs(value - n[i]) - 0.5) > 1e-6;
+    }
+    if (n[0] == 0 && n[1] == 0 && n[2] == 0) n[2] = 1;
+    return is_sure;
+}
+
+/* What n leaves at least between balls around both clusters, times |n|, at an instant. */
+static double ball_gap(const Search *s, const Task *task, int at, const double *n) {
+    double x[3], radii = 0.5 * (extent_of(s, task->a) + extent_of(s, task->b));
+    between(s, task, at, x);
+    for (int side = 0; side < 2; side++) {
+        const Placed *placed = &s->placed[side ? task->b.tree : task->a.tree];
+        radii += placed->ball + placed->disc;
+    }
+    return dot(n, x) - radii * norm(n);
+}
+
+/* ---- how near things are at an instant */
+
+static void take_nearer(Search *s, int pair, double t, double distance) {
+    Result *r = s->result;
+    if (!s->pairs[pair].is_counted || distance >= r->nearest) return;
+    r->nearest = distance, r->nearest_pair = pair, r->nearest_s = t;
+}
+
+static int refuse(Search *s, int pair, double t, double distance, int code) {
+    s->result->found_pair = pair, s->result->found_s = t, s->result->found = distance;
+    return code;
+}
+
+/* Contacts on purpose may press; those that may touch are separated best by axes, too. */
+static int may_press(const Pair *pair) { return !pair->is_counted && pair->least < 0; }
+static int may_touch(const Pair *pair) { return !pair->is_counted && pair->least <= 0; }
+
+static double needed(const Search *s, int pair) {
+    return s->pairs[pair].is_counted ? fmax(s->pairs[pair].least, s->step.margin) : s->pairs[pair].least;
+}
+
+/* The distance of a whole pair at an instant if it is below `within`, the nearer of two clusters first. */
+static double measured(const Search *s, int pair, int at, double within, double *d) {
+    struct { Cluster a, b; double d[3], low; } stack[STACK], made[2];
+    int count = 1;
+    stack[0].a = (Cluster){s->pairs[pair].first, 0};
+    stack[0].b = (Cluster){s->pairs[pair].second, 0};
+    stack[0].low = -1;
+    copy(d, stack[0].d);
+    while (count) {
+        count--;
+        if (stack[count].low >= within) continue;
+        Cluster a = stack[count].a, b = stack[count].b;
+        int ends[2] = {is_leaf(s, a), is_leaf(s, b)}, sides = ends[0] && ends[1] ? 1 : 2, kept = 0;
+        int cuts_first = ends[1] || (!ends[0] && extent_of(s, a) > extent_of(s, b));
+        for (int side = 0; side < sides; side++) {
+            Task task = {.pair = pair, .start = at, .end = at, .a = a, .b = b};
+            if (sides == 2 && cuts_first) task.a = child(s, a, side);
+            if (sides == 2 && !cuts_first) task.b = child(s, b, side);
+            View v = view_of(s, &task);
+            Found f;
+            copy(stack[count].d, f.d);
+            if (separated(s, &v, within, &f)) continue;
+            if (is_leaf(s, task.a) && is_leaf(s, task.b)) {
+                if (f.least < within) within = f.least, copy(f.d, d);
+                if (within <= 0) return within;
+                continue;
+            }
+            made[kept].a = task.a, made[kept].b = task.b;
+            copy(f.d, made[kept].d);
+            made[kept].low = f.least > 0 ? gap(s, &v, f.d, NULL) / norm(f.d) : -1;
+            kept++;
+        }
+        if (count + kept > STACK) return within;
+        int order = kept == 2 && made[0].low < made[1].low; /* the nearer is taken first: put last */
+        for (int i = 0; i < kept; i++) stack[count++] = made[order ? 1 - i : i];
+    }
+    return within;
+}
+
+static int is_new(Search *s, int pair, int at) {
+    int32_t key = (int32_t)((uint32_t)pair << 16 | (uint32_t)at), *place = slot(s->measured_table, (uint32_t)key);
+    for (int i = 0; i < 64; i++, place = next_slot(s->measured_table, place)) {
+        if (*place == key) return 0;
+        if (*place < 0) {
+            *place = key;
+            return 1;
+        }
+    }
+    return 0;
+}
+
+typedef struct { double low, d[3]; int pair, at; } Look;
+
+static int by_low(const void *a, const void *b) {
+    double x = ((const Look *)a)->low, y = ((const Look *)b)->low;
+    return (x > y) - (x < y);
+}
+
+/* Measure both ends, what is nearest first: it tells what can be asked for. */
+static int look_at_ends(Search *s, const Task *tasks, int count) {
+    Look *looks = malloc(2 * sizeof(Look) * ((size_t)count + 1));
+    if (!looks) return TOO_MUCH;
+    int made = 0, code = PROVEN;
+    for (int i = 0; i < count; i++) {
+        if (may_press(&s->pairs[i])) continue;
+        for (int end = 0; end < 2; end++) {
+            Look *look = &looks[made++];
+            Task task = tasks[i];
+            task.start = task.end = look->at = end ? tasks[i].end : tasks[i].start;
+            look->pair = i;
+            between_middles(s, &task, look->d);
+            look->low = ball_gap(s, &task, task.start, look->d) / norm(look->d);
+        }
+    }
+    qsort(looks, made, sizeof(Look), by_low);
+    for (int j = 0; j < made && code == PROVEN; j++) {
+        int pair = looks[j].pair;
+        double need = needed(s, pair), t = s->instants[looks[j].at].t;
+        double within = (s->pairs[pair].is_counted ? fmax(need, s->result->nearest) : need) + 1e-9;
+        if (looks[j].low >= within) continue;
+        double distance = measured(s, pair, looks[j].at, within, looks[j].d);
+        if (distance <= need) code = refuse(s, pair, t, distance, TOO_NEAR);
+        take_nearer(s, pair, t, distance);
+    }
+    free(looks);
+    return code;
+}
+
+/* ---- rows */
+
+/* What a row of a pair must conclude, as it looks now. */
+static double asked(const Search *s, int pair) {
+    double need = needed(s, pair);
+    return s->pairs[pair].is_counted ? fmax(need, s->step.share * s->result->nearest) : need;
+}
+
+/* What touches on purpose is separated best by the axes of both shapes. */
+static int separated_by_axes(const Search *s, const View *v, double goal, Found *f) {
+    const double *frames[3] = {v->Rb, v->Ra[0], v->Ra[1]};
+    Found best = {.kept = -FAR};
+    for (int frame = 0; frame < 3; frame++)
+        for (int axis = 0; axis < 3; axis++)
+            for (int sign = -1; sign <= 1; sign += 2) {
+                const double *R = frames[frame];
+                double d[3] = {sign * R[axis], sign * R[3 + axis], sign * R[6 + axis]};
+                if (separates(s, v, d, goal, f) && f->kept > best.kept) best = *f;
+            }
+    if (best.kept == -FAR) return 0;
+    *f = best;
+    return 1;
+}
+
+/* How far a gap may sag within the cell of a task; -1 when there are too many cells. */
+static double sag_of(Search *s, const Task *task) {
+    const Pair *pair = &s->pairs[task->pair];
+    if (!s->step.pieces) return 0;
+    if (pair->k == pair->m) return s->step.slack;
+    const Cell *c = cell(s, task->start, task->end);
+    if (!c) return -1;
+    int span = span_of(pair->m, pair->k);
+    double reach = reach_of(s, task->a) + fmax(fabs(pair->slides[0]), fabs(pair->slides[1]));
+    return s->step.slack + c->fixed[span] + c->by_reach[span] * reach;
+}
+
+/* A letter for one task; sets *code when the search ends. */
+static int letter_of(Search *s, Task *task, double sag, Found *f, int *code) {
+    const Pair *pair = &s->pairs[task->pair];
+    double start = s->instants[task->start].t, end = s->instants[task->end].t, n[3];
+    int is_sure = between_middles(s, task, n);
+    if (is_sure) {
+        f->kept = fmin(ball_gap(s, task, task->start, n), ball_gap(s, task, task->end, n)) / norm(n);
+        if (f->kept > asked(s, task->pair) + sag + s->step.spare) return BY_MIDDLES;
+    }
+    View v = view_of(s, task);
+    for (;;) {
+        double goal = asked(s, task->pair) + sag;
+        if (task->has_n && separates(s, &v, task->n, goal, f)) return BY_DIRECTION;
+        if (is_sure && (f->kept = gap(s, &v, n, NULL) / norm(n)) > goal + s->step.spare) return BY_MIDDLES;
+        copy(task->has_n ? task->n : n, f->d);
+        if (separated(s, &v, goal, f)) return BY_DIRECTION;
+        if (may_touch(pair) && sag < TOUCHING_SAG_M && separated_by_axes(s, &v, goal, f)) return BY_DIRECTION;
+
+        int middle = instant(s, 0.5 * (start + end));
+        if (middle < 0) return *code = TOO_MUCH, NONE;
+        Task now = *task;
+        now.start = now.end = middle;
+        View inside = view_of(s, &now);
+        double apart = asked(s, task->pair) + fmin(0.25 * sag, APART_M);
+        int is_apart = separated(s, &inside, apart, f);
+        task->has_n = 1;
+        copy(f->d, task->n);
+        if (!is_apart && !may_press(pair) && is_new(s, task->pair, middle)) { /* how near is it really? */
+            double need = needed(s, task->pair), time = s->instants[middle].t, d[3];
+            double within = (pair->is_counted ? fmax(s->result->nearest, need) : need) + 1e-9;
+            now.a = (Cluster){pair->first, 0}, now.b = (Cluster){pair->second, 0};
+            between_middles(s, &now, d);
+            double distance = measured(s, task->pair, middle, within, d);
+            if (distance <= need) return *code = refuse(s, task->pair, time, distance, TOO_NEAR), NONE;
+            if (pair->is_counted && distance < s->result->nearest) {
+                take_nearer(s, task->pair, time, distance);
+                continue; /* less is asked for now */
+            }
+        }
+        double first = is_leaf(s, task->a) ? 0 : extent_of(s, task->a), second = is_leaf(s, task->b) ? 0 : extent_of(s, task->b);
+        int is_whole = first == 0 && second == 0;
+        int is_late = (is_apart && sag > LEAST_SAG_M) || LARGE_SAG * sag > fmax(first, second) || is_whole;
+        if (is_late && sag > s->step.slack && end - start > SHORTEST_S) return CUT_TIME;
+        if (is_whole) return *code = refuse(s, task->pair, s->instants[middle].t, is_apart ? apart : f->least, NOT_SHOWN), NONE;
+        return first >= second ? CUT_FIRST : CUT_SECOND;
+    }
+}
+
+/* The halves of what is cut, in the checker's order; how many, or -1 when there are too many. */
+static int halves(Search *s, const Task *tasks, const uint8_t *letters, int count, Task *made) {
+    int number = 0;
+    for (int side = 0; side < 2; side++)
+        for (int letter = CUT_FIRST; letter <= CUT_TIME; letter++)
+            for (int i = 0; i < count; i++) {
+                if (letters[i] != letter) continue;
+                if (number == MOST_TASKS) return -1;
+                Task task = tasks[i];
+                if (letter == CUT_FIRST) task.a = child(s, task.a, side);
+                if (letter == CUT_SECOND) task.b = child(s, task.b, side);
+                if (letter == CUT_TIME) {
+                    int middle = instant(s, 0.5 * (s->instants[task.start].t + s->instants[task.end].t));
+                    if (middle < 0) return -1;
+                    if (side) task.start = middle; else task.end = middle;
+                }
+                made[number++] = task;
+            }
+    return number;
+}
+
+static int levels(Search *s, Task *tasks, Task *next, uint8_t *letters, int8_t *directions, int64_t room) {
+    Result *r = s->result;
+    int count = s->step.pairs;
+    if (count > MOST_TASKS) return TOO_MUCH;
+    for (int i = 0; i < count; i++) {
+        const Pair *pair = &s->pairs[i];
+        tasks[i] = (Task){.pair = i, .a = {pair->first, 0}, .b = {pair->second, 0}};
+        tasks[i].start = instant(s, pair->begin), tasks[i].end = instant(s, pair->end);
+        if (tasks[i].start < 0 || tasks[i].end < 0) return TOO_MUCH;
+    }
+    int code = look_at_ends(s, tasks, count);
+    while (count && code == PROVEN) {
+        if (r->tasks + count > room) return TOO_MUCH;
+        uint8_t *own = letters + r->tasks;
+        for (int i = 0; i < count; i++) {
+            Found f;
+            double sag = sag_of(s, &tasks[i]);
+            if (sag < 0) return TOO_MUCH;
+            own[i] = (uint8_t)letter_of(s, &tasks[i], sag, &f, &code);
+            if (code != PROVEN) return code;
+            if (own[i] > BY_MIDDLES) continue;
+            if (own[i] == BY_DIRECTION) memcpy(directions + 3 * r->directions++, f.n, 3);
+            if (s->pairs[tasks[i].pair].is_counted) r->proven = fmin(r->proven, f.kept - sag);
+        }
+        r->tasks += count;
+        count = halves(s, tasks, own, count, next);
+        if (count < 0) return TOO_MUCH;
+        Task *other = tasks;
+        tasks = next, next = other;
+    }
+    return code;
+}
+
+/* Fill in a tree from points as they are stored, (x, y, z) after each other. */
+void lay_out(const float *points, const int32_t *counts, int32_t nodes, Tree *tree) {
+    int32_t at = 0;
+    for (int32_t node = 0; node < nodes; node++) {
+        double low[3] = {FAR, FAR, FAR}, high[3] = {-FAR, -FAR, -FAR}, reach = 0;
+        int32_t padded = (counts[node] + LANES - 1) / LANES * LANES;
+        tree->first[node] = at, tree->count[node] = padded;
+        for (int32_t i = 0; i < padded; i++, at++) {
+            double x[3] = {points[0], points[1], points[2]};
+            tree->x[at] = points[0], tree->y[at] = points[1], tree->z[at] = points[2];
+            if (i < counts[node]) {
+                for (int a = 0; a < 3; a++) low[a] = fmin(low[a], x[a]), high[a] = fmax(high[a], x[a]);
+                reach = fmax(reach, dot(x, x));
+            }
+            if (i + 1 < counts[node]) points += 3; /* the last is repeated */
+        }
+        points += 3;
+        copy(low, tree->low + 3 * node), copy(high, tree->high + 3 * node);
+        tree->reach[node] = sqrt(reach);
+    }
+}
+
+int rows_version(void) { return ROWS_VERSION; }
+
+/* Letters and directions of a step, `room` of each at most; returns PROVEN or why not. */
+int find_rows(const Tree *trees, const Placed *placed, const Pair *pairs, const Step *step, uint8_t *letters,
+              int8_t *directions, int64_t room, Result *result) {
+    Search s = {.trees = trees, .placed = placed, .pairs = pairs, .step = *step, .result = result};
+    *result = (Result){.nearest = FAR, .proven = FAR, .nearest_pair = -1, .found_pair = -1};
+    size_t table = TABLE * sizeof(int32_t);
+    int32_t *tables = malloc(3 * table);
+    Task *tasks = malloc(2 * MOST_TASKS * sizeof(Task));
+    int code = TOO_MUCH;
+    if (tables && tasks) {
+        memset(tables, 255, 3 * table);
+        s.instant_table = tables, s.cell_table = tables + TABLE, s.measured_table = tables + 2 * TABLE;
+        code = levels(&s, tasks, tasks + MOST_TASKS, letters, directions, room);
+    }
+    free(tables), free(tasks), free(s.instants), free(s.cells);
+    return code;
+}
