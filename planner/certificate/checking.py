@@ -7,8 +7,9 @@ A plan file of version 4 may have an entry `certificate`:
 - `steps`: for each step of the plan `margin_m`; of a hand that closes on a body `closing`, how far
   it is open when the first finger touches and at the end, and how far the body is pushed; and
   `contacts`, from when to when a held body may touch which other body,
-- `letters` and `directions`: of all rows, level by level and step by step, bytes (of directions
-  three signed ones each), compressed by zlib, in base64.
+- `letters`, `directions` and `fine`: of all rows, level by level and step by step, bytes (of
+  directions three signed ones each, of fine ones three signed numbers of two bytes, the lower
+  first), compressed by zlib, in base64.
 """
 
 from __future__ import annotations
@@ -24,11 +25,9 @@ from typing import Any
 import numpy as np
 
 from planner.certificate.body import Body
-from planner.certificate.clusters import Nodes
 from planner.certificate.errors import NotCertifiedError, require
-from planner.certificate.intervals import Array
 from planner.certificate.robot import Robot
-from planner.certificate.rows import BY_MIDDLES, Advice, certified_m
+from planner.certificate.rows import BY_MIDDLES, Advice, Trace, certified_m
 from planner.certificate.timeline import Limits, StepWitness, Timeline
 
 PLAN_FORMAT, PLAN_VERSION = "baxter-kin plan", 4
@@ -45,14 +44,12 @@ class Witness:
     Attributes:
         body: SHA-256 of the file of clusters.
         steps: one for each step of the plan.
-        letters: of all rows.
-        directions: for each letter that states one, shape (k, 3), whole numbers up to 127.
+        trace: of all rows.
     """
 
     body: str
     steps: tuple[StepWitness, ...]
-    letters: Nodes
-    directions: Array
+    trace: Trace
 
     @classmethod
     def of_file(cls, data: Mapping[str, Any]) -> Witness:
@@ -65,9 +62,11 @@ class Witness:
             require(data["version"] == VERSION, "the certificate has another version")
             steps = tuple(_step(each) for each in data["steps"])
             letters = np.frombuffer(_unpacked(data["letters"]), np.uint8).astype(np.intp)
-            directions = np.frombuffer(_unpacked(data["directions"]), np.int8)
-            stated = directions.astype(np.float64).reshape(-1, 3)
-            return cls(str(data["body"]), steps, letters, stated)
+            stated = (
+                np.frombuffer(_unpacked(data[key]), kind).astype(np.float64).reshape(-1, 3)
+                for key, kind in (("directions", "i1"), ("fine", "<i2"))
+            )
+            return cls(str(data["body"]), steps, Trace(letters, *stated))
         except (
             KeyError,
             TypeError,
@@ -84,8 +83,9 @@ class Witness:
             "version": VERSION,
             "body": self.body,
             "steps": [_step_for_file(each) for each in self.steps],
-            "letters": _packed(self.letters.astype(np.uint8).tobytes()),
-            "directions": _packed(self.directions.astype(np.int8).tobytes()),
+            "letters": _packed(self.trace.letters.astype("u1").tobytes()),
+            "directions": _packed(self.trace.directions.astype("i1").tobytes()),
+            "fine": _packed(self.trace.fine.astype("<i2").tobytes()),
         }
 
 
@@ -163,12 +163,12 @@ def check(
         timeline = Timeline(plan, states, robot, body, certificate.steps, limits=limits)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as cause:
         raise NotCertifiedError(f"the plan is malformed: {cause!r}") from cause
-    advice = Advice(certificate.letters, certificate.directions)
+    advice = Advice(certificate.trace)
     found = tuple(
         (step.label, certified_m(robot, timeline.clusters, step, advice)) for step in timeline.steps
     )
     require(advice.is_used_up, "the certificate goes on after the plan")
-    rows = int((certificate.letters <= BY_MIDDLES).sum())
+    rows = int((certificate.trace.letters <= BY_MIDDLES).sum())
     return Certified(found, rows, body.bare)
 
 

@@ -29,7 +29,7 @@ from planner.certificate.intervals import UNIT, Array, Interval, Pose, norm_boun
 from planner.certificate.motion import Cubics, carried
 from planner.certificate.robot import ARM_JOINTS, Robot
 
-BY_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME = range(5)
+BY_DIRECTION, BY_FINE_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME = range(6)
 """Letters: separated by a stated direction, or by the line between the middles; cut."""
 
 MAX_TASKS = 50_000
@@ -134,23 +134,48 @@ class Tasks:
         return len(self.pair)
 
 
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """What leads through the rows of a step, or of all steps.
+
+    Attributes:
+        letters: in order, shape (n,).
+        directions: for each letter `BY_DIRECTION`, shape (k, 3), whole numbers up to 127.
+        fine: likewise for each letter `BY_FINE_DIRECTION`, up to 32767.
+    """
+
+    letters: Nodes
+    directions: Array
+    fine: Array
+
+    @classmethod
+    def of(cls, letters: Nodes, n: Array) -> Trace:
+        """A trace of letters with a direction for each; those that are not stated are left out."""
+        stated = (n[letters == letter] for letter in (BY_DIRECTION, BY_FINE_DIRECTION))
+        return cls(letters, *stated)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Trace]) -> Trace:
+        """One trace after the other."""
+        none = cls(np.zeros(0, np.intp), np.zeros((0, 3)), np.zeros((0, 3)))
+        each = (none, *parts)
+        columns = ("letters", "directions", "fine")
+        return cls(*(np.concatenate([getattr(part, c) for part in each]) for c in columns))
+
+
 class Advice:
-    """The letters and directions of a witness, in order."""
+    """A trace that is read in order."""
 
-    def __init__(self, letters: Nodes, directions: Array) -> None:
-        """Store what is read in order.
-
-        Args:
-            letters: numbers of letters.
-            directions: for each letter `BY_DIRECTION`, shape (k, 3).
-        """
-        self._letters, self._directions = letters, directions
-        self._at = self._row = 0
+    def __init__(self, trace: Trace) -> None:
+        """Begin at the first."""
+        self._trace = trace
+        self._at, self._rows = 0, [0, 0]
 
     @property
     def is_used_up(self) -> bool:
         """Whether nothing is left over."""
-        return self._at == len(self._letters) and self._row == len(self._directions)
+        trace, read = self._trace, [self._at, *self._rows]
+        return read == [len(x) for x in (trace.letters, trace.directions, trace.fine)]
 
     def next(self, count: int) -> tuple[Nodes, Array]:
         """The letters of some tasks, and a direction for each, 0 where none is stated.
@@ -158,15 +183,16 @@ class Advice:
         Raises:
             NotCertifiedError: when the witness ends before.
         """
-        letters = self._letters[self._at : self._at + count]
+        letters = self._trace.letters[self._at : self._at + count]
         self._at += count
-        stated = np.flatnonzero(letters == BY_DIRECTION)
-        directions = self._directions[self._row : self._row + len(stated)]
-        self._row += len(stated)
-        complete = len(letters) == count and len(directions) == len(stated)
-        require(complete, "the certificate ends too soon")
+        require(len(letters) == count, "the certificate ends too soon")
         n = np.zeros((count, 3))
-        n[stated] = directions
+        for letter, of in enumerate((self._trace.directions, self._trace.fine)):
+            stated = np.flatnonzero(letters == letter)
+            directions = of[self._rows[letter] : self._rows[letter] + len(stated)]
+            require(len(directions) == len(stated), "the certificate ends too soon")
+            self._rows[letter] += len(stated)
+            n[stated] = directions
         return letters, n
 
 
@@ -310,8 +336,10 @@ class Judge:
     def between_middles(self, tasks: Tasks) -> Array:
         """The direction between the middles of the clusters when each cell starts."""
         R, p = self._frames(tasks, tasks.start_s)
-        x = np.einsum("kij,kj->ki", R, self._clusters.middles(tasks.first)) + p
-        x -= self._clusters.middles(tasks.second)
+        first, second = (self._clusters.middles(nodes) for nodes in (tasks.first, tasks.second))
+        first[:, 1] += self._slide(tasks, tasks.start_s, 0)
+        second[:, 1] += self._slide(tasks, tasks.start_s, 1)
+        x = np.einsum("kij,kj->ki", R, first) + p - second
         longest = np.abs(x).max(axis=1, keepdims=True).clip(1e-9)
         n = np.rint(MIDDLES_SCALE * x / longest)
         return np.where((n == 0.0).all(axis=1, keepdims=True), [0.0, 0.0, 1.0], n)

@@ -15,11 +15,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from baxter_kin.compilation.machine_code import built, key_of
-from planner.certificate.clusters import Clusters, Nodes, Shape
+from planner.certificate.clusters import Clusters, Shape
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Array
 from planner.certificate.robot import Robot
-from planner.certificate.rows import Step
+from planner.certificate.rows import Step, Trace
 
 LANES = 8
 """Points of each node are padded to a multiple of this by repeating the last one."""
@@ -41,26 +41,26 @@ class Rows:
     """What leads the checker through one step.
 
     Attributes:
-        letters: of all levels, shape (n,).
-        directions: for each letter that states one, shape (k, 3).
+        trace: letters of all levels, and directions.
         proven_m: what counted pairs keep at every instant, as the checker will find too; inf where
             none counts.
     """
 
-    letters: Nodes
-    directions: Array
+    trace: Trace
     proven_m: float
 
 
 class NotShownError(NotCertifiedError):
-    """A pair comes nearer than it must keep, or is not shown to keep it."""
+    """Rows do not show that all pairs keep what they must."""
 
-    def __init__(self, step: Step, pair: int, distance_m: float, time_s: float) -> None:
-        found = step.pairs[pair]
-        super().__init__(
-            f"{step.label}: {found.first.name} and {found.second.name} come as near as "
-            f"{1e3 * distance_m:.3f} mm at {time_s:.4f} s"
-        )
+
+def not_shown(step: Step, pair: int, distance_m: float, time_s: float) -> NotShownError:
+    """The error that says which pair comes too near."""
+    first, second = step.pairs[pair].first.name, step.pairs[pair].second.name
+    return NotShownError(
+        f"{step.label}: {first} and {second} come as near as {1e3 * distance_m:.3f} mm at "
+        f"{time_s:.4f} s"
+    )
 
 
 class _Tree(ctypes.Structure):
@@ -81,7 +81,7 @@ class _Step(ctypes.Structure):
 
 class _Result(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int64) for name in ("tasks", "directions")),
+        *((name, ctypes.c_int64) for name in ("tasks", "directions", "fine")),
         *(
             (name, ctypes.c_double)
             for name in ("nearest", "nearest_s", "proven", "found", "found_s")
@@ -208,8 +208,7 @@ class Kernel:
             share: how much of the least distance that is met shall be proven.
 
         Raises:
-            NotShownError: when a pair is not shown to keep what it must.
-            NotCertifiedError: when it takes too many rows.
+            NotShownError: when a pair is not shown to keep what it must, or that takes too many.
         """
         pairs, held = trees.pairs(step), _motion(robot, step)
         cubics = step.cubics
@@ -226,22 +225,26 @@ class Kernel:
         )
         letters = np.empty(MOST_LETTERS, np.uint8)
         directions = np.empty((MOST_LETTERS, 3), np.int8)
+        fine = np.empty((MOST_LETTERS, 3), np.int16)
         result = _Result()
         outcome = self._find(
             trees.array,
             *(ctypes.c_void_p(array.ctypes.data) for array in (trees.placed, pairs)),
             ctypes.byref(request),
-            *(ctypes.c_void_p(array.ctypes.data) for array in (letters, directions)),
+            *(ctypes.c_void_p(array.ctypes.data) for array in (letters, directions, fine)),
             ctypes.c_int64(MOST_LETTERS),
             ctypes.byref(result),
         )
         if outcome in (_TOO_NEAR, _NOT_SHOWN):
-            raise NotShownError(step, result.found_pair, result.found, result.found_s)
+            raise not_shown(step, result.found_pair, result.found, result.found_s)
         if outcome != _PROVEN:
-            raise NotCertifiedError(f"{step.label}: it takes more rows than are checked")
+            raise NotShownError(f"{step.label}: it takes more rows than are checked")
         return Rows(
-            letters[: result.tasks].astype(np.intp),
-            directions[: result.directions].astype(np.float64),
+            Trace(
+                letters[: result.tasks].astype(np.intp),
+                directions[: result.directions].astype(np.float64),
+                fine[: result.fine].astype(np.float64),
+            ),
             result.proven - spare_m if result.proven < _FAR_M else np.inf,
         )
 

@@ -16,6 +16,7 @@ from planner.certificate.intervals import Array
 from planner.certificate.robot import Robot
 from planner.certificate.rows import (
     BY_DIRECTION,
+    BY_FINE_DIRECTION,
     BY_MIDDLES,
     CUT_FIRST,
     CUT_SECOND,
@@ -23,14 +24,15 @@ from planner.certificate.rows import (
     Judge,
     Step,
     Tasks,
+    Trace,
 )
 from planner.certificate.touching import least_norm_weights
-from planner.prover.kernel import SPARE_M, NotShownError, Rows
+from planner.prover.kernel import SPARE_M, Rows, not_shown
 
 SHORTEST_S = 2e-5
 """Cells of time are not cut below this."""
 
-SCALE = 127.0
+SCALE, FINE_SCALE = 127.0, 32767.0
 """Directions are whole numbers of at most this."""
 
 MAX_ITERATIONS = 25
@@ -56,19 +58,17 @@ def rows_of(robot: Robot, clusters: Clusters, step: Step, margin_m: float) -> Ro
     ]
     judge = Judge(robot, clusters, replace(step, pairs=pairs))
     is_counted = np.array([pair.is_counted for pair in pairs], np.bool_)
-    letters: list[Nodes] = [np.zeros(0, np.intp)]
-    directions: list[Array] = [np.zeros((0, 3))]
+    levels: list[Trace] = []
     proven_m, tasks = np.inf, judge.tasks()
     while len(tasks):
         judge.place(np.unique(np.concatenate([tasks.start_s, tasks.end_s])))
         found, n = _Level(judge, clusters, tasks).search()
-        letters.append(found)
-        directions.append(n[found == BY_DIRECTION])
+        levels.append(Trace.of(found, n))
         counted = np.flatnonzero((found <= BY_MIDDLES) & is_counted[tasks.pair])
         gaps_m = judge.gaps_m(tasks.only(counted), n[counted])
         proven_m = min(proven_m, float(gaps_m.min(initial=np.inf)))
         tasks = judge.cut(tasks, found)
-    return Rows(np.concatenate(letters), np.concatenate(directions), proven_m - SPARE_M)
+    return Rows(Trace.joined(levels), proven_m - SPARE_M)
 
 
 @dataclass
@@ -133,6 +133,7 @@ class _Level:
             is_open = (reach[at] > goal[at]) & ~used[at].all(axis=1) & (length >= 1e-9)
             active[at] = ~is_good & ~is_stuck & is_open
         self._by_axes(tasks, open_, letters, n)
+        self._finely(v, open_, letters, n)
         self._cut(tasks, open_, letters, reach, sweep)
 
     def _by_axes(self, tasks: Tasks, open_: Nodes, letters: Nodes, n: Array) -> None:
@@ -161,6 +162,14 @@ class _Level:
         letters[open_[at[is_good]]] = BY_DIRECTION
         n[open_[at[is_good]]] = chosen[is_good]
 
+    def _finely(self, v: Array, open_: Nodes, letters: Nodes, n: Array) -> None:
+        """Wide things near to each other need directions of greater numbers."""
+        at = np.flatnonzero((letters[open_] < 0) & (np.abs(v).max(axis=1) > 0.0))
+        fine = np.rint(FINE_SCALE * v[at] / np.abs(v[at]).max(axis=1, keepdims=True))
+        is_good = self._spare_m(self.tasks.only(open_[at]), fine) > 0.0
+        letters[open_[at[is_good]]] = BY_FINE_DIRECTION
+        n[open_[at[is_good]]] = fine[is_good]
+
     def _cut(self, tasks: Tasks, open_: Nodes, letters: Nodes, reach: Array, sweep: Array) -> None:
         """Cut what promises most: the time where much is swept, else the larger cluster."""
         at = np.flatnonzero(letters[open_] < 0)
@@ -179,6 +188,6 @@ class _Level:
         hopeless = np.flatnonzero((sizes[0] == 0.0) & (sizes[1] == 0.0) & (in_time <= 0.0))
         if len(hopeless):
             i = int(hopeless[0])
-            raise NotShownError(judge.step, int(sub.pair[i]), reach[at[i]], sub.start_s[i])
+            raise not_shown(judge.step, int(sub.pair[i]), reach[at[i]], sub.start_s[i])
         choice = np.argmax([*sizes, in_time + 1e-12], axis=0)
         letters[open_[at]] = np.array([CUT_FIRST, CUT_SECOND, CUT_TIME])[choice]

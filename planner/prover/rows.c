@@ -15,7 +15,7 @@
 
 #define ROWS_VERSION 1
 
-enum { BY_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME, NONE = 255 };
+enum { BY_DIRECTION, BY_FINE_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME, NONE = 255 };
 enum { PROVEN, TOO_NEAR, NOT_SHOWN, TOO_MUCH };
 
 enum {
@@ -26,10 +26,12 @@ enum {
     MOST_TASKS = 50000, /* of a level, as in the checker */
     STACK = 512,
     ITERATIONS = 30,
+    CLIMBS = 40,
 };
 
 static const double FAR = 1e9;
 static const double SHORTEST_S = 2e-5;   /* cells of time are not cut below */
+static const double SHORTEST_TRAVEL = 0.02; /* the same as a share of a travel of fingers */
 static const double APART_M = 3e-4;      /* so much apart in the middle of a cell: the cell is cut */
 static const double LARGE_SAG = 4.0;     /* so many times larger than the clusters: likewise */
 static const double LEAST_SAG_M = 1e-5;  /* below, clusters are cut first */
@@ -66,7 +68,7 @@ typedef struct {
 } Step;
 
 typedef struct {
-    int64_t tasks, directions;
+    int64_t tasks, directions, fine_directions;
     double nearest, nearest_s; /* the least distance met of counted pairs */
     double proven;             /* what all rows of counted pairs conclude at least */
     double found, found_s;     /* why not: the distance, and when */
@@ -414,7 +416,7 @@ static int nearest_to_origin(double corners[4][3], int count, double *nearest) {
 }
 
 /* The nearest direction of whole numbers up to 127. */
-static void whole(const double *d, int8_t *n) {
+static void whole(const double *d, int16_t *n) {
     double top = fmax(fabs(d[0]), fmax(fabs(d[1]), fabs(d[2]))), best = -1;
     for (int scale = 127; scale > 96; scale--) {
         double m[3], factor = scale / top;
@@ -422,22 +424,33 @@ static void whole(const double *d, int8_t *n) {
         double along = dot(m, d) / norm(m);
         if (along <= best + 1e-12) continue;
         best = along;
-        for (int i = 0; i < 3; i++) n[i] = (int8_t)m[i];
+        for (int i = 0; i < 3; i++) n[i] = (int16_t)m[i];
     }
 }
 
 typedef struct {         /* what a search for a direction found */
     double d[3];         /* from where it starts; then the best direction, of any length */
     double least;        /* the distance is at most this */
-    int8_t n[3];         /* a direction that separates */
+    int16_t n[3];        /* a direction that separates, of whole numbers */
     double kept;         /* the distance that it keeps at the instants looked at */
 } Found;
 
-static int separates(const Search *s, const View *v, const double *d, double goal, Found *f) {
-    whole(d, f->n);
+static int keeps(const Search *s, const View *v, double goal, Found *f) {
     double n[3] = {f->n[0], f->n[1], f->n[2]};
     f->kept = gap(s, v, n, NULL) / norm(n);
     return f->kept > goal + s->step.spare;
+}
+
+static int separates(const Search *s, const View *v, const double *d, double goal, Found *f) {
+    whole(d, f->n);
+    return keeps(s, v, goal, f);
+}
+
+/* The same for numbers up to 32767: wide things near to each other need it. */
+static int separates_finely(const Search *s, const View *v, const double *d, double goal, Found *f) {
+    double factor = 32767 / fmax(fabs(d[0]), fmax(fabs(d[1]), fabs(d[2])));
+    for (int i = 0; i < 3; i++) f->n[i] = (int16_t)rounded(d[i] * factor);
+    return keeps(s, v, goal, f);
 }
 
 /* Whether a direction keeps more than the goal: one of whole numbers for rows, any at an instant. */
@@ -630,18 +643,43 @@ static double asked(const Search *s, int pair) {
     return s->pairs[pair].is_counted ? fmax(need, s->step.share * s->result->nearest) : need;
 }
 
-/* What touches on purpose is separated best by the axes of both shapes. */
-static int separated_by_axes(const Search *s, const View *v, double goal, Found *f) {
-    const double *frames[3] = {v->Rb, v->Ra[0], v->Ra[1]};
+/* Whether turning a direction towards where it leaves least, again and again, makes it separate.
+   The gap is a concave function of d, with the point of the difference as its slope; the steps are
+   Polyak's, for a little more than the goal. */
+static int climbed(const Search *s, const View *v, const double *from, double goal, Found *f) {
+    double d[3], best = -FAR, target = goal + 0.1 * fabs(goal) + 10 * s->step.spare;
+    copy(from, d);
+    for (int iteration = 0; iteration < CLIMBS; iteration++) {
+        double w[3], length = norm(d);
+        for (int i = 0; i < 3; i++) d[i] /= length;
+        double kept = gap(s, v, d, w), along = dot(d, w);
+        if (kept > best) best = kept, copy(d, f->d);
+        if (kept > goal + s->step.spare && separates(s, v, d, goal, f)) return 1;
+        for (int i = 0; i < 3; i++) w[i] -= along * d[i];
+        double slope = dot(w, w);
+        if (slope < 1e-12) return 0;
+        for (int i = 0; i < 3; i++) d[i] += (target - kept) / slope * w[i];
+    }
+    return 0;
+}
+
+/* What touches on purpose is separated best by the axes of both shapes, or of what carries them. */
+static int separated_by_axes(const Search *s, const Task *task, const View *v, double goal, Found *f) {
+    static const double unturned[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    const Pair *pair = &s->pairs[task->pair];
+    const double *carrier = pair->k > pair->m ? s->instants[task->start].R[span_of(pair->m, pair->k)] : unturned;
+    const double *frames[] = {v->Rb, v->Ra[0], v->Ra[v->ends - 1], carrier, unturned};
     Found best = {.kept = -FAR};
-    for (int frame = 0; frame < 3; frame++)
+    double start[3] = {0, 0, 1}, least = -FAR;
+    for (int frame = 0; frame < 5; frame++)
         for (int axis = 0; axis < 3; axis++)
             for (int sign = -1; sign <= 1; sign += 2) {
                 const double *R = frames[frame];
                 double d[3] = {sign * R[axis], sign * R[3 + axis], sign * R[6 + axis]};
                 if (separates(s, v, d, goal, f) && f->kept > best.kept) best = *f;
+                if (f->kept > least) least = f->kept, copy(d, start);
             }
-    if (best.kept == -FAR) return 0;
+    if (best.kept == -FAR) return climbed(s, v, start, goal, f);
     *f = best;
     return 1;
 }
@@ -674,7 +712,8 @@ static int letter_of(Search *s, Task *task, double sag, Found *f, int *code) {
         if (is_sure && (f->kept = gap(s, &v, n, NULL) / norm(n)) > goal + s->step.spare) return BY_MIDDLES;
         copy(task->has_n ? task->n : n, f->d);
         if (separated(s, &v, goal, f)) return BY_DIRECTION;
-        if (may_touch(pair) && sag < TOUCHING_SAG_M && separated_by_axes(s, &v, goal, f)) return BY_DIRECTION;
+        if (may_touch(pair) && sag < TOUCHING_SAG_M && separated_by_axes(s, task, &v, goal, f)) return BY_DIRECTION;
+        if (separates_finely(s, &v, f->d, goal, f)) return BY_FINE_DIRECTION;
 
         int middle = instant(s, 0.5 * (start + end));
         if (middle < 0) return *code = TOO_MUCH, NONE;
@@ -700,7 +739,8 @@ static int letter_of(Search *s, Task *task, double sag, Found *f, int *code) {
         double first = is_leaf(s, task->a) ? 0 : extent_of(s, task->a), second = is_leaf(s, task->b) ? 0 : extent_of(s, task->b);
         int is_whole = first == 0 && second == 0;
         int is_late = (is_apart && sag > LEAST_SAG_M) || LARGE_SAG * sag > fmax(first, second) || is_whole;
-        if (is_late && sag > s->step.slack && end - start > SHORTEST_S) return CUT_TIME;
+        double shortest = s->step.pieces ? SHORTEST_S : SHORTEST_TRAVEL;
+        if (is_late && (sag > s->step.slack || is_whole) && end - start > shortest) return CUT_TIME;
         if (is_whole) return *code = refuse(s, task->pair, s->instants[middle].t, is_apart ? apart : f->least, NOT_SHOWN), NONE;
         return first >= second ? CUT_FIRST : CUT_SECOND;
     }
@@ -727,7 +767,8 @@ static int halves(Search *s, const Task *tasks, const uint8_t *letters, int coun
     return number;
 }
 
-static int levels(Search *s, Task *tasks, Task *next, uint8_t *letters, int8_t *directions, int64_t room) {
+static int levels(Search *s, Task *tasks, Task *next, uint8_t *letters, int8_t *directions,
+                  int16_t *fine, int64_t room) {
     Result *r = s->result;
     int count = s->step.pairs;
     if (count > MOST_TASKS) return TOO_MUCH;
@@ -748,7 +789,11 @@ static int levels(Search *s, Task *tasks, Task *next, uint8_t *letters, int8_t *
             own[i] = (uint8_t)letter_of(s, &tasks[i], sag, &f, &code);
             if (code != PROVEN) return code;
             if (own[i] > BY_MIDDLES) continue;
-            if (own[i] == BY_DIRECTION) memcpy(directions + 3 * r->directions++, f.n, 3);
+            if (own[i] == BY_DIRECTION) {
+                for (int a = 0; a < 3; a++) directions[3 * r->directions + a] = (int8_t)f.n[a];
+                r->directions++;
+            }
+            if (own[i] == BY_FINE_DIRECTION) memcpy(fine + 3 * r->fine_directions++, f.n, sizeof f.n);
             if (s->pairs[tasks[i].pair].is_counted) r->proven = fmin(r->proven, f.kept - sag);
         }
         r->tasks += count;
@@ -786,7 +831,7 @@ int rows_version(void) { return ROWS_VERSION; }
 
 /* Letters and directions of a step, `room` of each at most; returns PROVEN or why not. */
 int find_rows(const Tree *trees, const Placed *placed, const Pair *pairs, const Step *step, uint8_t *letters,
-              int8_t *directions, int64_t room, Result *result) {
+              int8_t *directions, int16_t *fine, int64_t room, Result *result) {
     Search s = {.trees = trees, .placed = placed, .pairs = pairs, .step = *step, .result = result};
     *result = (Result){.nearest = FAR, .proven = FAR, .nearest_pair = -1, .found_pair = -1};
     size_t table = TABLE * sizeof(int32_t);
@@ -796,7 +841,7 @@ int find_rows(const Tree *trees, const Placed *placed, const Pair *pairs, const 
     if (tables && tasks) {
         memset(tables, 255, 3 * table);
         s.instant_table = tables, s.cell_table = tables + TABLE, s.measured_table = tables + 2 * TABLE;
-        code = levels(&s, tasks, tasks + MOST_TASKS, letters, directions, room);
+        code = levels(&s, tasks, tasks + MOST_TASKS, letters, directions, fine, room);
     }
     free(tables), free(tasks), free(s.instants), free(s.cells);
     return code;

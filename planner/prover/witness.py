@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.certificate.checking import Witness
-from planner.certificate.rows import Step
+from planner.certificate.rows import Step, Trace
 from planner.certificate.timeline import StepWitness, Timeline
 from planner.prover.kernel import Rows, Trees, rows_kernel
 from planner.prover.numpy_search import rows_of
@@ -45,13 +45,12 @@ def witness_of(
         return kernel.rows(timeline.robot, trees, step, margin_m=margin_m, share=share)
 
     kept = [np.inf] * len(steps)
-    letters, directions = [np.zeros(0, np.intp)], [np.zeros((0, 3))]
+    traces = []
     for step, number in zip(timeline.steps, timeline.numbers, strict=True):
         found = rows(step, 0.0 if number is None else asked[number])
-        letters.append(found.letters)
-        directions.append(found.directions)
+        traces.append(found.trace)
         if number is not None:
             kept[number] = min(kept[number], found.proven_m)
     proven = [max(0.0, margin) if np.isfinite(margin) else 0.0 for margin in kept]
     witnesses = tuple(replace(s, margin_m=m) for s, m in zip(steps, proven, strict=True))
-    return Witness(body, witnesses, np.concatenate(letters), np.concatenate(directions))
+    return Witness(body, witnesses, Trace.joined(traces))

@@ -20,6 +20,7 @@ from planner.certificate.body import Body
 from planner.certificate.checking import Certified, Witness, check, read_plan
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.robot import Robot
+from planner.certificate.rows import BY_MIDDLES, CUT_TIME
 from planner.certificate.timeline import StepWitness, Timeline
 from planner.prover.witness import witness_of
 from planner.verification import certificate_of
@@ -273,7 +274,7 @@ def test_what_is_held_at_first_may_not_reach_into_the_palm(
     start["attachments"] = at_lift[-1]["attachments"]
     plan["steps"] = []
     held = Timeline(plan, (), robot, body, ())
-    assert len(witness_of(held, body.digest, ()).letters) > 0
+    assert len(witness_of(held, body.digest, ()).trace.letters) > 0
     shape = start["scene"]["bodies"]["block"]["parts"][0]["shape"]
     shape["size_m"] = [*shape["size_m"][:2], 0.3]
     with pytest.raises(NotCertifiedError, match="block and links of left_w2"):
@@ -306,6 +307,16 @@ def closing(number: int, by: tuple[float, float, float]) -> Callable[[Witness], 
     return change
 
 
+def traced(**changes: Callable[[Any], Any]) -> Callable[[Witness], Witness]:
+    """Change columns of the trace."""
+
+    def change(witness: Witness) -> Witness:
+        columns = {name: by(getattr(witness.trace, name)) for name, by in changes.items()}
+        return replace(witness, trace=replace(witness.trace, **columns))
+
+    return change
+
+
 CLOSE = 3
 LIFT = 4
 
@@ -313,15 +324,16 @@ LIFT = 4
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (lambda w: replace(w, directions=-w.directions), "not shown"),
-        (lambda w: replace(w, directions=0.0 * w.directions), "not shown"),
-        (lambda w: replace(w, directions=np.nan * w.directions), "not shown"),
-        (lambda w: replace(w, directions=w.directions[:-1]), "too soon"),
-        (lambda w: replace(w, letters=w.letters[:-5]), "too soon"),
-        (lambda w: replace(w, letters=np.append(w.letters, 1)), "goes on"),
-        (lambda w: replace(w, letters=np.ones_like(w.letters)), "not shown|goes on"),
-        (lambda w: replace(w, letters=np.full(10**6, 4)), "too short|more rows|soon"),
-        (lambda w: replace(w, letters=0 * w.letters + 7), "malformed"),
+        (traced(directions=lambda n: -n), "not shown"),
+        (traced(directions=lambda n: 0.0 * n), "not shown"),
+        (traced(directions=lambda n: np.nan * n), "not shown"),
+        (traced(directions=lambda n: n[:-1]), "too soon"),
+        (traced(fine=lambda _: np.ones((1, 3))), "goes on"),
+        (traced(letters=lambda x: x[:-5]), "too soon"),
+        (traced(letters=lambda x: np.append(x, BY_MIDDLES)), "goes on"),
+        (traced(letters=lambda x: np.full_like(x, BY_MIDDLES)), "not shown|goes on"),
+        (traced(letters=lambda _: np.full(10**6, CUT_TIME)), "too short|more rows|soon"),
+        (traced(letters=lambda x: 0 * x + 7), "malformed"),
         (told(body="0" * 64), "another body"),
         (told(steps=()), "other steps"),
         (at_step(1, margin_m=0.1), "not shown"),
@@ -356,12 +368,13 @@ def test_random_letters_and_directions_certify_nothing_false(
     rng, witness = np.random.default_rng(1), Witness.of_file(certified["certificate"])
     whole = judged(certified, text, body).clearance_m
     for _ in range(8):
-        letters, directions = witness.letters.copy(), witness.directions.copy()
+        letters, directions = witness.trace.letters.copy(), witness.trace.directions.copy()
         if rng.random() < 0.6:
-            letters[rng.integers(len(letters))] = rng.integers(0, 5)
+            letters[rng.integers(len(letters))] = rng.integers(0, 6)
         else:
             directions[rng.integers(len(directions))] = rng.integers(-127, 128, 3)
-        changed = replace(witness, letters=letters, directions=directions)
+        trace = replace(witness.trace, letters=letters, directions=directions)
+        changed = replace(witness, trace=trace)
         try:
             found = check(certified, text, body=body, certificate=changed)
         except NotCertifiedError:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner.certificate.body import Body
-from planner.certificate.clusters import Clusters, Nodes, Shape
+from planner.certificate.clusters import Clusters, Shape
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Array, Interval, Pose
 from planner.certificate.motion import Cubics
@@ -24,6 +24,7 @@ from planner.certificate.rows import (
     Pair,
     Step,
     Tasks,
+    Trace,
     certified_m,
 )
 
@@ -168,14 +169,15 @@ def pair_of_boxes(clusters: Clusters, apart_m: float) -> Step:
     return Step("still", [Pair(first, second, 0.001, 0.0, 1.0)], None, np.zeros(7))
 
 
-def letters(*values: int) -> Nodes:
-    return np.array(values, np.intp)
+def letters(*values: int) -> Trace:
+    """Letters without a stated direction."""
+    return Trace(np.array(values, np.intp), np.zeros((0, 3)), np.zeros((0, 3)))
 
 
 def test_a_gap_is_certified_to_the_last_digits(own: Robot) -> None:
     clusters = Clusters()
     step = pair_of_boxes(clusters, 0.01)
-    found = certified_m(own, clusters, step, Advice(letters(BY_MIDDLES), np.zeros((0, 3))))
+    found = certified_m(own, clusters, step, Advice(letters(BY_MIDDLES)))
     assert found == pytest.approx(0.01, abs=1e-10)
     assert found < 0.01
 
@@ -186,7 +188,7 @@ def test_a_gap_is_certified_to_the_last_digits(own: Robot) -> None:
         (0.0009, letters(BY_MIDDLES), "not shown to keep 1.000 mm"),
         (0.01, letters(), "ends too soon"),
         (0.01, letters(BY_DIRECTION), "ends too soon"),
-        (0.01, letters(5), "malformed"),
+        (0.01, letters(6), "malformed"),
         (0.01, letters(-1), "malformed"),
         (0.01, letters(CUT_FIRST), "cannot be cut"),
         (0.01, letters(CUT_TIME, BY_MIDDLES), "ends too soon"),
@@ -194,9 +196,9 @@ def test_a_gap_is_certified_to_the_last_digits(own: Robot) -> None:
     ],
 )
 def test_a_witness_that_does_not_do_is_refused(
-    own: Robot, apart_m: float, given: Nodes, reason: str
+    own: Robot, apart_m: float, given: Trace, reason: str
 ) -> None:
     clusters = Clusters()
     step = pair_of_boxes(clusters, apart_m)
     with pytest.raises(NotCertifiedError, match=reason):
-        certified_m(own, clusters, step, Advice(given, np.zeros((0, 3))))
+        certified_m(own, clusters, step, Advice(given))
