@@ -25,10 +25,14 @@ Nodes = np.ndarray[Any, np.dtype[np.intp]]
 LEAF = -1
 """In place of a child: there is none."""
 
-LEAF_TRIANGLES = 8
-"""Triangles of a mesh in a scene that one leaf has at most."""
+LEAF_M = 5e-4
+"""Extent of a leaf of several triangles of a mesh in a scene at most. Their hull may reach into a
+hollow between them, so all larger leaves are single triangles, which are exact."""
 
-MAX_TRIANGLES = 500_000
+MOST_CORNERS = 192
+"""More corners of triangles of a mesh in a scene are replaced by the box around them."""
+
+MAX_TRIANGLES = 100_000
 
 BOX_MARGIN_M = 1e-9
 """By how much a box around several trees is wider than what it is computed from."""
@@ -125,18 +129,21 @@ class Shape:
         return starts
 
 
-def _distinct(points: Array) -> Array:
-    return np.unique(points, axis=0)
+def _few(points: Array) -> Array:
+    """The corners of triangles, or of the box around many of them."""
+    if len(points) > MOST_CORNERS:
+        return _corners(points.min(axis=0), points.max(axis=0))
+    return points if len(points) == 3 else np.unique(points, axis=0)
 
 
-def _is_small(triangles: int, _: Array) -> bool:
-    return triangles <= LEAF_TRIANGLES
+def _is_small(_: int, points: Array) -> bool:
+    return float(np.linalg.norm(np.ptp(points, axis=0))) <= LEAF_M
 
 
 def tree_of(
     corners: Array,
     *,
-    kept: Callable[[Array], Array] = _distinct,
+    kept: Callable[[Array], Array] = _few,
     is_leaf: Callable[[int, Array], bool] = _is_small,
 ) -> Shape:
     """A tree of triangles, halved at the median of the longest extent.

@@ -32,8 +32,8 @@ from planner.verification.urdf_robot import UrdfRobot
 SHARES = (0.98, 0.9, 0.5, 0.0)
 """How much of the least distance that is met is certified; the next where that cannot be shown."""
 
-LIFTED_M = 5e-4
-"""A body that is lifted so far touches nothing any more."""
+LIFTED_M = 1e-3
+"""A body that is lifted so far touches nothing any more: it may be pressed in by half of that."""
 
 INSTANTS = 1001
 """How many are looked at to find when."""
