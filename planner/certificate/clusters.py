@@ -384,4 +384,5 @@ def stated_pose(data: Mapping[str, Any], where: str) -> Pose:
         raise NotCertifiedError(f"{where}: the pose is malformed: {cause!r}") from cause
     require(np.isfinite(p).all() & np.isfinite(R).all(), f"{where}: a pose is not finite")
     require(np.abs(R @ R.T - np.eye(3)) <= 1e-9, f"{where}: the pose has no rotation")
+    require(np.linalg.det(R) > 0.0, f"{where}: the pose is a reflection")
     return Pose(Interval(R), Interval(p))

@@ -191,6 +191,36 @@ def turn(axis: int, c: Interval, s: Interval) -> Interval:
     return Interval.stacked([Interval.stacked(row, -1) for row in rows], -2)
 
 
+def turns_about(axis: Array, angle: Interval) -> Interval:
+    """Rotations about a unit vector by n angles, shape (n, 3, 3), by Rodrigues' formula."""
+    x, y, z = axis
+    K = Interval(np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]))
+    c, s = (part.reshaped(-1, 1, 1) for part in cos_sin(angle))
+    return Interval(np.eye(3)) + s * K + (Interval(1.0) - c) * product(K, K)
+
+
+def axis_angle(R: Array) -> tuple[Array, float]:
+    """Axis and angle of a rotation matrix, in doubles: a choice, with nothing said of its error.
+
+    By the quaternion (w, x, y, z) whose products with its greatest component are best known:
+    rows of the matrix of all products, from traces and off-diagonal sums.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = R
+    products = np.array(
+        [
+            [1.0 + a + e + i, h - f, c - g, d - b],
+            [h - f, 1.0 + a - e - i, b + d, c + g],
+            [c - g, b + d, 1.0 - a + e - i, f + h],
+            [d - b, c + g, f + h, 1.0 - a - e + i],
+        ]
+    )
+    best = products[int(np.argmax(np.diag(products)))]
+    q = best / np.linalg.norm(best) * (1.0 if best[0] >= 0.0 else -1.0)
+    sine = float(np.linalg.norm(q[1:]))
+    axis = q[1:] / sine if sine > 0.0 else np.array([0.0, 0.0, 1.0])
+    return axis, 2.0 * float(np.arctan2(sine, q[0]))
+
+
 def norm_bound(vectors: Array) -> Array:
     """Upper bounds on the lengths of vectors along the last axis.
 

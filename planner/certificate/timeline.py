@@ -16,11 +16,18 @@ import numpy as np
 from planner.certificate.body import Body
 from planner.certificate.clusters import Clusters, Shape, stated_pose
 from planner.certificate.errors import NotCertifiedError, require
-from planner.certificate.intervals import Array, Interval, Pose, norm_bound
+from planner.certificate.intervals import (
+    Array,
+    Interval,
+    Pose,
+    axis_angle,
+    norm_bound,
+    turns_about,
+)
 from planner.certificate.motion import Cubics, carried
 from planner.certificate.robot import ARM_JOINTS, Robot
 from planner.certificate.rows import Mover, Pair, Step
-from planner.certificate.touching import distance_bound_m
+from planner.certificate.touching import DistanceBounds
 
 PRESS_M = 5e-4
 """How deep an intended contact may press, and how far a stated state may be from the derived."""
@@ -46,6 +53,9 @@ NEIGHBOURS = 2
 A_MAX_RAD_S2, J_MAX_RAD_S3 = 2.0, 20.0
 """Rethink published no limits of acceleration and jerk; these are the presets of the toolkit,
 measured as what real arms follow (`baxter_kin.limits`). The caller may pass others."""
+
+SHORTEST_LINE_M = 1e-6
+"""On a shorter line, how far the hand has turned tells the share of the way."""
 
 LINE_CELLS = tuple(2**power for power in range(6, 15))
 """Into how many cells a straight move is cut, until what may happen between is small."""
@@ -145,6 +155,7 @@ class Timeline:
         self.robot, self.clusters = robot, Clusters()
         self.steps: list[Step] = []
         self._plan, self._witnesses = plan, witnesses
+        self._distances = DistanceBounds(self.clusters)
         self._limits = limits or Limits()
         require(plan["failure"] is None, "the plan says itself that it failed")
         self._plan_steps = plan["steps"]
@@ -173,7 +184,7 @@ class Timeline:
         """Movers of all links: of the arm by joint, of fingers, and of the rest by carrier."""
         roots: dict[int | str, list[int]] = {}
         self._pads: dict[str, list[int]] = {finger: [] for finger in self.robot.fingers}
-        filled: dict[int, list[int]] = {}
+        filled: dict[int | str, list[int]] = {}
         for each in body.shapes:
             where = self.robot.attached(each.link, places)
             key = where.finger or where.level or self.robot.carrier(each.link)
@@ -181,7 +192,7 @@ class Timeline:
             roots.setdefault(key, []).append(root)
             if where.finger is None and each.shape.size > 1:
                 solid = self.clusters.add(each.shape, where.T * each.T_link_shape, is_filled=True)
-                filled.setdefault(where.level, []).append(solid)
+                filled.setdefault(key, []).append(solid)
             if where.finger is not None and each.link.endswith("_finger_tip"):
                 self._pads[where.finger].append(root)
         joined = {key: self.clusters.joined(found) for key, found in roots.items()}
@@ -190,10 +201,12 @@ class Timeline:
             for k in range(1, ARM_JOINTS + 1)
             if k in joined
         }
-        self._filled = [
-            Mover("the inside of a link", self.clusters.joined(found), level)
-            for level, found in sorted(filled.items())
-        ]
+        self._filled = {
+            key: Mover("the inside of a link", self.clusters.joined(found), key)
+            if isinstance(key, int)
+            else Mover("the inside of a link", self.clusters.joined(found), 0)
+            for key, found in filled.items()
+        }
         self._fingers = {f: joined[f] for f in self.robot.fingers if f in joined}
         require(len(self._fingers) == len(self.robot.fingers), "a finger has no shape")
         self._rest = {
@@ -264,18 +277,18 @@ class Timeline:
         for name, T in now.at.items():
             body = self._mover(name, T, 0)
             pairs += self._standing_pairs(body)
-            pairs += [_pair(link, body, 0.0) for link in self._filled]
+            pairs += [_pair(link, body, 0.0) for link in self._filled.values()]
         for name, link in others.items():
             held = self._mover(name, self._others[name], 0)
             hand = self.robot.carrier(link)
-            for carrier, mover in self._rest.items():
-                if self.robot.joints_between(carrier, hand) > 1:
-                    pairs.append(_pair(held, mover, 0.0))
+            for key, mover in (*self._rest.items(), *self._filled.items()):
+                if isinstance(key, int) or self.robot.joints_between(key, hand) > 1:
+                    pairs.append(_pair(mover, held, 0.0))
             pairs += [_pair(held, self._mover(n, T, 0), 0.0) for n, T in now.at.items()]
         if now.held is not None:
             name, T = now.held
             body = self._mover(name, T, ARM_JOINTS)
-            inside = [mover for mover in self._filled if mover.level < ARM_JOINTS]
+            inside = [mover for mover in self._filled.values() if mover.level < ARM_JOINTS]
             pairs += [_pair(body, mover, 0.0) for mover in inside]
             fingers = [self._finger(f, now.opening_m, now.opening_m) for f in self._fingers]
             pairs += self._between_pairs(body, fingers)
@@ -492,31 +505,49 @@ class Timeline:
             self._require_line(label, cubics)
 
     def _require_line(self, label: str, cubics: Cubics) -> None:
-        """The tip stays near a segment, without turning.
+        """The tip stays near the line from where it starts to where it ends, and turns evenly.
 
-        The distance to a segment is convex, so on the chord of a cell it is greatest at an end;
-        the tip is off its chord by at most w h^2 / 8. Rotations likewise, entry by entry.
+        To each end of a cell belongs a share of the way, whichever; in between it changes evenly.
+        Away from the point at that share, the tip is on the chord of a cell no farther than at the
+        ends, as lengths are convex, and off the chord by at most M h^2 / 8. So is the rotation from
+        the one that belongs to the share, entry by entry; the chord of that one is off by at most
+        the square of its turn, times sqrt(2) / 8.
         """
         tolerance = self._plan["line_tolerance"]
         allowed_m, allowed_rad = float(tolerance["position_m"]), float(tolerance["rotation_rad"])
+        ends = self.robot.tips(cubics.at(np.array([0.0, cubics.duration_s]))).R.centred()[0]
+        axis, angle = axis_angle(ends[0].T @ ends[1])
         for count in LINE_CELLS:
             times_s = np.linspace(0.0, cubics.duration_s, count + 1)
             bend_m, bend = self._bends(cubics, times_s)
+            bend += 0.18 * (3.0 * angle / count) ** 2
             if bend_m < 0.1 * allowed_m and bend < 0.1 * allowed_rad:
                 break
+        bend_m, bend = self._bends(cubics, times_s)
         T = self.robot.tips(cubics.at(times_s))
         (p, error_p), (R, error_R) = T.p.centred(), T.R.centred()
         way = p[-1] - p[0]
-        share = np.clip((p - p[0]) @ way / max(float(way @ way), 1e-30), 0.0, 1.0)
+        length_m = float(np.linalg.norm(way))
+        if length_m > SHORTEST_LINE_M:
+            share = np.clip((p - p[0]) @ way / length_m**2, 0.0, 1.0)
+        else:
+            turns = (axis_angle(R[0].T @ each) for each in R)
+            share = np.array([(own @ axis) * turn for own, turn in turns]) / max(angle, 1e-9)
+            share = share.clip(0.0, 1.0)
         off = norm_bound(p - p[0] - share[:, None] * way).max() + 8.0 * error_p + 1e-12 + bend_m
         require(off <= allowed_m, f"{label}: the tip is up to {1e3 * off:.4f} mm off its line")
+        to_goal = R[0] @ turns_about(axis, Interval([angle])).centred()[0][0] - R[-1]
+        require(np.abs(to_goal) <= STATE, f"{label}: the hand turns in a way that is not known")
+        evenly, error_Q = turns_about(axis, Interval(angle * share)).centred()
+        asked = R[0] @ evenly
+        bend += 0.18 * float(np.abs(np.diff(angle * share)).max()) ** 2
         # an angle below 0.1 rad is at most 1.001 / sqrt(2) times the Frobenius norm
-        frobenius = norm_bound((R - R[0]).reshape(-1, 9)).max() + 18.0 * error_R + 1e-12 + bend
-        angle = 0.7079 * frobenius
+        error = 18.0 * error_R + 9.0 * error_Q + STATE + 1e-12
+        frobenius = norm_bound((R - asked).reshape(-1, 9)).max() + error + bend
+        turn = 0.7079 * frobenius
         require(
-            frobenius < 0.1 and angle <= allowed_rad,
-            f"{label}: the hand turns by up to {angle:.6f} rad on its line; lines that turn are "
-            "not certified",
+            frobenius < 0.1 and turn <= allowed_rad,
+            f"{label}: the hand is turned by up to {turn:.6f} rad from its line",
         )
 
     def _bends(self, cubics: Cubics, times_s: Array) -> tuple[float, float]:
@@ -569,7 +600,7 @@ class Timeline:
             shift = np.array([0.0, self.robot.fingers[finger] * opening_m, 0.0])
             away_m = min(
                 (
-                    distance_bound_m(self.clusters, pad, body.root, shift, TOUCH_M)
+                    self._distances.bound_m(pad, body.root, shift, TOUCH_M)
                     for pad in self._pads[finger]
                 ),
                 default=np.inf,
@@ -583,7 +614,7 @@ class Timeline:
             below, fallen_m = self._mover(other, T_other, 0), 0.0
             while fallen_m <= DROP_M:
                 shift = np.array([0.0, 0.0, -fallen_m])
-                away_m = distance_bound_m(self.clusters, body.root, below.root, shift, TOUCH_M)
+                away_m = self._distances.bound_m(body.root, below.root, shift, TOUCH_M)
                 if away_m <= TOUCH_M:
                     falls.append(fallen_m)
                     break

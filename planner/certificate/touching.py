@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.clusters import LEAF, Clusters
+from planner.certificate.errors import require
 from planner.certificate.intervals import Array
 
 ROUNDING_M = 1e-12
@@ -23,45 +24,58 @@ MAX_ITERATIONS = 40
 MAX_PAIRS = 2000
 """Pairs of nodes that are looked at; beyond, the bound is what was found by then."""
 
+MAX_LOOKS = 5000
+"""Pairs of nodes that are looked at for one plan; some 50 for a pick and place."""
+
 _SUBSETS = [s for size in (1, 2, 3, 4) for s in combinations(range(4), size)]
 
 
-def distance_bound_m(
-    clusters: Clusters, first: int, second: int, shift: Array, enough_m: float
-) -> float:
-    """An upper bound on the distance of two trees seen from one frame, m.
+class DistanceBounds:
+    """Upper bounds on the distances of trees of one plan, of which only so many are looked for."""
 
-    Args:
-        clusters: all trees.
-        first: the root of one tree.
-        second: the root of the other.
-        shift: added to all points of the first, shape (3,), m.
-        enough_m: nothing nearer than this is looked for.
-    """
-    best = np.inf
-    open_: list[tuple[float, int, int]] = [(0.0, first, second)]
-    for _ in range(MAX_PAIRS):
-        if not open_ or best <= enough_m or open_[0][0] >= best:
-            break
-        _, a, b = heapq.heappop(open_)
-        x, y = clusters.points(a) + shift, clusters.points(b)
-        wide = clusters.widths(a), clusters.widths(b)
-        weights_x, weights_y = _nearest(x, y)
-        on_first, on_second = weights_x @ x, weights_y @ y
-        away_m = float(np.linalg.norm(on_first - on_second))
-        kids = [clusters.children(np.array([node]))[0].tolist() for node in (a, b)]
-        are_leaves = [pair[0] == LEAF for pair in kids]
-        if all(are_leaves):
-            on_first = _towards(on_first, on_second, *wide[0])
-            on_second = _towards(on_second, on_first, *wide[1])
-            best = min(best, float(np.linalg.norm(on_first - on_second)) + ROUNDING_M)
-            continue
-        low = max(0.0, away_m - sum(ball + disc for ball, disc, _ in wide) - 1e-9)
-        side = 1 if are_leaves[0] or (not are_leaves[1] and np.ptp(y) > np.ptp(x)) else 0
-        for kid in kids[side]:
-            pair = (kid, b) if side == 0 else (a, kid)
-            heapq.heappush(open_, (low, *pair))
-    return best
+    def __init__(self, clusters: Clusters) -> None:
+        """Begin with nothing looked at."""
+        self._clusters = clusters
+        self.looks = 0
+
+    def bound_m(self, first: int, second: int, shift: Array, enough_m: float) -> float:
+        """An upper bound on the distance of two trees seen from one frame, m.
+
+        Args:
+            first: the root of one tree.
+            second: the root of the other.
+            shift: added to all points of the first, shape (3,), m.
+            enough_m: nothing nearer than this is looked for.
+
+        Raises:
+            NotCertifiedError: when more is looked at than for any plan of today.
+        """
+        clusters, best = self._clusters, np.inf
+        open_: list[tuple[float, int, int]] = [(0.0, first, second)]
+        for _ in range(MAX_PAIRS):
+            if not open_ or best <= enough_m or open_[0][0] >= best:
+                break
+            self.looks += 1
+            require(self.looks <= MAX_LOOKS, "where things touch takes too long to find")
+            _, a, b = heapq.heappop(open_)
+            x, y = clusters.points(a) + shift, clusters.points(b)
+            wide = clusters.widths(a), clusters.widths(b)
+            weights_x, weights_y = _nearest(x, y)
+            on_first, on_second = weights_x @ x, weights_y @ y
+            away_m = float(np.linalg.norm(on_first - on_second))
+            kids = [clusters.children(np.array([node]))[0].tolist() for node in (a, b)]
+            are_leaves = [pair[0] == LEAF for pair in kids]
+            if all(are_leaves):
+                on_first = _towards(on_first, on_second, *wide[0])
+                on_second = _towards(on_second, on_first, *wide[1])
+                best = min(best, float(np.linalg.norm(on_first - on_second)) + ROUNDING_M)
+                continue
+            low = max(0.0, away_m - sum(ball + disc for ball, disc, _ in wide) - 1e-9)
+            side = 1 if are_leaves[0] or (not are_leaves[1] and np.ptp(y) > np.ptp(x)) else 0
+            for kid in kids[side]:
+                pair = (kid, b) if side == 0 else (a, kid)
+                heapq.heappush(open_, (low, *pair))
+        return best
 
 
 def _towards(point: Array, goal: Array, ball_m: float, disc_m: float, axis: Array) -> Array:

@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
+from baxter_kin import Baxter
 from planner import Plan, load_plan, save_plan
 from planner.certificate.__main__ import main
 from planner.certificate.body import Body
@@ -203,6 +205,41 @@ def other_state(document: Data) -> None:
     document["states"][3]["joints"]["left_s0"] = 0.5
 
 
+def mirrored(document: Data) -> None:
+    T = document["plan"]["start"]["scene"]["bodies"]["table"]["T_base_body"]
+    T["rotation"] = np.diag([1.0, -1.0, 1.0]).tolist()
+
+
+def in_the_other_hand(link: str, at_m: tuple[float, float, float]) -> Change:
+    """A marble that hangs on the right hand, with its middle on a link."""
+
+    def change(document: Data) -> None:
+        robot = Baxter.load()
+        start = document["plan"]["start"]
+        q = robot.configuration(start["joints"])
+        T_link, T_hand = (frame_pose(robot, q, name) for name in (link, "right_gripper"))
+        T = T_hand.inverse() * T_link * pin.SE3(np.eye(3), np.array(at_m))
+        still = {"rotation": np.eye(3).tolist(), "translation": [0.0, 0.0, 0.0]}
+        start["scene"]["bodies"]["marble"] = {
+            "name": "marble",
+            "parts": [{"shape": {"type": "Sphere", "radius_m": 0.001}, "T_body_part": still}],
+            "is_movable": True,
+            "T_base_body": still,
+        }
+        place = {"rotation": T.rotation.tolist(), "translation": T.translation.tolist()}
+        start["attachments"] = [{"body": "marble", "link": "right_gripper", "T_link_body": place}]
+        document["states"] = []
+
+    return change
+
+
+def frame_pose(robot: Baxter, q: Any, name: str) -> pin.SE3:
+    model = robot.model
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    return data.oMf[model.getFrameId(name)]
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -227,6 +264,7 @@ def other_state(document: Data) -> None:
         (hanging_on("left_gripper"), "mm from block"),
         (hanging_on("no link"), "no link"),
         (not_a_number, "not finite"),
+        (mirrored, "reflection"),
         (claiming, "claim"),
         (failing, "failed"),
         (other_state, "stated elsewhere"),
@@ -250,6 +288,8 @@ def test_a_plan_that_was_changed_is_refused(
         (placed("table", (0.0, 0.0, 0.001)), "table"),
         (placed("block", (0.0, 0.0, -0.001)), "table"),
         (with_box((0.72, 0.075, 0.0), (0.3, 1e-5, 0.3)), "box"),
+        (in_the_other_hand("left_upper_elbow", (0.0, 0.0, -0.05)), "inside of a link and marble"),
+        (in_the_other_hand("pedestal", (0.0, 0.0, 0.3)), "inside of a link and marble"),
     ],
 )
 def test_no_certificate_is_found_for_a_world_in_the_way(

@@ -16,7 +16,7 @@ from planner.certificate.body import Body
 from planner.certificate.clusters import LEAF, Clusters, Shape, stated_pose, tree_of
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Interval, Pose
-from planner.certificate.touching import distance_bound_m
+from planner.certificate.touching import DistanceBounds
 from planner.scene.contact import coal_pose, coal_shape
 
 ROUNDING_M = 1e-12
@@ -70,7 +70,7 @@ def test_a_bound_on_a_distance_is_neither_below_it_nor_far_above(
 ) -> None:
     clusters = Clusters()
     roots = placed(first, clusters, T), placed(second, clusters, P)
-    bound = distance_bound_m(clusters, *roots, np.zeros(3), 0.0)
+    bound = DistanceBounds(clusters).bound_m(*roots, np.zeros(3), 0.0)
     distance = coal.distance(
         coal_shape(first),
         coal_pose(T),
