@@ -25,8 +25,8 @@ from planner.certificate.intervals import (
     turns_about,
 )
 from planner.certificate.motion import Cubics, carried
-from planner.certificate.robot import ARM_JOINTS, Robot
-from planner.certificate.rows import Mover, Pair, Step
+from planner.certificate.robot import ARM_JOINTS, BASE, Robot
+from planner.certificate.rows import Kinematics, Mover, Pair, Step
 from planner.certificate.touching import DistanceBounds
 
 PRESS_M = 5e-4
@@ -266,39 +266,74 @@ class Timeline:
     def _stand_at_first(self, now: _Now, others: Mapping[str, str]) -> None:
         """One instant of all that the arm does not move, and of what it holds.
 
+        What is fixed may meet the fixed base, as a floor around its foot does: neither ever moves.
         Then no body is inside a link either; later it could get there only through its surface.
         """
-        pairs = []
+        pairs, seen = [], self._frames(now.arm[0])
         rest = list(self._rest.items())
         for number, (carrier, one) in enumerate(rest):
             for other_carrier, other in rest[:number]:
                 if self.robot.joints_between(carrier, other_carrier) > NEIGHBOURS:
                     pairs.append(_pair(one, other, 0.0))
         for name, T in now.at.items():
-            body = self._mover(name, T, 0)
-            pairs += self._standing_pairs(body)
-            pairs += [_pair(link, body, 0.0) for link in self._filled.values()]
+            body, is_fixed = self._mover(name, T, 0), not self._things[name].is_movable
+            pairs += self._standing_pairs(body, with_base=not is_fixed)
+            links = [key for key in self._filled if not (is_fixed and key == BASE)]
+            pairs += [self._outside(key, name, T, 0, seen) for key in links]
         for name, link in others.items():
             held = self._mover(name, self._others[name], 0)
             hand = self.robot.carrier(link)
-            for key, mover in (*self._rest.items(), *self._filled.items()):
+            for carrier, mover in self._rest.items():
+                if self.robot.joints_between(carrier, hand) > 1:
+                    pairs.append(_pair(held, mover, 0.0))
+            for key in self._filled:
                 if isinstance(key, int) or self.robot.joints_between(key, hand) > 1:
-                    pairs.append(_pair(mover, held, 0.0))
+                    pairs.append(self._outside(key, name, self._others[name], 0, seen))
             pairs += [_pair(held, self._mover(n, T, 0), 0.0) for n, T in now.at.items()]
         if now.held is not None:
             name, T = now.held
             body = self._mover(name, T, ARM_JOINTS)
-            inside = [mover for mover in self._filled.values() if mover.level < ARM_JOINTS]
-            pairs += [_pair(body, mover, 0.0) for mover in inside]
+            links = [key for key, link in self._filled.items() if link.level < ARM_JOINTS]
+            pairs += [self._outside(key, name, T, ARM_JOINTS, seen) for key in links]
             fingers = [self._finger(f, now.opening_m, now.opening_m) for f in self._fingers]
             pairs += self._between_pairs(body, fingers)
             self._require_hold("at first", name, T, now.opening_m, tuple(self._fingers))
         if pairs:
             self.steps.append(Step("what stands still", pairs, None, now.arm[0]))
 
-    def _standing_pairs(self, body: Mover) -> Iterator[Pair]:
-        for mover in self._rest.values():
-            yield _pair(body, mover, 0.0)
+    def _outside(
+        self, link: int | str, name: str, T: Pose, level: int, seen: tuple[Array, Array]
+    ) -> Pair:
+        """A body of which no part touches the surface of a link is not inside of it.
+
+        A convex part is outside if one of its points is; the one farthest from the link is taken.
+        """
+        solid, roots = self._filled[link], []
+        R, p = seen
+        middle = self.clusters.middles(np.array([solid.root]))[0]
+        middle = R[solid.level] @ middle + p[solid.level]
+        for shape, placed in self._things[name].parts:
+            own = T * placed
+            points = shape.points_of(0)
+            at = points @ own.R.centred()[0].T + own.p.centred()[0]
+            away = np.linalg.norm(at @ R[level].T + p[level] - middle, axis=1)
+            farthest = Shape.of_points(points[[int(away.argmax())]])
+            roots.append(self.clusters.add(farthest if shape.size == 1 else shape, own))
+        body = Mover(name, self.clusters.joined(roots), level)
+        first, second = (solid, body) if solid.level >= level else (body, solid)
+        return _pair(first, second, 0.0, counts=False)
+
+    def _frames(self, q: Array) -> tuple[Array, Array]:
+        """Where the arm's joints are, seen from base, level by level; only a choice."""
+        still, levels = Step("", (), None, q), np.arange(ARM_JOINTS + 1)
+        wanted = {(0, k) for k in range(1, ARM_JOINTS + 1)}
+        seen = Kinematics(self.robot, still, np.zeros(1), wanted)
+        return seen.at(0 * levels, levels, np.zeros(len(levels)))
+
+    def _standing_pairs(self, body: Mover, *, with_base: bool = True) -> Iterator[Pair]:
+        for carrier, mover in self._rest.items():
+            if with_base or carrier != BASE:
+                yield _pair(body, mover, 0.0)
 
     # Steps
 

@@ -288,6 +288,7 @@ def test_a_plan_that_was_changed_is_refused(
         (placed("table", (0.0, 0.0, 0.001)), "table"),
         (placed("block", (0.0, 0.0, -0.001)), "table"),
         (with_box((0.72, 0.075, 0.0), (0.3, 1e-5, 0.3)), "box"),
+        (with_box((0.0, -0.35, 0.3), (0.2, 0.2, 0.2)), "box and links on right"),
         (in_the_other_hand("left_upper_elbow", (0.0, 0.0, -0.05)), "inside of a link and marble"),
         (in_the_other_hand("pedestal", (0.0, 0.0, 0.3)), "inside of a link and marble"),
     ],
@@ -301,6 +302,16 @@ def test_no_certificate_is_found_for_a_world_in_the_way(
     robot = Robot(text, "left")
     with pytest.raises(NotCertifiedError, match=reason):
         witness_of(Timeline(certified["plan"], (), robot, body, steps), body.digest, steps)
+
+
+def test_a_floor_may_be_around_the_foot_of_the_robot(
+    certified: Data, text: str, body: Body
+) -> None:
+    """What never moves was believed to collide."""
+    with_box((0.0, 0.0, -0.95), (1.0, 1.0, 0.1))(certified)
+    steps = Witness.of_file(certified["certificate"]).steps
+    timeline = Timeline(certified["plan"], (), Robot(text, "left"), body, steps)
+    assert witness_of(timeline, body.digest, steps).trace.letters.size > 0
 
 
 def test_what_is_held_at_first_may_not_reach_into_the_palm(
