@@ -29,8 +29,9 @@ LEAF_M = 5e-4
 """Extent of a leaf of several triangles of a mesh in a scene at most. Their hull may reach into a
 hollow between them, so all larger leaves are single triangles, which are exact."""
 
-MOST_CORNERS = 192
-"""More corners of triangles of a mesh in a scene are replaced by the box around them."""
+FEW_CORNERS, MOST_CORNERS = 24, 192
+"""Of the corners of triangles of a mesh in a scene, few are kept as they are; more than the most
+are replaced by the box around them."""
 
 MAX_TRIANGLES = 100_000
 
@@ -133,7 +134,7 @@ def _few(points: Array) -> Array:
     """The corners of triangles, or of the box around many of them."""
     if len(points) > MOST_CORNERS:
         return _corners(points.min(axis=0), points.max(axis=0))
-    return points if len(points) == 3 else np.unique(points, axis=0)
+    return points if len(points) <= FEW_CORNERS else np.unique(points, axis=0)
 
 
 def _is_small(_: int, points: Array) -> bool:

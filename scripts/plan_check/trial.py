@@ -58,7 +58,7 @@ def run_trial(family: str, number: int, seed: int) -> Trial:
     try:
         problem = make_problem(family, number, seed)
         started = time.perf_counter()
-        plan = _timed(known, "planning_s", lambda: _planned(problem))
+        plan = _timed(known, "planning_s", lambda: planned(problem))
         known["waited_s"] = time.perf_counter() - started
         if plan.failure is not None:
             return Trial(family, number, seed, **known, refusal=str(plan.failure))
@@ -73,7 +73,8 @@ def run_trial(family: str, number: int, seed: int) -> Trial:
         return Trial(family, number, seed, **known, error=traceback.format_exc())
 
 
-def _planned(problem: Problem) -> Plan:
+def planned(problem: Problem) -> Plan:
+    """What the planner makes of a problem."""
     m, margin_m, held = problem.manipulator, problem.margin_m, problem.held
     if problem.task is None:
         goal = problem.q_goal

@@ -1,0 +1,347 @@
+"""Certified plans with one thing changed: what the checker makes of them.
+
+    python scripts/try_mutants.py --count 10000 --seed 35
+
+A number, a key, a letter, a direction, a byte of the file or a number of the URDF is changed, at
+random. A mutant must be refused in one sentence, or be certified rightly: then the referee
+(`plan_check`), which shares nothing with the checker, must have nothing against it either, and a
+changed robot must reach the same poses. Afterwards files without end are tried by the command, each
+in a process of its own. Ends with status 1 when a mutant was certified wrongly, was answered by
+anything but one sentence, took longer than `MOST_S`, or took more than `MOST_BYTES` of memory.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import copy
+import hashlib
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import zlib
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from plan_check.checker import check_plan
+from plan_check.problems import FAMILIES, make_problem
+from plan_check.trial import planned
+from tqdm import tqdm
+
+from baxter_kin.description import RobotDescription
+from baxter_kin.errors import BaxterError
+from planner import Plan, load_plan
+from planner.certificate.body import Body
+from planner.certificate.checking import check, read_plan
+from planner.certificate.errors import NotCertifiedError
+from planner.plan_file import plan_document
+from planner.verification import certificate_of
+
+MOST_S, MOST_BYTES = 10.0, 500 * 2**20
+
+SAME_M = 1e-5
+"""How far a changed robot may reach elsewhere, for a plan that is certified for it."""
+
+Data = dict[str, Any]
+
+
+def main() -> None:
+    """Try mutants; say what came of them."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=35)
+    parser.add_argument("--plans", type=int, default=10, help="how many plans are changed")
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    text = RobotDescription.installed().text
+    body, plans = Body(text), list(certified_plans(options.seed, options.plans))
+    outcomes: Counter[str] = Counter()
+    slowest_s, wrong = 0.0, []
+    for number in tqdm(range(options.count), unit="mutant"):
+        kind = list(MUTATIONS)[number % len(MUTATIONS)]
+        mutant = Mutant(copy.deepcopy(plans[number % len(plans)]), text)
+        what = MUTATIONS[kind](rng, mutant)
+        started = time.process_time()
+        outcome = judged(mutant, body)
+        slowest_s = max(slowest_s, time.process_time() - started)
+        outcomes[f"{kind}: {outcome.split(':')[0]}"] += 1
+        if outcome.startswith("WRONG") or time.process_time() - started > MOST_S:
+            wrong.append(f"{number} {kind}, {what}: {outcome}")
+    for name, count in sorted(outcomes.items()):
+        print(f"{count:6} {name}")
+    print(f"slowest: {slowest_s:.2f} s")
+    for name, (seconds, peak, said) in endless(plans[0], text):
+        print(f"{name:28} {seconds:5.1f} s {peak / 2**20:6.0f} MB  {said[:90]}")
+        if seconds > MOST_S or peak > MOST_BYTES or not said.startswith("not certified: "):
+            wrong.append(f"{name}: {seconds:.1f} s, {peak / 2**20:.0f} MB, {said!r}")
+    print(*wrong, sep="\n")
+    sys.exit(1 if wrong else 0)
+
+
+def certified_plans(seed: int, count: int) -> Iterator[Data]:
+    """Documents of plans of all families, each with its certificate."""
+    families, number = list(FAMILIES), 0
+    while count:
+        plan = planned(make_problem(families[number % len(families)], number, seed))
+        number += 1
+        if plan.failure is None:
+            count -= 1
+            yield {**plan_document(plan), "certificate": certificate_of(plan)}
+
+
+class Mutant:
+    """A plan file and a URDF, of which one thing is changed."""
+
+    def __init__(self, document: Data, urdf: str) -> None:
+        self.document, self.urdf = document, urdf
+        self.content: bytes | None = None
+
+    @property
+    def file(self) -> bytes:
+        """The plan file."""
+        return json.dumps(self.document).encode() if self.content is None else self.content
+
+
+# What is changed
+
+
+def _leaves(data: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Paths to all numbers, strings and truth values."""
+    if isinstance(data, dict | list):
+        items = data.items() if isinstance(data, dict) else enumerate(data)
+        for key, value in items:
+            yield from _leaves(value, (*path, key))
+    else:
+        yield path
+
+
+def _holder(data: Any, path: tuple[Any, ...]) -> Any:
+    for key in path[:-1]:
+        data = data[key]
+    return data
+
+
+def _pick(rng: np.random.Generator, of: list[Any]) -> Any:
+    return of[int(rng.integers(len(of)))]
+
+
+def _changed(rng: np.random.Generator, value: float) -> float:
+    """Another number: nearly the same, of another sign, or none at all."""
+    kinds: list[Callable[[], float]] = [
+        lambda: value * (1.0 + 10.0 ** rng.uniform(-12.0, 0.0)),
+        lambda: value + 10.0 ** rng.uniform(-9.0, 1.0) * rng.choice([-1.0, 1.0]),
+        lambda: -value,
+        lambda: 0.0,
+        lambda: float(rng.choice([np.nan, np.inf, 1e308, -1e308, 5e-324, 1e5])),
+    ]
+    return float(_pick(rng, kinds)())
+
+
+def change_number(rng: np.random.Generator, mutant: Mutant) -> str:
+    """One number of the plan, of its states or of its certificate."""
+    part = _pick(rng, ["plan", "plan", "states", "certificate"])
+    is_number = (float, int)
+    paths = [
+        p
+        for p in _leaves(mutant.document[part])
+        if isinstance(x := _holder(mutant.document[part], p)[p[-1]], is_number)
+        and not isinstance(x, bool)
+    ]
+    path = _pick(rng, paths)
+    holder = _holder(mutant.document[part], path)
+    before = holder[path[-1]]
+    holder[path[-1]] = _changed(rng, float(before))
+    return f"{part} {path}: {before} -> {holder[path[-1]]}"
+
+
+def change_entry(rng: np.random.Generator, mutant: Mutant) -> str:
+    """One entry is gone, twice there, or of another type."""
+    path = _pick(rng, list(_leaves(mutant.document)))
+    path = path[: int(rng.integers(1, len(path) + 1))]
+    holder, key = _holder(mutant.document, path), path[-1]
+    how = _pick(rng, ["gone", "twice", "none", "text", "list", "table", "true"])
+    if how == "gone":
+        del holder[key]
+    elif how == "twice" and isinstance(holder, list):
+        holder.insert(key, copy.deepcopy(holder[key]))
+    else:
+        other: dict[str, Any] = {"none": None, "text": "x", "list": [], "table": {}, "true": True}
+        holder[key] = other.get(how)
+    return f"{path} {how}"
+
+
+def change_byte(rng: np.random.Generator, mutant: Mutant) -> str:
+    """The file is cut off, or one byte of it is another."""
+    content = bytearray(mutant.file)
+    at = int(rng.integers(len(content)))
+    if rng.random() < 0.3:
+        mutant.content = bytes(content[:at])
+        return f"cut off at {at}"
+    content[at] = int(rng.integers(256))
+    mutant.content = bytes(content)
+    return f"byte {at}"
+
+
+def change_trace(rng: np.random.Generator, mutant: Mutant) -> str:
+    """A letter or a direction of the certificate."""
+    certificate = mutant.document["certificate"]
+    columns = [key for key in ("letters", "directions", "fine") if len(_unpacked(certificate[key]))]
+    key = _pick(rng, columns)
+    content = bytearray(_unpacked(certificate[key]))
+    at = int(rng.integers(len(content)))
+    content[at] = int(rng.integers(6)) if key == "letters" else int(rng.integers(256))
+    certificate[key] = base64.b64encode(zlib.compress(bytes(content))).decode()
+    return f"{key} {at}"
+
+
+def change_robot(rng: np.random.Generator, mutant: Mutant) -> str:
+    """A number of the URDF."""
+    numbers = list(re.finditer(r"(?<=[\" ])-?\d+\.?\d*(?:e-?\d+)?(?=[\" ])", mutant.urdf))
+    found = _pick(rng, numbers)
+    other = repr(_changed(rng, float(found[0])))
+    mutant.urdf = mutant.urdf[: found.start()] + other + mutant.urdf[found.end() :]
+    return f"URDF at {found.start()}: {found[0]} -> {other}"
+
+
+MUTATIONS: dict[str, Callable[[np.random.Generator, Mutant], str]] = {
+    "number": change_number,
+    "entry": change_entry,
+    "byte": change_byte,
+    "trace": change_trace,
+    "robot": change_robot,
+}
+
+
+def _unpacked(text: str) -> bytes:
+    return zlib.decompress(base64.b64decode(text))
+
+
+# What must come of it
+
+
+def judged(mutant: Mutant, body: Body) -> str:
+    """What the checker says; WRONG where it should have said something else."""
+    try:
+        document = read_plan(mutant.file)
+        stock = mutant.urdf == RobotDescription.installed().text
+        check(document, mutant.urdf, body=body if stock else None)
+    except NotCertifiedError as reason:
+        return f"refused: {reason}" if "\n" not in str(reason) else f"WRONG: {reason}"
+    except Exception as cause:  # whichever it is, it is wrong
+        return f"WRONG: {type(cause).__name__}: {cause}"
+    if not stock:
+        try:
+            away_m = _moved_m(document, mutant.urdf)
+        except ValueError:
+            return "certified, not read by Pinocchio"
+        return f"WRONG: reaches {away_m} m elsewhere" if away_m > SAME_M else "certified"
+    try:
+        plan = _loaded(dict(document))
+    except BaxterError:
+        return "certified, not read by the planner"
+    found = check_plan(plan)
+    return f"WRONG: {found[0]}" if found else "certified"
+
+
+def _loaded(document: Data) -> Plan:
+    document.pop("certificate")
+    document["sha256"] = "0" * 64
+    content = json.dumps(document)
+    content = content.replace("0" * 64, hashlib.sha256(content.encode()).hexdigest(), 1)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "plan.json")
+        path.write_text(content, "utf-8")
+        return load_plan(path)
+
+
+def _moved_m(document: Any, urdf: str) -> float:
+    """How far the tip of a changed robot is elsewhere, at most, at the knots of a plan."""
+    model, stock = (pin.buildModelFromXML(x) for x in (urdf, RobotDescription.installed().text))
+    tip, most = f"{document['plan']['limb']}_gripper", 0.0
+    for step in document["plan"]["steps"]:
+        for q in step["trajectory"]["q"] if step["type"] == "Move" else ():
+            names = step["trajectory"]["limits"]["names"]
+            places = [_tip_m(each, tip, names, q) for each in (model, stock)]
+            most = max(most, float(np.linalg.norm(places[0] - places[1])))
+    return most
+
+
+def _tip_m(model: pin.Model, tip: str, names: list[str], q: list[float]) -> Any:
+    full, data = pin.neutral(model), model.createData()
+    for name, value in zip(names, q, strict=True):
+        full[model.joints[model.getJointId(name)].idx_q] = value
+    pin.framesForwardKinematics(model, data, full)
+    return data.oMf[model.getFrameId(tip)].translation
+
+
+# Files without end
+
+
+def endless(document: Data, urdf: str) -> Iterator[tuple[str, tuple[float, int, str]]]:
+    """Each by the command: how long it took, its peak of memory, and what it said."""
+    for name, content in _endless_files(document):
+        with tempfile.TemporaryDirectory() as folder:
+            plan, robot = Path(folder, "plan.json"), Path(folder, "robot.urdf")
+            plan.write_bytes(content)
+            robot.write_text(urdf, "utf-8")
+            yield name, _by_command(plan, robot)
+
+
+COMMAND = """
+import sys
+from planner.certificate.__main__ import main
+status = main(sys.argv[1:])
+peak = next(x for x in open("/proc/self/status") if x.startswith("VmHWM"))
+print(peak.split()[1])
+"""
+"""The peak of memory is that of this very program, not of the one that starts it."""
+
+
+def _by_command(plan: Path, robot: Path) -> tuple[float, int, str]:
+    command = [sys.executable, "-c", COMMAND, str(plan), "--urdf", str(robot)]
+    started = time.perf_counter()
+    said = subprocess.run(command, capture_output=True, text=True, check=False).stdout
+    *lines, peak = said.splitlines() or ["0"]
+    return time.perf_counter() - started, int(peak) * 1024, "\n".join(lines)
+
+
+def _endless_files(document: Data) -> Iterator[tuple[str, bytes]]:
+    """Of each, its name and content."""
+    bomb = base64.b64encode(zlib.compress(b"\x00" * 300_000_000, 9)).decode()
+    for key in ("letters", "directions", "fine"):
+        changed = copy.deepcopy(document)
+        changed["certificate"][key] = bomb
+        yield f"300 MB of {key}", json.dumps(changed).encode()
+    changed = copy.deepcopy(document)
+    letters = base64.b64encode(zlib.compress(b"\x05" * 1_900_000, 9)).decode()
+    changed["certificate"]["letters"] = letters
+    yield "time cut for ever", json.dumps(changed).encode()
+    yield "lists in lists", b"[" * 1_000_000
+    yield "a number of a million digits", b'{"format": ' + b"1" * 1_000_000 + b"}"
+    changed = copy.deepcopy(document)
+    changed["plan"]["steps"] *= 2000
+    yield "steps", json.dumps(changed).encode()[: 31 * 2**20]
+    changed = copy.deepcopy(document)
+    bodies = changed["plan"]["start"]["scene"]["bodies"]
+    for number in range(2000):
+        bodies[f"more{number}"] = next(iter(document["plan"]["start"]["scene"]["bodies"].values()))
+    yield "bodies", json.dumps(changed).encode()
+    for count in (90_000, 200_000):
+        changed = copy.deepcopy(document)
+        first = next(iter(changed["plan"]["start"]["scene"]["bodies"].values()))
+        vertices = np.random.default_rng(1).uniform(-0.1, 0.1, (1000, 3)).round(4).tolist()
+        corners = np.random.default_rng(2).integers(0, 1000, (count, 3)).tolist()
+        first["parts"][0]["shape"] = {"type": "Mesh", "vertices": vertices, "triangles": corners}
+        yield f"{count} triangles", json.dumps(changed).encode()
+    yield "40 MB", b" " * (40 * 2**20)
+
+
+if __name__ == "__main__":
+    main()
