@@ -111,9 +111,9 @@ class Body:
                 for key in ("size", "radius", "length", "scale")
             }
             shape = self._of_kind(geometry.tag, geometry.get("filename", ""), sizes)
+            return LinkShape(link, shape, Pose.of_urdf(*place))
         except (ValueError, IndexError, KeyError) as cause:
             raise NotCertifiedError(f"the URDF shows {link} in a way not known: {cause}") from cause
-        return LinkShape(link, shape, Pose.of_urdf(*place))
 
     def _of_kind(self, kind: str, filename: str, sizes: dict[str, list[float]]) -> Shape:
         if kind == "mesh":

@@ -68,6 +68,7 @@ class Witness:
             )
             return cls(str(data["body"]), steps, Trace(letters, *stated))
         except (
+            AttributeError,
             KeyError,
             TypeError,
             ValueError,

@@ -339,6 +339,11 @@ class Timeline:
 
     def _followed(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
         kind = step["type"]
+        hand = {f"{self.robot.limb} hand", f"{self.robot.limb} pads"}
+        for contact in step["contacts"]:
+            is_known = contact["body"] in self._things
+            is_known &= contact["other"] in hand or contact["other"] in self._things
+            require(is_known, f"{step['label']}: a contact of what is not there")
         if kind == "Move":
             return self._moved(number, step, now)
         require(kind == "Grip", f"a step of unknown kind {kind!r}")

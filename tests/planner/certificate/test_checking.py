@@ -205,6 +205,14 @@ def other_state(document: Data) -> None:
     document["states"][3]["joints"]["left_s0"] = 0.5
 
 
+def touching(body: str, other: str) -> Change:
+    def change(document: Data) -> None:
+        contacts = step_of(document, "pick: retract")["contacts"]
+        contacts[0] |= {"body": body, "other": other}
+
+    return change
+
+
 def mirrored(document: Data) -> None:
     T = document["plan"]["start"]["scene"]["bodies"]["table"]["T_base_body"]
     T["rotation"] = np.diag([1.0, -1.0, 1.0]).tolist()
@@ -265,6 +273,8 @@ def frame_pose(robot: Baxter, q: Any, name: str) -> pin.SE3:
         (hanging_on("no link"), "no link"),
         (not_a_number, "not finite"),
         (mirrored, "reflection"),
+        (touching("x", "table"), "what is not there"),
+        (touching("block", "right hand"), "what is not there"),
         (claiming, "claim"),
         (failing, "failed"),
         (other_state, "stated elsewhere"),
@@ -410,6 +420,12 @@ def test_a_certificate_that_was_changed_is_refused(
     witness = change(Witness.of_file(certified["certificate"]))
     with pytest.raises(NotCertifiedError, match=reason):
         check(certified, text, body=body, certificate=witness)
+
+
+def test_a_certificate_of_other_types_is_malformed(certified: Data, text: str, body: Body) -> None:
+    certified["certificate"]["steps"][5] = []
+    with pytest.raises(NotCertifiedError, match="malformed"):
+        judged(certified, text, body)
 
 
 def test_random_letters_and_directions_certify_nothing_false(
