@@ -704,7 +704,7 @@ class _Stated:
         for finger, sign in robot.fingers.items():
             off_m = abs(sign * self._joints[robot.finger_joints[finger]] - now.opening_m)
             require(off_m <= PRESS_M, f"{label}: the fingers are stated {1e3 * off_m:.2f} mm off")
-        derived = dict(now.at)
+        derived = {**now.at, **self._timeline._others}
         if now.held is not None:
             T_base_joint = self._timeline._joint_pose(now.arm[0])
             derived[now.held[0]] = T_base_joint * now.held[1]
