@@ -99,7 +99,7 @@ def save_plan(plan: Plan, path: PathLike, *, certificate: Mapping[str, Json] | N
     Args:
         plan: the plan.
         path: the file.
-        certificate: what `planner.verification.certify` has found for this very plan.
+        certificate: what `planner.verification.certificate_of` found for this plan.
 
     Raises:
         PlanFileError: when it cannot be written, or the plan holds something that has no place in a

@@ -77,6 +77,7 @@ class Robot:
         """
         self.limb = limb
         self._joints = _joints_of(text)
+        self._origins = {child: joint.origin for child, joint in self._joints.items()}
         self._paths: dict[str, tuple[str, ...]] = {}
         moving = [link for link, joint in self._joints.items() if joint.kind != "fixed"]
         self.fingers: dict[str, float] = {}
@@ -94,7 +95,7 @@ class Robot:
             for key in ("lower", "upper", "velocity")
         )
         before = [BASE, *self.chain]
-        origins = {child: joint.origin for child, joint in self._joints.items()}
+        origins = self._origins
         self.spans = [
             self._between(link, base, origins)
             for link, base in zip(self.chain, before, strict=False)
@@ -117,7 +118,7 @@ class Robot:
             NotCertifiedError: when a joint is not given.
         """
         own = {*self.chain, *self.fingers}
-        found = {child: joint.origin for child, joint in self._joints.items()}
+        found = dict(self._origins)
         moved = [c for c, j in self._joints.items() if j.kind != "fixed" and c not in own]
         for child in moved:
             name = self._joints[child].name

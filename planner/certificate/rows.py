@@ -103,6 +103,18 @@ class Step:
         """The time that it takes; travels of fingers are parametrised over [0, 1]."""
         return 1.0 if self.cubics is None else self.cubics.duration_s
 
+    def reach_m(self, robot: Robot, size_m: float) -> float:
+        """Upper bound on the distance of anything of the step from any joint, m.
+
+        Args:
+            robot: whose arm moves.
+            size_m: how far clusters reach from the frames that carry them.
+        """
+        slides = [m for pair in self.pairs for m in (*pair.first.slide_m, *pair.second.slide_m)]
+        return (size_m + float(robot.offsets.sum()) + max(map(abs, slides), default=0.0)) * (
+            1.0 + 1e-9
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Tasks:
@@ -257,12 +269,7 @@ class Judge:
         self._slides = np.array(
             [[pair.first.slide_m, pair.second.slide_m] for pair in pairs], np.float64
         ).reshape(-1, 2, 2)
-        reach_m = (
-            clusters.reach_m
-            + float(robot.offsets.sum())
-            + float(np.abs(self._slides).max(initial=0.0))
-        )
-        self._reach_m = reach_m * (1.0 + 1e-9)
+        self._reach_m = step.reach_m(robot, clusters.reach_m)
         self._slack_m = 0.0 if step.cubics is None else step.cubics.slack_m(self._reach_m)
         self._kinematics: Kinematics | None = None
         self._error_m = np.inf

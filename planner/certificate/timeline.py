@@ -202,9 +202,11 @@ class Timeline:
             if k in joined
         }
         self._filled = {
-            key: Mover("the inside of a link", self.clusters.joined(found), key)
-            if isinstance(key, int)
-            else Mover("the inside of a link", self.clusters.joined(found), 0)
+            key: Mover(
+                "the inside of a link",
+                self.clusters.joined(found),
+                key if isinstance(key, int) else 0,
+            )
             for key, found in filled.items()
         }
         self._fingers = {f: joined[f] for f in self.robot.fingers if f in joined}
@@ -304,9 +306,9 @@ class Timeline:
     def _outside(
         self, link: int | str, name: str, T: Pose, level: int, seen: tuple[Array, Array]
     ) -> Pair:
-        """A body of which no part touches the surface of a link is not inside of it.
+        """The pair that shows that a body is not inside a link, given that it does not touch it.
 
-        A convex part is outside if one of its points is; the one farthest from the link is taken.
+        A convex part is outside if one of its points is; take the one farthest from the link.
         """
         solid, roots = self._filled[link], []
         R, p = seen
@@ -324,7 +326,7 @@ class Timeline:
         return _pair(first, second, 0.0, counts=False)
 
     def _frames(self, q: Array) -> tuple[Array, Array]:
-        """Where the arm's joints are, seen from base, level by level; only a choice."""
+        """Rotations and translations of the arm's joints in base, in doubles, to choose points."""
         still, levels = Step("", (), None, q), np.arange(ARM_JOINTS + 1)
         wanted = {(0, k) for k in range(1, ARM_JOINTS + 1)}
         seen = Kinematics(self.robot, still, np.zeros(1), wanted)
@@ -560,10 +562,9 @@ class Timeline:
         for count in LINE_CELLS:
             times_s = np.linspace(0.0, cubics.duration_s, count + 1)
             bend_m, bend = self._bends(cubics, times_s)
-            bend += 0.18 * (3.0 * angle / count) ** 2
-            if bend_m < 0.1 * allowed_m and bend < 0.1 * allowed_rad:
+            turning = 0.18 * (3.0 * angle / count) ** 2  # of a cell at three times the mean speed
+            if bend_m < 0.1 * allowed_m and bend + turning < 0.1 * allowed_rad:
                 break
-        bend_m, bend = self._bends(cubics, times_s)
         T = self.robot.tips(cubics.at(times_s))
         (p, error_p), (R, error_R) = T.p.centred(), T.R.centred()
         way = p[-1] - p[0]

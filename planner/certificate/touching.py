@@ -11,7 +11,6 @@ import heapq
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.certificate.clusters import LEAF, Clusters
 from planner.certificate.errors import require
@@ -27,14 +26,12 @@ MAX_PAIRS = 2000
 MAX_LOOKS = 5000
 """Pairs of nodes that are looked at for one plan; some 50 for a pick and place."""
 
-_SUBSETS = [s for size in (1, 2, 3, 4) for s in combinations(range(4), size)]
-
 
 class DistanceBounds:
-    """Upper bounds on the distances of trees of one plan, of which only so many are looked for."""
+    """Upper bounds on distances of trees; the work for one plan is limited to `MAX_LOOKS`."""
 
     def __init__(self, clusters: Clusters) -> None:
-        """Begin with nothing looked at."""
+        """Count the pairs of nodes from zero."""
         self._clusters = clusters
         self.looks = 0
 
@@ -138,32 +135,4 @@ def _least_norm(corners: Array) -> Array:
             if (w >= 0.0).all() and norm < best:
                 best, weights = norm, np.zeros(last + 1)
                 weights[of] = w
-    return weights
-
-
-def least_norm_weights(simplices: Array, used: NDArray[np.bool_]) -> Array:
-    """Weights of the points of least norm of simplices, shape (n, 4); of unused corners 0.
-
-    Args:
-        simplices: four corners each, shape (n, 4, 3).
-        used: which of the corners count, shape (n, 4).
-    """
-    best, weights = np.full(len(simplices), np.inf), np.zeros((len(simplices), 4))
-    for subset in _SUBSETS:
-        at = np.flatnonzero(used[:, subset].all(axis=1))
-        if not len(at):
-            continue
-        P, k = simplices[at][:, subset], len(subset)
-        K = np.zeros((len(at), k + 1, k + 1))
-        K[:, :k, :k] = P @ P.swapaxes(1, 2) + 1e-14 * np.eye(k)
-        K[:, k, :k] = K[:, :k, k] = 1.0
-        right = np.zeros((len(at), k + 1, 1))
-        right[:, k] = 1.0
-        w = np.linalg.solve(K, right)[:, :k, 0]
-        norm = np.linalg.norm(np.einsum("nk,nkj->nj", w, P), axis=1)
-        is_good = (w > -1e-12).all(axis=1) & (norm < best[at] - 1e-12)
-        good = at[is_good]
-        best[good] = norm[is_good]
-        weights[good] = 0.0
-        weights[np.ix_(good, subset)] = w[is_good]
     return weights

@@ -217,7 +217,7 @@ class Kernel:
             len(pairs),
             0 if cubics is None else len(cubics.j),
             step.duration_s,
-            0.0 if cubics is None else cubics.slack_m(trees.reach_m(robot, pairs)),
+            0.0 if cubics is None else cubics.slack_m(step.reach_m(robot, trees.size_m)),
             spare_m,
             margin_m,
             share,
@@ -255,8 +255,8 @@ class Trees:
     def __init__(self, kernel: Kernel, clusters: Clusters) -> None:
         """Read those that are there; what is added later is not among them."""
         placed = clusters.placed
-        number = {each.shape: 0 for each in placed}
-        number = {shape: i for i, shape in enumerate(number)}
+        kinds = dict.fromkeys(each.shape for each in placed)
+        number = {shape: i for i, shape in enumerate(kinds)}
         self._held = [kernel.tree(shape) for shape in number]
         self.array = (_Tree * len(number))(*(tree.tree for tree in self._held))
         self.placed = np.zeros(len(placed), _PLACED)
@@ -292,11 +292,6 @@ class Trees:
             for pair in step.pairs
         ]
         return found
-
-    def reach_m(self, robot: Robot, pairs: np.ndarray[Any, Any]) -> float:
-        """How far from any joint something of a step may be."""
-        slide = float(np.abs(pairs["slides"]).max(initial=0.0))
-        return (self.size_m + float(robot.offsets.sum()) + slide) * (1.0 + 1e-9)
 
 
 def _motion(robot: Robot, step: Step) -> Sequence[Array]:

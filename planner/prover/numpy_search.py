@@ -8,8 +8,10 @@ out; else the larger cluster is cut, or the cell of time.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.certificate.clusters import LEAF, Clusters, Nodes
 from planner.certificate.intervals import Array
@@ -26,7 +28,6 @@ from planner.certificate.rows import (
     Tasks,
     Trace,
 )
-from planner.certificate.touching import least_norm_weights
 from planner.prover.kernel import SPARE_M, Rows, not_shown
 
 SHORTEST_S = 2e-5
@@ -36,6 +37,8 @@ SCALE, FINE_SCALE = 127.0, 32767.0
 """Directions are whole numbers of at most this."""
 
 MAX_ITERATIONS = 25
+
+_SUBSETS = [s for size in (1, 2, 3, 4) for s in combinations(range(4), size)]
 
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -126,7 +129,7 @@ class _Level:
             is_stuck = gain < 1e-3 * length * np.abs(length - goal[at]) + 1e-9
             free = (~used[at]).argmax(axis=1)
             simplex[at, free], used[at, free] = w, True
-            shares = least_norm_weights(simplex[at], used[at])
+            shares = _least_norm_weights(simplex[at], used[at])
             used[at] = shares > 1e-12
             v[at] = np.einsum("nk,nkj->nj", shares, simplex[at])
             reach[at] = np.minimum(reach[at], np.linalg.norm(v[at], axis=1))
@@ -191,3 +194,31 @@ class _Level:
             raise not_shown(judge.step, int(sub.pair[i]), reach[at[i]], sub.start_s[i])
         choice = np.argmax([*sizes, in_time + 1e-12], axis=0)
         letters[open_[at]] = np.array([CUT_FIRST, CUT_SECOND, CUT_TIME])[choice]
+
+
+def _least_norm_weights(simplices: Array, used: NDArray[np.bool_]) -> Array:
+    """Weights of the points of least norm of simplices, shape (n, 4); of unused corners 0.
+
+    Args:
+        simplices: four corners each, shape (n, 4, 3).
+        used: which of the corners count, shape (n, 4).
+    """
+    best, weights = np.full(len(simplices), np.inf), np.zeros((len(simplices), 4))
+    for subset in _SUBSETS:
+        at = np.flatnonzero(used[:, subset].all(axis=1))
+        if not len(at):
+            continue
+        P, k = simplices[at][:, subset], len(subset)
+        K = np.zeros((len(at), k + 1, k + 1))
+        K[:, :k, :k] = P @ P.swapaxes(1, 2) + 1e-14 * np.eye(k)
+        K[:, k, :k] = K[:, :k, k] = 1.0
+        right = np.zeros((len(at), k + 1, 1))
+        right[:, k] = 1.0
+        w = np.linalg.solve(K, right)[:, :k, 0]
+        norm = np.linalg.norm(np.einsum("nk,nkj->nj", w, P), axis=1)
+        is_good = (w > -1e-12).all(axis=1) & (norm < best[at] - 1e-12)
+        good = at[is_good]
+        best[good] = norm[is_good]
+        weights[good] = 0.0
+        weights[np.ix_(good, subset)] = w[is_good]
+    return weights

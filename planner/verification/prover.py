@@ -55,9 +55,9 @@ def certificate_of(plan: Plan, description: RobotDescription | None = None) -> M
     Raises:
         TaskError: when the plan cannot be certified; says why.
     """
-    text = (RobotDescription.installed() if description is None else description).text
-    body, robot, document = _body(text), Robot(text, plan.limb), plan_document(plan)
-    steps = _witnesses(plan, robot, description or RobotDescription.installed())
+    known = RobotDescription.installed() if description is None else description
+    body, robot, document = _body(known.text), Robot(known.text, plan.limb), plan_document(plan)
+    steps = _witnesses(plan, robot, known)
     data: Any = document["plan"]
     states: Any = document["states"]
 
