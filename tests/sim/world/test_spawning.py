@@ -20,14 +20,6 @@ ORIGIN = at(0.0, 0.0, 0.0)
 REST_M = 1e-6
 
 
-@pytest.fixture
-def world(robot: Baxter, table: Body) -> World:
-    """A world with a table."""
-    world = World(robot)
-    world.spawn(table)
-    return world
-
-
 def cube(name: str, x: float, y: float, above_m: float = 0.0) -> Body:
     return make_block(name, at(x, y, TABLE_Z_M + EDGE_M / 2 + above_m), edge_m=EDGE_M)
 

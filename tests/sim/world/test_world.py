@@ -31,22 +31,6 @@ UP = (0.0, 0.0, 1.0)
 seeds = st.integers(0, 2**32 - 1)
 
 
-@pytest.fixture
-def world(robot: Baxter, table: Body) -> World:
-    """A world with a table."""
-    world = World(robot)
-    world.spawn(table)
-    return world
-
-
-@pytest.fixture(scope="module")
-def shared(robot: Baxter, table: Body) -> World:
-    """A world with a table for many examples, each of which removes what it adds."""
-    world = World(robot)
-    world.spawn(table)
-    return world
-
-
 def rested(world: World, thing: Body) -> tuple[Body, str]:
     """The body where it came to rest, and its support; it is removed again."""
     support = world.spawn(thing)

@@ -11,26 +11,9 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter, BaxterError
 from baxter_kin.errors import ConfigurationError, UnknownNameError
-from planner import Body
 from sim import SimulationError, World
 
 seeds = st.integers(0, 2**32 - 1)
-
-
-@pytest.fixture
-def world(robot: Baxter, table: Body) -> World:
-    """A world with a table."""
-    world = World(robot)
-    world.spawn(table)
-    return world
-
-
-@pytest.fixture(scope="module")
-def shared(robot: Baxter, table: Body) -> World:
-    """A world with a table for many examples, each of which removes what it adds."""
-    world = World(robot)
-    world.spawn(table)
-    return world
 
 
 class TestRobot:
