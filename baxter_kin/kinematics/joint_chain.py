@@ -14,6 +14,8 @@ class JointChain:
     """A chain of n revolute joints, or several chains side by side with n joints in all.
 
     Attributes:
+        T_parent_joints: poses of the joints at zero, each seen from the one before, shape
+            (n, 4, 4).
         axes: of each joint in its own frame, unit vectors, shape (n, 3).
     """
 
@@ -24,7 +26,7 @@ class JointChain:
 
         `first` are the joints that follow none, but begin a chain.
         """
-        self._T_parent_joints, self.axes = T_parent_joints, axes
+        self.T_parent_joints, self.axes = T_parent_joints, axes
         self._followers = [joint for joint in range(len(axes)) if joint not in first]
         x, y, z = axes.T
         zero = np.zeros_like(x)
@@ -42,7 +44,7 @@ class JointChain:
     def side_by_side(cls, chains: Sequence[JointChain]) -> JointChain:
         """Simple chains that are mounted on the same thing."""
         first = np.cumsum([0, *(len(chain.axes) for chain in chains[:-1])])
-        placements, axes = ([getattr(c, x) for c in chains] for x in ("_T_parent_joints", "axes"))
+        placements, axes = ([getattr(c, x) for c in chains] for x in ("T_parent_joints", "axes"))
         return cls(np.concatenate(placements), np.concatenate(axes), first.tolist())
 
     def poses(self, qs: FloatArray) -> FloatArray:
@@ -55,7 +57,7 @@ class JointChain:
         turns = np.zeros((*qs.shape, 4, 4))
         turns[..., :3, :3] = np.eye(3) + sine * self._K + versine * self._K_squared
         turns[..., 3, 3] = 1.0
-        poses: FloatArray = self._T_parent_joints @ turns
+        poses: FloatArray = self.T_parent_joints @ turns
         for joint in self._followers:
             poses[:, joint] = poses[:, joint - 1] @ poses[:, joint]
         return poses

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from planner.certificate.clusters import LEAF, Clusters, Nodes
 from planner.certificate.errors import NotCertifiedError, require
 from planner.certificate.intervals import UNIT, Array, Interval, Pose, norm_bound, product, rotation
 from planner.certificate.motion import Cubics, carried
-from planner.certificate.robot import ARM_JOINTS, Robot
+from planner.certificate.robot import ARM_JOINTS
 
 BY_DIRECTION, BY_FINE_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME = range(6)
 """Letters: separated by a stated direction, or by the line between the middles; cut."""
@@ -42,6 +42,18 @@ LEAST_LENGTH = 1e-6
 
 MIDDLES_SCALE = 100.0
 """The line between middles is rounded to whole numbers of at most this."""
+
+
+class Joints(Protocol):
+    """The joints of the arm that moves; a `planner.certificate.robot.Robot` has them."""
+
+    @property
+    def spans(self) -> Sequence[Pose]:
+        """Poses of joint i + 1 seen from joint i at position 0, the first seen from base."""
+
+    @property
+    def offsets(self) -> Array:
+        """Upper bounds on the lengths of their translations, shape (7,), m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +115,7 @@ class Step:
         """The time that it takes; travels of fingers are parametrised over [0, 1]."""
         return 1.0 if self.cubics is None else self.cubics.duration_s
 
-    def reach_m(self, robot: Robot, size_m: float) -> float:
+    def reach_m(self, robot: Joints, size_m: float) -> float:
         """Upper bound on the distance of anything of the step from any joint, m.
 
         Args:
@@ -212,7 +224,7 @@ class Kinematics:
     """Poses of the arm's joints seen from each other, enclosed, at some times of a step."""
 
     def __init__(
-        self, robot: Robot, step: Step, times_s: Array, wanted: set[tuple[int, int]]
+        self, robot: Joints, step: Step, times_s: Array, wanted: set[tuple[int, int]]
     ) -> None:
         """Compute the poses of joint k seen from joint m, for all wanted (m, k)."""
         self._times_s, self._is_moving = times_s, step.cubics is not None
@@ -245,7 +257,7 @@ class Kinematics:
 class Judge:
     """Concludes gaps from rows; the only place where a separation is concluded."""
 
-    def __init__(self, robot: Robot, clusters: Clusters, step: Step) -> None:
+    def __init__(self, robot: Joints, clusters: Clusters, step: Step) -> None:
         """Prepare the judgement of one step."""
         self._robot, self._clusters, self.step = robot, clusters, step
         pairs = step.pairs
@@ -421,7 +433,7 @@ class Judge:
         return self._kinematics.at(self._m[tasks.pair], self._k[tasks.pair], times_s)
 
 
-def certified_m(robot: Robot, clusters: Clusters, step: Step, advice: Advice) -> float:
+def certified_m(robot: Joints, clusters: Clusters, step: Step, advice: Advice) -> float:
     """The distance that all counted pairs of a step keep at every instant; inf without any.
 
     Raises:

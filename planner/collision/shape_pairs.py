@@ -8,6 +8,7 @@ shapes to one in use corrupts its memory.
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
+from functools import cached_property
 from itertools import product
 from typing import TypeAlias
 
@@ -20,9 +21,10 @@ from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import Clearance
 from planner.collision.covers import Covers
 from planner.collision.distances import Distances, Enclosure
+from planner.collision.robot.cluster_trees import ClusterTree, tree_of_part
 from planner.collision.robot.link_shapes import LinkShape
 from planner.collision.robot.robot_shapes import RobotShapes
-from planner.scene.bodies import Body, Scene
+from planner.scene.bodies import Body, Scene, Shape
 from planner.scene.contact import (
     PRESSING_TOLERANCE_M,
     PartContact,
@@ -44,6 +46,8 @@ class ShapePairs:
         made: all shapes, and what is known of each.
         needs_m: of the pairs that may be nearer than a margin because that is meant: the number of
             the pair -> the distance that it must exceed, negative for a contact that may press.
+        wholes: for each shape, the number of the one that stands for all that it is a piece of.
+        shapes: of parts of bodies, by the numbers that stand for them.
     """
 
     def __init__(self, shapes: RobotShapes, arm: Arm) -> None:
@@ -54,6 +58,8 @@ class ShapePairs:
         self.made: list[LinkShape] = list(shapes.made)
         self.needs_m: dict[int, float] = {}
         self._part_of: dict[int, int] = {}  # shape of a body -> number of its part
+        self.wholes: list[int] = list(shapes.whole_of)
+        self.shapes: dict[int, Shape] = {}
 
     def add_scene(
         self, scene: Scene, touchable: str | None, *, may_press: bool, supports: Supports
@@ -122,7 +128,10 @@ class ShapePairs:
         for number, part in enumerate(body.parts):
             placement = T_joint_body * part.T_body_part
             shapes = convex_pieces(part.shape) if in_pieces else (coal_shape(part.shape),)
+            whole = len(self.made)
+            self.shapes[whole] = part.shape
             for shape in shapes:
+                self.wholes.append(whole)
                 name = f"{body.name}/{len(self.made)}"
                 placed = pin.GeometryObject(name, joint, placement, shape)
                 added.append(int(self.geometry.addGeometryObject(placed)))
@@ -159,18 +168,23 @@ class CheckedPairs:
         padding_m: what is subtracted from the distance of a pair, shape (n,), because its shapes
             count as thicker than they are.
         distances: of the pairs, less the padding.
+        outside_m: how far outside each shape what it stands for may be, shape (shapes,).
+        thicker_m: by how much each shape counts as thicker than it is where it must not touch
+            anything, shape (shapes,).
     """
 
     def __init__(self, built: ShapePairs, robot: RobotShapes) -> None:
         self.geometry, self._made = built.geometry, tuple(built.made)
+        self._wholes, self._shapes, self._robot = built.wholes, built.shapes, robot
         added = [shape.geometry for shape in built.made[len(robot.made) :]]
         self.covers: Covers = robot.covers.with_those_of(added)
         self.numbers: Indices = np.array(built.numbers, dtype=np.intp).reshape(-1, 2)
         self.needs_m: FloatArray = np.full(len(self.numbers), np.nan)
         self.needs_m[list(built.needs_m)] = list(built.needs_m.values())
+        self.outside_m: FloatArray = np.array([each.margin_m for each in built.made])
+        self.thicker_m: FloatArray = np.array([each.padding_m for each in built.made])
         outside, thicker = (
-            np.array([getattr(each, name) for each in built.made])[self.numbers].sum(axis=1)
-            for name in ("margin_m", "padding_m")
+            each[self.numbers].sum(axis=1) for each in (self.outside_m, self.thicker_m)
         )
         self.padding_m: FloatArray = outside + np.where(self.is_contact, 0.0, thicker)
         self.distances = Distances(
@@ -180,6 +194,24 @@ class CheckedPairs:
             built.numbers,
             self.padding_m.tolist(),
         )
+
+    @cached_property
+    def alike(self) -> Indices:
+        """For each pair, the number of the first between the same wholes, shape (n,).
+
+        Pairs with different needs are not alike.
+        """
+        whole = np.array(self._wholes, dtype=np.intp)[self.numbers]
+        columns = [*whole.T, np.nan_to_num(self.needs_m, nan=np.inf)]
+        _, first, kind = np.unique(columns, axis=1, return_index=True, return_inverse=True)
+        found: Indices = first[kind.reshape(-1)]
+        return found
+
+    def tree(self, index: int) -> ClusterTree:
+        """The clusters of the whole link or part that a shape is, or is a piece of."""
+        whole = self._wholes[index]
+        shape = self._shapes.get(whole)
+        return self._robot.trees[whole] if shape is None else tree_of_part(shape)
 
     @property
     def is_contact(self) -> NDArray[np.bool_]:

@@ -1,9 +1,8 @@
 """Finger travel: both fingers open or close while the arm stands, proven clear on the whole way.
 
-On a way of the fingers a shape moves along the closing axis by at most as far as the finger that it
-is part of, or that pushes it; seen from a shape that the other finger moves, by twice as much. So a
-pair keeps a distance above d - s on a stretch in whose middle its distance is d, when s bounds that
-motion over half the stretch; stretches are halved where that is not enough
+On a way of the fingers shapes slide evenly along the closing axis: those of a finger as far as it
+goes, and a body as far as a finger pushes it. So the gap along any direction changes evenly, too,
+and rows of separation need no bound on what happens between their ends
 (`planner.collision.continuous.proof`).
 
 A closing hand goes two stretches. On the first the body stands between the fingers, as it is found.
@@ -23,20 +22,17 @@ import pinocchio as pin
 
 from baxter_kin.validation import FloatArray, Indices
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
-from planner.collision.continuous.motion import Around
-from planner.collision.continuous.proof import contact_of, prove_motion
-from planner.collision.shape_pairs import CheckedPairs, ShapePairs
+from planner.collision.continuous.proof import Arrangement, Motion
+from planner.collision.shape_pairs import ShapePairs
 from planner.grasping.grasp import Grasp
 from planner.manipulator import Manipulator
+from planner.prover.kernel import JOINTS, Chain
 from planner.scene.bodies import Scene
 from planner.scene.contact import PartContact, part_contacts
 
 FINGER_SPEED_M_S = 0.05
 """Speed of each finger: the whole stroke of 20.8 mm takes 0.42 s. The URDF's 5 m/s is a placeholder
 that no hand of this size reaches; Rethink gives no figure for the force-limited default."""
-
-SHORTEST_S = 1e-9
-"""A travel of no length is divided by this duration."""
 
 NO_PUSH_M = 1e-9
 """A body pushed by less was not; both pads touch it at once."""
@@ -90,93 +86,81 @@ class TravelCheck:
         pairs, supports = ShapePairs(shapes, arm), travel.supports
         bodies = pairs.add_scene(travel.scene, travel.touchable, may_press=True, supports=supports)
         self._scene = [index for added in bodies.values() for index in added]
-        self._pushed = bodies.pop(travel.touchable) if travel.touchable and travel.pushed_m else []
-        signs = np.zeros(len(pairs.made))
-        for finger, sign in zip(shapes.of_fingers(arm), (1.0, -1.0), strict=True):
-            signs[list(finger)] = sign
-        signs[self._pushed] = -np.sign(travel.pushed_m)
-        for index in self._pushed:
+        pushed = bodies.pop(travel.touchable) if travel.touchable and travel.pushed_m else []
+        for index in pushed:
             pairs.pair_with_all(index, shapes.wholes - shapes.of_arm(arm), bodies, supports)
+        self._slides_m = np.zeros(len(pairs.made))
+        for finger, sign in zip(shapes.of_fingers(arm), (1.0, -1.0), strict=True):
+            self._slides_m[list(finger)] = sign * (travel.end_m - travel.begin_m)
+        self._slides_m[pushed] = travel.pushed_m
+        slides = np.zeros(len(pairs.made), np.intp)
+        for number, finger in enumerate(shapes.of_fingers(arm)):
+            slides[list(finger)] = number + 1
+        slides[pushed] = 1 if travel.pushed_m < 0.0 else 2  # with the finger that pushes it
+        self._levels = np.where(slides > 0, JOINTS, 0)
         self._checked = pairs.built()
-        first, second = self._checked.numbers.T
-        self._rates = np.abs(signs[first] - signs[second])
+        first, second = slides[self._checked.numbers].T
+        self._nearing: Indices = np.flatnonzero(first != second)
 
     def at(self, q: FloatArray, margin_m: float) -> ContinuousResult:
         """A proof for an arm that stands at `q`, shape (7,), rad, or what speaks against it."""
-        motion = self._motion(self._poses(q), self._manipulator.arm.T_base_tip(q))
-        return prove_motion(self._checked, motion, margin_m, np.flatnonzero(self._rates > 0.0))
+        T_base_tip = self._manipulator.arm.T_base_tip(q)
+        return self._result(self._poses(q), T_base_tip, margin_m, self._nearing)
 
     def contact_above(self, T_base_tip: pin.SE3, margin_m: float) -> ContinuousContact | None:
-        """What speaks against it for a hand alone whose tip is there, among the scene's bodies."""
+        """What speaks against it for a hand alone whose tip is there, among the scene's bodies.
+
+        The shapes by which configurations are sampled are somewhat larger than the links; they must
+        have room as well.
+        """
         arm = self._manipulator.arm
         hand = sorted(self._manipulator.shapes.of_hand(arm))
         poses = self._poses(arm.neutral)
         T = T_base_tip.homogeneous @ arm.T_base_tip(arm.neutral).inverse().homogeneous
-        poses[:, hand] = T @ poses[:, hand]
-        counts = np.isin(self._checked.numbers, [*hand, *self._scene]).all(axis=1)
-        motion, counts = self._motion(poses, T_base_tip), counts & (self._rates > 0.0)
-        return contact_of(self._checked, motion, margin_m, np.flatnonzero(counts))
+        poses[hand] = T @ poses[hand]
+        is_asked = np.isin(self._checked.numbers[self._nearing], [*hand, *self._scene]).all(axis=1)
+        numbers = self._nearing[is_asked]
+        result = self._result(poses, T_base_tip, margin_m, numbers, self._checked.outside_m)
+        return result if isinstance(result, ContinuousContact) else None
 
-    def _motion(self, poses: FloatArray, T_base_tip: pin.SE3) -> _FingerMotion:
-        travel = self._travel
-        poses[1, self._pushed, :3, 3] += travel.pushed_m * T_base_tip.rotation[:, 1]
-        length_m = max(abs(travel.end_m - travel.begin_m), abs(travel.pushed_m))
-        return _FingerMotion(poses, length_m, self._rates, self._checked)
+    def _result(
+        self,
+        poses: FloatArray,
+        T_base_tip: pin.SE3,
+        margin_m: float,
+        numbers: Indices,
+        thicker_m: FloatArray | float = 0.0,
+    ) -> ContinuousResult:
+        travel, T = self._travel, T_base_tip.homogeneous
+        duration_s = max(abs(travel.end_m - travel.begin_m), abs(travel.pushed_m))
+        duration_s /= FINGER_SPEED_M_S
+
+        def at(time_s: float) -> FloatArray:
+            moved = np.array(poses)
+            share = time_s / duration_s if duration_s > 0.0 else 0.0
+            moved[:, :3, 3] += share * self._slides_m[:, None] * T[:3, 1]
+            return moved
+
+        seen = np.where(self._levels[:, None, None] > 0, np.linalg.inv(T) @ poses, poses)
+        chain = Chain.standing(T)
+        arrangement = Arrangement(
+            self._checked, chain, self._levels, seen, slides_m=self._slides_m, thicker_m=thicker_m
+        )
+        return arrangement.prove(Motion(np.zeros(JOINTS), duration_s, at), margin_m, numbers)
 
     def _poses(self, q: FloatArray) -> FloatArray:
-        """Poses of all shapes with the fingers where they begin and end, shape (2, n, 4, 4)."""
+        """Poses of all shapes where the fingers begin, shape (n, 4, 4)."""
         robot, geometry = self._manipulator.robot.model, self._checked.geometry
         data, placed = robot.createData(), geometry.createData()
-        poses = np.empty((2, geometry.ngeoms, 4, 4))
-        for number, finger_m in enumerate((self._travel.begin_m, self._travel.end_m)):
-            full = next(self._manipulator.configurations(q[None], finger_m))
-            pin.updateGeometryPlacements(robot, data, geometry, placed, full)
-            poses[number] = [T.homogeneous for T in placed.oMg]
-        return poses
+        full = next(self._manipulator.configurations(q[None], self._travel.begin_m))
+        pin.updateGeometryPlacements(robot, data, geometry, placed, full)
+        return np.array([T.homogeneous for T in placed.oMg])
 
 
 @lru_cache(maxsize=16)
 def travel_check(manipulator: Manipulator, travel: FingerTravel) -> TravelCheck:
     """Made once: what is looked at for the hand alone is proven for the arm afterwards."""
     return TravelCheck(manipulator, travel)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _FingerMotion:
-    """Shapes that slide along the closing axis at one speed.
-
-    Attributes:
-        ends: poses of all shapes at the begin and at the end, shape (2, n, 4, 4).
-        length_m: how far a finger goes.
-        rates: how fast each pair comes nearer at most, per speed of a finger, shape (pairs,).
-        checked: the pairs.
-    """
-
-    ends: FloatArray
-    length_m: float
-    rates: FloatArray
-    checked: CheckedPairs
-
-    @property
-    def duration_s(self) -> float:
-        """With a finger that goes at `FINGER_SPEED_M_S`."""
-        return self.length_m / FINGER_SPEED_M_S
-
-    def around(self, starts_s: FloatArray, ends_s: FloatArray) -> Around:
-        """By interpolation."""
-        shares = (starts_s + ends_s)[:, None, None] / (2 * max(self.duration_s, SHORTEST_S))
-        poses = np.repeat(self.ends[:1], len(starts_s), axis=0)
-        poses[..., :3, 3] += shares * (self.ends[1] - self.ends[0])[..., :3, 3]
-        travels = FINGER_SPEED_M_S * (ends_s - starts_s) / 2
-
-        def gaps_m(interval: Indices, pair: Indices) -> FloatArray:
-            return self.checked.gaps_m(poses, interval, pair)
-
-        def motions_m(interval: Indices, pair: Indices) -> FloatArray:
-            moved: FloatArray = travels[interval] * self.rates[pair]
-            return moved
-
-        return Around(poses, gaps_m, motions_m)
 
 
 def prove_travel(

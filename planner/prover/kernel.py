@@ -1,4 +1,9 @@
-"""Rows by a kernel in C, which `rows.c` describes; compiled once where a C compiler is found."""
+"""Rows by a kernel in C, which `rows.c` describes; compiled once where a C compiler is found.
+
+`Kernel.search` works on arrays: where trees of clusters are, which pairs of them must keep apart
+while an arm moves. The planner proves motions by it. `Kernel.rows` finds the rows of one step of a
+certificate.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +11,11 @@ import ctypes
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -17,9 +23,13 @@ import numpy as np
 from baxter_kin.compilation.machine_code import built, key_of
 from planner.certificate.clusters import Clusters, Shape
 from planner.certificate.errors import NotCertifiedError
-from planner.certificate.intervals import Array
+from planner.certificate.intervals import Array, Interval, Pose
+from planner.certificate.motion import Cubics
 from planner.certificate.robot import Robot
 from planner.certificate.rows import Step, Trace
+
+JOINTS = 7
+"""Of an arm."""
 
 LANES = 8
 """Points of each node are padded to a multiple of this by repeating the last one."""
@@ -50,17 +60,101 @@ class Rows:
     proven_m: float
 
 
+class Outcome(IntEnum):
+    """How a search ends, as `rows.c` numbers it."""
+
+    PROVEN = 0
+    TOO_NEAR = 1
+    NOT_SHOWN = 2
+    TOO_MUCH = 3
+
+
+class Near(NamedTuple):
+    """How near a pair comes.
+
+    Attributes:
+        pair: its number; -1 for none.
+        distance_m: infinite for none.
+        time_s: when.
+    """
+
+    pair: int
+    distance_m: float
+    time_s: float
+
+
 class NotShownError(NotCertifiedError):
-    """Rows do not show that all pairs keep what they must."""
+    """Rows do not show that all pairs keep what they must.
+
+    Attributes:
+        near: the pair, by its number in the step; None where there are too many rows.
+    """
+
+    near: Near | None = None
+
+    @classmethod
+    def of(cls, step: Step, near: Near) -> NotShownError:
+        """The error that names the pair that comes too near."""
+        first, second = step.pairs[near.pair].first.name, step.pairs[near.pair].second.name
+        error = cls(
+            f"{step.label}: {first} and {second} come as near as {1e3 * near.distance_m:.3f} mm "
+            f"at {near.time_s:.4f} s"
+        )
+        error.near = near
+        return error
 
 
-def not_shown(step: Step, pair: int, distance_m: float, time_s: float) -> NotShownError:
-    """The error that says which pair comes too near."""
-    first, second = step.pairs[pair].first.name, step.pairs[pair].second.name
-    return NotShownError(
-        f"{step.label}: {first} and {second} come as near as {1e3 * distance_m:.3f} mm at "
-        f"{time_s:.4f} s"
-    )
+class Chain(NamedTuple):
+    """The seven joints of an arm, which turn about the z axes of their frames.
+
+    Attributes:
+        R, p: poses of each joint at position 0 seen from the one before, the first from base,
+            shapes (7, 3, 3) and (7, 3).
+        offsets: lengths of p, shape (7,), m.
+    """
+
+    R: Array
+    p: Array
+    offsets: Array
+
+    @classmethod
+    def of(cls, robot: Robot) -> Chain:
+        """That of the arm that moves."""
+        R, p = ([getattr(span, x).centred()[0] for span in robot.spans] for x in ("R", "p"))
+        return cls(np.array(R), np.array(p), robot.offsets)
+
+    @property
+    def spans(self) -> Sequence[Pose]:
+        """The same poses, as the checker's code takes them."""
+        return [Pose(Interval(R), Interval(p)) for R, p in zip(self.R, self.p, strict=True)]
+
+    @classmethod
+    def standing(cls, T_base_last: Array) -> Chain:
+        """A chain whose last joint is at a pose, shape (4, 4), while all joints are at 0."""
+        R, p = np.tile(np.eye(3), (JOINTS, 1, 1)), np.zeros((JOINTS, 3))
+        R[0], p[0] = T_base_last[:3, :3], T_base_last[:3, 3]
+        return cls(R, p, np.linalg.norm(p, axis=1))
+
+
+class Found(NamedTuple):
+    """What a search found.
+
+    Attributes:
+        outcome: how it ended.
+        proven_m: what counted pairs keep at every instant where it is `PROVEN`, inf where none
+            counts.
+        nearest: the nearest that a counted pair was found.
+        stopped: the pair that is too near, or is not shown to be apart.
+        letters, directions, fine: as `planner.certificate.rows.Trace` has them.
+    """
+
+    outcome: Outcome
+    proven_m: float
+    nearest: Near
+    stopped: Near
+    letters: np.ndarray[Any, Any]
+    directions: np.ndarray[Any, Any]
+    fine: np.ndarray[Any, Any]
 
 
 class _Tree(ctypes.Structure):
@@ -123,7 +217,7 @@ _PLACED = np.dtype(
     align=True,
 )
 
-_PAIR = np.dtype(
+PAIR = np.dtype(
     [
         *((name, np.int32) for name in ("first", "second", "k", "m", "is_counted")),
         *((name, np.float64) for name in ("least", "begin", "end")),
@@ -134,8 +228,6 @@ _PAIR = np.dtype(
 
 _FAR_M = 1e8
 """More than this stands for no distance at all."""
-
-_PROVEN, _TOO_NEAR, _NOT_SHOWN = range(3)
 
 _TRIAL = "import ctypes, sys; sys.exit(ctypes.CDLL(sys.argv[1]).rows_version() != int(sys.argv[2]))"
 
@@ -195,29 +287,42 @@ class Kernel:
             known = self._trees[shape] = _LaidOut(shape, self._lay_out)
         return known
 
-    def rows(
-        self, robot: Robot, trees: Trees, step: Step, *, margin_m: float = 0.0, share: float
-    ) -> Rows:
-        """Rows of one step.
+    def search(
+        self,
+        chain: Chain,
+        trees: Trees,
+        pairs: np.ndarray[Any, Any],
+        motion: Cubics | Array,
+        *,
+        margin_m: float = 0.0,
+        share: float,
+    ) -> Found:
+        """Rows that show that pairs of trees keep apart.
 
         Args:
-            robot: whose arm moves.
-            trees: all clusters of the step.
-            step: what must keep apart.
+            chain: the arm that moves.
+            trees: all clusters.
+            pairs: of type `PAIR`, shape (n,).
+            motion: of the arm; or where it stands, shape (7,), rad, while some trees slide.
             margin_m: what counted pairs must keep, where they need not keep more.
             share: how much of the least distance that is met shall be proven.
-
-        Raises:
-            NotShownError: when a pair is not shown to keep what it must, or that takes too many.
         """
-        pairs, held = trees.pairs(step), _motion(robot, step)
-        cubics = step.cubics
+        cubics = motion if isinstance(motion, Cubics) else None
+        none = np.zeros(1)
+        own: tuple[Any, ...] = (none, motion, none, none, none, none, none)
+        duration_s, slack_m = 1.0, 0.0
+        if cubics is not None:
+            own = (cubics.t, cubics.q, cubics.v, cubics.a, cubics.j, cubics.v_peak, cubics.a_peak)
+            slides_m = float(np.abs(pairs["slides"]).max(initial=0.0))
+            reach_m = (trees.size_m + float(chain.offsets.sum()) + slides_m) * (1.0 + 1e-9)
+            duration_s, slack_m = cubics.duration_s, cubics.slack_m(reach_m)
+        held = [np.ascontiguousarray(x, np.float64) for x in (*own, *chain)]
         spare_m = SPARE_M + SINGLE * trees.size_m
         request = _Step(
             len(pairs),
             0 if cubics is None else len(cubics.j),
-            step.duration_s,
-            0.0 if cubics is None else cubics.slack_m(step.reach_m(robot, trees.size_m)),
+            duration_s,
+            slack_m,
             spare_m,
             margin_m,
             share,
@@ -235,48 +340,104 @@ class Kernel:
             ctypes.c_int64(MOST_LETTERS),
             ctypes.byref(result),
         )
-        if outcome in (_TOO_NEAR, _NOT_SHOWN):
-            raise not_shown(step, result.found_pair, result.found, result.found_s)
-        if outcome != _PROVEN:
-            raise NotShownError(f"{step.label}: it takes more rows than are checked")
-        return Rows(
-            Trace(
-                letters[: result.tasks].astype(np.intp),
-                directions[: result.directions].astype(np.float64),
-                fine[: result.fine].astype(np.float64),
-            ),
+        nearest_m = result.nearest if result.nearest < _FAR_M else np.inf
+        return Found(
+            Outcome(outcome),
             result.proven - spare_m if result.proven < _FAR_M else np.inf,
+            Near(result.nearest_pair, nearest_m, result.nearest_s),
+            Near(result.found_pair, result.found, result.found_s),
+            letters[: result.tasks],
+            directions[: result.directions],
+            fine[: result.fine],
         )
+
+    def rows(
+        self, chain: Chain, trees: Trees, step: Step, *, margin_m: float = 0.0, share: float
+    ) -> Rows:
+        """Rows of one step.
+
+        Args:
+            chain: the arm that moves.
+            trees: all clusters of the step.
+            step: what must keep apart.
+            margin_m: what counted pairs must keep, where they need not keep more.
+            share: how much of the least distance that is met shall be proven.
+
+        Raises:
+            NotShownError: when a pair is not shown to keep what it must, or that takes too many.
+        """
+        motion = step.q if step.cubics is None else step.cubics
+        pairs = trees.pairs(step)
+        found = self.search(chain, trees, pairs, motion, margin_m=margin_m, share=share)
+        if found.outcome == Outcome.TOO_MUCH:
+            raise NotShownError(f"{step.label}: it takes more rows than are checked")
+        if found.outcome != Outcome.PROVEN:
+            raise NotShownError.of(step, found.stopped)
+        letters = found.letters.astype(np.intp)
+        stated = (x.astype(np.float64) for x in (found.directions, found.fine))
+        return Rows(Trace(letters, *stated), found.proven_m)
+
+
+class PlacedShapes(NamedTuple):
+    """Shapes where they are.
+
+    Attributes:
+        shapes: n of them.
+        R, p: their poses in the frames that carry them, shapes (n, 3, 3) and (n, 3).
+        thicker_m: by how much they count as thicker all around, shape (n,), m.
+    """
+
+    shapes: Sequence[Shape]
+    R: Array
+    p: Array
+    thicker_m: Array
 
 
 class Trees:
-    """All clusters of a problem as the kernel reads them."""
+    """Trees of clusters where they are, as the kernel reads them.
 
-    def __init__(self, kernel: Kernel, clusters: Clusters) -> None:
-        """Read those that are there; what is added later is not among them."""
-        placed = clusters.placed
-        kinds = dict.fromkeys(each.shape for each in placed)
-        number = {shape: i for i, shape in enumerate(kinds)}
+    Attributes:
+        array: of all shapes.
+        placed: of the trees.
+        size_m: how far they reach from the frames that carry them.
+    """
+
+    def __init__(self, kernel: Kernel, there: PlacedShapes) -> None:
+        """Lay out shapes that are not known yet."""
+        shapes, R, p, thicker_m = there
+        number = {shape: i for i, shape in enumerate(dict.fromkeys(shapes))}
         self._held = [kernel.tree(shape) for shape in number]
         self.array = (_Tree * len(number))(*(tree.tree for tree in self._held))
-        self.placed = np.zeros(len(placed), _PLACED)
-        for row, each in zip(self.placed, placed, strict=True):
-            shape = each.shape
-            row["tree"], row["joined"] = number[shape], each.joined or (-1, -1)
-            row["R"], row["p"], row["ball"], row["disc"] = (
-                each.R,
-                each.p,
-                shape.ball_m,
-                shape.disc_m,
-            )
+        self.placed = np.zeros(len(shapes), _PLACED)
+        self.placed["tree"] = [number[shape] for shape in shapes]
+        self.placed["joined"] = -1
+        self.placed["R"], self.placed["p"] = R, p
+        self.placed["ball"] = np.array([shape.ball_m for shape in shapes]) + thicker_m
+        self.placed["disc"] = [shape.disc_m for shape in shapes]
+        self._place: dict[int, int] = {}
+        reach = np.array([shape.reach_m for shape in shapes]) + thicker_m
+        self.size_m = float((reach + np.linalg.norm(p, axis=1)).max(initial=0.0)) * (1.0 + 1e-9)
+
+    @classmethod
+    def of(cls, kernel: Kernel, clusters: Clusters) -> Trees:
+        """All clusters of a problem; what is added later is not among them."""
+        placed = clusters.placed
+        R = np.array([each.R for each in placed]).reshape(-1, 3, 3)
+        p = np.array([each.p for each in placed]).reshape(-1, 3)
+        shapes = [each.shape for each in placed]
+        trees = cls(kernel, PlacedShapes(shapes, R, p, np.zeros(len(placed))))
+        for row, each in zip(trees.placed, placed, strict=True):
+            if each.joined is not None:
+                row["joined"] = each.joined
             if each.apex is not None:
                 row["has_apex"], row["apex"] = 1, each.apex
-        self._place = {each.root: i for i, each in enumerate(placed)}
-        self.size_m = clusters.reach_m
+        trees._place = {each.root: i for i, each in enumerate(placed)}
+        trees.size_m = clusters.reach_m
+        return trees
 
     def pairs(self, step: Step) -> np.ndarray[Any, Any]:
         """The pairs of a step."""
-        found = np.zeros(len(step.pairs), _PAIR)
+        found = np.zeros(len(step.pairs), PAIR)
         found[:] = [
             (
                 self._place[pair.first.root],
@@ -292,14 +453,3 @@ class Trees:
             for pair in step.pairs
         ]
         return found
-
-
-def _motion(robot: Robot, step: Step) -> Sequence[Array]:
-    """Arrays of a step and of the robot, in the kernel's order."""
-    cubics, none = step.cubics, np.zeros(1)
-    own: Sequence[Array] = (none, step.q, none, none, none, none, none)
-    if cubics is not None:
-        own = (cubics.t, cubics.q, cubics.v, cubics.a, cubics.j, cubics.v_peak, cubics.a_peak)
-    R = np.array([span.R.centred()[0] for span in robot.spans])
-    p = np.array([span.p.centred()[0] for span in robot.spans])
-    return [np.ascontiguousarray(x, np.float64) for x in (*own, R, p, robot.offsets)]

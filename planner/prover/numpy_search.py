@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.clusters import LEAF, Clusters, Nodes
-from planner.certificate.intervals import Array
-from planner.certificate.robot import Robot
+from planner.certificate.intervals import Array, Interval, Pose
+from planner.certificate.motion import Cubics
 from planner.certificate.rows import (
     BY_DIRECTION,
     BY_FINE_DIRECTION,
@@ -23,12 +24,24 @@ from planner.certificate.rows import (
     CUT_FIRST,
     CUT_SECOND,
     CUT_TIME,
+    Joints,
     Judge,
+    Mover,
+    Pair,
     Step,
     Tasks,
     Trace,
 )
-from planner.prover.kernel import SPARE_M, Rows, not_shown
+from planner.prover.kernel import (
+    SPARE_M,
+    Chain,
+    Found,
+    Near,
+    NotShownError,
+    Outcome,
+    PlacedShapes,
+    Rows,
+)
 
 SHORTEST_S = 2e-5
 """Cells of time are not cut below this."""
@@ -43,7 +56,7 @@ _SUBSETS = [s for size in (1, 2, 3, 4) for s in combinations(range(4), size)]
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def rows_of(robot: Robot, clusters: Clusters, step: Step, margin_m: float) -> Rows:
+def rows_of(robot: Joints, clusters: Clusters, step: Step, margin_m: float) -> Rows:
     """Rows of one step.
 
     Args:
@@ -72,6 +85,42 @@ def rows_of(robot: Robot, clusters: Clusters, step: Step, margin_m: float) -> Ro
         proven_m = min(proven_m, float(gaps_m.min(initial=np.inf)))
         tasks = judge.cut(tasks, found)
     return Rows(Trace.joined(levels), proven_m - SPARE_M)
+
+
+def search(
+    chain: Chain,
+    there: PlacedShapes,
+    pairs: np.ndarray[Any, Any],
+    motion: Cubics | Array,
+    *,
+    margin_m: float = 0.0,
+) -> Found:
+    """The same for arrays, as `planner.prover.kernel.Kernel.search` takes them.
+
+    The nearest pair is not found.
+    """
+    clusters, steps = Clusters(), []
+    roots = [
+        clusters.add(
+            replace(shape, ball_m=shape.ball_m + thicker), Pose(Interval(rotation), Interval(place))
+        )
+        for shape, rotation, place, thicker in zip(*there, strict=True)
+    ]
+    for first, second, k, m, is_counted, least, begin, end, slides in pairs.tolist():
+        one = Mover("one", roots[first], k, tuple(slides[:2]))
+        other = Mover("another", roots[second], m, tuple(slides[2:]))
+        steps.append(Pair(one, other, least, begin, end, is_counted=bool(is_counted)))
+    cubics = motion if isinstance(motion, Cubics) else None
+    q = motion.q[0] if isinstance(motion, Cubics) else motion
+    none, empty = Near(-1, np.inf, 0.0), np.zeros((0, 3))
+    try:
+        found = rows_of(chain, clusters, Step("the motion", steps, cubics, q), margin_m)
+    except NotShownError as reason:
+        near = none if reason.near is None else reason.near
+        return Found(Outcome.NOT_SHOWN, 0.0, none, near, np.zeros(0, np.uint8), empty, empty)
+    trace = found.trace
+    columns = trace.letters, trace.directions, trace.fine
+    return Found(Outcome.PROVEN, found.proven_m, none, none, *columns)
 
 
 @dataclass
@@ -191,7 +240,8 @@ class _Level:
         hopeless = np.flatnonzero((sizes[0] == 0.0) & (sizes[1] == 0.0) & (in_time <= 0.0))
         if len(hopeless):
             i = int(hopeless[0])
-            raise not_shown(judge.step, int(sub.pair[i]), reach[at[i]], sub.start_s[i])
+            near = Near(int(sub.pair[i]), float(reach[at[i]]), float(sub.start_s[i]))
+            raise NotShownError.of(judge.step, near)
         choice = np.argmax([*sizes, in_time + 1e-12], axis=0)
         letters[open_[at]] = np.array([CUT_FIRST, CUT_SECOND, CUT_TIME])[choice]
 

@@ -469,7 +469,7 @@ static int separated(const Search *s, const View *v, double goal, Found *f) {
         if (kept > best) best = kept, copy(u, f->d);
         if (kept > goal && (!for_rows || (kept > goal + s->step.spare && separates(s, v, u, goal, f)))) return 1;
         if (for_rows && f->least <= goal) return 0;
-        if (distance - kept < 1e-7 + CONVERGED * fabs(distance - goal)) return 0;
+        if (distance - kept < 1e-7 + CONVERGED * fmin(fabs(distance - goal), 0.1 * fabs(distance))) return 0;
         for (int i = 0; i < size; i++)
             if (fabs(simplex[i][0] - w[0]) + fabs(simplex[i][1] - w[1]) + fabs(simplex[i][2] - w[2]) < 1e-12) return 0;
         copy(w, simplex[size]);

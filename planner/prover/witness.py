@@ -10,7 +10,7 @@ import numpy as np
 from planner.certificate.checking import Witness
 from planner.certificate.rows import Step, Trace
 from planner.certificate.timeline import StepWitness, Timeline
-from planner.prover.kernel import Rows, Trees, rows_kernel
+from planner.prover.kernel import Chain, Rows, Trees, rows_kernel
 from planner.prover.numpy_search import rows_of
 
 
@@ -37,12 +37,13 @@ def witness_of(
     """
     asked = [0.0] * len(steps) if margins_m is None else margins_m
     kernel = rows_kernel()
-    trees = None if kernel is None else Trees(kernel, timeline.clusters)
+    trees = None if kernel is None else Trees.of(kernel, timeline.clusters)
+    chain = Chain.of(timeline.robot)
 
     def rows(step: Step, margin_m: float) -> Rows:
         if kernel is None or trees is None:
             return rows_of(timeline.robot, timeline.clusters, step, margin_m)
-        return kernel.rows(timeline.robot, trees, step, margin_m=margin_m, share=share)
+        return kernel.rows(chain, trees, step, margin_m=margin_m, share=share)
 
     kept = [np.inf] * len(steps)
     traces = []

@@ -1,4 +1,4 @@
-"""MotionBounds: how far joints get in a time, what that moves, and how far apart things are.
+"""MotionBounds: where the shapes of an arm are, and how far turns of its joints move them.
 
 A shape of an arm is on the far side of a chain of revolute joints. Let joint i turn from q_i by
 d_i. Turn them one after the other, the joint next to base first: when joint i turns, the joints
@@ -26,13 +26,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from baxter_kin.errors import expect
 from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.validation import FloatArray, Indices
 from planner.collision.covers import Covers, placed_points
 from planner.collision.mover import Mover
-from planner.errors import TrajectoryError
-from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
 
 
 class Placed(NamedTuple):
@@ -51,6 +48,7 @@ class MotionBounds:
     """Bounds on motions of the n shapes of a geometry model while the J joints of a mover turn.
 
     Attributes:
+        chain: the mover's joints.
         moves: which joint of the mover moves which shape, shape (n, J).
         q_index: where the mover's joints stand in a full configuration, shape (J,).
     """
@@ -59,10 +57,10 @@ class MotionBounds:
         self, robot: pin.Model, geometry: pin.GeometryModel, mover: Mover, covers: Covers
     ) -> None:
         self._robot, self._data = robot, robot.createData()
-        self._chain = JointChain.side_by_side([arm.chain for arm in mover.arms])
+        self.chain = JointChain.side_by_side([arm.chain for arm in mover.arms])
         own = [robot.getJointId(name) for name in mover.joint_names]
         self.q_index = np.array([robot.joints[joint].idx_q for joint in own])
-        self._across = np.linalg.svd(self._chain.axes[:, None])[2][:, 1:]  # two units across each
+        self._across = np.linalg.svd(self.chain.axes[:, None])[2][:, 1:]  # two units across each
         shapes = list(geometry.geometryObjects)
         self._parents = np.array([shape.parentJoint for shape in shapes])
         self._T_joint_shape = np.array([shape.placement.homogeneous for shape in shapes])
@@ -79,14 +77,30 @@ class MotionBounds:
 
     def place(self, full: FloatArray, qs: FloatArray) -> Placed:
         """Poses at configurations of the mover, shape (m, J), the other joints as in `full`."""
+        self._let_stand(full)
+        joints = self.chain.poses(qs)
+        shapes = np.tile(self._standing, (len(qs), 1, 1, 1))
+        shapes[:, self._is_moved] = joints[:, self._last] @ self._T_last_shapes
+        return Placed(joints, shapes)
+
+    def carried(self, full: FloatArray) -> tuple[Indices, FloatArray]:
+        """What carries each shape, and where it is on that, all other joints as in `full`.
+
+        Returns:
+            The number of the mover's joint that carries each, counted from 1, and 0 for what stands
+            still, shape (n,); and poses seen from those, from base for 0, shape (n, 4, 4).
+        """
+        self._let_stand(full)
+        levels, poses = np.zeros(len(self._standing), np.intp), self._standing.copy()
+        levels[self._is_moved] = self._last + 1
+        poses[self._is_moved] = self._T_last_shapes
+        return levels, poses
+
+    def _let_stand(self, full: FloatArray) -> None:
         others = np.array(full)
         others[self.q_index] = 0.0
         if not np.array_equal(others, self._others):
             self._stand(others)
-        joints = self._chain.poses(qs)
-        shapes = np.tile(self._standing, (len(qs), 1, 1, 1))
-        shapes[:, self._is_moved] = joints[:, self._last] @ self._T_last_shapes
-        return Placed(joints, shapes)
 
     def _stand(self, others: FloatArray) -> None:
         """Store where all shapes stand, and those that move as they are on their last joints."""
@@ -98,7 +112,7 @@ class MotionBounds:
 
     def axes(self, placed: Placed) -> FloatArray:
         """The joints' axes at m configurations, in base, shape (m, J, 3)."""
-        turned: FloatArray = (placed.joints[..., :3, :3] @ self._chain.axes[:, :, None])[..., 0]
+        turned: FloatArray = (placed.joints[..., :3, :3] @ self.chain.axes[:, :, None])[..., 0]
         return turned
 
     def motions_m(
@@ -137,55 +151,3 @@ class MotionBounds:
         reach = beside.reshape(len(ends), len(shapes), 2, count, 2).sum(axis=4).max(axis=2)
         levers = np.sqrt(reach) + covers.radii[shapes][:, None]
         return np.where(self.moves[shapes], levers, 0.0)
-
-
-class JointSpan:
-    """How far the joints of a motion get from where they are at an instant, exactly.
-
-    Between two neighbouring ones of its knots and turning points a joint of a piecewise-cubic
-    motion only rises or only falls. So the positions at an interval's two ends, and at the knots
-    and turning points inside it, hold the lowest and the highest position of the interval.
-    """
-
-    def __init__(self, trajectory: Trajectory) -> None:
-        """Collect knots and turning points.
-
-        Raises:
-            TrajectoryError: when it is no `Trajectory`.
-        """
-        self._trajectory = expect(trajectory, Trajectory, "trajectory", TrajectoryError)
-        times = np.concatenate([trajectory.knots_s, trajectory.turning_times])
-        self._times = np.unique(np.clip(times, 0.0, trajectory.duration))
-        self._positions = trajectory.sample(self._times).q
-
-    def around_middle(
-        self, starts_s: FloatArray, ends_s: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Where the joints are in the middle of intervals, and how far they get from there.
-
-        Args:
-            starts_s: shape (m,), seconds.
-            ends_s: shape (m,), seconds, none before its start.
-
-        Returns:
-            Positions at the middles, shape (m, n), rad, and the greatest distance of each joint
-            from them at any time of the interval, shape (m, n), rad, `CONTINUITY_TOLERANCE`
-            included, by which positions may jump at a knot.
-        """
-        times = np.concatenate([starts_s, (starts_s + ends_s) / 2, ends_s])
-        begin, middles, end = np.split(self._trajectory.sample(times).q, 3)
-        ends = np.maximum(np.abs(begin - middles), np.abs(end - middles))
-        first = np.searchsorted(self._times, starts_s, side="left")
-        last = np.searchsorted(self._times, ends_s, side="right")
-        highest = np.maximum(self._over(np.maximum, first, last, middles) - middles, 0.0)
-        lowest = np.maximum(middles - self._over(np.minimum, first, last, middles), 0.0)
-        return middles, np.maximum(ends, np.maximum(highest, lowest)) + CONTINUITY_TOLERANCE
-
-    def _over(
-        self, extreme: np.ufunc, first: Indices, last: Indices, empty: FloatArray
-    ) -> FloatArray:
-        """The extreme of the collected positions first .. last - 1; `empty` where there is none."""
-        padded = np.concatenate([self._positions, self._positions[-1:]])
-        bounds = np.column_stack([first, last]).reshape(-1)
-        found: FloatArray = extreme.reduceat(padded, bounds, axis=0)[::2]
-        return np.where((last > first)[:, None], found, empty)

@@ -1,32 +1,30 @@
-"""Continuous proof: an arm's motion is clear at every instant, not only at samples.
+"""Continuous proof: a motion is clear at every instant, not only at samples.
 
-While a motion passes a time interval, no point of a link moves farther from where it is in the
-middle of the interval than its lever arms and the exact turns of the joints allow
-(`planner.collision.continuous.motion_bounds`). The distance of two shapes changes by no more than
-their farthest-moving points do, seen from what both hang on. That holds inside each other too,
-where the distance is minus the depth: of convex shapes it is the greatest, over all directions, of
-the gap between two planes across that direction, and no such gap changes by more. So a pair keeps a
-distance above d - s during an interval in whose middle its distance is d, when s bounds that
-motion. Where d - s is not enough, the interval is halved, for that pair alone (Schwarzer, Saha and
-Latombe, "Adaptive dynamic collision checking for single and multiple articulated robots in
-complex environments", IEEE Trans. Robotics 21(3), 2005).
+Rows of separation prove it; `planner.certificate.rows` states the theorem. The links and bodies of
+a situation are trees of convex clusters. For every pair of clusters and cell of time there is a
+direction whose gap at both ends of the cell, less the greatest sag in between, is at least what the
+pair must keep. A kernel in C finds these rows; without a C compiler NumPy does, some hundred times
+slower. Intended contacts are proven in the same way, not to press in by more than
+`PRESSING_TOLERANCE_M`.
 
-Allowed contacts are proven in the same way, not to press in by more than `PRESSING_TOLERANCE_M`.
-Distances are coal's; `ACCURACY_M` is subtracted from each before anything is concluded. Halving
-goes on below the needed distance, until the proven clearance is at least `TIGHTNESS` of the least
-distance that was found, or `SLACK_M` below it.
+Of the least distance that the search meets 0.98 is proven; less where that cannot be shown. Where a
+motion is not clear, coal measures the two that are too near, at the instant at which the search
+stopped.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NoReturn
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect
+from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.validation import FloatArray, Indices
+from planner.certificate.motion import Cubics
+from planner.certificate.rows import BY_MIDDLES
 from planner.clearance import (
     Clearance,
     ContinuousContact,
@@ -35,11 +33,20 @@ from planner.clearance import (
     checked_margin_m,
 )
 from planner.collision.checker import FARTHEST_JOINT, ClearanceChecker
-from planner.collision.continuous.motion import ArmShapeMotion, ShapeMotion
-from planner.collision.continuous.tasks import Tasks
 from planner.collision.distances import UNKNOWN_DEPTH_M
 from planner.collision.shape_pairs import CheckedPairs
 from planner.errors import SceneError, TrajectoryError
+from planner.prover.kernel import (
+    PAIR,
+    Chain,
+    Found,
+    Near,
+    Outcome,
+    PlacedShapes,
+    Trees,
+    rows_kernel,
+)
+from planner.prover.numpy_search import search
 from planner.trajectory import Trajectory
 
 ACCURACY_M = 1e-5
@@ -47,38 +54,24 @@ ACCURACY_M = 1e-5
 1e-6; against planes between random shapes of up to 10 m no distance was wrong by more than 2e-6."""
 
 RESOLUTION_M = 2 * ACCURACY_M
-"""What is found within this of the needed distance is not told apart from a contact."""
+"""Coal does not tell a distance within this of a needed one from a contact."""
 
-TIGHTNESS = 0.9
-"""How much of the least distance found shall be proven."""
+SHARES = (0.98, 0.9, 0.5, 0.0)
+"""How much of the least distance that is met is proven; the next where one cannot be shown."""
 
-SLACK_M = 1e-3
-"""How far below the least distance found the proven one may be, if that is less."""
-
-REFINED = 0.95
-"""A distance is known exactly where it is below this share of the least one found so far; else that
-it is not less will do. Of triangles, the exact one takes ten times as long."""
-
-FIRST_INTERVALS = 8
-"""How many intervals a motion is cut into before any is halved."""
-
-MOST_EVALUATIONS = 200_000
-"""Distances computed before a proof is given up."""
+INSTANTS = 17
+"""At how many instants a least distance is looked for where the search does not know it."""
 
 
 def prove_clear(
-    checker: ClearanceChecker,
-    trajectory: Trajectory,
-    q: ArrayLike,
-    *,
-    margin_m: float = 0.0,
+    checker: ClearanceChecker, trajectory: Trajectory, q: ArrayLike, *, margin_m: float = 0.0
 ) -> ContinuousResult:
-    """A proof that a motion of the checker's arm is free of collision, or what speaks against it.
+    """Prove that a motion of the checker's arm is free of collision, or say what is in its way.
 
     Args:
         checker: the situation.
         trajectory: the motion of its arm.
-        q: a full configuration, shape (19,), that says where all other joints stand; what it says
+        q: a full configuration, shape (19,), which says where all other joints stand; what it says
             of the arm is not used.
         margin_m: distance that every pair shall keep at least, allowed contacts left out.
 
@@ -91,194 +84,236 @@ def prove_clear(
     expect(checker, ClearanceChecker, "checker", SceneError)
     expect(trajectory, Trajectory, "trajectory", TrajectoryError)
     _check_joints(trajectory, checker)
-    margin_m = checked_margin_m(margin_m)
-    motion = ArmShapeMotion(checker, trajectory, checker.configuration(q))
-    return prove_motion(checker.checked, motion, margin_m)
+    full = checker.configuration(q)
+    return prove_move(checker, trajectory, full, checked_margin_m(margin_m))
 
 
-def prove_motion(
-    checked: CheckedPairs, motion: ShapeMotion, margin_m: float, pairs: Indices | None = None
+def prove_move(
+    checker: ClearanceChecker,
+    trajectory: Trajectory,
+    full: FloatArray,
+    margin_m: float,
+    pairs: Indices | None = None,
 ) -> ContinuousResult:
-    """A proof that a motion of any kind is clear, or what speaks against it.
+    """The same for arguments that are known to be good, and for some pairs only.
 
     Args:
-        checked: the pairs of the situation.
-        motion: how their shapes move.
+        checker: the situation.
+        trajectory: the motion of its arm.
+        full: a full configuration, shape (19,).
         margin_m: distance that every pair shall keep that has no need of its own.
         pairs: numbers of those that count; all when not given.
     """
-    counted = np.arange(len(checked.numbers)) if pairs is None else pairs
-    return _Search(checked, motion, margin_m, counted).run()
+    bounds, checked = checker.motion_bounds, checker.checked
+    numbers = np.arange(len(checked.numbers)) if pairs is None else pairs
+
+    def poses(time_s: float) -> FloatArray:
+        at: FloatArray = bounds.place(full, trajectory.sample(np.array([time_s])).q).shapes[0]
+        return at
+
+    if _is_any_inside(checked, poses(0.0), numbers):
+        needed_m = checked.needed_m(margin_m)
+        number, distance_m = _worst(checked, poses(0.0), numbers, needed_m)
+        near = checked.between(number, distance_m, 0.0)
+        return ContinuousContact(near, float(needed_m[number]), trajectory.duration, 0, 0)
+    rows: Cubics | FloatArray = trajectory.q[0]
+    if trajectory.duration > 0.0:
+        knots = {name: getattr(trajectory, name) for name in ("knots_s", "q", "v", "a", "j")}
+        rows = Cubics(knots, "the motion")
+    chain, turned = _about_z(bounds.chain)
+    levels, T = bounds.carried(full)
+    T = T.copy()
+    T[:, :3] = turned[levels].swapaxes(1, 2) @ T[:, :3]
+    arrangement = Arrangement(checked, chain, levels, T)
+    return arrangement.prove(Motion(rows, trajectory.duration, poses), margin_m, numbers)
 
 
-def contact_of(
-    checked: CheckedPairs, motion: ShapeMotion, margin_m: float, pairs: Indices
-) -> ContinuousContact | None:
-    """What speaks against a motion, as `prove_motion` finds it, and no distance beyond that."""
-    result = _Search(checked, motion, margin_m, pairs, least_m=-np.inf).run()
-    return result if isinstance(result, ContinuousContact) else None
+class Motion(NamedTuple):
+    """How the shapes of a situation move.
+
+    Attributes:
+        rows: the motion of the arm; or where it stands, shape (7,), rad, while shapes slide.
+        duration_s: how long it takes.
+        poses: of all shapes in base at a time, shape (n, 4, 4).
+    """
+
+    rows: Cubics | FloatArray
+    duration_s: float
+    poses: Callable[[float], FloatArray]
+
+    @property
+    def end(self) -> float:
+        """Where its parameter ends: time, or a share of the way that shapes slide."""
+        return self.rows.duration_s if isinstance(self.rows, Cubics) else 1.0
+
+    def time_s(self, at: float) -> float:
+        """The time at a value of the parameter."""
+        return at if isinstance(self.rows, Cubics) else at * self.duration_s
 
 
-class _Search:
-    """The proof while it is being made."""
+class Arrangement:
+    """The clusters of a situation, and what carries them while something moves."""
 
     def __init__(
         self,
         checked: CheckedPairs,
-        motion: ShapeMotion,
-        margin_m: float,
-        pairs: Indices,
-        least_m: float = np.inf,
+        chain: Chain,
+        levels: Indices,
+        poses: FloatArray,
+        *,
+        slides_m: FloatArray | None = None,
+        thicker_m: FloatArray | float = 0.0,
     ) -> None:
-        self._checked, self._motion, self._margin_m, self._pairs = checked, motion, margin_m, pairs
-        self._duration_s = motion.duration_s
-        self._touch: NDArray[np.bool_] = checked.is_contact
-        self._needed_m = checked.needed_m(margin_m)
-        self._too_close_m: FloatArray = np.nextafter(self._needed_m + RESOLUTION_M, np.inf)
-        self._nearest = Clearance(least_m, "", "")
-        self._proven_m = np.inf
-        self._intervals = self._evaluations = 0
-
-    def run(self) -> ContinuousResult:
-        """Both ends first, then the intervals between them, level by level."""
-        try:
-            self._look_at_ends()
-            cuts = np.linspace(0.0, self._duration_s, FIRST_INTERVALS + 1)
-            tasks = Tasks.of(cuts[:-1], cuts[1:], self._pairs)
-            while tasks.pair.size:
-                tasks = self._unproven(tasks).halved()
-        except _NotClearError as stop:
-            return stop.contact
-        return ContinuousProof(
-            self._proven_m, self._nearest, self._margin_m, self._intervals, self._evaluations
-        )
-
-    def _look_at_ends(self) -> None:
-        """Measure the pairs at both ends, as long as they matter.
-
-        What is quickly measured comes first, and then the nearest: what is not nearer than the
-        least so far need not be known better. What is wholly inside a surface is looked for, too.
-        """
-        ends_s = np.array([0.0, self._duration_s])
-        tasks, around = Tasks.of(ends_s, ends_s, self._pairs), self._motion.around(ends_s, ends_s)
-        gaps, distances = around.gaps_m(tasks.interval, tasks.pair), self._checked.distances
-        columns = tasks.pair, gaps, self._too_close_m[tasks.pair], self._touch[tasks.pair]
-        order = np.lexsort((gaps, distances.is_slow[tasks.pair], tasks.interval))
-        found, nearest_m = np.array(gaps), self._nearest.distance_m
-        for end, each in enumerate(np.split(order, 2)):
-            distances.place(around.poses[end])
-            exact = []
-            given = (each.tolist(), *(x[each].tolist() for x in columns))
-            for task, pair, gap_m, told_m, is_contact in zip(*given, strict=True):
-                asked_m = told_m if is_contact else max(told_m, nearest_m)
-                if gap_m >= max(asked_m, 0.0):  # bounds below zero say nothing
-                    continue
-                self._evaluations += 1
-                measured_m = distances.measure(pair, asked_m, asked_m)
-                if measured_m > 0.0 and distances.is_within(pair):
-                    measured_m = UNKNOWN_DEPTH_M
-                found[task] = measured_m
-                if measured_m < asked_m and not is_contact:
-                    exact.append(task)
-                    nearest_m = min(nearest_m, measured_m)
-            self._judge(tasks, found, each, exact)
-
-    def _unproven(self, tasks: Tasks) -> Tasks:
-        """Those of the tasks that need smaller intervals."""
-        self._intervals += len(tasks.starts_s)
-        around = self._motion.around(tasks.starts_s, tasks.ends_s)
-        motions = around.motions_m(tasks.interval, tasks.pair)
-        gaps = around.gaps_m(tasks.interval, tasks.pair)
-        near = self._open(tasks, _sure(gaps) - motions)
-        tasks, gaps, motions = tasks.only(near), gaps[near], motions[near]
-        wanted_m = self._wanted_m()[tasks.pair] + motions
-        within_m = np.maximum(wanted_m + 2.0 * ACCURACY_M * np.maximum(1.0, wanted_m), 0.0)
-        distances = self._measured(tasks, around.poses, gaps, within_m)
-        return tasks.only(self._open(tasks, _sure(distances) - motions))
-
-    def _wanted_m(self) -> FloatArray:
-        """The distance that each pair shall be proven to keep, as it looks now, shape (n,)."""
-        least_m = self._nearest.distance_m
-        wanted_m = max(self._margin_m, min(TIGHTNESS * least_m, least_m - SLACK_M))
-        return np.where(self._touch, self._needed_m, wanted_m)
-
-    def _open(self, tasks: Tasks, kept_m: FloatArray) -> NDArray[np.bool_]:
-        """Whether keeping so much, shape (k,), is not enough yet for each task."""
-        enough = kept_m > self._wanted_m()[tasks.pair]
-        counted = kept_m[enough & ~self._touch[tasks.pair]]
-        self._proven_m = min(self._proven_m, float(counted.min(initial=np.inf)))
-        return ~enough
-
-    def _measured(
-        self, tasks: Tasks, poses: FloatArray, gaps: FloatArray, within_m: FloatArray
-    ) -> FloatArray:
-        """Distances in the middle of the intervals, shape (k,), m, or lower bounds on them.
+        """Arrange them.
 
         Args:
-            tasks: the pairs and intervals.
-            poses: of all shapes in the middles.
-            gaps: lower bounds on the distances, shape (k,).
-            within_m: what is to be told apart, shape (k,).
-
-        Raises:
-            _NotClearError: when one is too small, or there are too many.
+            checked: the pairs of the situation, of n shapes.
+            chain: the arm that moves.
+            levels: number of its joint that carries each shape, 0 for what stands still, shape
+                (n,).
+            poses: of each shape seen from there, shape (n, 4, 4).
+            slides_m: how far each has moved along y of the last joint by the end, shape (n,).
+            thicker_m: by how much each counts as thicker where it must not touch anything, besides
+                its padding, shape (n,).
         """
-        found, distances = np.array(gaps), self._checked.distances
-        is_counted = ~self._touch[tasks.pair]
-        refined_m = np.where(is_counted, REFINED * self._nearest.distance_m, -np.inf)
-        exact_m = np.maximum(self._too_close_m[tasks.pair], refined_m)
-        asked_m = np.maximum(within_m, exact_m)
-        asked = np.flatnonzero(gaps < asked_m)
-        columns = (asked, *(x[asked] for x in (tasks.interval, tasks.pair, asked_m, exact_m)))
-        placed = None
-        for task, interval, *given in zip(*(x.tolist() for x in columns), strict=True):
-            if interval != placed:
-                distances.place(poses[interval])
-                placed = interval
-            found[task] = distances.measure(*given)
-        self._evaluations += len(asked)
-        exact = asked[is_counted[asked] & (found < exact_m)[asked]]
-        self._judge(tasks, found, np.arange(len(found)), exact.tolist())
+        self._checked, self._chain = checked, chain
+        self._thicker_m: FloatArray = checked.thicker_m + thicker_m
+        self._levels, self._poses = levels, poses
+        self._slides_m = np.zeros(len(levels)) if slides_m is None else slides_m
+
+    def prove(self, motion: Motion, margin_m: float, numbers: Indices) -> ContinuousResult:
+        """Prove that pairs keep apart, or say which do not.
+
+        Args:
+            motion: how they move.
+            margin_m: distance that every pair shall keep that has no need of its own.
+            numbers: of the pairs.
+        """
+        checked = self._checked
+        numbers = np.unique(checked.alike[numbers])
+        if not len(numbers):
+            return ContinuousProof(np.inf, Clearance(np.inf, "", ""), margin_m, 0, 0)
+        if rows_kernel() is None:
+            found = self._found_slowly(motion, margin_m, numbers)
+        else:
+            found = self._found(motion, margin_m, numbers)
+        size = len(found.letters), int((found.letters <= BY_MIDDLES).sum())
+        pair, distance_m, at = found.nearest
+        if found.outcome == Outcome.PROVEN:
+            near = Clearance(np.inf, "", "")
+            if pair >= 0:
+                near = checked.between(int(numbers[pair]), distance_m, motion.time_s(at))
+            return ContinuousProof(found.proven_m, near, margin_m, *size)
+        pair, _, at = found.stopped if found.stopped.pair >= 0 else found.nearest
+        time_s, needed_m = motion.time_s(at), checked.needed_m(margin_m)
+        number, measured_m = _worst(checked, motion.poses(time_s), numbers, needed_m)
+        if measured_m > needed_m[number]:  # a contact that presses in at another time, perhaps
+            number = int(numbers[pair])
+            time_s, measured_m = _least(checked, motion, number)
+        near = checked.between(number, measured_m, time_s)
+        return ContinuousContact(near, float(needed_m[number]), motion.duration_s, *size)
+
+    def _found(self, motion: Motion, margin_m: float, numbers: Indices) -> Found:
+        """Search for rows of pairs that are all different."""
+        checked, kernel = self._checked, rows_kernel()
+        shapes = checked.numbers[numbers]
+        is_swapped = self._levels[shapes[:, 0]] < self._levels[shapes[:, 1]]
+        shapes = np.where(is_swapped[:, None], shapes[:, ::-1], shapes)  # the outer one first
+        is_contact = checked.is_contact[numbers]
+        # padding counts where nothing may touch: a shape may be there with and without it
+        used, place = np.unique(2 * shapes + is_contact[:, None], return_inverse=True)
+        index, is_bare = used // 2, used % 2 == 1
+        trees = [checked.tree(shape) for shape in index.tolist()]
+        R, p = self._poses[index, :3, :3], self._poses[index, :3, 3]
+        p = p + (R @ np.array([tree.p for tree in trees])[..., None])[..., 0]
+        R = R @ np.array([tree.R for tree in trees])
+        thicker_m = np.array([tree.margin_m for tree in trees])
+        thicker_m += np.where(is_bare, 0.0, self._thicker_m[index])
+        pairs = np.zeros(len(shapes), PAIR)
+        pairs["first"], pairs["second"] = place.reshape(shapes.shape).T
+        pairs["k"], pairs["m"] = self._levels[shapes].T
+        pairs["is_counted"] = ~is_contact
+        pairs["least"] = np.where(is_contact, checked.needs_m[numbers], 0.0)
+        pairs["end"] = motion.end
+        pairs["slides"][:, 1], pairs["slides"][:, 3] = self._slides_m[shapes].T
+        placed = PlacedShapes([tree.clusters for tree in trees], R, p, thicker_m)
+        if kernel is None:
+            return search(self._chain, placed, pairs, motion.rows, margin_m=margin_m)
+        there, request = Trees(kernel, placed), (pairs, motion.rows)
+        for share in SHARES:
+            found = kernel.search(self._chain, there, *request, margin_m=margin_m, share=share)
+            is_of_share = found.stopped.pair >= 0 and not is_contact[found.stopped.pair]
+            if found.outcome != Outcome.NOT_SHOWN or not is_of_share:
+                break
         return found
 
-    def _judge(self, tasks: Tasks, found: FloatArray, each: Indices, exact: Sequence[int]) -> None:
-        """Stop where one of some is too near; and take over the nearest of those known exactly."""
-        pairs = tasks.pair[each]
-        is_too_close = (found[each] < self._too_close_m[pairs]).any()
-        if is_too_close or (len(each) and self._evaluations > MOST_EVALUATIONS):
-            excess = found[each] - self._needed_m[pairs]
-            self._stop(tasks, found, int(each[excess.argmin()]))
-        least = min(exact, key=lambda task: float(found[task]), default=-1)
-        if least >= 0 and found[least] < self._nearest.distance_m:
-            self._nearest = self._found(tasks, found, least)
-
-    def _found(self, tasks: Tasks, distances: FloatArray, task: int) -> Clearance:
-        time_s = float(tasks.middles_s[tasks.interval[task]])
-        return self._checked.between(int(tasks.pair[task]), distances[task], time_s)
-
-    def _stop(self, tasks: Tasks, distances: FloatArray, task: int) -> NoReturn:
-        raise _NotClearError(
-            ContinuousContact(
-                self._found(tasks, distances, task),
-                float(self._needed_m[tasks.pair[task]]),
-                self._duration_s,
-                self._intervals,
-                self._evaluations,
-            )
-        )
+    def _found_slowly(self, motion: Motion, margin_m: float, numbers: Indices) -> Found:
+        """Without a compiler: ask for shares of the least distance that coal finds at instants."""
+        checked, nearest = self._checked, Near(-1, np.inf, 0.0)
+        counted = np.flatnonzero(~checked.is_contact[numbers])
+        for at in np.linspace(0.0, motion.end, INSTANTS).tolist():
+            checked.distances.place(motion.poses(motion.time_s(at)))
+            for pair in counted.tolist():
+                found_m = checked.distances.measure(int(numbers[pair]), nearest.distance_m)
+                if found_m < nearest.distance_m:
+                    nearest = Near(pair, found_m, at)
+        for share in SHARES:
+            found = self._found(motion, max(margin_m, share * nearest.distance_m), numbers)
+            if found.outcome == Outcome.PROVEN:
+                break
+        return found._replace(nearest=nearest)
 
 
-class _NotClearError(Exception):
-    """Ends a search; becomes its result."""
+def _least(checked: CheckedPairs, motion: Motion, number: int) -> tuple[float, float]:
+    """When a pair is nearest, of some instants, and its distance then by coal."""
+    found = []
+    for at in np.linspace(0.0, motion.end, INSTANTS).tolist():
+        checked.distances.place(motion.poses(motion.time_s(at)))
+        found.append((checked.distances.measure(number), motion.time_s(at)))
+    distance_m, time_s = min(found)
+    return time_s, distance_m
 
-    def __init__(self, contact: ContinuousContact) -> None:
-        self.contact = contact
-        super().__init__(str(contact))
+
+def _about_z(chain: JointChain) -> tuple[Chain, FloatArray]:
+    """A chain of joints about the z axes of frames of its own.
+
+    Returns:
+        The chain, and the rotations of these frames seen from those of the joints, base's first,
+        shape (8, 3, 3).
+    """
+    z = chain.axes
+    x = np.cross(z, np.eye(3)[np.abs(z).argmin(axis=1)])
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    turned = np.concatenate([np.eye(3)[None], np.stack([x, np.cross(z, x), z], axis=2)])
+    T = chain.T_parent_joints
+    R = turned[:-1].swapaxes(1, 2) @ T[:, :3, :3] @ turned[1:]
+    p = (turned[:-1].swapaxes(1, 2) @ T[:, :3, 3:])[..., 0]
+    return Chain(R, p, np.linalg.norm(p, axis=1)), turned
 
 
-def _sure(distances: FloatArray) -> FloatArray:
-    """What is left of measured distances, shape (k,), m, when they are as wrong as they may be."""
-    return distances - ACCURACY_M * np.maximum(1.0, distances)
+def _is_any_inside(checked: CheckedPairs, poses: FloatArray, numbers: Indices) -> bool:
+    """Whether one of a pair is wholly inside the surface of the other, so that none touches it."""
+    near = checked.gaps_m(poses[None], np.zeros_like(numbers), numbers) < 0.0
+    near &= checked.distances.is_slow[numbers]
+    checked.distances.place(poses)
+    return any(checked.distances.is_within(number) for number in numbers[near].tolist())
+
+
+def _worst(
+    checked: CheckedPairs, poses: FloatArray, numbers: Indices, needed_m: FloatArray
+) -> tuple[int, float]:
+    """The pair that misses what it needs by most at some poses, and its distance by coal."""
+    gaps_m = checked.gaps_m(poses[None], np.zeros_like(numbers), numbers)
+    short = numbers[gaps_m <= np.maximum(needed_m[numbers], 0.0)]
+    checked.distances.place(poses)
+    found_m = np.array([checked.distances.measure(number) for number in short.tolist()])
+    for i, number in enumerate(short.tolist()):
+        if found_m[i] > 0.0 and checked.distances.is_within(number):
+            found_m[i] = UNKNOWN_DEPTH_M
+    if not len(short):
+        return int(numbers[0]), np.inf
+    worst = int((found_m - needed_m[short]).argmin())
+    return int(short[worst]), float(found_m[worst])
 
 
 def _check_joints(trajectory: Trajectory, checker: ClearanceChecker) -> None:

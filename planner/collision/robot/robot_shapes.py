@@ -15,6 +15,7 @@ from baxter_kin.errors import expect
 from baxter_kin.validation import whole_scalar
 from baxter_kin.value_objects import OneLine
 from planner.collision.covers import Covers
+from planner.collision.robot.cluster_trees import ClusterTree, trees_of
 from planner.collision.robot.hand_body import fitted
 from planner.collision.robot.known_pairs import KnownPairs
 from planner.collision.robot.link_shapes import LinkShape, for_contacts, of_scene, shapes_of
@@ -104,6 +105,18 @@ class RobotShapes(OneLine):
             else:
                 found[whole] = (*found.get(whole, ()), number)
         return found
+
+    @cached_property
+    def whole_of(self) -> tuple[int, ...]:
+        """For each shape, the number of the whole link that it is, or is a piece of."""
+        whole = {made.link: number for number, made in enumerate(self.made) if made.is_whole}
+        return tuple(whole[made.link] for made in self.made)
+
+    @cached_property
+    def trees(self) -> Mapping[int, ClusterTree]:
+        """The clusters that each whole link consists of, for proofs."""
+        trees = trees_of(self.body, self.fitted_body, self.robot.description.text)
+        return {number: trees[self.links[number]] for number in self.wholes}
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:

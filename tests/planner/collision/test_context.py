@@ -24,6 +24,9 @@ from tests.planner.walls import Room, wall
 FloatArray = NDArray[np.float64]
 seeds = st.integers(0, 2**32 - 1)
 
+BODY_M = 2e-3
+"""Twice half a millimetre for each of two links: the planner's shapes contain their meshes."""
+
 DISTANCE_TOLERANCE_M = 2e-6
 """Two runs of GJK on the same pair; its default tolerance is 1e-6."""
 
@@ -289,4 +292,5 @@ def test_the_nearest_of_a_proof_is_the_clearance_at_its_time(
     proof = context.prove(motion)
     assume(isinstance(proof, ContinuousProof))
     found = context.clearance(motion.sample(proof.nearest.time_s or 0.0).q)
-    assert proof.nearest.distance_m == pytest.approx(found.distance_m, abs=DISTANCE_TOLERANCE_M)
+    least_m = found.distance_m - DISTANCE_TOLERANCE_M
+    assert least_m <= proof.nearest.distance_m <= found.distance_m + BODY_M

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.validation import FloatArray, Indices
-from planner import Manipulator, Scene, plan_joint_move
-from planner.clearance import ContinuousProof
+from planner import Manipulator, Scene
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
 from planner.collision.continuous.box_bounds import BoxBounds, JointBox
@@ -121,24 +120,6 @@ def test_where_only_the_other_arm_turns_pairs_without_it_keep_their_distance(
     moved = bounds.motions_m(placed, turns[None], zero, pairs) > 0.0
     of_other = np.isin(pairs, sorted(checker.shapes.of_arm(other))).any(axis=1)
     np.testing.assert_array_equal(moved, of_other)
-
-
-def test_samples_of_a_proven_motion_keep_what_is_proven(
-    checker: BothArms, full: FloatArray, neutral: FloatArray
-) -> None:
-    rng, context = np.random.default_rng(5), CollisionContext(checker, full)
-    limits, proven = checker.mover.limits, 0
-    apart = neutral + 0.15 * (np.eye(14)[0] - np.eye(14)[7])
-    for _ in range(6):
-        q_start, q_goal = apart + rng.uniform(-0.2, 0.2, (2, 14))
-        motion = plan_joint_move(q_start, q_goal, limits)
-        result = context.prove(motion)
-        qs = motion.sample(np.linspace(0.0, motion.duration, 30)).q
-        least = min(context.clearance(q).distance_m for q in qs)
-        if isinstance(result, ContinuousProof):
-            proven += 1
-            assert result.proven_m - ACCURACY_M <= least
-    assert proven >= 2
 
 
 @pytest.mark.parametrize("size", [0.01, 0.1])

@@ -23,7 +23,7 @@ from planner.certificate.robot import Robot
 from planner.certificate.rows import Advice, Mover, Pair, Step, certified_m
 from planner.plan_file import plan_document
 from planner.prover import kernel, witness
-from planner.prover.kernel import Kernel, NotShownError, Trees, rows_kernel
+from planner.prover.kernel import Chain, Kernel, NotShownError, Trees, rows_kernel
 from planner.prover.numpy_search import rows_of
 from planner.verification import certificate_of
 
@@ -89,13 +89,13 @@ def test_distances_are_coals_and_contacts_are_refused(
         shapes[0], placed[0], shapes[1], placed[1], coal.DistanceRequest(), coal.DistanceResult()
     )
     step = still(clusters, (roots[0], roots[1]))
-    trees = Trees(own_kernel, clusters)
+    trees = Trees.of(own_kernel, clusters)
     if distance_m < 1e-5:
         if distance_m < -1e-5:
             with pytest.raises(NotShownError, match="a and b come as near as"):
-                own_kernel.rows(own, trees, step, share=SHARE)
+                own_kernel.rows(Chain.of(own), trees, step, share=SHARE)
         return
-    found = own_kernel.rows(own, trees, step, share=SHARE)
+    found = own_kernel.rows(Chain.of(own), trees, step, share=SHARE)
     assert SHARE * distance_m - 1e-5 <= found.proven_m <= distance_m + 1e-6
     assert certified_m(own, clusters, step, Advice(found.trace)) >= found.proven_m
 
@@ -135,13 +135,13 @@ def test_both_searches_refuse_the_same(own: Robot, own_kernel: Kernel) -> None:
     ]
     for least_m, is_shown in ((0.009, True), (0.011, False)):
         step = still(clusters, (roots[0], roots[1]), least_m)
-        trees = Trees(own_kernel, clusters)
+        trees = Trees.of(own_kernel, clusters)
         if is_shown:
-            assert own_kernel.rows(own, trees, step, share=0.0).proven_m > least_m
+            assert own_kernel.rows(Chain.of(own), trees, step, share=0.0).proven_m > least_m
             assert rows_of(own, clusters, step, 0.0).proven_m > least_m
             continue
         with pytest.raises(NotShownError):
-            own_kernel.rows(own, trees, step, share=0.0)
+            own_kernel.rows(Chain.of(own), trees, step, share=0.0)
         with pytest.raises(NotShownError):
             rows_of(own, clusters, step, 0.0)
 
@@ -161,7 +161,7 @@ def test_wide_things_near_to_each_other_are_told_apart(own: Robot, own_kernel: K
         clusters.add(plate, Pose(Interval(R), Interval(R @ [0.0, 0.0, z]))) for z in (0.0, 0.0203)
     ]
     step = still(clusters, (roots[1], roots[0]))
-    found = own_kernel.rows(own, Trees(own_kernel, clusters), step, share=0.9)
+    found = own_kernel.rows(Chain.of(own), Trees.of(own_kernel, clusters), step, share=0.9)
     assert found.proven_m > 0.9 * 3e-4 - 1e-6
     assert len(found.trace.fine) == 1
 
@@ -192,7 +192,7 @@ def test_a_hollow_of_a_mesh_is_not_filled(own: Robot, own_kernel: Kernel) -> Non
         Pose(Interval(np.eye(3)), Interval([0.15, 0.0, 0.05])),
     )
     step = still(clusters, (ball, channel))
-    found = own_kernel.rows(own, Trees(own_kernel, clusters), step, share=SHARE)
+    found = own_kernel.rows(Chain.of(own), Trees.of(own_kernel, clusters), step, share=SHARE)
     assert found.proven_m == pytest.approx(0.05, rel=0.03)
 
 
@@ -214,5 +214,8 @@ def test_more_rows_than_fit_are_an_error(
     ]
     with pytest.raises(NotCertifiedError, match="more rows than are checked"):
         own_kernel.rows(
-            own, Trees(own_kernel, clusters), still(clusters, (roots[0], roots[1])), share=SHARE
+            Chain.of(own),
+            Trees.of(own_kernel, clusters),
+            still(clusters, (roots[0], roots[1])),
+            share=SHARE,
         )

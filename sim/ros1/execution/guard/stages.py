@@ -23,8 +23,7 @@ from planner import Grip, Manipulator, Move, Plan
 from planner.clearance import Clearance, ContinuousProof
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
-from planner.collision.continuous.motion import ArmShapeMotion
-from planner.collision.continuous.proof import prove_motion
+from planner.collision.continuous.proof import prove_move
 from planner.completion import after, state_of
 from sim.errors import SimulationError
 
@@ -146,10 +145,11 @@ def _room_in(move: Move, context: CollisionContext) -> Room | str:
     """How clear it is in a state, or what speaks against it."""
     checker = context.checker
     shared = shared_joints(checker)
-    motion = ArmShapeMotion(checker, move.trajectory, context.q_others)
+    full = context.q_others
     found: list[ContinuousProof] = []
     for count in range(len(checker.mover.joint_names) + 1):
-        result = prove_motion(checker.checked, motion, 0.0, np.flatnonzero(shared == count))
+        pairs = np.flatnonzero(shared == count)
+        result = prove_move(checker, move.trajectory, full, 0.0, pairs)
         if not isinstance(result, ContinuousProof):
             return str(result)
         found.append(result)

@@ -1,4 +1,4 @@
-"""Bounds on motion, distance and joint positions, against points of the shapes and samples."""
+"""Bounds on motion and distance, against points of the shapes."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from baxter_kin import Arm, Baxter
 from planner import RobotShapes, Scene, Trajectory, plan_joint_move
 from planner.collision.checker import ClearanceChecker
-from planner.collision.continuous.motion_bounds import JointSpan, MotionBounds
+from planner.collision.continuous.motion_bounds import MotionBounds
 from planner.collision.mover import Mover
-from planner.errors import MotionError, TrajectoryError
-from planner.trajectory import CONTINUITY_TOLERANCE
+from planner.errors import MotionError
 from tests.calibrated import calibrated_arm
 from tests.planner.conftest import distance
 
@@ -32,9 +31,6 @@ GJK_TOLERANCE_M = 1e-6
 
 CAPSULE_PLAY = 1.6
 """A short shape close to the axis is the worst: its capsule is that much farther out."""
-
-RAD_PER_SAMPLE = 1e-3
-"""Two samples of 4000 in a motion of a few seconds at up to 4 rad/s are not farther apart."""
 
 seeds = st.integers(0, 2**32 - 1)
 sizes = st.sampled_from([1e-3, 0.1, 1.0])
@@ -189,53 +185,3 @@ def motion(arm: Arm, seed: int) -> Trajectory:
         except MotionError:
             continue
     raise AssertionError("no motion found")
-
-
-class TestJointSpan:
-    """The range of joint positions over an interval, against dense sampling."""
-
-    @given(seeds)
-    def test_no_sample_of_an_interval_is_farther_from_its_middle(
-        self, left: Arm, seed: int
-    ) -> None:
-        trajectory = motion(left, seed)
-        start, end = np.sort(np.random.default_rng(seed).uniform(0, trajectory.duration, size=2))
-        q, reach = JointSpan(trajectory).around_middle(np.array([start]), np.array([end]))
-        sampled = trajectory.sample(np.linspace(start, end, 4000)).q
-        assert (np.abs(sampled - q[0]) <= reach[0]).all()
-
-    @given(seeds)
-    def test_some_sample_gets_as_far(self, left: Arm, seed: int) -> None:
-        trajectory = motion(left, seed)
-        ends = np.array([trajectory.duration])
-        q, reach = JointSpan(trajectory).around_middle(np.zeros(1), ends)
-        sampled = trajectory.sample(np.linspace(0.0, trajectory.duration, 4000)).q
-        assert (np.abs(sampled - q[0]).max(axis=0) >= reach[0] - RAD_PER_SAMPLE).all()
-
-    @given(seeds)
-    def test_many_intervals_are_as_one_after_the_other(self, left: Arm, seed: int) -> None:
-        trajectory = motion(left, seed)
-        times = np.sort(np.random.default_rng(seed).uniform(0, trajectory.duration, size=(6, 2)))
-        span = JointSpan(trajectory)
-        _, together = span.around_middle(times[:, 0], times[:, 1])
-        alone = [
-            span.around_middle(times[i : i + 1, 0], times[i : i + 1, 1])[1][0] for i in range(6)
-        ]
-        assert np.array_equal(together, alone)
-
-    def test_an_instant_has_no_width(self, left: Arm) -> None:
-        trajectory = motion(left, 0)
-        instant = np.array([trajectory.duration / 3])
-        _, reach = JointSpan(trajectory).around_middle(instant, instant)
-        assert (reach == CONTINUITY_TOLERANCE).all()
-
-    def test_a_motion_of_no_duration_stays(self, left: Arm) -> None:
-        trajectory = Trajectory.stay(left.neutral, left.limits)
-        q, reach = JointSpan(trajectory).around_middle(np.zeros(1), np.zeros(1))
-        assert np.array_equal(q[0], left.neutral)
-        assert (reach == CONTINUITY_TOLERANCE).all()
-
-    @pytest.mark.parametrize("trajectory", [None, 1.0, np.zeros(7)])
-    def test_refuses_what_is_no_motion(self, trajectory: Any) -> None:
-        with pytest.raises(TrajectoryError, match="Trajectory"):
-            JointSpan(trajectory)

@@ -1,4 +1,4 @@
-"""Swept proofs against dense sampling, and against what sampling does not see."""
+"""Proofs by rows against dense sampling by coal, and against what sampling does not see."""
 
 from __future__ import annotations
 
@@ -16,14 +16,7 @@ from baxter_kin.errors import ConfigurationError
 from planner import Body, Box, Part, RobotShapes, Scene, Trajectory, plan_joint_move
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
 from planner.collision import ClearanceChecker
-from planner.collision.continuous import proof as module
-from planner.collision.continuous.proof import (
-    ACCURACY_M,
-    RESOLUTION_M,
-    SLACK_M,
-    TIGHTNESS,
-    prove_clear,
-)
+from planner.collision.continuous.proof import ACCURACY_M, SHARES, prove_clear
 from planner.errors import MotionError, SceneError, TrajectoryError
 from planner.scene.attachment import Attachment
 from planner.scene.bodies import Shape
@@ -39,6 +32,12 @@ SLAB = Box((0.06, 0.06, 0.01))
 
 SAME_DISTANCE_M = 2e-6
 """Two runs of GJK on the same pair; its tolerance is 1e-6."""
+
+BODY_M = 2e-3
+"""Coal's shapes contain Rethink's meshes, and its distances are up to this much less: twice half a
+millimetre for each of two links."""
+
+ROUNDING_M = 1e-6
 
 SAMPLES = 120
 seeds = st.integers(0, 2**32 - 1)
@@ -131,7 +130,7 @@ def test_no_sample_comes_closer_than_proven(
     result = stage.prove(motion, margin_m)
     if isinstance(result, ContinuousProof):
         samples = stage.sampled(motion, np.linspace(0.0, motion.duration, SAMPLES))
-        assert margin_m < result.proven_m <= min(samples)
+        assert margin_m < result.proven_m <= min(samples) + BODY_M
 
 
 @settings(max_examples=40)
@@ -158,8 +157,7 @@ def test_proves_most_of_the_least_distance_found(
     result = stage.prove(motion)
     if isinstance(result, ContinuousProof):
         least_m = result.nearest.distance_m
-        assert result.proven_m >= min(TIGHTNESS * least_m, least_m - SLACK_M)
-        assert result.proven_m <= least_m
+        assert SHARES[0] * least_m - ROUNDING_M <= result.proven_m <= least_m
 
 
 def test_samples_do_not_see_a_thin_plate_between_them(
@@ -186,11 +184,10 @@ def test_the_same_swing_without_the_plate_is_clear(free: Stage, swing: Trajector
     assert free.prove(swing, finger_m=0.0175).is_clear
 
 
-def test_says_how_much_it_looked_at(free: Stage, swing: Trajectory) -> None:
+def test_counts_rows_and_all_that_was_cut_for_them(free: Stage, swing: Trajectory) -> None:
     result = free.prove(swing)
     assert isinstance(result, ContinuousProof)
-    assert result.intervals >= module.FIRST_INTERVALS
-    assert result.evaluations > 0
+    assert 0 < result.evaluations <= result.intervals
 
 
 def test_a_margin_that_is_not_kept_is_a_contact(free: Stage, swing: Trajectory) -> None:
@@ -203,35 +200,18 @@ def test_a_margin_that_is_not_kept_is_a_contact(free: Stage, swing: Trajectory) 
 
 
 def test_a_margin_that_is_kept_is_proven(free: Stage, swing: Trajectory) -> None:
-    margin_m = free.prove(swing).nearest.distance_m - 3 * RESOLUTION_M
+    margin_m = 0.999 * free.prove(swing).nearest.distance_m
     result = free.prove(swing, margin_m)
     assert isinstance(result, ContinuousProof)
     assert result.proven_m > margin_m
-
-
-def test_what_cannot_be_told_apart_is_not_proven(free: Stage, swing: Trajectory) -> None:
-    margin_m = free.prove(swing).nearest.distance_m - RESOLUTION_M / 2
-    result = free.prove(swing, margin_m)
-    assert isinstance(result, ContinuousContact)
-    assert not result.is_found
-    assert "not proven" in str(result)
-
-
-def test_gives_up_after_too_many_distances(
-    free: Stage, swing: Trajectory, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(module, "MOST_EVALUATIONS", 3)
-    result = free.prove(swing)
-    assert isinstance(result, ContinuousContact)
-    assert not result.is_found
 
 
 def test_a_motion_of_no_duration_is_proven(free: Stage, left: Arm) -> None:
     result = free.prove(Trajectory.stay(left.neutral, left.limits))
     assert isinstance(result, ContinuousProof)
     least_m = free.checker.clearance(free.full(left.neutral)).distance_m
-    assert result.nearest.distance_m == pytest.approx(least_m, abs=2 * ACCURACY_M)
-    assert TIGHTNESS * least_m <= result.proven_m <= least_m
+    assert least_m - ACCURACY_M <= result.nearest.distance_m <= least_m + BODY_M
+    assert SHARES[0] * result.nearest.distance_m - ROUNDING_M <= result.proven_m
 
 
 def test_a_tiny_move_is_proven(free: Stage, left: Arm) -> None:

@@ -1,0 +1,95 @@
+"""The trees of clusters by which motions are proven clear (`planner.certificate.clusters`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from baxter_kin.validation import FloatArray
+from planner.certificate.body import Body
+from planner.certificate.clusters import Shape as Clusters
+from planner.certificate.clusters import tree_of
+from planner.certificate.errors import NotCertifiedError
+from planner.collision.robot.robot_body import LinkBody, RobotBody
+from planner.scene.bodies import Box, Cylinder, Shape, Sphere
+
+
+class ClusterTree(NamedTuple):
+    """A tree of clusters in the frame of the link or part that consists of them.
+
+    Attributes:
+        clusters: the tree.
+        R, p: its pose there, shapes (3, 3) and (3,).
+        margin_m: by how much it counts as thicker, as what it stands for may be outside.
+    """
+
+    clusters: Clusters
+    R: FloatArray = np.eye(3)
+    p: FloatArray = np.zeros(3)
+    margin_m: float = 0.0
+
+
+@lru_cache(maxsize=4)
+def trees_of(given: RobotBody, fitted: RobotBody, urdf: str) -> Mapping[str, ClusterTree]:
+    """The trees of all links of a robot.
+
+    Links of the body that comes with the package consist of Rethink's meshes; those of another body
+    are made of its own triangles.
+
+    Args:
+        given: the body that the robot is taken to be.
+        fitted: the same with the robot's own hands.
+        urdf: text of the robot's URDF.
+    """
+    trees: dict[str, ClusterTree] = {}
+    if _is_stock(given):
+        trees = _of_meshes(urdf)
+    rest = (link for name, link in fitted.links.items() if name not in trees)
+    return {**{link.name: _of_triangles(link) for link in rest}, **trees}
+
+
+@lru_cache(maxsize=256)
+def tree_of_part(shape: Shape) -> ClusterTree:
+    """The tree of a shape of a scene."""
+    if isinstance(shape, Box):
+        data: dict[str, Any] = {"type": "Box", "size_m": shape.size_m}
+    elif isinstance(shape, Cylinder):
+        data = {"type": "Cylinder", "radius_m": shape.radius_m, "length_m": shape.length_m}
+    elif isinstance(shape, Sphere):
+        data = {"type": "Sphere", "radius_m": shape.radius_m}
+    elif shape.is_convex:
+        return ClusterTree(Clusters.of_points(shape.vertices))
+    else:
+        return ClusterTree(tree_of(shape.corners))
+    return ClusterTree(Clusters.of_file(data, "a shape"))
+
+
+def _is_stock(body: RobotBody) -> bool:
+    stock = RobotBody.load().links
+    return body.links.keys() == stock.keys() and all(
+        link.surface is stock[name].surface and link.pieces is stock[name].pieces
+        for name, link in body.links.items()
+    )
+
+
+@lru_cache(maxsize=4)
+def _of_meshes(urdf: str) -> dict[str, ClusterTree]:
+    """The trees of links whose shapes in the URDF are known; none where one of them is not."""
+    try:
+        found = Body(urdf).shapes
+    except NotCertifiedError:
+        return {}
+    return {
+        each.link: ClusterTree(
+            each.shape, each.T_link_shape.R.centred()[0], each.T_link_shape.p.centred()[0]
+        )
+        for each in found
+    }
+
+
+def _of_triangles(link: LinkBody) -> ClusterTree:
+    vertices, triangles = link.whole
+    return ClusterTree(tree_of(vertices[triangles]), margin_m=link.margin_m)
