@@ -469,7 +469,7 @@ static int separated(const Search *s, const View *v, double goal, Found *f) {
         if (kept > best) best = kept, copy(u, f->d);
         if (kept > goal && (!for_rows || (kept > goal + s->step.spare && separates(s, v, u, goal, f)))) return 1;
         if (for_rows && f->least <= goal) return 0;
-        if (distance - kept < 1e-7 + CONVERGED * fmin(fabs(distance - goal), 0.1 * fabs(distance))) return 0;
+        if (distance - kept < 1e-7 + CONVERGED * fabs(distance - goal)) return 0;
         for (int i = 0; i < size; i++)
             if (fabs(simplex[i][0] - w[0]) + fabs(simplex[i][1] - w[1]) + fabs(simplex[i][2] - w[2]) < 1e-12) return 0;
         copy(w, simplex[size]);
@@ -570,8 +570,13 @@ static double measured(const Search *s, int pair, int at, double within, double 
             copy(stack[count].d, f.d);
             if (separated(s, &v, within, &f)) continue;
             if (is_leaf(s, task.a) && is_leaf(s, task.b)) {
-                if (f.least < within) within = f.least, copy(f.d, d);
-                if (within <= 0) return within;
+                while (f.least < within) { /* the farther the goal was, the rougher was the distance */
+                    double before = within;
+                    within = f.least, copy(f.d, d);
+                    if (within <= 0) return within;
+                    if (before < 1.01 * within) break;
+                    separated(s, &v, within, &f);
+                }
                 continue;
             }
             made[kept].a = task.a, made[kept].b = task.b;
@@ -738,6 +743,11 @@ static int letter_of(Search *s, Task *task, double sag, Found *f, int *code) {
         }
         double first = is_leaf(s, task->a) ? 0 : extent_of(s, task->a), second = is_leaf(s, task->b) ? 0 : extent_of(s, task->b);
         int is_whole = first == 0 && second == 0;
+        if (is_whole && may_press(pair) && !is_apart) { /* pressed in too deep, or not by now? */
+            double need = needed(s, task->pair), time = s->instants[middle].t;
+            if (!separates_finely(s, &inside, f->d, need, f) && !separated_by_axes(s, &now, &inside, need, f))
+                return *code = refuse(s, task->pair, time, f->kept, NOT_SHOWN), NONE;
+        }
         int is_late = (is_apart && sag > LEAST_SAG_M) || LARGE_SAG * sag > fmax(first, second) || is_whole;
         double shortest = s->step.pieces ? SHORTEST_S : SHORTEST_TRAVEL;
         if (is_late && (sag > s->step.slack || is_whole) && end - start > shortest) return CUT_TIME;
@@ -816,8 +826,12 @@ void lay_out(const float *points, const int32_t *counts, int32_t nodes, Tree *tr
             double x[3] = {points[0], points[1], points[2]};
             tree->x[at] = points[0], tree->y[at] = points[1], tree->z[at] = points[2];
             if (i < counts[node]) {
-                for (int a = 0; a < 3; a++) low[a] = fmin(low[a], x[a]), high[a] = fmax(high[a], x[a]);
-                reach = fmax(reach, dot(x, x));
+                for (int a = 0; a < 3; a++) { /* fmin and fmax would be calls */
+                    low[a] = x[a] < low[a] ? x[a] : low[a];
+                    high[a] = x[a] > high[a] ? x[a] : high[a];
+                }
+                double square = dot(x, x);
+                reach = square > reach ? square : reach;
             }
             if (i + 1 < counts[node]) points += 3; /* the last is repeated */
         }

@@ -120,7 +120,7 @@ def prove_move(
     if trajectory.duration > 0.0:
         knots = {name: getattr(trajectory, name) for name in ("knots_s", "q", "v", "a", "j")}
         rows = Cubics(knots, "the motion")
-    chain, turned = _about_z(bounds.chain)
+    chain, turned = about_z(bounds.chain)
     levels, T = bounds.carried(full)
     T = T.copy()
     T[:, :3] = turned[levels].swapaxes(1, 2) @ T[:, :3]
@@ -207,7 +207,7 @@ class Arrangement:
         pair, _, at = found.stopped if found.stopped.pair >= 0 else found.nearest
         time_s, needed_m = motion.time_s(at), checked.needed_m(margin_m)
         number, measured_m = _worst(checked, motion.poses(time_s), numbers, needed_m)
-        if measured_m > needed_m[number]:  # a contact that presses in at another time, perhaps
+        if measured_m > needed_m[number] or checked.is_contact[numbers[pair]]:
             number = int(numbers[pair])
             time_s, measured_m = _least(checked, motion, number)
         near = checked.between(number, measured_m, time_s)
@@ -252,8 +252,13 @@ class Arrangement:
         checked, nearest = self._checked, Near(-1, np.inf, 0.0)
         counted = np.flatnonzero(~checked.is_contact[numbers])
         for at in np.linspace(0.0, motion.end, INSTANTS).tolist():
-            checked.distances.place(motion.poses(motion.time_s(at)))
-            for pair in counted.tolist():
+            poses = motion.poses(motion.time_s(at))
+            gaps_m = checked.gaps_m(poses[None], np.zeros_like(counted), numbers[counted])
+            checked.distances.place(poses)
+            for i in np.argsort(gaps_m).tolist():
+                if gaps_m[i] >= max(nearest.distance_m, 0.0):
+                    break
+                pair = int(counted[i])
                 found_m = checked.distances.measure(int(numbers[pair]), nearest.distance_m)
                 if found_m < nearest.distance_m:
                     nearest = Near(pair, found_m, at)
@@ -274,7 +279,7 @@ def _least(checked: CheckedPairs, motion: Motion, number: int) -> tuple[float, f
     return time_s, distance_m
 
 
-def _about_z(chain: JointChain) -> tuple[Chain, FloatArray]:
+def about_z(chain: JointChain) -> tuple[Chain, FloatArray]:
     """A chain of joints about the z axes of frames of its own.
 
     Returns:

@@ -33,8 +33,10 @@ class ClusterTree(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def trees_of(given: RobotBody, fitted: RobotBody, urdf: str) -> Mapping[str, ClusterTree]:
-    """The trees of all links of a robot.
+def trees_of(
+    given: RobotBody, fitted: RobotBody, there: frozenset[str], urdf: str
+) -> Mapping[str, ClusterTree]:
+    """The trees of links of a robot.
 
     Links of the body that comes with the package consist of Rethink's meshes; those of another body
     are made of its own triangles.
@@ -42,13 +44,12 @@ def trees_of(given: RobotBody, fitted: RobotBody, urdf: str) -> Mapping[str, Clu
     Args:
         given: the body that the robot is taken to be.
         fitted: the same with the robot's own hands.
+        there: names of the links that the robot has.
         urdf: text of the robot's URDF.
     """
-    trees: dict[str, ClusterTree] = {}
-    if _is_stock(given):
-        trees = _of_meshes(urdf)
-    rest = (link for name, link in fitted.links.items() if name not in trees)
-    return {**{link.name: _of_triangles(link) for link in rest}, **trees}
+    of_meshes = _of_meshes(urdf) if _is_stock(given) else {}
+    rest = {name: _of_triangles(fitted.links[name]) for name in there - of_meshes.keys()}
+    return {**of_meshes, **rest}
 
 
 @lru_cache(maxsize=256)

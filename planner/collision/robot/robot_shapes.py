@@ -115,7 +115,8 @@ class RobotShapes(OneLine):
     @cached_property
     def trees(self) -> Mapping[int, ClusterTree]:
         """The clusters that each whole link consists of, for proofs."""
-        trees = trees_of(self.body, self.fitted_body, self.robot.description.text)
+        text = self.robot.description.text
+        trees = trees_of(self.body, self.fitted_body, self._there, text)
         return {number: trees[self.links[number]] for number in self.wholes}
 
     @cached_property

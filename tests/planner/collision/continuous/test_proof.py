@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,12 @@ from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.errors import ConfigurationError
-from planner import Body, Box, Part, RobotShapes, Scene, Trajectory, plan_joint_move
+from baxter_kin.kinematics.joint_chain import JointChain
+from planner import Body, Box, Part, RobotBody, RobotShapes, Scene, Trajectory, plan_joint_move
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
 from planner.collision import ClearanceChecker
-from planner.collision.continuous.proof import ACCURACY_M, SHARES, prove_clear
+from planner.collision.continuous import proof
+from planner.collision.continuous.proof import ACCURACY_M, SHARES, about_z, prove_clear
 from planner.errors import MotionError, SceneError, TrajectoryError
 from planner.scene.attachment import Attachment
 from planner.scene.bodies import Shape
@@ -38,6 +41,9 @@ BODY_M = 2e-3
 millimetre for each of two links."""
 
 ROUNDING_M = 1e-6
+
+INSIDE_AN_ELBOW = (0.2225, 0.4115, 0.5020)
+"""In base with the left arm in neutral, 68 mm from all corners of triangles of the upper elbow."""
 
 SAMPLES = 120
 seeds = st.integers(0, 2**32 - 1)
@@ -244,6 +250,70 @@ def test_a_contact_is_a_sentence(
     wall = Body("wall", (Part(Box((0.02, 0.02, 0.02)), ORIGIN),), left.T_base_tip(swing.q_goal))
     sentence = str(Stage(robot, left, shapes, wall).prove(swing))
     assert "mm inside wall at 2.710 s (100 % of the motion)" in sentence
+
+
+@given(seeds)
+def test_axes_may_lie_anywhere_in_the_frames_of_joints(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    T = np.array([pin.SE3.Random().homogeneous for _ in range(7)])
+    axes = rng.normal(size=(7, 3))
+    chain = JointChain(T, axes / np.linalg.norm(axes, axis=1, keepdims=True))
+    q = rng.uniform(-3.0, 3.0, 7)
+    found, turned = about_z(chain)
+    there = pin.SE3.Identity()
+    for R, p, angle, turn, expected in zip(
+        found.R, found.p, q, turned[1:], chain.poses(q[None])[0], strict=True
+    ):
+        there = there * pin.SE3(R @ pin.utils.rotate("z", angle), p)
+        own = pin.SE3(turn, np.zeros(3))
+        assert (there * own.inverse()).isApprox(pin.SE3(expected), 1e-9)
+
+
+def test_a_thicker_body_is_nearer(robot: Baxter, left: Arm, swing: Trajectory) -> None:
+    near = []
+    for padding_m in (0.0, 0.004):
+        stage = Stage(robot, left, RobotShapes(robot, RobotBody.load().padded(padding_m)))
+        result = stage.prove(swing)
+        assert isinstance(result, ContinuousProof)
+        near.append(result.nearest.distance_m)
+    assert near[0] - near[1] == pytest.approx(0.008, abs=1e-6)  # two links, each thicker
+
+
+def test_another_body_is_proven_by_its_own_triangles(
+    robot: Baxter, left: Arm, shapes: RobotShapes, swing: Trajectory
+) -> None:
+    """The stored body under another name: its triangles are within its margin of the meshes."""
+    stored = RobotBody.load()
+    links = {
+        name: replace(link, surface=link.surface._replace()) for name, link in stored.links.items()
+    }
+    other = Stage(robot, left, RobotShapes(robot, RobotBody(links, stored.skipped_pairs)))
+    results = [stage.prove(swing) for stage in (Stage(robot, left, shapes), other)]
+    of_meshes, of_triangles = (result.nearest.distance_m for result in results)
+    assert of_meshes - BODY_M <= of_triangles <= of_meshes + ROUNDING_M
+
+
+def test_a_body_inside_a_link_is_found_where_nothing_touches(
+    robot: Baxter, left: Arm, shapes: RobotShapes
+) -> None:
+    motion = plan_joint_move(left.neutral, left.neutral + 0.01, left.limits)
+    crumb = Body("crumb", (Part(Box((0.002, 0.002, 0.002)), ORIGIN),), at(*INSIDE_AN_ELBOW))
+    result = Stage(robot, left, shapes, crumb).prove(motion)
+    assert isinstance(result, ContinuousContact)
+    assert {result.nearest.first, result.nearest.second} & {"crumb"}
+
+
+@pytest.mark.parametrize("bend_rad", [-0.2, 0.01])
+def test_numpy_finds_the_same_without_a_compiler(
+    carry: Carry, free: Stage, swing: Trajectory, bend_rad: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fast = carry.prove(bend_rad), free.prove(swing)
+    monkeypatch.setattr(proof, "rows_kernel", lambda: None)
+    slow = carry.prove(bend_rad), free.prove(swing)
+    for one, other in zip(fast, slow, strict=True):
+        assert one.is_clear == other.is_clear
+        if isinstance(one, ContinuousProof) and isinstance(other, ContinuousProof):
+            assert other.proven_m == pytest.approx(one.proven_m, rel=0.15)
 
 
 class Carry:
