@@ -74,10 +74,10 @@ class ContinuousProof(Checked, OneLine, error=SceneError):
     Attributes:
         proven_m: no pair gets closer than this at any time, allowed contacts left out; above the
             margin.
-        nearest: the least distance that was measured, between which two and when.
+        nearest: the least distance that was met, between which two and when.
         margin_m: the distance that was asked for.
-        intervals: time intervals that were examined.
-        evaluations: distances that were measured.
+        intervals: how many tasks were examined, each of two clusters and a cell of time.
+        evaluations: how many of these are rows, which prove it.
     """
 
     proven_m: float
@@ -105,8 +105,8 @@ class ContinuousContact(Checked, OneLine, error=SceneError):
         needed_m: the distance they must keep: the margin, or, for an allowed contact, minus how
             deep it may press.
         duration_s: of the whole motion.
-        intervals: time intervals that were examined.
-        evaluations: distances that were measured.
+        intervals: how many tasks were examined, each of two clusters and a cell of time.
+        evaluations: how many of these are rows.
     """
 
     nearest: Clearance
