@@ -19,7 +19,7 @@ import numpy as np
 from baxter_kin import Baxter
 from baxter_kin.errors import expect
 from planner.collision.context import CollisionContext
-from planner.collision.continuous.proof import RESOLUTION_M
+from planner.collision.distances import RESOLUTION_M
 from planner.errors import TaskError
 from planner.grasping.finger_travel import FINGER_SPEED_M_S, NO_PUSH_M
 from planner.grasping.grasp import Grasp, Miss

@@ -26,6 +26,13 @@ from numpy.typing import NDArray
 from baxter_kin.validation import FloatArray, Indices
 from planner.scene.contact import DISTANCE_TOLERANCE_M
 
+ACCURACY_M = 1e-5
+"""By how much coal's distances may be wrong up to 1 m; in proportion beyond. Its iterations end at
+1e-6; against planes between random shapes of up to 10 m no distance was wrong by more than 2e-6."""
+
+RESOLUTION_M = 2 * ACCURACY_M
+"""Coal does not tell a distance within this of a needed one from a contact."""
+
 UNKNOWN_DEPTH_M = -0.01
 """Stands for the distance where coal finds shapes inside each other but not how deep."""
 

@@ -14,7 +14,7 @@ import pinocchio as pin
 from baxter_kin.frames import raised
 from planner.clearance import Clearance, ContinuousContact
 from planner.collision.context import CollisionContext
-from planner.collision.continuous.proof import ACCURACY_M
+from planner.collision.distances import ACCURACY_M
 from planner.pick_place.plan_builder import NoSolutionError
 from planner.pick_place.task import PickAndPlace
 from planner.plan import PlanFailure

@@ -32,7 +32,7 @@ import pinocchio as pin
 
 from planner.clearance import ContinuousContact
 from planner.collision.context import CollisionContext
-from planner.collision.continuous.proof import RESOLUTION_M
+from planner.collision.distances import RESOLUTION_M
 from planner.grasping.finger_travel import FingerTravel, closing_travel, travel_check
 from planner.grasping.grasp import Grasp, Miss
 from planner.grasping.overhead import LEAST_ROOM_M

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from baxter_kin.validation import FloatArray, Indices
 from planner.collision.checker import ClearanceChecker
 from planner.collision.continuous.hull_gaps import ArmPose, HullGaps
-from planner.collision.continuous.proof import ACCURACY_M
+from planner.collision.distances import ACCURACY_M
 from planner.collision.shape_pairs import CheckedPairs
 
 

@@ -49,13 +49,6 @@ from planner.prover.kernel import (
 from planner.prover.numpy_search import search
 from planner.trajectory import Trajectory
 
-ACCURACY_M = 1e-5
-"""By how much coal's distances may be wrong up to 1 m; in proportion beyond. Its iterations end at
-1e-6; against planes between random shapes of up to 10 m no distance was wrong by more than 2e-6."""
-
-RESOLUTION_M = 2 * ACCURACY_M
-"""Coal does not tell a distance within this of a needed one from a contact."""
-
 SHARES = (0.98, 0.9, 0.5, 0.0)
 """How much of the least distance that is met is proven; the next where one cannot be shown."""
 

@@ -22,7 +22,7 @@ from planner.scene.contact import coal_pose, coal_shape
 ROUNDING_M = 1e-12
 LEAST_LENGTH = 1e-6
 COALS_M = 2e-6
-"""How far coal's distances may be off, `planner.collision.continuous.proof`."""
+"""How far coal's distances may be off, `planner.collision.distances`."""
 
 SIZES = st.floats(0.01, 0.5)
 ANGLES = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from baxter_kin import BaxterError
 from planner import Body, Box, Cylinder, Part, Scene, Sphere
-from planner.collision.continuous.proof import ACCURACY_M
+from planner.collision.distances import ACCURACY_M
 from planner.errors import SceneError
 from planner.scene.bodies import Shape
 from planner.scene.contact import (
