@@ -24,7 +24,8 @@ from scipy.spatial import ConvexHull, Delaunay, QhullError
 from tqdm import tqdm
 
 from baxter_kin.description import StockFiles
-from planner.certificate.clusters import tree_of
+from planner.certificate.clusters import LEAF as NO_CHILD
+from planner.certificate.clusters import Shape
 
 TARGET = Path(__file__).resolve().parent.parent / "planner" / "certificate" / "body.npz"
 
@@ -48,10 +49,7 @@ def main() -> None:
     options = parser.parse_args()
     placed = [each for each in placed_shapes() if ":" not in each.link]
     meshes = sorted({each.mesh for each in placed_shapes() if each.mesh})
-    trees = [
-        tree_of(1e-3 * triangles(mesh), kept=kept, is_leaf=is_leaf)
-        for mesh in tqdm(meshes, unit="mesh")
-    ]
+    trees = [tree_of(1e-3 * triangles(mesh)) for mesh in tqdm(meshes, unit="mesh")]
     kinds = [each.primitive[0] or "mesh" for each in placed]
     sizes = np.zeros((len(placed), 3))
     for row, each in zip(sizes, placed, strict=True):
@@ -79,6 +77,26 @@ def main() -> None:
     )
     nodes = sum(tree.size for tree in trees)
     print(f"{options.out}: {options.out.stat().st_size / 1e6:.1f} MB, {nodes} nodes")
+
+
+def tree_of(corners: F) -> Shape:
+    """A tree of triangles, shape (m, 3, 3), halved at the median of the longest extent."""
+    points: list[F] = []
+    children: list[list[int]] = []
+    middles, open_ = corners.mean(axis=1), [(np.arange(len(corners)), NO_CHILD, 0)]
+    while open_:
+        own, parent, side = open_.pop()
+        number = len(points)
+        points.append(kept(corners[own].reshape(-1, 3)))
+        children.append([NO_CHILD, NO_CHILD])
+        if parent >= 0:
+            children[parent][side] = number
+        if len(own) > 1 and not is_leaf(len(own), points[-1]):
+            axis = int(np.ptp(middles[own], axis=0).argmax())
+            order = own[np.argsort(middles[own, axis], kind="stable")]
+            open_ += [(half, number, i) for i, half in enumerate(np.array_split(order, 2))]
+    counts = np.array([len(each) for each in points])
+    return Shape(np.concatenate(points), counts, np.array(children))
 
 
 def is_leaf(count: int, points: F) -> bool:

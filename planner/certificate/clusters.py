@@ -9,7 +9,7 @@ bounds its error.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -25,15 +25,14 @@ Nodes = np.ndarray[Any, np.dtype[np.intp]]
 LEAF = -1
 """In place of a child: there is none."""
 
-LEAF_M = 5e-4
-"""Extent of a leaf of several triangles of a mesh in a scene at most. Their hull may reach into a
-hollow between them, so all larger leaves are single triangles, which are exact."""
+FEW_TRIANGLES = 8
+"""Nodes of more triangles of a mesh in a scene are replaced by the box around them."""
 
-FEW_CORNERS, MOST_CORNERS = 24, 192
-"""Of the corners of triangles of a mesh in a scene, few are kept as they are; more than the most
-are replaced by the box around them."""
+MAX_TRIANGLES = 200_000
+"""Of a mesh in a scene."""
 
-MAX_TRIANGLES = 100_000
+BOX_CORNERS = (np.arange(8)[:, None] >> np.arange(3) & 1).astype(np.bool_)
+"""Which corner of a box is at the upper end of which axis, shape (8, 3)."""
 
 BOX_MARGIN_M = 1e-9
 """By how much a box around several trees is wider than what it is computed from."""
@@ -94,6 +93,7 @@ class Shape:
         require(kind == "Mesh", f"{where}: a shape of unknown kind {kind!r}")
         vertices = np.array(data["vertices"], np.float64).reshape(-1, 3)
         triangles = np.array(data["triangles"]).reshape(-1, 3)
+        require(len(triangles) > 0, f"{where}: no finite shape")
         require(len(triangles) <= MAX_TRIANGLES, f"{where}: too many triangles")
         require(triangles.dtype.kind == "i", f"{where}: triangles are not whole numbers")
         require((triangles >= 0) & (triangles < len(vertices)), f"{where}: no such vertex")
@@ -130,46 +130,47 @@ class Shape:
         return starts
 
 
-def _few(points: Array) -> Array:
-    """The corners of triangles, or of the box around many of them."""
-    if len(points) > MOST_CORNERS:
-        return _corners(points.min(axis=0), points.max(axis=0))
-    return points if len(points) <= FEW_CORNERS else np.unique(points, axis=0)
+def tree_of(corners: Array) -> Shape:
+    """A tree of triangles, halved at the median of the longest extent of their middles.
 
-
-def _is_small(_: int, points: Array) -> bool:
-    return float(np.linalg.norm(np.ptp(points, axis=0))) <= LEAF_M
-
-
-def tree_of(
-    corners: Array,
-    *,
-    kept: Callable[[Array], Array] = _few,
-    is_leaf: Callable[[int, Array], bool] = _is_small,
-) -> Shape:
-    """A tree of triangles, halved at the median of the longest extent.
+    A node of at most `FEW_TRIANGLES` has all their corners, a larger one those of the box around
+    them. Leaves are single triangles, so they are exact. Nodes are numbered level by level.
 
     Args:
         corners: of m triangles, shape (m, 3, 3), m.
-        kept: points that stand for the corners of a node: their hull must contain all of them.
-        is_leaf: whether a node of so many triangles and with these points is not cut.
     """
-    points: list[Array] = []
-    children: list[list[int]] = []
-    middles, open_ = corners.mean(axis=1), [(np.arange(len(corners)), LEAF, 0)]
-    while open_:
-        own, parent, side = open_.pop()
-        number = len(points)
-        points.append(kept(corners[own].reshape(-1, 3)))
-        children.append([LEAF, LEAF])
-        if parent >= 0:
-            children[parent][side] = number
-        if len(own) > 1 and not is_leaf(len(own), points[-1]):
-            axis = int(np.ptp(middles[own], axis=0).argmax())
-            order = own[np.argsort(middles[own, axis], kind="stable")]
-            open_ += [(half, number, i) for i, half in enumerate(np.array_split(order, 2))]
-    counts = np.array([len(each) for each in points])
-    return Shape(np.concatenate(points), counts, np.array(children))
+    middles, lows, highs = corners.mean(axis=1), corners.min(axis=1), corners.max(axis=1)
+    order, sizes = np.arange(len(corners)), np.array([len(corners)])
+    points, counts, children, number = [], [], [], 0
+    while len(sizes):
+        node, starts = np.repeat(np.arange(len(sizes)), sizes), np.cumsum(sizes) - sizes
+        is_box = sizes > FEW_TRIANGLES
+        counts.append(np.where(is_box, 8, 3 * sizes))
+        own = np.empty((counts[-1].sum(), 3))
+        first = np.cumsum(counts[-1]) - counts[-1]
+        boxes = np.minimum.reduceat(lows[order], starts), np.maximum.reduceat(highs[order], starts)
+        place = first[is_box, None] + np.arange(8)
+        own[place] = np.where(BOX_CORNERS, boxes[1][is_box, None], boxes[0][is_box, None])
+        few = np.flatnonzero(~is_box[node])
+        place = (first[node] + 3 * (np.arange(len(node)) - starts[node]))[few, None] + np.arange(3)
+        own[place] = corners[order[few]]
+        points.append(own)
+
+        cut = np.flatnonzero(sizes > 1)
+        kids = np.full((len(sizes), 2), LEAF)
+        kids[cut] = number + len(sizes) + np.arange(2 * len(cut)).reshape(-1, 2)
+        children.append(kids)
+        number += len(sizes)
+        if not len(cut):
+            break
+        order, node = order[sizes[node] > 1], np.repeat(np.arange(len(cut)), sizes[cut])
+        starts = np.cumsum(sizes[cut]) - sizes[cut]
+        extents = np.maximum.reduceat(middles[order], starts)
+        extents -= np.minimum.reduceat(middles[order], starts)
+        along = middles[order, extents.argmax(axis=1)[node]]
+        order = order[np.lexsort((along, node))]
+        sizes = np.column_stack([(sizes[cut] + 1) // 2, sizes[cut] // 2]).ravel()
+    return Shape(np.concatenate(points), np.concatenate(counts), np.concatenate(children))
 
 
 class Placed(NamedTuple):
@@ -355,7 +356,8 @@ class Clusters:
 
 def _corners(low: Array, high: Array) -> Array:
     """The corners of a box, shape (8, 3)."""
-    return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+    corners: Array = np.where(BOX_CORNERS, high, low)
+    return corners
 
 
 def _alike(nodes: Nodes) -> Iterator[tuple[int, Nodes]]:
