@@ -1,4 +1,6 @@
-"""Check the certificate in a plan file: `python -m planner.certificate PLAN.json --urdf FILE`.
+"""Check the certificate in a file: `python -m planner.certificate FILE --urdf FILE`.
+
+The file is of a plan (`planner.save_plan`) or of a motion (`MotionCertificate.save`).
 
 Exit status: 0 certified, 1 not certified, 2 wrong usage or a file that cannot be read. Needs NumPy
 and nothing else. The URDF of a real robot is its parameter `/robot_description`; that of the stock
@@ -21,15 +23,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m planner.certificate",
-        description="Check the certificate in a plan file, with NumPy alone.",
+        description="Check the certificate in a file of a plan or a motion, with NumPy alone.",
     )
-    parser.add_argument("plan", type=Path, metavar="PLAN", help="plan file with a certificate")
+    parser.add_argument("plan", type=Path, metavar="PLAN", help="file with a certificate")
     parser.add_argument("--urdf", type=Path, required=True, metavar="FILE", help="the robot's URDF")
     parser.add_argument(
-        "--a-max", type=float, default=A_MAX_RAD_S2, help="rad/s^2, default %(default)s"
+        "--a-max", type=float, default=A_MAX_RAD_S2, help="of plans, rad/s^2, default %(default)s"
     )
     parser.add_argument(
-        "--j-max", type=float, default=J_MAX_RAD_S3, help="rad/s^3, default %(default)s"
+        "--j-max", type=float, default=J_MAX_RAD_S3, help="of plans, rad/s^3, default %(default)s"
     )
     options = parser.parse_args(arguments)
     try:
@@ -49,6 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _table(found: Certified) -> str:
     rows = [f"{label:32} {1e3 * clear:9.3f} mm" for label, clear in found.clearances_m]
+    rows += [f"assumed: {each}" for each in found.assumed]
+    rows += [f"not judged: limits of {each}" for each in found.not_judged]
     end = f"certified: {1e3 * found.clearance_m:.3f} mm at every instant, {found.rows} rows"
     return "\n".join([*rows, end])
 

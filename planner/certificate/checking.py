@@ -1,4 +1,4 @@
-"""Certificates in plan files, and what is concluded from one.
+"""Certificates in files of plans and of motions, and what is concluded from one.
 
 A plan file of version 4 may have an entry `certificate`:
 
@@ -10,6 +10,17 @@ A plan file of version 4 may have an entry `certificate`:
 - `letters`, `directions` and `fine`: of all rows, level by level and step by step, bytes (of
   directions three signed ones each, of fine ones three signed numbers of two bytes, the lower
   first), compressed by zlib, in base64.
+
+A motion that something else planned or recorded has a file of its own, `"format": "baxter-kin
+motion"`. In it, `plan` has `limb`, `start` and `failure` as in a plan file, and one step of type
+"Motion":
+
+- `label`: what messages call it,
+- `trajectory`: `knots_s`, n + 1 increasing times from 0 on, and `derivatives`, for each of the n
+  pieces position, velocity and so on of the seven joints at its start, up to the fifth derivative,
+- `is_timed`: whether these times are those of the motion, so that its velocities are judged,
+- `a_max`, `j_max`: greatest accelerations and jerks, seven numbers, or null where not judged,
+- `contacts`: which bodies (`body`) the hand may touch ("left hand" as `other`), or a held body may.
 """
 
 from __future__ import annotations
@@ -18,7 +29,7 @@ import base64
 import binascii
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,9 +39,10 @@ from planner.certificate.body import Body
 from planner.certificate.errors import NotCertifiedError, require
 from planner.certificate.robot import Robot
 from planner.certificate.rows import BY_MIDDLES, Advice, Trace, certified_m
-from planner.certificate.timeline import Limits, StepWitness, Timeline
+from planner.certificate.timeline import MOTION, Limits, StepWitness, Timeline
 
 PLAN_FORMAT, PLAN_VERSION = "baxter-kin plan", 4
+MOTION_FORMAT, MOTION_VERSION = "baxter-kin motion", 1
 VERSION = 1
 
 MAX_PLAN_BYTES = 32 * 2**20
@@ -99,11 +111,15 @@ class Certified:
             nothing counts. The first is of what stands still.
         rows: how many rows were checked.
         bare: links of the robot without a shape, which nothing keeps apart from.
+        assumed: what was taken from the caller of a motion, in phrases.
+        not_judged: quantities of a motion whose limits were not judged.
     """
 
     clearances_m: tuple[tuple[str, float], ...]
     rows: int
     bare: tuple[str, ...]
+    assumed: tuple[str, ...] = ()
+    not_judged: tuple[str, ...] = ()
 
     @property
     def clearance_m(self) -> float:
@@ -112,10 +128,12 @@ class Certified:
 
 
 def read_plan(content: bytes) -> Mapping[str, Any]:
-    """The document of a plan file; its checksum is not looked at, as nothing rests on it.
+    """The document of a file of a plan or a motion.
+
+    The checksum of a plan file is not compared, as nothing rests on it.
 
     Raises:
-        NotCertifiedError: when it is none.
+        NotCertifiedError: when it is neither.
     """
     require(len(content) <= MAX_PLAN_BYTES, f"more than {MAX_PLAN_BYTES >> 20} MB is no plan")
     try:
@@ -123,8 +141,13 @@ def read_plan(content: bytes) -> Mapping[str, Any]:
     except (ValueError, RecursionError) as cause:
         raise NotCertifiedError(f"this is no plan file: {cause}") from cause
     require(isinstance(document, dict), "this is no plan file")
-    is_plan = document.get("format") == PLAN_FORMAT and document.get("version") == PLAN_VERSION
-    require(is_plan, f"this is no plan file of version {PLAN_VERSION}")
+    kind = document.get("format"), document.get("version")
+    is_known = kind in ((PLAN_FORMAT, PLAN_VERSION), (MOTION_FORMAT, MOTION_VERSION))
+    require(
+        is_known,
+        f"this is no plan file of version {PLAN_VERSION}, and no motion of version "
+        f"{MOTION_VERSION}",
+    )
     found: Mapping[str, Any] = document
     return found
 
@@ -140,7 +163,7 @@ def check(
     """Certify a plan, or say why not.
 
     Args:
-        document: what a plan file holds.
+        document: what a file of a plan or a motion holds.
         urdf: text of the robot's URDF.
         body: its body; the stock one when not given.
         limits: what accelerations and jerks are judged by; the presets when not given.
@@ -158,6 +181,7 @@ def check(
     require([0.0 <= margin < np.inf for margin in margins], "a margin is negative or not finite")
     try:
         plan = document["plan"]
+        _require_steps(document["format"] == MOTION_FORMAT, plan["steps"])
         robot = Robot(urdf, plan["limb"])
         states = document["states"]
         require(isinstance(states, list), "the states of the plan are malformed")
@@ -170,7 +194,15 @@ def check(
     )
     require(advice.is_used_up, "the certificate goes on after the plan")
     rows = int((certificate.trace.letters <= BY_MIDDLES).sum())
-    return Certified(found, rows, body.bare)
+    assumed, not_judged = tuple(timeline.assumed), tuple(timeline.not_judged)
+    return Certified(found, rows, body.bare, assumed, not_judged)
+
+
+def _require_steps(is_motion: bool, steps: Sequence[Mapping[str, Any]]) -> None:
+    """A plan has no motions with assumed contacts, and the file of a motion has that alone."""
+    kinds = [step["type"] for step in steps]
+    require(not is_motion or kinds == [MOTION], "this is no file of one motion")
+    require(is_motion or MOTION not in kinds, f"a plan has no step of type {MOTION}")
 
 
 def _step(data: Mapping[str, Any]) -> StepWitness:

@@ -1,8 +1,11 @@
-"""A move of the arm as its file states it: cubics between knots, and bounds on what they do.
+"""A motion of the arm: polynomials of time between knots, and bounds on what they do.
 
-One lemma carries everything here and in `rows`: let phi be continuously differentiable on a cell of
-length h with |phi''| <= M almost everywhere. Then phi is at least min(phi(start), phi(end)) minus
-M h^2 / 8 throughout (the chord minus the greatest sag of a parabola below it).
+One lemma carries everything here and in `rows`. Let phi be continuous on a cell of length h and,
+but for some kinks, continuously differentiable with |phi''| <= M almost everywhere; and let S be
+the sum of what its slope jumps by at the kinks inside the cell. Then phi is at least
+min(phi(start), phi(end)) - M h^2 / 8 - S h / 4 throughout: it is its chord, less the integral of
+phi'' and of the jumps with Green's function min(t, s) (h - max(t, s)) / h, which is at most h / 4
+and has an integral of at most h^2 / 8.
 
 Files may have jumps of up to `MAX_JUMP` at knots, from rounding. With jumps of at most d in phi and
 of at most s in its slope at k knots, phi is a function without jumps plus one that changes by at
@@ -12,6 +15,7 @@ most k (d + s T) over a time T, so twice that is added to the bound.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -22,12 +26,19 @@ from planner.certificate.intervals import UNIT, Array, Interval, above
 from planner.certificate.robot import ARM_JOINTS, Robot
 
 MAX_JUMP = 1e-8
-"""How far position, velocity and acceleration may jump at a knot, rad, rad/s and rad/s^2."""
+"""How far position, velocity and acceleration may jump at a knot by rounding, rad, rad/s, rad/s^2.
+Where the velocity jumps by more is a kink."""
+
+MAX_DEGREE = 5
+
+MAX_PIECES = 50_000
 
 LIMIT_RATIO = 1e-9
 """By how much, relatively, a limit may be exceeded by rounding."""
 
 MAX_HALVINGS = 30
+
+QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]
 
@@ -58,145 +69,281 @@ def carried(
     return u * (1.0 + 1e-9), w * (1.0 + 1e-9)
 
 
-class Cubics:
-    """A piecewise cubic motion of seven joints.
+class Polynomials:
+    """A piecewise polynomial motion of seven joints.
 
     Attributes:
         t: times of the n + 1 knots, from 0, s.
-        q, v, a: positions, velocities and accelerations at the knots, shape (n + 1, 7).
-        j: jerks between them, shape (n, 7).
+        derivatives: position, velocity, acceleration, jerk and so on at the start of each piece,
+            shape (n, 4 to 6, 7); those that follow are 0.
+        start, end: positions, velocities and accelerations at both ends, shape (3, 7).
         duration_s: the time of the last knot.
         v_peak, a_peak: upper bounds on |v| and |a| in each piece, shape (n, 7).
-        jumps: upper bounds on the jumps of position and velocity at any knot.
+        jumps: upper bounds on the jumps of position, velocity and acceleration at any knot.
+        kinks_s: times of the kinks, shape (k,), s.
+        kinks: upper bounds on the jumps of velocity there, shape (k, 7), rad/s.
     """
 
-    def __init__(self, data: Mapping[str, Any], label: str) -> None:
-        """Read a trajectory of a plan file.
+    def __init__(self, t: Array, derivatives: Array, label: str, stated: Array) -> None:
+        """Check a motion.
+
+        Args:
+            t: times of the knots.
+            derivatives: at the start of each piece, shape (n, k, 7).
+            label: what messages call it.
+            stated: positions, velocities and accelerations at the knots, shape (m, 3, 7), m = n + 1
+                where the last knot's are stated, else n.
+
+        Raises:
+            NotCertifiedError: when it is malformed, or its position jumps.
+        """
+        self.label, self.t, self.derivatives = label, t, derivatives
+        n = len(derivatives)
+        require(n <= MAX_PIECES, f"{label}: more than {MAX_PIECES} pieces")
+        require(t.shape == (n + 1,), f"{label}: knots do not fit the pieces")
+        finite = [np.isfinite(x).all() for x in (t, derivatives, stated)]
+        require(finite, f"{label}: a number is not finite")
+        require(t[0] == 0.0, f"{label}: the first knot is not at 0")
+        require(np.diff(t) > 0.0, f"{label}: the times of the knots do not increase")
+        self.duration_s = float(t[-1])
+        self._length = (Interval(t[1:]) - Interval(t[:-1])).reshaped(n, 1)
+        after, jumps = stated[1:], []
+        ends = [self._values(order, np.arange(n), self._length) for order in range(3)]
+        for order, reached in enumerate(ends):
+            jumps.append((reached[: len(after)] - after[:, order]).magnitude)
+        is_kink = (jumps[1][: n - 1] > MAX_JUMP).any(axis=1) if n else np.zeros(0, np.bool_)
+        self.kinks_s, self.kinks = t[1:-1][is_kink], jumps[1][: n - 1][is_kink]
+        self.jumps = tuple(float(each.max(initial=0.0)) for each in jumps)
+        self._rounding = float(
+            np.delete(jumps[1], np.flatnonzero(is_kink), axis=0).max(initial=0.0)
+        )
+        require(self.jumps[0] <= MAX_JUMP, f"{label}: it jumps at a knot")
+        last = [0.5 * (end.low[-1:] + end.high[-1:]) for end in ends]
+        self.start = stated[0]
+        self.end: Array = stated[-1] if len(stated) > n else np.concatenate(last)
+        self.v_peak, self.a_peak = self._peaks(1), self._peaks(2)
+
+    @classmethod
+    def of_plan(cls, data: Mapping[str, Any], label: str) -> Polynomials:
+        """Read a trajectory of a plan file: `knots_s`, `q`, `v` and `a` there, `j` between.
 
         Raises:
             NotCertifiedError: when it is malformed, or jumps at a knot.
         """
-        self.label = label
         try:
-            self.t = np.array(data["knots_s"], np.float64)
-            self.q, self.v, self.a, self.j = (
-                np.array(data[key], np.float64).reshape(-1, ARM_JOINTS) for key in "qvaj"
-            )
+            t = np.array(data["knots_s"], np.float64)
+            q, v, a, j = (np.array(data[key], np.float64).reshape(-1, ARM_JOINTS) for key in "qvaj")
         except (KeyError, TypeError, ValueError) as cause:
             raise NotCertifiedError(f"{label}: the trajectory is malformed: {cause!r}") from cause
-        n = len(self.j)
-        require(self.t.shape == (n + 1,), f"{label}: knots do not fit the jerks")
-        require([len(x) == n + 1 for x in (self.q, self.v, self.a)], f"{label}: knots do not fit")
-        finite = [np.isfinite(x).all() for x in (self.t, self.q, self.v, self.a, self.j)]
-        require(finite, f"{label}: a number is not finite")
-        require(self.t[0] == 0.0, f"{label}: the first knot is not at 0")
-        require(np.diff(self.t) > 0.0, f"{label}: the times of the knots do not increase")
-        self.duration_s = float(self.t[-1])
-        self._length = (Interval(self.t[1:]) - Interval(self.t[:-1])).reshaped(n, 1)
-        ends = self._states(np.arange(n), self._length)
-        knots = (self.q, self.v, self.a)
-        jumps = [(e - x[1:]).magnitude.max(initial=0.0) for e, x in zip(ends, knots, strict=True)]
-        require([jump <= MAX_JUMP for jump in jumps], f"{label}: it jumps at a knot")
-        self.jumps = float(jumps[0]), float(jumps[1])
-        self.a_peak: Array = np.maximum(np.abs(self.a[:-1]), ends[2].magnitude)  # linear between
-        ends_v = np.maximum(np.abs(self.v[:-1]), ends[1].magnitude)
-        sag = np.abs(self.j) * self._length.magnitude**2 / 8.0  # the second derivative is the jerk
-        self.v_peak: Array = (ends_v + sag) * (1.0 + 16.0 * UNIT)
+        n = len(j)
+        require([len(x) == n + 1 for x in (q, v, a)], f"{label}: knots do not fit the jerks")
+        stated = np.stack([q, v, a], axis=1)
+        found = cls(t, np.concatenate([stated[:-1], j[:, None]], axis=1), label, stated)
+        require(np.array(found.jumps) <= MAX_JUMP, f"{label}: it jumps at a knot")
+        return found
+
+    @classmethod
+    def of_pieces(cls, data: Mapping[str, Any], label: str) -> Polynomials:
+        """Read a motion of polynomials: `knots_s`, and `derivatives` at the start of each piece.
+
+        Raises:
+            NotCertifiedError: when it is malformed, of a degree above `MAX_DEGREE`, or its position
+                jumps at a knot.
+        """
+        try:
+            t = np.array(data["knots_s"], np.float64)
+            given = np.array(data["derivatives"], np.float64)
+            n, orders, joints = given.shape
+        except (KeyError, TypeError, ValueError) as cause:
+            raise NotCertifiedError(f"{label}: the motion is malformed: {cause!r}") from cause
+        require(n > 0 and orders > 0 and joints == ARM_JOINTS, f"{label}: the motion is malformed")
+        require(orders <= MAX_DEGREE + 1, f"{label}: of a degree above {MAX_DEGREE}")
+        derivatives = np.zeros((n, max(orders, 4), ARM_JOINTS))
+        derivatives[:, :orders] = given
+        return cls(t, derivatives, label, derivatives[:, :3])
 
     def at(self, times_s: Array) -> Interval:
         """Positions at exact times, shape (k, 7)."""
-        if not len(self.j):
-            return Interval(np.repeat(self.q, len(times_s), axis=0))
+        if not len(self.derivatives):
+            return Interval(np.repeat(self.start[:1], len(times_s), axis=0))
         i = self._pieces(times_s, "right")
-        since = (Interval(times_s) - Interval(self.t[i])).reshaped(len(i), 1)
-        return self._states(i, since)[0]
+        return self._values(0, i, (Interval(times_s) - Interval(self.t[i])).reshaped(len(i), 1))
 
-    def peaks(self, starts_s: Array, ends_s: Array) -> tuple[Array, Array]:
-        """Upper bounds on |v| and |a| of each joint in cells, shapes (k, 7)."""
-        if not len(self.j):
+    def peaks(self, starts_s: Array, ends_s: Array) -> tuple[Array, Array, Array]:
+        """Upper bounds on |v| and |a| of each joint in cells, and on what v jumps by in all.
+
+        Each of shape (k, 7); jumps at kinks that are inside of a cell count.
+        """
+        if not len(self.derivatives):
             still = np.zeros((len(starts_s), ARM_JOINTS))
-            return still, still
+            return still, still, still
         first = self._pieces(starts_s, "right")
         last = np.maximum(self._pieces(ends_s, "left"), first)
-        pairs = np.column_stack([first, last + 1]).ravel()
-        found = [
-            np.maximum.reduceat(np.concatenate([peak, peak[-1:]]), pairs, axis=0)[::2]
-            for peak in (self.v_peak, self.a_peak)
-        ]
-        return found[0], found[1]
+        v, a = (_each(np.maximum, peak, first, last + 1) for peak in (self.v_peak, self.a_peak))
+        first, last = self._inside(starts_s, ends_s)
+        jumps = np.zeros_like(v)
+        has_kink = np.flatnonzero(last > first)
+        if len(has_kink):
+            total = _each(np.add, self.kinks, first[has_kink], last[has_kink])
+            jumps[has_kink] = total * (1.0 + 2.0 * len(self.kinks) * UNIT)
+        return v, a, jumps
+
+    def cuts_s(self, starts_s: Array, ends_s: Array) -> Array:
+        """Where cells are cut: at the kink inside that is nearest to the middle; else there."""
+        middle = 0.5 * (starts_s + ends_s)
+        if not len(self.kinks_s):
+            return middle
+        first, last = self._inside(starts_s, ends_s)
+        after = np.clip(np.searchsorted(self.kinks_s, middle), first, np.maximum(last - 1, first))
+        before = np.maximum(after - 1, first)
+        after, before = (
+            self.kinks_s[np.minimum(k, len(self.kinks_s) - 1)] for k in (after, before)
+        )
+        nearest = np.where(middle - before <= after - middle, before, after)
+        return np.where(last > first, nearest, middle)
 
     def slack_m(self, reach_m: float) -> float:
         """What is added to every bound on a gap because positions and velocities jump at knots.
 
         Each joint turns points that are at most `reach_m` away, so a jump of all seven by d moves
         them by 7 d `reach_m`; their velocities change by 7 s `reach_m`, and by 49 d V `reach_m` as
-        the joints before turn too.
+        the joints before turn too. Velocities that jump at kinks count in `peaks`.
         """
-        if not len(self.j):
+        if not len(self.derivatives):
             return 0.0
-        d, s = self.jumps
+        d, s = self.jumps[0], self._rounding
         fastest = float(self.v_peak.max())
         slope = 7.0 * s + 49.0 * fastest * d
-        return 2.1 * len(self.j) * reach_m * (7.0 * d + self.duration_s * slope)
+        return 2.1 * len(self.derivatives) * reach_m * (7.0 * d + self.duration_s * slope)
 
-    def require_limits(
-        self, robot: Robot, stated: Mapping[str, Any], a_max: Array, j_max: Array
-    ) -> None:
-        """Refuse a motion that exceeds the robot's limits, or those that it states itself."""
-        try:
-            low, high, v, a, j = (
-                np.array(stated[key], np.float64).reshape(ARM_JOINTS)
-                for key in ("q_min", "q_max", "v_max", "a_max", "j_max")
-            )
-        except (KeyError, TypeError, ValueError) as cause:
-            raise NotCertifiedError(f"{self.label}: limits are malformed: {cause!r}") from cause
-        v, a, j = (
-            np.minimum(own, given) * (1.0 + LIMIT_RATIO)
-            for own, given in ((v, robot.v_max), (a, a_max), (j, j_max))
-        )
-        low, high = (
-            np.maximum(low, robot.q_min) - MAX_JUMP,
-            np.minimum(high, robot.q_max) + MAX_JUMP,
-        )
-        require(self.a_peak <= a, f"{self.label}: acceleration beyond its limit")
-        require(np.abs(self.j) <= j, f"{self.label}: jerk beyond its limit")
-        require((self.q >= low) & (self.q <= high), f"{self.label}: position beyond its limit")
-        self._require_within(0, self.a_peak, (low, high), f"{self.label}: position")
-        self._require_within(1, np.abs(self.j), (-v, v), f"{self.label}: velocity")
+    def require_limits(self, *bounds: tuple[Array, Array] | None) -> None:
+        """Refuse a motion that exceeds a limit.
 
-    def _require_within(
-        self, derivative: int, bends: Array, bounds: tuple[Array, Array], what: str
-    ) -> None:
+        Args:
+            bounds: least and greatest positions, velocities, accelerations and jerks, in this
+                order, each of shape (7,); None for what is not judged.
+        """
+        for order, (bound, what) in enumerate(zip(bounds, QUANTITIES, strict=False)):
+            if bound is None:
+                continue
+            for jump, before in zip(self.jumps[:order], QUANTITIES, strict=False):
+                reason = f"{self.label}: the {before} jumps at a knot, so there is no {what}"
+                require(jump <= MAX_JUMP, reason)
+            self._require_within(order, bound, what)
+
+    def _require_within(self, order: int, bounds: tuple[Array, Array], what: str) -> None:
         """Halve cells until the values at their ends, less the sag between, are within bounds."""
         low, high = bounds
-        i, start, end = np.arange(len(self.j)), np.zeros(len(self.j)), self._length.high[:, 0]
+        bends, n = self._peaks(order + 2), len(self.derivatives)
+        i, start, end = np.arange(n), np.zeros(n), self._length.high[:, 0]
+        is_there = (self.start[order : order + 1] >= low) & (self.start[order : order + 1] <= high)
+        require(n > 0 or is_there, f"{self.label}: {what} beyond its limit")
         for _ in range(MAX_HALVINGS):
-            ends = [
-                self._states(i, Interval(t).reshaped(len(i), 1))[derivative] for t in (start, end)
-            ]
-            is_inside = [(x.low >= low) & (x.high <= high) for x in ends]
-            require(is_inside, f"{what} beyond its limit")
+            ends = [self._values(order, i, Interval(t).reshaped(len(i), 1)) for t in (start, end)]
+            for x, since in zip(ends, (start, end), strict=True):
+                self._require_at(~((x.low >= low) & (x.high <= high)), self.t[i] + since, what)
             sag = above(bends[i] * ((end - start) ** 2)[:, None] / 8.0 * (1.0 + 16.0 * UNIT))
             lowest = np.minimum(ends[0].low, ends[1].low) - sag
             highest = np.maximum(ends[0].high, ends[1].high) + sag
-            is_open = ((lowest < low) | (highest > high)).any(axis=1)
+            outside = ~((lowest >= low) & (highest <= high))
+            is_open = outside.any(axis=1)
             i, start, end = i[is_open], start[is_open], end[is_open]
             if not len(i):
                 return
             middle = 0.5 * (start + end)
             i = np.concatenate([i, i])
             start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
-        raise NotCertifiedError(f"{what} beyond its limit")
+        self._require_at(outside[is_open], self.t[i[: len(i) // 2]] + start[: len(i) // 2], what)
+
+    def _require_at(self, outside: NDArray[np.bool_], times_s: Array, what: str) -> None:
+        rows, joints = np.nonzero(outside)
+        if len(rows):
+            first = int(np.argmin(times_s[rows]))
+            raise NotCertifiedError(
+                f"{self.label}: {what} beyond its limit, joint {joints[first] + 1} at "
+                f"{times_s[rows[first]]:.4f} s"
+            )
 
     def _pieces(self, times_s: Array, side: Any) -> Indices:
         found: Indices = np.searchsorted(self.t, times_s, side=side) - 1
-        return np.clip(found, 0, len(self.j) - 1)
+        return np.clip(found, 0, len(self.derivatives) - 1)
 
-    def _states(self, i: Indices, since: Interval) -> tuple[Interval, Interval, Interval]:
-        """Position, velocity and acceleration at times since the knots `i`."""
-        q, v, a, j = (Interval(x[i]) for x in (self.q, self.v, self.a, self.j))
-        return (
-            q + since * (v + since * (a.over(2.0) + (since * j).over(6.0))),
-            v + since * (a + (since * j).over(2.0)),
-            a + since * j,
+    def _inside(self, starts_s: Array, ends_s: Array) -> tuple[Indices, Indices]:
+        """The first kink inside of each cell, and the first after it."""
+        first: Indices = np.searchsorted(self.kinks_s, starts_s, side="right")
+        last: Indices = np.searchsorted(self.kinks_s, ends_s, side="left")
+        return first, last
+
+    def _values(self, order: int, i: Indices, since: Interval) -> Interval:
+        """A derivative of pieces at times since their start, by Horner's rule, shape (k, 7)."""
+        *others, last = range(order, self.derivatives.shape[1])
+        value = Interval(self.derivatives[i, last])
+        for k in reversed(others):
+            term = since * value
+            value = Interval(self.derivatives[i, k]) + (
+                term.over(k - order + 1.0) if k > order else term
+            )
+        return value
+
+    def _peaks(self, order: int) -> Array:
+        """Upper bounds on the absolute values of a derivative in each piece, shape (n, 7).
+
+        They are the greatest of the coefficients in Bernstein's basis of the two halves of the
+        piece: each polynomial is a convex combination of its own.
+        """
+        terms = [Interval(x) for x in np.swapaxes(self.derivatives[:, order:], 0, 1)]
+        if not terms:
+            return np.zeros((len(self.derivatives), ARM_JOINTS))
+        degree, share = len(terms) - 1, Interval(np.ones_like(self._length.low))
+        for k in range(1, degree + 1):  # coefficients of powers of the share of the piece
+            share = (share * self._length).over(float(k))
+            terms[k] = terms[k] * share
+        points = [
+            sum(
+                (
+                    (terms[k] * float(comb(i, k))).over(float(comb(degree, k)))
+                    for k in range(1, i + 1)
+                ),
+                terms[0],
+            )
+            for i in range(degree + 1)
+        ]
+        peak = np.maximum(points[0].magnitude, points[-1].magnitude)
+        while len(points) > 1:  # de Casteljau's rule at the middle: ends of rows belong to halves
+            points = [(x + y).over(2.0) for x, y in zip(points[:-1], points[1:], strict=True)]
+            peak = np.maximum(peak, np.maximum(points[0].magnitude, points[-1].magnitude))
+        return peak
+
+
+def _each(of: np.ufunc, values: Array, first: Indices, last: Indices) -> Array:
+    """The maximum, or the sum, of some successive rows each."""
+    pairs = np.column_stack([first, last]).ravel()
+    found: Array = of.reduceat(np.concatenate([values, values[-1:]]), pairs, axis=0)[::2]
+    return found
+
+
+def stated_limits(
+    robot: Robot, stated: Mapping[str, Any], a_max: Array, j_max: Array, label: str
+) -> tuple[tuple[Array, Array], ...]:
+    """Bounds on positions, velocities, accelerations and jerks: the narrower of two each.
+
+    Args:
+        robot: whose positions and velocities are limited.
+        stated: limits that the plan itself states.
+        a_max, j_max: greatest accelerations and jerks, shape (7,).
+        label: what messages call the motion.
+    """
+    try:
+        low, high, v, a, j = (
+            np.array(stated[key], np.float64).reshape(ARM_JOINTS)
+            for key in ("q_min", "q_max", "v_max", "a_max", "j_max")
         )
+    except (KeyError, TypeError, ValueError) as cause:
+        raise NotCertifiedError(f"{label}: limits are malformed: {cause!r}") from cause
+    greatest = (
+        np.minimum(own, given) * (1.0 + LIMIT_RATIO)
+        for own, given in ((v, robot.v_max), (a, a_max), (j, j_max))
+    )
+    q_min = np.maximum(low, robot.q_min) - MAX_JUMP
+    q_max = np.minimum(high, robot.q_max) + MAX_JUMP
+    return (q_min, q_max), *((-x, x) for x in greatest)

@@ -3,12 +3,12 @@
 A row is a cell of time, two clusters and a direction n, fixed in the frame that carries the second.
 Let G(t) be the gap that n leaves between them: the least n . a over the first minus the greatest
 n . b over the second. For each pair of points, n . (a - b) has a second derivative of at most
-|n| M, so by the lemma of `motion` G is at least min(G(start), G(end)) - |n| M h^2 / 8 at every
-instant of a cell of length h, and the distance is at least G / |n|. Any direction is sound, so
-nothing about a row is trusted.
+|n| M, and at kinks its slope jumps by at most |n| S in all, so by the lemma of `motion` G is at
+least min(G(start), G(end)) - |n| (M h^2 / 8 + S h / 4) at every instant of a cell of length h, and
+the distance is at least G / |n|. Any direction is sound, so nothing about a row is trusted.
 
 M is a bound on the acceleration of any point of the first cluster seen from the frame of the
-second (`motion.carried`).
+second, and S on what its velocity jumps by (`motion.carried`).
 
 The witness of a step is a string of letters, level by level: each open task (a pair of clusters and
 a cell) is separated, or replaced by both halves of a cluster or of the cell. So no part of a
@@ -26,7 +26,7 @@ import numpy as np
 from planner.certificate.clusters import LEAF, Clusters, Nodes
 from planner.certificate.errors import NotCertifiedError, require
 from planner.certificate.intervals import UNIT, Array, Interval, Pose, norm_bound, product, rotation
-from planner.certificate.motion import Cubics, carried
+from planner.certificate.motion import Polynomials, carried
 from planner.certificate.robot import ARM_JOINTS
 
 BY_DIRECTION, BY_FINE_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME = range(6)
@@ -101,19 +101,25 @@ class Step:
     Attributes:
         label: as in the plan.
         pairs: all that must keep apart.
-        cubics: the motion of the arm, or None.
+        motion: of the arm, or None.
         q: where the arm stands when there is none, shape (7,), rad.
     """
 
     label: str
     pairs: Sequence[Pair]
-    cubics: Cubics | None
+    motion: Polynomials | None
     q: Array
 
     @property
     def duration_s(self) -> float:
         """The time that it takes; travels of fingers are parametrised over [0, 1]."""
-        return 1.0 if self.cubics is None else self.cubics.duration_s
+        return 1.0 if self.motion is None else self.motion.duration_s
+
+    def cuts_s(self, starts_s: Array, ends_s: Array) -> Array:
+        """Where cells of time are cut: at a kink of the motion, or in the middle."""
+        if self.motion is None:
+            return 0.5 * (starts_s + ends_s)
+        return self.motion.cuts_s(starts_s, ends_s)
 
     def reach_m(self, robot: Joints, size_m: float) -> float:
         """Upper bound on the distance of anything of the step from any joint, m.
@@ -227,8 +233,8 @@ class Kinematics:
         self, robot: Joints, step: Step, times_s: Array, wanted: set[tuple[int, int]]
     ) -> None:
         """Compute the poses of joint k seen from joint m, for all wanted (m, k)."""
-        self._times_s, self._is_moving = times_s, step.cubics is not None
-        q = step.cubics.at(times_s) if step.cubics is not None else Interval(step.q[None])
+        self._times_s, self._is_moving = times_s, step.motion is not None
+        q = step.motion.at(times_s) if step.motion is not None else Interval(step.q[None])
         turns = rotation(2, q)
         spans = [Pose(product(span.R, turns[:, i]), span.p) for i, span in enumerate(robot.spans)]
         self.error_R = self.error_p = 0.0
@@ -266,7 +272,7 @@ class Judge:
             for side in ("first", "second")
         )
         require(self._k >= self._m, f"{step.label}: a pair in the wrong order")
-        if step.cubics is not None:
+        if step.motion is not None:
             is_seen = (self._k > self._m) | (self._k == 0)
             require(is_seen, f"{step.label}: a pair of one frame")
         sliding = [
@@ -282,7 +288,7 @@ class Judge:
             [[pair.first.slide_m, pair.second.slide_m] for pair in pairs], np.float64
         ).reshape(-1, 2, 2)
         self._reach_m = step.reach_m(robot, clusters.reach_m)
-        self._slack_m = 0.0 if step.cubics is None else step.cubics.slack_m(self._reach_m)
+        self._slack_m = 0.0 if step.motion is None else step.motion.slack_m(self._reach_m)
         self._kinematics: Kinematics | None = None
         self._error_m = np.inf
 
@@ -325,7 +331,7 @@ class Judge:
             tasks.only(np.flatnonzero(letters == letter))
             for letter in (CUT_FIRST, CUT_SECOND, CUT_TIME)
         )
-        middle = 0.5 * (times.start_s + times.end_s)
+        middle = self.step.cuts_s(times.start_s, times.end_s)
         is_inside = (times.start_s < middle) & (middle < times.end_s)
         require(is_inside, f"{self.step.label}: a cell too short to be cut")
         of_first = self._clusters.children(firsts.first)
@@ -387,19 +393,23 @@ class Judge:
         return np.where(is_long, found / np.where(is_long, divisor, 1.0) - 1e-15, -np.inf)
 
     def sag_m(self, tasks: Tasks) -> Array:
-        """How far a gap may sag between the ends of each cell, M h^2 / 8, m."""
+        """How far a gap may sag between the ends of each cell, M h^2 / 8 + S h / 4, m."""
         step = self.step
-        if step.cubics is None:
+        if step.motion is None:
             return np.zeros(len(tasks))
-        V, A = step.cubics.peaks(tasks.start_s, tasks.end_s)
+        V, A, jumps = step.motion.peaks(tasks.start_s, tasks.end_s)
         k, m = self._k[tasks.pair], self._m[tasks.pair]
         rho = self._clusters.reaches_m(tasks.first)
         rho = rho + np.abs(self._slides[tasks.pair, 0]).max(axis=1)
         number = np.arange(1, ARM_JOINTS + 1)
         between = (number <= k[:, None]) & (number > m[:, None])
         _, w = carried(V, A, rho, self._robot.offsets, between)
-        sag: Array = w * (tasks.end_s - tasks.start_s) ** 2 / 8.0 * (1.0 + 1e-9) + self._slack_m
-        return sag
+        length_s = tasks.end_s - tasks.start_s
+        sag: Array = w * length_s**2 / 8.0
+        if len(step.motion.kinks_s):
+            S, _ = carried(jumps, np.zeros_like(jumps), rho, self._robot.offsets, between)
+            sag = sag + S * length_s / 4.0
+        return sag * (1.0 + 1e-9) + self._slack_m
 
     def supports(self, tasks: Tasks, n: Array) -> tuple[tuple[Array, Array], Array]:
         """Points of the first clusters that are lowest along directions, and the second's highest.

@@ -3,6 +3,9 @@
 Everything is derived from the start and the steps before; what the plan states of its states is
 compared with that. A witness adds numbers that are checked here: how far fingers close and push,
 and how long a held body may touch what it stands on.
+
+Beside the moves and grips of a plan there is a third kind of step, a motion that something else
+planned or recorded. The contacts that are intended in it are its caller's assumption.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from planner.certificate.body import Body
 from planner.certificate.clusters import Clusters, Shape, stated_pose
@@ -24,7 +28,7 @@ from planner.certificate.intervals import (
     norm_bound,
     turns_about,
 )
-from planner.certificate.motion import Cubics, carried
+from planner.certificate.motion import LIMIT_RATIO, MAX_JUMP, Polynomials, carried, stated_limits
 from planner.certificate.robot import ARM_JOINTS, BASE, Robot
 from planner.certificate.rows import Kinematics, Mover, Pair, Step
 from planner.certificate.touching import DistanceBounds
@@ -61,6 +65,9 @@ LINE_CELLS = tuple(2**power for power in range(6, 15))
 """Into how many cells a straight move is cut, until what may happen between is small."""
 
 MAX_STEPS, MAX_BODIES = 1000, 500
+
+MOTION = "Motion"
+"""The type of a step that is a motion of something else's."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +108,7 @@ class _Now:
     """Where everything is between two steps.
 
     Attributes:
-        arm: positions, velocities and accelerations of the arm.
+        arm: positions, velocities and accelerations of the arm, shape (3, 7).
         opening_m: how far its fingers are open.
         at: poses of the bodies that stand, seen from base.
         held: the body in the hand, and its pose seen from the last joint.
@@ -110,7 +117,7 @@ class _Now:
         asked: whether the arm stands where a pose of the tip was asked for.
     """
 
-    arm: tuple[Array, Array, Array]
+    arm: Array
     opening_m: float
     at: Mapping[str, Pose]
     held: tuple[str, Pose] | None = None
@@ -127,6 +134,8 @@ class Timeline:
         clusters: all trees.
         steps: what rows must prove, in the order of the certificate.
         numbers: which step of the plan each belongs to, None for what stands still.
+        assumed: what is taken from the caller of a motion, in phrases.
+        not_judged: limits that were not judged, in phrases.
     """
 
     def __init__(
@@ -154,11 +163,14 @@ class Timeline:
         """
         self.robot, self.clusters = robot, Clusters()
         self.steps: list[Step] = []
+        self.assumed: list[str] = []
+        self.not_judged: list[str] = []
         self._plan, self._witnesses = plan, witnesses
         self._distances = DistanceBounds(self.clusters)
         self._limits = limits or Limits()
         require(plan["failure"] is None, "the plan says itself that it failed")
         self._plan_steps = plan["steps"]
+        self._is_motion = any(step["type"] == MOTION for step in self._plan_steps)
         require(len(self._plan_steps) <= MAX_STEPS, f"the plan has more than {MAX_STEPS} steps")
         require(len(witnesses) == len(self._plan_steps), "the certificate is of other steps")
         start = plan["start"]
@@ -176,7 +188,8 @@ class Timeline:
             stated.compare(number, now)
             now = self._followed(number, step, now)
             self.numbers += [number] * (len(self.steps) - len(self.numbers))
-        self._require_rest(now, "the arm does not rest at the end")
+        if not self._is_motion:
+            self._require_rest(now, "the arm does not rest at the end")
 
     # The robot
 
@@ -221,6 +234,11 @@ class Timeline:
         sign = self.robot.fingers[name]
         return Mover(name, self._fingers[name], ARM_JOINTS, (sign * begin_m, sign * end_m))
 
+    @property
+    def _hand_names(self) -> set[str]:
+        """What contacts call parts of the arm's hand."""
+        return {f"{self.robot.limb} hand", f"{self.robot.limb} pads"}
+
     def _link(self, level: int) -> str:
         return self.robot.chain[level - 1]
 
@@ -261,7 +279,7 @@ class Timeline:
             at.pop(name)
         still = np.zeros(ARM_JOINTS)
         self._others = {name: T for name, (T, _) in others.items()}
-        now = _Now((q, still, still), opening, at, held)
+        now = _Now(np.array([q, still, still]), opening, at, held)
         self._stand_at_first(now, {name: link for name, (_, link) in others.items()})
         return now
 
@@ -299,7 +317,10 @@ class Timeline:
             pairs += [self._outside(key, name, T, ARM_JOINTS, seen) for key in links]
             fingers = [self._finger(f, now.opening_m, now.opening_m) for f in self._fingers]
             pairs += self._between_pairs(body, fingers)
-            self._require_hold("at first", name, T, now.opening_m, tuple(self._fingers))
+            if self._is_motion:
+                self.assumed.append(f"the {self.robot.limb} hand holds {name} firmly")
+            else:
+                self._require_hold("at first", name, T, now.opening_m, tuple(self._fingers))
         if pairs:
             self.steps.append(Step("what stands still", pairs, None, now.arm[0]))
 
@@ -341,13 +362,15 @@ class Timeline:
 
     def _followed(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
         kind = step["type"]
-        hand = {f"{self.robot.limb} hand", f"{self.robot.limb} pads"}
+        hand = self._hand_names
         for contact in step["contacts"]:
             is_known = contact["body"] in self._things
             is_known &= contact["other"] in hand or contact["other"] in self._things
             require(is_known, f"{step['label']}: a contact of what is not there")
         if kind == "Move":
             return self._moved(number, step, now)
+        if kind == MOTION:
+            return self._moved_by_others(number, step, now)
         require(kind == "Grip", f"a step of unknown kind {kind!r}")
         self._require_rest(now, f"{step['label']}: the arm does not rest")
         if step["action"] == "CLOSE":
@@ -361,27 +384,54 @@ class Timeline:
         limits = step["trajectory"]["limits"]
         own = tuple(limits["names"]) == self.robot.names
         require(own, f"{label}: it moves other joints than the {self.robot.limb} arm's")
-        cubics = Cubics(step["trajectory"], label)
-        first = cubics.q[0], cubics.v[0], cubics.a[0]
-        jumps = [np.abs(a - b).max() <= STATE for a, b in zip(first, now.arm, strict=True)]
-        require(jumps, f"{label}: it does not begin where the arm is")
+        motion = Polynomials.of_plan(step["trajectory"], label)
+        is_there = np.abs(motion.start - now.arm) <= STATE
+        require(is_there, f"{label}: it does not begin where the arm is")
         a_max, j_max = (np.full(ARM_JOINTS, x) for x in (self._limits.a_max, self._limits.j_max))
-        cubics.require_limits(self.robot, limits, a_max, j_max)
-        self._require_tip(step, cubics)
+        motion.require_limits(*stated_limits(self.robot, limits, a_max, j_max, label))
+        self._require_tip(step, motion)
         following = self._grip_after(number)
         near: set[str] = set()
         if step["is_straight"] and now.held is None:
             wanted = following["body"] if following and following["action"] == "CLOSE" else None
             near = {name for name in (wanted, now.released) if name is not None}
         puts_down = following is not None and following["action"] == "OPEN"
-        self._require_windows(label, witness, cubics, now, puts_down)
-        if cubics.duration_s > 0.0:
-            pairs = list(self._move_pairs(witness, now, near, cubics.duration_s))
-            self.steps.append(Step(label, pairs, cubics, cubics.q[0]))
-        arm = cubics.q[-1], cubics.v[-1], cubics.a[-1]
-        return replace(
-            now, arm=arm, released=None, taken=False, asked=step["T_base_tip"] is not None
-        )
+        self._require_windows(label, witness, motion, now, puts_down)
+        if motion.duration_s > 0.0:
+            pairs = list(self._move_pairs(witness, now, near, motion.duration_s))
+            self.steps.append(Step(label, pairs, motion, motion.start[0]))
+        asked = step["T_base_tip"] is not None
+        return replace(now, arm=motion.end, released=None, taken=False, asked=asked)
+
+    def _moved_by_others(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
+        """A motion with no pose that was asked for, and contacts as its caller states them."""
+        label, robot = step["label"], self.robot
+        motion = Polynomials.of_pieces(step["trajectory"], label)
+        is_there = np.abs(motion.start[0] - now.arm[0]) <= STATE
+        require(is_there, f"{label}: it does not begin where the arm is")
+        judged = {
+            "velocity": robot.v_max if step["is_timed"] else None,
+            "acceleration": step["a_max"],
+            "jerk": step["j_max"],
+        }
+        self.not_judged += [name for name, limit in judged.items() if limit is None]
+        bounds = (None if limit is None else _within(limit) for limit in judged.values())
+        motion.require_limits((robot.q_min - MAX_JUMP, robot.q_max + MAX_JUMP), *bounds)
+        near, touched = set[str](), dict[str, tuple[float, float]]()
+        for contact in step["contacts"]:
+            body, other = contact["body"], contact["other"]
+            if other in self._hand_names:
+                near.add(body)
+                self.assumed.append(f"the {other} may touch {body}")
+            else:
+                is_held = now.held is not None and now.held[0] == body and other in now.at
+                require(is_held, f"{label}: {body} and {other} cannot touch by this motion")
+                touched[other] = 0.0, motion.duration_s
+                self.assumed.append(f"{body} may touch {other}")
+        witness = replace(self._witnesses[number], contacts=touched)
+        pairs = list(self._move_pairs(witness, now, near, motion.duration_s))
+        self.steps.append(Step(label, pairs, motion, motion.start[0]))
+        return replace(now, arm=motion.end, released=None, taken=False, asked=False)
 
     def _grip_after(self, number: int) -> Mapping[str, Any] | None:
         """The step after another, where that is a gripper action."""
@@ -533,20 +583,20 @@ class Timeline:
     # Rules that are not about pairs
 
     def _require_rest(self, now: _Now, reason: str) -> None:
-        require([np.abs(x).max() <= STATE for x in now.arm[1:]], reason)
+        require(np.abs(now.arm[1:]) <= STATE, reason)
 
-    def _require_tip(self, step: Mapping[str, Any], cubics: Cubics) -> None:
+    def _require_tip(self, step: Mapping[str, Any], motion: Polynomials) -> None:
         label = step["label"]
-        reached = self.robot.tips(cubics.at(np.array([cubics.duration_s])))
+        reached = self.robot.tips(motion.at(np.array([motion.duration_s])))
         if step["T_base_tip"] is not None:
             asked = stated_pose(step["T_base_tip"], label)
             off = norm_bound((reached.p - asked.p).magnitude)
             turned = norm_bound((reached.R - asked.R).magnitude.reshape(-1, 9))
             require((off <= TIP) & (turned <= 2.0 * TIP), f"{label}: the tip ends elsewhere")
-        if step["is_straight"] and cubics.duration_s > 0.0:
-            self._require_line(label, cubics)
+        if step["is_straight"] and motion.duration_s > 0.0:
+            self._require_line(label, motion)
 
-    def _require_line(self, label: str, cubics: Cubics) -> None:
+    def _require_line(self, label: str, motion: Polynomials) -> None:
         """The tip stays near the line from where it starts to where it ends, and turns evenly.
 
         To each end of a cell belongs a share of the way, whichever; in between it changes evenly.
@@ -557,15 +607,15 @@ class Timeline:
         """
         tolerance = self._plan["line_tolerance"]
         allowed_m, allowed_rad = float(tolerance["position_m"]), float(tolerance["rotation_rad"])
-        ends = self.robot.tips(cubics.at(np.array([0.0, cubics.duration_s]))).R.centred()[0]
+        ends = self.robot.tips(motion.at(np.array([0.0, motion.duration_s]))).R.centred()[0]
         axis, angle = axis_angle(ends[0].T @ ends[1])
         for count in LINE_CELLS:
-            times_s = np.linspace(0.0, cubics.duration_s, count + 1)
-            bend_m, bend = self._bends(cubics, times_s)
+            times_s = np.linspace(0.0, motion.duration_s, count + 1)
+            bend_m, bend = self._bends(motion, times_s)
             turning = 0.18 * (3.0 * angle / count) ** 2  # of a cell at three times the mean speed
             if bend_m < 0.1 * allowed_m and bend + turning < 0.1 * allowed_rad:
                 break
-        T = self.robot.tips(cubics.at(times_s))
+        T = self.robot.tips(motion.at(times_s))
         (p, error_p), (R, error_R) = T.p.centred(), T.R.centred()
         way = p[-1] - p[0]
         length_m = float(np.linalg.norm(way))
@@ -591,38 +641,38 @@ class Timeline:
             f"{label}: the hand is turned by up to {turn:.6f} rad from its line",
         )
 
-    def _bends(self, cubics: Cubics, times_s: Array) -> tuple[float, float]:
+    def _bends(self, motion: Polynomials, times_s: Array) -> tuple[float, float]:
         """How far the tip, and entries of its rotation together, may be off chords of cells."""
         starts, ends = times_s[:-1], times_s[1:]
-        v, a = cubics.peaks(starts, ends)
+        v, a, _ = motion.peaks(starts, ends)  # plans have no kinks
         eighth = (ends - starts) ** 2 / 8.0 * (1.0 + 1e-9)
         lever = np.full(len(starts), float(norm_bound(self.robot.tip.p.magnitude)))
         _, of_tip = carried(v, a, lever, self.robot.offsets)
         _, of_unit = carried(v, a, np.ones(len(starts)), np.zeros(ARM_JOINTS))
-        slack = cubics.slack_m(float(self.robot.offsets.sum()) + 1.0)
+        slack = motion.slack_m(float(self.robot.offsets.sum()) + 1.0)
         bend_m = float((of_tip * eighth).max()) + slack
         return bend_m, 1.7321 * (float((of_unit * eighth).max()) + slack)
 
     def _require_windows(
-        self, label: str, witness: StepWitness, cubics: Cubics, now: _Now, puts_down: bool
+        self, label: str, witness: StepWitness, motion: Polynomials, now: _Now, puts_down: bool
     ) -> None:
         """Contacts of a held body begin or end the step, after a grasp or before a release."""
         for name, (begin_s, end_s) in witness.contacts.items():
             require(now.held is not None and name in now.at, f"{label}: no contact of {name}")
             is_first = begin_s == 0.0 and now.taken
-            is_last = end_s == cubics.duration_s and puts_down
-            is_window = 0.0 <= begin_s < end_s <= cubics.duration_s
+            is_last = end_s == motion.duration_s and puts_down
+            is_window = 0.0 <= begin_s < end_s <= motion.duration_s
             require((is_first or is_last) and is_window, f"{label}: a contact out of turn")
             if now.held is not None:
-                self._require_slide(cubics, begin_s, end_s, now.held)
+                self._require_slide(motion, begin_s, end_s, now.held)
 
     def _require_slide(
-        self, cubics: Cubics, begin_s: float, end_s: float, held: tuple[str, Pose]
+        self, motion: Polynomials, begin_s: float, end_s: float, held: tuple[str, Pose]
     ) -> None:
         times_s = np.linspace(begin_s, end_s, 129)
-        T = self.robot.tips(cubics.at(times_s))
+        T = self.robot.tips(motion.at(times_s))
         (p, error_p), (R, error_R) = T.p.centred(), T.R.centred()
-        bend_m, bend = self._bends(cubics, times_s)
+        bend_m, bend = self._bends(motion, times_s)
         reach_m = float(norm_bound(held[1].p.magnitude)) + max(
             shape.reach_m + float(norm_bound(T.p.magnitude))
             for shape, T in self._things[held[0]].parts
@@ -630,7 +680,7 @@ class Timeline:
         turned = float(norm_bound((R - R[0]).reshape(-1, 9)).max()) + 18.0 * error_R + bend
         moved = float(norm_bound(np.ptp(p[:, :2], axis=0))) + 4.0 * error_p + 2.0 * bend_m
         slide_m = moved + 2.0 * turned * reach_m
-        require(slide_m <= SLIDE_M, f"{cubics.label}: it slides {1e3 * slide_m:.3f} mm in contact")
+        require(slide_m <= SLIDE_M, f"{motion.label}: it slides {1e3 * slide_m:.3f} mm in contact")
 
     def _require_hold(
         self, label: str, name: str, T_joint_body: Pose, opening_m: float, fingers: Sequence[str]
@@ -732,6 +782,12 @@ def _thing(name: str, data: Mapping[str, Any]) -> _Thing:
         ),
         bool(data["is_movable"]),
     )
+
+
+def _within(limit: ArrayLike) -> tuple[Array, Array]:
+    """Bounds on what may be as great as a limit, of each joint, in both directions."""
+    greatest = np.array(limit, np.float64).reshape(ARM_JOINTS) * (1.0 + LIMIT_RATIO)
+    return -greatest, greatest
 
 
 def _pair(

@@ -24,7 +24,7 @@ from baxter_kin.compilation.machine_code import built, key_of
 from planner.certificate.clusters import Clusters, Shape
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Array, Interval, Pose
-from planner.certificate.motion import Cubics
+from planner.certificate.motion import Polynomials
 from planner.certificate.robot import Robot
 from planner.certificate.rows import Step, Trace
 
@@ -43,7 +43,7 @@ SPARE_M = 1e-7
 SINGLE = 1.2e-7
 """The same as a share of the size of what is placed: points are in single precision here."""
 
-_VERSION = 1
+_VERSION = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,19 +88,22 @@ class NotShownError(NotCertifiedError):
 
     Attributes:
         near: the pair, by its number in the step; None where there are too many rows.
+        step: the step; None likewise.
     """
 
     near: Near | None = None
+    step: Step | None = None
 
     @classmethod
     def of(cls, step: Step, near: Near) -> NotShownError:
         """The error that names the pair that comes too near."""
         first, second = step.pairs[near.pair].first.name, step.pairs[near.pair].second.name
+        distance_mm = round(1e3 * near.distance_m, 3) + 0.0
         error = cls(
-            f"{step.label}: {first} and {second} come as near as {1e3 * near.distance_m:.3f} mm "
+            f"{step.label}: {first} and {second} come as near as {distance_mm:.3f} mm "
             f"at {near.time_s:.4f} s"
         )
-        error.near = near
+        error.near, error.step = near, step
         return error
 
 
@@ -166,9 +169,10 @@ class _Tree(ctypes.Structure):
 
 class _Step(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int32) for name in ("pairs", "pieces")),
+        *((name, ctypes.c_int32) for name in ("pairs", "pieces", "orders", "kinks")),
         *((name, ctypes.c_double) for name in ("duration", "slack", "spare", "margin", "share")),
-        *((name, ctypes.c_void_p) for name in ("t", "q", "v", "a", "j", "v_peak", "a_peak")),
+        *((name, ctypes.c_void_p) for name in ("t", "derivatives", "v_peak", "a_peak")),
+        *((name, ctypes.c_void_p) for name in ("kinks_s", "jumps")),
         *((name, ctypes.c_void_p) for name in ("spans_R", "spans_p", "offsets")),
     ]
 
@@ -292,7 +296,7 @@ class Kernel:
         chain: Chain,
         trees: Trees,
         pairs: np.ndarray[Any, Any],
-        motion: Cubics | Array,
+        motion: Polynomials | Array,
         *,
         margin_m: float = 0.0,
         share: float,
@@ -307,20 +311,21 @@ class Kernel:
             margin_m: what counted pairs must keep, where they need not keep more.
             share: how much of the least distance that is met shall be proven.
         """
-        cubics = motion if isinstance(motion, Cubics) else None
         none = np.zeros(1)
-        own: tuple[Any, ...] = (none, motion, none, none, none, none, none)
-        duration_s, slack_m = 1.0, 0.0
-        if cubics is not None:
-            own = (cubics.t, cubics.q, cubics.v, cubics.a, cubics.j, cubics.v_peak, cubics.a_peak)
+        own: tuple[Any, ...] = (none, motion, none, none, none, none)
+        sizes, duration_s, slack_m = (0, 0, 0), 1.0, 0.0
+        if isinstance(motion, Polynomials):
+            own = (motion.t, motion.derivatives, motion.v_peak, motion.a_peak)
+            own = (*own, motion.kinks_s, motion.kinks)
+            sizes = (*motion.derivatives.shape[:2], len(motion.kinks_s))
             slides_m = float(np.abs(pairs["slides"]).max(initial=0.0))
             reach_m = (trees.size_m + float(chain.offsets.sum()) + slides_m) * (1.0 + 1e-9)
-            duration_s, slack_m = cubics.duration_s, cubics.slack_m(reach_m)
+            duration_s, slack_m = motion.duration_s, motion.slack_m(reach_m)
         held = [np.ascontiguousarray(x, np.float64) for x in (*own, *chain)]
         spare_m = SPARE_M + SINGLE * trees.size_m
         request = _Step(
             len(pairs),
-            0 if cubics is None else len(cubics.j),
+            *sizes,
             duration_s,
             slack_m,
             spare_m,
@@ -366,7 +371,7 @@ class Kernel:
         Raises:
             NotShownError: when a pair is not shown to keep what it must, or that takes too many.
         """
-        motion = step.q if step.cubics is None else step.cubics
+        motion = step.q if step.motion is None else step.motion
         pairs = trees.pairs(step)
         found = self.search(chain, trees, pairs, motion, margin_m=margin_m, share=share)
         if found.outcome == Outcome.TOO_MUCH:

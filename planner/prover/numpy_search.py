@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from planner.certificate.clusters import LEAF, Clusters, Nodes
 from planner.certificate.intervals import Array, Interval, Pose
-from planner.certificate.motion import Cubics
+from planner.certificate.motion import Polynomials
 from planner.certificate.rows import (
     BY_DIRECTION,
     BY_FINE_DIRECTION,
@@ -91,7 +91,7 @@ def search(
     chain: Chain,
     there: PlacedShapes,
     pairs: np.ndarray[Any, Any],
-    motion: Cubics | Array,
+    motion: Polynomials | Array,
     *,
     margin_m: float = 0.0,
 ) -> Found:
@@ -110,11 +110,11 @@ def search(
         one = Mover("one", roots[first], k, tuple(slides[:2]))
         other = Mover("another", roots[second], m, tuple(slides[2:]))
         steps.append(Pair(one, other, least, begin, end, is_counted=bool(is_counted)))
-    cubics = motion if isinstance(motion, Cubics) else None
-    q = motion.q[0] if isinstance(motion, Cubics) else motion
+    of_arm = motion if isinstance(motion, Polynomials) else None
+    q = motion.start[0] if isinstance(motion, Polynomials) else motion
     none, empty = Near(-1, np.inf, 0.0), np.zeros((0, 3))
     try:
-        found = rows_of(chain, clusters, Step("the motion", steps, cubics, q), margin_m)
+        found = rows_of(chain, clusters, Step("the motion", steps, of_arm, q), margin_m)
     except NotShownError as reason:
         near = none if reason.near is None else reason.near
         return Found(Outcome.NOT_SHOWN, 0.0, none, near, np.zeros(0, np.uint8), empty, empty)

@@ -2,8 +2,8 @@
 
    A task is a pair of clusters and a cell of time. It is separated by a direction, fixed in the
    frame that carries the second cluster, when the gap that the direction leaves at both ends of
-   the cell, less the sag M h^2 / 8 in between, is above what the pair must keep; else a cluster or
-   the cell is cut. Tasks are handled level by level, in the order in which the checker reads them.
+   the cell, less the sag M h^2 / 8 + S h / 4 in between, is above what the pair must keep; else a
+   cluster or the cell is cut. Tasks are handled level by level, in the order in which the checker reads them.
 
    Computed in doubles, without bounds on rounding: nothing of it is trusted, the checker decides.
    Each call has its own memory, so any number of threads may search. */
@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ROWS_VERSION 1
+#define ROWS_VERSION 2
 
 enum { BY_DIRECTION, BY_FINE_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME, NONE = 255 };
 enum { PROVEN, TOO_NEAR, NOT_SHOWN, TOO_MUCH };
@@ -60,10 +60,13 @@ typedef struct {
 } Pair;
 
 typedef struct {
-    int32_t pairs, pieces;
+    int32_t pairs, pieces, orders, kinks;
     double duration, slack, spare;
     double margin, share;    /* counted pairs keep the margin, and a share of the least distance */
-    const double *t, *q, *v, *a, *j, *v_peak, *a_peak;
+    const double *t;            /* of the knots */
+    const double *derivatives;  /* `orders` of each piece, position first; where the arm stands if no piece */
+    const double *v_peak, *a_peak;
+    const double *kinks_s, *jumps; /* where the velocity jumps, and by how much */
     const double *spans_R, *spans_p, *offsets;
 } Step;
 
@@ -118,21 +121,46 @@ static inline void product(const double *A, const double *B, double *C) {
 
 static inline int span_of(int m, int k) { return m * (15 - m) / 2 + k - m - 1; }
 
+/* How many of the first `count` of some increasing times are at most t. */
+static int until(const double *times, int count, double t) {
+    int low = 0, high = count;
+    while (low < high) {
+        int middle = (low + high) / 2;
+        if (times[middle] <= t) low = middle + 1; else high = middle;
+    }
+    return low;
+}
+
+/* The piece of an instant. */
+static int piece_of(const Step *s, double t) {
+    int number = until(s->t, s->pieces, t) - 1;
+    return number < 0 ? 0 : number;
+}
+
 static void configuration(const Step *s, double t, double *q) {
     if (!s->pieces) {
-        memcpy(q, s->q, JOINTS * sizeof(double));
+        memcpy(q, s->derivatives, JOINTS * sizeof(double));
         return;
     }
-    int low = 0, high = s->pieces;
-    while (high - low > 1) {
-        int middle = (low + high) / 2;
-        if (s->t[middle] <= t) low = middle; else high = middle;
+    int piece = piece_of(s, t), order = s->orders - 1;
+    const double *own = s->derivatives + JOINTS * s->orders * piece;
+    double d = t - s->t[piece];
+    memcpy(q, own + JOINTS * order, JOINTS * sizeof(double));
+    while (order > 0) {
+        double factor = d / order--;
+        for (int i = 0; i < JOINTS; i++) q[i] = own[JOINTS * order + i] + factor * q[i];
     }
-    double d = t - s->t[low];
-    for (int i = 0; i < JOINTS; i++) {
-        int o = JOINTS * low + i;
-        q[i] = s->q[o] + d * (s->v[o] + d * (s->a[o] / 2 + d * s->j[o] / 6));
-    }
+}
+
+/* Where a cell is cut: at the kink inside that is nearest to its middle; else there. */
+static double cut_of(const Step *s, double start, double end) {
+    double middle = 0.5 * (start + end);
+    int first = until(s->kinks_s, s->kinks, start), after = until(s->kinks_s, s->kinks, middle);
+    if (after > first && s->kinks_s[after - 1] == middle) return middle;
+    int has_before = after > first, has_after = after < s->kinks && s->kinks_s[after] < end;
+    if (has_before && has_after)
+        return middle - s->kinks_s[after - 1] <= s->kinks_s[after] - middle ? s->kinks_s[after - 1] : s->kinks_s[after];
+    return has_before ? s->kinks_s[after - 1] : has_after ? s->kinks_s[after] : middle;
 }
 
 static void place(const Step *s, Instant *I) {
@@ -197,27 +225,29 @@ static const Cell *cell(Search *s, int start, int end) {
     *at = s->cell_count++;
     Cell *c = &s->cells[*at];
     c->start = start, c->end = end;
-    double begin = s->instants[start].t, until = s->instants[end].t;
-    double eighth = (until - begin) * (until - begin) / 8 * (1 + 1e-8);
-    double V[JOINTS] = {0}, A[JOINTS] = {0}, both[JOINTS];
-    for (int g = 0; g < s->step.pieces; g++) {
-        if (s->step.t[g + 1] <= begin || s->step.t[g] >= until) continue;
+    double begin = s->instants[start].t, until_s = s->instants[end].t, length = until_s - begin;
+    double eighth = length * length / 8 * (1 + 1e-8), quarter = length / 4 * (1 + 1e-8);
+    double V[JOINTS] = {0}, A[JOINTS] = {0}, J[JOINTS] = {0}, both[JOINTS];
+    for (int g = piece_of(&s->step, begin); g < s->step.pieces && s->step.t[g] < until_s; g++)
         for (int i = 0; i < JOINTS; i++) {
             V[i] = fmax(V[i], s->step.v_peak[JOINTS * g + i]);
             A[i] = fmax(A[i], s->step.a_peak[JOINTS * g + i]);
         }
-    }
+    for (int g = until(s->step.kinks_s, s->step.kinks, begin); g < s->step.kinks && s->step.kinks_s[g] < until_s; g++)
+        for (int i = 0; i < JOINTS; i++) J[i] += s->step.jumps[JOINTS * g + i];
     for (int i = 0; i < JOINTS; i++) both[i] = sqrt(V[i] * V[i] * V[i] * V[i] + A[i] * A[i]);
     for (int k = 1; k <= JOINTS; k++) {
-        double u[2] = {0, 0}, w[2] = {0, 0}, lever = 0; /* [1]: by reach */
+        double u[2] = {0, 0}, w[2] = {0, 0}, jump[2] = {0, 0}, lever = 0; /* [1]: by reach */
         for (int i = k - 1; i >= 0; i--) {
             w[0] += 2 * V[i] * u[0] + both[i] * lever;
             w[1] += 2 * V[i] * u[1] + both[i];
             u[0] += V[i] * lever;
             u[1] += V[i];
+            jump[0] += J[i] * lever;
+            jump[1] += J[i];
             lever += s->step.offsets[i];
-            c->fixed[span_of(i, k)] = w[0] * eighth;
-            c->by_reach[span_of(i, k)] = w[1] * eighth;
+            c->fixed[span_of(i, k)] = w[0] * eighth + jump[0] * quarter;
+            c->by_reach[span_of(i, k)] = w[1] * eighth + jump[1] * quarter;
         }
     }
     return c;
@@ -720,7 +750,7 @@ static int letter_of(Search *s, Task *task, double sag, Found *f, int *code) {
         if (may_touch(pair) && sag < TOUCHING_SAG_M && separated_by_axes(s, task, &v, goal, f)) return BY_DIRECTION;
         if (separates_finely(s, &v, f->d, goal, f)) return BY_FINE_DIRECTION;
 
-        int middle = instant(s, 0.5 * (start + end));
+        int middle = instant(s, cut_of(&s->step, start, end));
         if (middle < 0) return *code = TOO_MUCH, NONE;
         Task now = *task;
         now.start = now.end = middle;
@@ -768,7 +798,7 @@ static int halves(Search *s, const Task *tasks, const uint8_t *letters, int coun
                 if (letter == CUT_FIRST) task.a = child(s, task.a, side);
                 if (letter == CUT_SECOND) task.b = child(s, task.b, side);
                 if (letter == CUT_TIME) {
-                    int middle = instant(s, 0.5 * (s->instants[task.start].t + s->instants[task.end].t));
+                    int middle = instant(s, cut_of(&s->step, s->instants[task.start].t, s->instants[task.end].t));
                     if (middle < 0) return -1;
                     if (side) task.start = middle; else task.end = middle;
                 }

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from baxter_kin.errors import expect
 from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.validation import FloatArray, Indices
-from planner.certificate.motion import Cubics
+from planner.certificate.motion import Polynomials
 from planner.certificate.rows import BY_MIDDLES
 from planner.clearance import (
     Clearance,
@@ -109,10 +109,10 @@ def prove_move(
         number, distance_m = _worst(checked, poses(0.0), numbers, needed_m)
         near = checked.between(number, distance_m, 0.0)
         return ContinuousContact(near, float(needed_m[number]), trajectory.duration, 0, 0)
-    rows: Cubics | FloatArray = trajectory.q[0]
+    rows: Polynomials | FloatArray = trajectory.q[0]
     if trajectory.duration > 0.0:
         knots = {name: getattr(trajectory, name) for name in ("knots_s", "q", "v", "a", "j")}
-        rows = Cubics(knots, "the motion")
+        rows = Polynomials.of_plan(knots, "the motion")
     chain, turned = about_z(bounds.chain)
     levels, T = bounds.carried(full)
     T = T.copy()
@@ -130,18 +130,18 @@ class Motion(NamedTuple):
         poses: of all shapes in base at a time, shape (n, 4, 4).
     """
 
-    rows: Cubics | FloatArray
+    rows: Polynomials | FloatArray
     duration_s: float
     poses: Callable[[float], FloatArray]
 
     @property
     def end(self) -> float:
         """Where its parameter ends: time, or a share of the way that shapes slide."""
-        return self.rows.duration_s if isinstance(self.rows, Cubics) else 1.0
+        return self.rows.duration_s if isinstance(self.rows, Polynomials) else 1.0
 
     def time_s(self, at: float) -> float:
         """The time at a value of the parameter."""
-        return at if isinstance(self.rows, Cubics) else at * self.duration_s
+        return at if isinstance(self.rows, Polynomials) else at * self.duration_s
 
 
 class Arrangement:

@@ -267,7 +267,7 @@ def test_each_row_concludes_no_more_than_it_exactly_may(short_plan: Plan, robot:
     for step in timeline.steps:
         judge = Judge(own, timeline.clusters, step)
         found = list(walk(judge, timeline.clusters, advice))
-        if step.cubics is None:
+        if step.motion is None:
             continue
         motion = Motion(document["plan"]["steps"][0]["trajectory"])
         exact = Exact(Arm(text, own.names), timeline.clusters, step, motion)

@@ -11,7 +11,7 @@ import pytest
 from baxter_kin import Baxter
 from planner import Plan, Trajectory
 from planner.certificate.errors import NotCertifiedError
-from planner.certificate.motion import Cubics, carried
+from planner.certificate.motion import Polynomials, carried, stated_limits
 from planner.certificate.robot import Robot
 
 SAMPLES = 2000
@@ -37,14 +37,15 @@ def times(trajectory: Trajectory, count: int = SAMPLES) -> np.ndarray[Any, Any]:
 
 
 def limited(own: Robot, data: Any) -> None:
-    Cubics(data, "move").require_limits(own, data["limits"], np.full(7, 2.0), np.full(7, 20.0))
+    motion, greatest = Polynomials.of_plan(data, "move"), (np.full(7, 2.0), np.full(7, 20.0))
+    motion.require_limits(*stated_limits(own, data["limits"], *greatest, "move"))
 
 
 def test_positions_contain_those_of_the_trajectory(
     data: dict[str, Any], trajectory: Trajectory
 ) -> None:
     t = times(trajectory)
-    q = Cubics(data, "move").at(t)
+    q = Polynomials.of_plan(data, "move").at(t)
     sampled = trajectory.sample(t).q
     assert (q.low - ROUNDING <= sampled).all()
     assert (sampled <= q.high + ROUNDING).all()
@@ -54,9 +55,9 @@ def test_positions_contain_those_of_the_trajectory(
 def test_no_speed_or_acceleration_in_a_cell_is_above_its_bound(
     data: dict[str, Any], trajectory: Trajectory
 ) -> None:
-    cubics, t = Cubics(data, "move"), times(trajectory)
+    motion, t = Polynomials.of_plan(data, "move"), times(trajectory)
     edges = np.linspace(0.0, trajectory.duration, 24)
-    v, a = cubics.peaks(edges[:-1], edges[1:])
+    v, a, _ = motion.peaks(edges[:-1], edges[1:])
     cell = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, len(edges) - 2)
     sampled = trajectory.sample(t)
     assert (np.abs(sampled.v) <= v[cell] + ROUNDING).all()
@@ -67,8 +68,8 @@ def test_no_point_of_the_hand_moves_faster_than_its_bound(
     robot: Baxter, own: Robot, data: dict[str, Any], trajectory: Trajectory
 ) -> None:
     """Second differences of a point 20 cm beyond the wrist, against u and w of the whole move."""
-    arm, cubics = robot.arm("left"), Cubics(data, "move")
-    v, a = cubics.peaks(np.array([0.0]), np.array([trajectory.duration]))
+    arm, motion = robot.arm("left"), Polynomials.of_plan(data, "move")
+    v, a, _ = motion.peaks(np.array([0.0]), np.array([trajectory.duration]))
     lever = float(np.linalg.norm(own.tip.p.magnitude))
     u, w = carried(v, a, np.array([lever]), own.offsets)
     t = np.arange(0.0, trajectory.duration, STEP_S)

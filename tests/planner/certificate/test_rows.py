@@ -11,7 +11,7 @@ from planner.certificate.body import Body
 from planner.certificate.clusters import Clusters, Shape
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Array, Interval, Pose
-from planner.certificate.motion import Cubics
+from planner.certificate.motion import Polynomials
 from planner.certificate.robot import Robot
 from planner.certificate.rows import (
     BY_DIRECTION,
@@ -54,15 +54,15 @@ def movers(clusters: Clusters, own: Robot, body: Body, planned: Any) -> list[Mov
 
 @pytest.fixture
 def step(document: dict[str, Any], movers: list[Mover]) -> Step:
-    cubics = Cubics(document["plan"]["steps"][1]["trajectory"], "move")
-    end_s = cubics.duration_s
+    motion = Polynomials.of_plan(document["plan"]["steps"][1]["trajectory"], "move")
+    end_s = motion.duration_s
     pairs = [
         Pair(first, second, 0.0, 0.0, end_s)
         for first in movers
         for second in movers
         if first.level > second.level
     ]
-    return Step("move", pairs, cubics, cubics.q[0])
+    return Step("move", pairs, motion, motion.start[0])
 
 
 def random_tasks(judge: Judge, clusters: Clusters, rng: np.random.Generator) -> Tasks:
@@ -83,9 +83,9 @@ def random_tasks(judge: Judge, clusters: Clusters, rng: np.random.Generator) -> 
     return Tasks(roots.pair, sides[0], sides[1], start, end)
 
 
-def poses(own: Robot, cubics: Cubics, times_s: Array) -> list[tuple[Array, Array]]:
+def poses(own: Robot, motion: Polynomials, times_s: Array) -> list[tuple[Array, Array]]:
     """Of all joints seen from base, in doubles, joint 0 being base itself."""
-    q = cubics.at(times_s)
+    q = motion.at(times_s)
     middle = 0.5 * (q.low + q.high)
     R, p = np.tile(np.eye(3), (len(times_s), 1, 1)), np.zeros((len(times_s), 3))
     found = [(R, p)]
@@ -126,7 +126,7 @@ def test_no_instant_is_below_what_a_row_concludes(
     odd = rng.random(ROWS) < 0.3
     n[odd] = rng.integers(-127, 128, (int(odd.sum()), 3))
     gaps = judge.gaps_m(tasks, n)
-    assert step.cubics is not None
+    assert step.motion is not None
     nearest = np.inf
     for row in range(ROWS):
         times_s = np.concatenate(
@@ -136,7 +136,7 @@ def test_no_instant_is_below_what_a_row_concludes(
             ]
         )
         pair = step.pairs[int(tasks.pair[row])]
-        T = poses(own, step.cubics, times_s)
+        T = poses(own, step.motion, times_s)
         first, second = T[pair.first.level], T[pair.second.level]
         along = np.einsum("tij,j->ti", second[0], n[row])
         gap = lowest(clusters, int(tasks.first[row]), along, first)
