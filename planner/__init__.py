@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from planner.scene.objects import load_object, make_block
     from planner.state import State
     from planner.trajectory import Trajectory
-    from planner.verification import Certificate, verify
+    from planner.verification import Certificate, MotionCertificate, PolynomialMotion, certify, verify
 
 __all__ = [
     "Attachment",
@@ -59,12 +59,14 @@ __all__ = [
     "LineTolerance",
     "Manipulator",
     "Mesh",
+    "MotionCertificate",
     "Move",
     "Part",
     "PickAndPlace",
     "Plan",
     "PlanFailure",
     "PlannerError",
+    "PolynomialMotion",
     "Response",
     "RobotBody",
     "RobotShapes",
@@ -75,6 +77,7 @@ __all__ = [
     "StraightMoveError",
     "TrackingProof",
     "Trajectory",
+    "certify",
     "complete",
     "fit_response",
     "load_mesh",

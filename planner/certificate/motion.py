@@ -15,6 +15,7 @@ most k (d + s T) over a time T, so twice that is added to the bound.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from math import comb
 from typing import Any
 
@@ -194,11 +195,10 @@ class Polynomials:
         if not len(self.kinks_s):
             return middle
         first, last = self._inside(starts_s, ends_s)
-        after = np.clip(np.searchsorted(self.kinks_s, middle), first, np.maximum(last - 1, first))
-        before = np.maximum(after - 1, first)
-        after, before = (
-            self.kinks_s[np.minimum(k, len(self.kinks_s) - 1)] for k in (after, before)
-        )
+        middle_at = np.searchsorted(self.kinks_s, middle)
+        second = np.clip(middle_at, first, np.maximum(last - 1, first))
+        numbers = (np.maximum(second - 1, first), second)
+        before, after = (self.kinks_s[np.minimum(k, len(self.kinks_s) - 1)] for k in numbers)
         nearest = np.where(middle - before <= after - middle, before, after)
         return np.where(last > first, nearest, middle)
 
@@ -310,7 +310,7 @@ class Polynomials:
         ]
         peak = np.maximum(points[0].magnitude, points[-1].magnitude)
         while len(points) > 1:  # de Casteljau's rule at the middle: ends of rows belong to halves
-            points = [(x + y).over(2.0) for x, y in zip(points[:-1], points[1:], strict=True)]
+            points = [(x + y).over(2.0) for x, y in pairwise(points)]
             peak = np.maximum(peak, np.maximum(points[0].magnitude, points[-1].magnitude))
         return peak
 
@@ -330,7 +330,8 @@ def stated_limits(
     Args:
         robot: whose positions and velocities are limited.
         stated: limits that the plan itself states.
-        a_max, j_max: greatest accelerations and jerks, shape (7,).
+        a_max: greatest accelerations, shape (7,), rad/s^2.
+        j_max: greatest jerks, shape (7,), rad/s^3.
         label: what messages call the motion.
     """
     try:

@@ -317,12 +317,15 @@ class Timeline:
             pairs += [self._outside(key, name, T, ARM_JOINTS, seen) for key in links]
             fingers = [self._finger(f, now.opening_m, now.opening_m) for f in self._fingers]
             pairs += self._between_pairs(body, fingers)
-            if self._is_motion:
-                self.assumed.append(f"the {self.robot.limb} hand holds {name} firmly")
-            else:
-                self._require_hold("at first", name, T, now.opening_m, tuple(self._fingers))
+            self._require_hold_at_first(name, T, now.opening_m)
         if pairs:
             self.steps.append(Step("what stands still", pairs, None, now.arm[0]))
+
+    def _require_hold_at_first(self, name: str, T_joint_body: Pose, opening_m: float) -> None:
+        if self._is_motion:
+            self.assumed.append(f"the {self.robot.limb} hand holds {name} firmly")
+            return
+        self._require_hold("at first", name, T_joint_body, opening_m, tuple(self._fingers))
 
     def _outside(
         self, link: int | str, name: str, T: Pose, level: int, seen: tuple[Array, Array]
@@ -421,6 +424,7 @@ class Timeline:
         for contact in step["contacts"]:
             body, other = contact["body"], contact["other"]
             if other in self._hand_names:
+                require(body in now.at, f"{label}: the hand cannot touch {body}")
                 near.add(body)
                 self.assumed.append(f"the {other} may touch {body}")
             else:

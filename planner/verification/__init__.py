@@ -6,7 +6,18 @@
 import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - says what it lacks, before all others
 from planner.verification.certificate import Certificate, Check, Relation
 from planner.verification.inspection import verify
+from planner.verification.motion_certificate import MotionCertificate, PolynomialMotion, certify
 from planner.verification.prover import certificate_of
 from planner.verification.tolerances import Tolerances
 
-__all__ = ["Certificate", "Check", "Relation", "Tolerances", "certificate_of", "verify"]
+__all__ = [
+    "Certificate",
+    "Check",
+    "MotionCertificate",
+    "PolynomialMotion",
+    "Relation",
+    "Tolerances",
+    "certificate_of",
+    "certify",
+    "verify",
+]

@@ -56,7 +56,7 @@ def certificate_of(plan: Plan, description: RobotDescription | None = None) -> M
         TaskError: when the plan cannot be certified; says why.
     """
     known = RobotDescription.installed() if description is None else description
-    body, robot, document = _body(known.text), Robot(known.text, plan.limb), plan_document(plan)
+    body, robot, document = body_of(known.text), Robot(known.text, plan.limb), plan_document(plan)
     steps = _witnesses(plan, robot, known)
     data: Any = document["plan"]
     states: Any = document["states"]
@@ -94,7 +94,7 @@ class _Asked(TypedDict, total=False):
 
 
 @lru_cache(maxsize=2)
-def _body(text: str) -> Body:
+def body_of(text: str) -> Body:
     """The clusters of a robot, which are read once."""
     return Body(text)
 

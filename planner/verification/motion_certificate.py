@@ -1,0 +1,467 @@
+"""Certificates of motions that something else planned or recorded.
+
+A motion is certified as a move of a plan is, by the same pairs and rows and the same checker
+(`planner.certificate`); where a plan derives from its grips what may touch what, here the caller
+states it, and the certificate repeats it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import factorial
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from baxter_kin.description import RobotDescription
+from baxter_kin.errors import FileError, UnknownNameError, expect, expect_all, quoted, shown_path
+from baxter_kin.files import PathLike, replace_file
+from baxter_kin.json_data import to_json
+from baxter_kin.json_text import Json, as_lines
+from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.validation import FloatArray, finite_array, finite_rows, float_array
+from baxter_kin.value_objects import Frozen, OneLine, count, seconds
+from planner.certificate.checking import MOTION_FORMAT, MOTION_VERSION, Certified, Witness, check
+from planner.certificate.errors import NotCertifiedError
+from planner.certificate.motion import MAX_DEGREE, MAX_JUMP, MAX_PIECES
+from planner.certificate.robot import ARM_JOINTS, Robot
+from planner.certificate.timeline import MOTION, STATE, StepWitness, Timeline
+from planner.errors import PlanFileError, TaskError, TrajectoryError
+from planner.prover.kernel import NotShownError, rows_kernel
+from planner.prover.witness import witness_of
+from planner.state import State
+from planner.trajectory import Trajectory
+from planner.verification.prover import SHARES, body_of
+
+MARGINS_M = (0.001, 0.005, 0.02)
+"""Without a C compiler, the greatest of these that can be shown is certified; 0 else."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PolynomialMotion(Frozen, OneLine):
+    """A motion of the seven joints of an arm: polynomials of time between knots.
+
+    Attributes:
+        knots_s: times where the polynomial changes, shape (n + 1,), from 0, increasing, s.
+        derivatives: position, velocity, acceleration and so on at the start of each piece, shape
+            (n, k, 7) with k of 2 to 6, rad/s^i. Those that follow are 0, so k - 1 is the degree.
+        joint_names: the joints of the columns; those of the arm from shoulder to wrist when empty.
+        is_timed: whether the knots are the motion's own times. Where they are not, as in a path of
+            a planner without times, nothing is said of velocities.
+
+    Raises:
+        TrajectoryError: when shapes do not fit, a number is not finite, knots do not increase from
+            zero, or the position jumps by more than 1e-8 rad.
+    """
+
+    knots_s: FloatArray
+    derivatives: FloatArray
+    joint_names: tuple[str, ...] = ()
+    is_timed: bool = True
+
+    def __post_init__(self) -> None:
+        given = float_array(self.derivatives, "derivatives", TrajectoryError)
+        if given.ndim != 3 or given.shape[2] != ARM_JOINTS:
+            raise TrajectoryError(
+                f"derivatives have shape {given.shape}; they must have shape (n, k, {ARM_JOINTS})"
+            )
+        if not 2 <= given.shape[1] <= MAX_DEGREE + 1:
+            raise TrajectoryError(
+                f"the motion is of degree {given.shape[1] - 1}; it may be of degree 1 to "
+                f"{MAX_DEGREE}"
+            )
+        if not 1 <= len(given) <= MAX_PIECES:
+            raise TrajectoryError(f"the motion has {len(given)} pieces; 1 to {MAX_PIECES} are read")
+        shapes = {"knots_s": (len(given) + 1,), "derivatives": given.shape}
+        for name, shape in shapes.items():
+            array = finite_array(getattr(self, name), shape, name, TrajectoryError)
+            object.__setattr__(self, name, array)
+        names = expect_all(self.joint_names, str, "joint_names", TrajectoryError)
+        if names and len(set(names)) != ARM_JOINTS:
+            raise TrajectoryError(f"joint_names must be {ARM_JOINTS} names, got {quoted(names)}")
+        object.__setattr__(self, "joint_names", names)
+        expect(self.is_timed, bool, "is_timed", TrajectoryError)
+        if self.knots_s[0] != 0.0 or not (np.diff(self.knots_s) > 0.0).all():
+            raise TrajectoryError(
+                f"times must increase from 0, got {quoted(self.knots_s.tolist())}; give where the "
+                "arm is at first as the first of the points, at time 0"
+            )
+        jumps = np.abs(self._ends()[:-1] - self.derivatives[1:, 0])
+        if not (jumps <= MAX_JUMP).all():
+            at_s = float(self.knots_s[1 + int(jumps.max(axis=1).argmax())])
+            raise TrajectoryError(f"the position jumps by {jumps.max():.3g} rad at {at_s:g} s")
+
+    @classmethod
+    def through(
+        cls,
+        times_s: ArrayLike,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        a: ArrayLike | None = None,
+        *,
+        joint_names: Iterable[str] = (),
+    ) -> PolynomialMotion:
+        """The motion through points, as `joint_trajectory_controller` interpolates them.
+
+        Between points with velocities and accelerations it is a quintic, with velocities alone a
+        cubic, else straight.
+
+        Args:
+            times_s: from 0, increasing, shape (n,), s.
+            q: positions, shape (n, 7), rad.
+            v: velocities, shape (n, 7), rad/s.
+            a: accelerations, shape (n, 7), rad/s^2; they need velocities.
+            joint_names: the joints of the columns; those of the arm from shoulder to wrist when
+                empty.
+
+        Raises:
+            TrajectoryError: when shapes do not fit, a number is not finite, or the times do not
+                increase from 0.
+        """
+        q = finite_rows(q, ARM_JOINTS, "q", TrajectoryError)
+        times_s = finite_array(times_s, (len(q),), "times_s", TrajectoryError)
+        if len(q) < 2 or not (np.diff(times_s) > 0.0).all():
+            raise TrajectoryError("a motion needs two points or more, at times that increase")
+        if a is not None and v is None:
+            raise TrajectoryError("accelerations need velocities as well")
+        points = [q] + [
+            finite_array(x, q.shape, name, TrajectoryError)
+            for x, name in ((v, "v"), (a, "a"))
+            if x is not None
+        ]
+        derivatives = _hermite(np.diff(times_s)[:, None], points)
+        return cls(
+            times_s, derivatives, expect_all(joint_names, str, "joint_names", TrajectoryError)
+        )
+
+    @classmethod
+    def waypoints(cls, q: ArrayLike, *, joint_names: Iterable[str] = ()) -> PolynomialMotion:
+        """Straight from each configuration to the next, without times.
+
+        One second is put from each to the next, so 2.5 s is in the middle between the third and the
+        fourth.
+
+        Args:
+            q: at least two configurations, shape (n, 7), rad.
+            joint_names: the joints of the columns; those of the arm from shoulder to wrist when
+                empty.
+
+        Raises:
+            TrajectoryError: when the shape does not fit or a number is not finite.
+        """
+        q = finite_rows(q, ARM_JOINTS, "waypoints", TrajectoryError)
+        if len(q) < 2:
+            raise TrajectoryError("a path needs two waypoints or more")
+        derivatives = np.stack([q[:-1], np.diff(q, axis=0)], axis=1)
+        names = expect_all(joint_names, str, "joint_names", TrajectoryError)
+        return cls(np.arange(float(len(q))), derivatives, names, is_timed=False)
+
+    @classmethod
+    def of_coefficients(
+        cls,
+        knots_s: ArrayLike,
+        coefficients: ArrayLike,
+        *,
+        joint_names: Iterable[str] = (),
+    ) -> PolynomialMotion:
+        """Polynomials by their coefficients.
+
+        Args:
+            knots_s: shape (n + 1,), from 0, s.
+            coefficients: of rising powers of the time since the start of each piece, shape
+                (n, k, 7), k of 2 to 6. Those of SciPy's `PPoly` are `c[::-1].swapaxes(0, 1)`.
+            joint_names: the joints of the columns; those of the arm from shoulder to wrist when
+                empty.
+
+        Raises:
+            TrajectoryError: as the class.
+        """
+        given = float_array(coefficients, "coefficients", TrajectoryError)
+        if given.ndim == 3:
+            given = given * np.array([factorial(i) for i in range(given.shape[1])])[:, None]
+        names = expect_all(joint_names, str, "joint_names", TrajectoryError)
+        return cls(float_array(knots_s, "knots_s", TrajectoryError), given, names)
+
+    @property
+    def duration_s(self) -> float:
+        """The time of the last knot."""
+        return float(self.knots_s[-1])
+
+    def _ends(self) -> FloatArray:
+        """Positions at the ends of the pieces, shape (n, 7)."""
+        length = np.diff(self.knots_s)[:, None]
+        value = self.derivatives[:, -1]
+        for k in range(self.derivatives.shape[1] - 1, 0, -1):
+            value = self.derivatives[:, k - 1] + length / k * value
+        return value
+
+    def _facts(self) -> tuple[str, ...]:
+        degree, pieces = self.derivatives.shape[1] - 1, count(len(self.derivatives), "piece")
+        return pieces, f"degree {degree}", seconds(self.duration_s) if self.is_timed else ""
+
+
+AnyMotion: TypeAlias = Trajectory | PolynomialMotion | ArrayLike
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class MotionCertificate(OneLine):
+    """The certificate of a motion, or why it has none.
+
+    Attributes:
+        document: the motion in its situation, with its certificate, as its file has it.
+        certified: what `planner.certificate` found; None where the motion is not certified.
+        reason: why not, in a sentence; empty where it is certified.
+        pair: the two that come too near; None where the reason is another one.
+        distance_m: how near they come, 0 or less where they touch; None likewise.
+        time_s: when; None likewise. Of waypoints without times, 2.5 is in the middle between the
+            third and the fourth.
+    """
+
+    document: Mapping[str, Json]
+    certified: Certified | None
+    reason: str = ""
+    pair: tuple[str, str] | None = None
+    distance_m: float | None = None
+    time_s: float | None = None
+
+    @property
+    def is_certified(self) -> bool:
+        """Whether the motion is certified."""
+        return self.certified is not None
+
+    @property
+    def clearance_m(self) -> float:
+        """What everything that counts keeps at every instant, m; 0 without a certificate."""
+        return 0.0 if self.certified is None else self.certified.clearance_m
+
+    def save(self, path: PathLike) -> None:
+        """Write motion, situation and certificate to a file, which is replaced when it exists.
+
+        `python -m planner.certificate FILE --urdf FILE` checks it, with NumPy alone.
+
+        Raises:
+            PlanFileError: when there is no certificate, or the file cannot be written.
+        """
+        if not self.is_certified:
+            raise PlanFileError(f"a motion without a certificate is not saved: {self.reason}")
+        try:
+            replace_file(path, as_lines(dict(self.document)).encode() + b"\n")
+        except FileError as cause:
+            raise PlanFileError(f"{shown_path(path)} cannot be written: {cause.reason}") from cause
+
+    def __str__(self) -> str:
+        found = self.certified
+        if found is None:
+            return f"not certified: {self.reason}"
+        clear = f"{1e3 * found.clearance_m:.3f} mm clear at every instant, {found.rows} rows"
+        assumed = [f"assumed: {', '.join(found.assumed)}"] if found.assumed else []
+        open_ = [f"limits not judged: {', '.join(found.not_judged)}"] if found.not_judged else []
+        return "\n".join([f"certified: {clear}", *assumed, *open_])
+
+    def _facts(self) -> tuple[str, ...]:
+        return tuple(str(self).splitlines()[:1])
+
+
+def certify(
+    motion: AnyMotion,
+    limb: str,
+    state: State,
+    contacts: Iterable[tuple[str, str]] = (),
+    *,
+    description: RobotDescription | None = None,
+    a_max: ArrayLike | None = None,
+    j_max: ArrayLike | None = None,
+) -> MotionCertificate:
+    """Certify a motion that something else planned or recorded, or say where it fails.
+
+    All that moves keeps clear of all that may not be touched at every instant of the motion, and
+    the positions of the joints are within the URDF's limits; so are velocities where the motion has
+    times. Links of the arm with at most two joints between them are not compared, as in a plan.
+
+    Args:
+        motion: a trajectory of this toolkit, polynomials, or waypoints of shape (n, 7), rad, with
+            straight lines between them and no times.
+        limb: the arm that moves, "left" or "right".
+        state: all joints, bodies and what the hands hold when the motion begins. What the hand of
+            this arm holds moves with it.
+        contacts: what may touch what all the time, 0.5 mm deep at most: a body and a hand,
+            ("block", "left hand"), or the held body and another, ("block", "table"). Nothing
+            derives or checks that this is meant; the certificate says what was assumed.
+        description: the robot; the stock robot when not given.
+        a_max: greatest acceleration of each joint, one number or shape (7,), rad/s^2; not judged
+            when not given.
+        j_max: likewise of jerk, rad/s^3.
+
+    Raises:
+        TrajectoryError: when the motion is malformed or of a degree above 5.
+        TaskError: when another argument is malformed, or the motion is of other joints or begins
+            elsewhere than the state has the arm.
+        UnknownNameError: when there is no such limb.
+    """
+    if not isinstance(limb, str) or limb not in LIMBS:
+        raise UnknownNameError("limb", limb, LIMBS)
+    expect(state, State, "state", TaskError)
+    known = RobotDescription.installed() if description is None else description
+    text = expect(known, RobotDescription, "description", TaskError).text
+    robot, body = Robot(text, limb), body_of(text)
+    given = _ordered(_polynomials(motion), robot, state)
+    step: dict[str, Json] = {
+        "type": MOTION,
+        "label": "motion",
+        "trajectory": {
+            "knots_s": given.knots_s.tolist(),
+            "derivatives": given.derivatives.tolist(),
+        },
+        "is_timed": given.is_timed,
+        "a_max": _limit(a_max, "a_max"),
+        "j_max": _limit(j_max, "j_max"),
+        "contacts": _contacts(contacts, limb, state),
+    }
+    start = to_json(state, State, "state", TaskError)
+    plan: dict[str, Any] = {"limb": limb, "start": start, "failure": None, "steps": [step]}
+    document: dict[str, Any] = {
+        "format": MOTION_FORMAT,
+        "version": MOTION_VERSION,
+        "plan": plan,
+        "states": [],
+    }
+    try:
+        timeline = Timeline(plan, (), robot, body, (StepWitness(),))
+        document["certificate"] = _witness(timeline, body.digest).for_file()
+        return MotionCertificate(document, check(document, text, body=body))
+    except NotShownError as cause:
+        return MotionCertificate(document, None, str(cause), *_nearest(cause))
+    except NotCertifiedError as cause:
+        return MotionCertificate(document, None, str(cause))
+
+
+def _witness(timeline: Timeline, digest: str) -> Witness:
+    """The certificate with the greatest share of the least distance that can be shown.
+
+    Without a C compiler, with the greatest of some margins.
+
+    Raises:
+        NotShownError: when not even that all keeps clear can be shown.
+    """
+
+    def found(**asked: Any) -> Witness | NotShownError:
+        try:
+            return witness_of(timeline, digest, (StepWitness(),), **asked)
+        except NotShownError as cause:
+            return cause
+
+    if rows_kernel() is None:
+        best = found(margins_m=[0.0])
+        for margin_m in MARGINS_M:
+            better = found(margins_m=[margin_m]) if isinstance(best, Witness) else best
+            if not isinstance(better, Witness):
+                break
+            best = better
+    else:
+        shown = (found(share=share) for share in SHARES)
+        best = next((each for each in shown if isinstance(each, Witness)), None) or found()
+    if isinstance(best, NotShownError):
+        raise best
+    return best
+
+
+def _nearest(cause: NotShownError) -> tuple[tuple[str, str], float, float] | tuple[()]:
+    """The pair that comes too near, how near, and when in the motion."""
+    near, step = cause.near, cause.step
+    if near is None or step is None:
+        return ()
+    pair = step.pairs[near.pair]
+    time_s = 0.0 if step.motion is None else near.time_s
+    return (pair.first.name, pair.second.name), near.distance_m, time_s
+
+
+def _polynomials(motion: AnyMotion) -> PolynomialMotion:
+    if isinstance(motion, PolynomialMotion):
+        return motion
+    if not isinstance(motion, Trajectory):
+        return PolynomialMotion.waypoints(motion)
+    if not len(motion.j):
+        raise TrajectoryError("a motion of no duration has nothing to certify")
+    derivatives = np.stack([motion.q[:-1], motion.v[:-1], motion.a[:-1], motion.j], axis=1)
+    return PolynomialMotion(motion.knots_s, derivatives, motion.limits.names)
+
+
+def _ordered(motion: PolynomialMotion, robot: Robot, state: State) -> PolynomialMotion:
+    """A motion with the arm's joints from shoulder to wrist, if it begins where the state is."""
+    names = motion.joint_names or robot.names
+    if set(names) != set(robot.names):
+        raise TaskError(
+            f"the motion is of {', '.join(names)}; it must be of the {robot.limb} arm's joints, "
+            f"{', '.join(robot.names)}"
+        )
+    columns = [names.index(name) for name in robot.names]
+    derivatives = motion.derivatives[:, :, columns]
+    away = np.abs(derivatives[0, 0] - state.q(robot.names))
+    worst = int(away.argmax())
+    if not away[worst] <= STATE:
+        raise TaskError(
+            f"the motion begins {away[worst]:.3g} rad from where the state has "
+            f"{robot.names[worst]}; give a state with the arm there, as `State.moved` makes it"
+        )
+    return PolynomialMotion(motion.knots_s, derivatives, robot.names, motion.is_timed)
+
+
+def _limit(given: ArrayLike | None, name: str) -> Json:
+    if given is None:
+        return None
+    array = float_array(given, name, TaskError)
+    array = np.full(ARM_JOINTS, array) if array.ndim == 0 else array
+    limit = finite_array(array, (ARM_JOINTS,), name, TaskError)
+    if not (limit > 0.0).all():
+        raise TaskError(f"{name} must be above zero, got {quoted(limit.tolist())}")
+    values: list[Json] = limit.tolist()
+    return values
+
+
+def _contacts(given: Iterable[tuple[str, str]], limb: str, state: State) -> list[Json]:
+    """Contacts as the file has them."""
+    held, hands = state.holding(limb), (f"{limb} hand", f"{limb} pads")
+    standing = {*state.scene.bodies} - {each.body for each in state.attachments}
+    found: list[Json] = []
+    for pair in expect_all(given, tuple, "contacts", TaskError):
+        if len(pair) != 2:
+            raise TaskError(f"a contact is of two names, got {quoted(pair)}")
+        body, other = pair
+        is_of_hand = other in hands and body in standing
+        is_of_held = held is not None and body == held.body and other in standing
+        if not (is_of_hand or is_of_held):
+            carried = "nothing" if held is None else held.body
+            raise TaskError(
+                f"no contact of {quoted(body)} and {quoted(other)}: give a body that stands and "
+                f"{hands[0]!r}, or what that hand holds ({carried}) and a body that stands"
+            )
+        found.append({"body": body, "other": other})
+    return found
+
+
+def _hermite(length: FloatArray, points: Sequence[FloatArray]) -> FloatArray:
+    """Derivatives at the start of the polynomials through points that are known so far.
+
+    Args:
+        length: how long each piece takes, shape (n, 1), s.
+        points: positions, and velocities, and accelerations, of n + 1 points, shape (n + 1, 7).
+    """
+    order = len(points)
+    starts, ends = [x[:-1] for x in points], [x[1:] for x in points]
+    # what the end has beyond the Taylor polynomial of the start, by its derivatives
+    beyond = []
+    for k in range(order):
+        reached = sum(
+            (starts[i] * length ** (i - k) / factorial(i - k) for i in range(k + 1, order)),
+            starts[k],
+        )
+        beyond.append((ends[k] - reached) * length**k)
+    # d^k/dx^k of c_m x^m at x = 1, for the missing powers m
+    powers = range(order, 2 * order)
+    M = np.array([[factorial(m) / factorial(m - k) for m in powers] for k in range(order)])
+    coefficients = np.einsum("mk,knj->mnj", np.linalg.inv(M), np.array(beyond))
+    further = [coefficients[m - order] * factorial(m) / length**m for m in powers]
+    found: FloatArray = np.stack([*starts, *further], axis=1)
+    return found
