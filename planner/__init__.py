@@ -42,7 +42,13 @@ if TYPE_CHECKING:
     from planner.scene.objects import load_object, make_block
     from planner.state import State
     from planner.trajectory import Trajectory
-    from planner.verification import Certificate, MotionCertificate, PolynomialMotion, certify, verify
+    from planner.verification import (
+        Certificate,
+        MotionCertificate,
+        PolynomialMotion,
+        certify,
+        verify,
+    )
 
 __all__ = [
     "Attachment",

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
+from math import factorial
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from planner import Plan, Trajectory
@@ -24,6 +28,22 @@ STEP_S = 1e-4
 def data(document: dict[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = document["plan"]["steps"][1]["trajectory"]
     return found
+
+
+@pytest.fixture
+def pieces() -> dict[str, Any]:
+    """Quintics and lines with kinks between some of them, of sizes from 1e-3 to 1."""
+    rng = np.random.default_rng(11)
+    t = np.concatenate([[0.0], np.cumsum(rng.uniform(0.05, 0.6, 40))])
+    derivatives = rng.normal(size=(40, 6, 7)) * [[1.0], [1.0], [2.0], [10.0], [60.0], [300.0]]
+    derivatives[rng.random(40) < 0.3, 2:] = 0.0
+    derivatives[:, 1] *= 10.0 ** rng.uniform(-3.0, 0.0, (40, 1))
+    for i, h in enumerate(np.diff(t)[:-1]):
+        powers = h ** np.arange(6) / [1.0, 1.0, 2.0, 6.0, 24.0, 120.0]
+        derivatives[i + 1, 0] = powers @ derivatives[i]
+        if i % 3:
+            derivatives[i + 1, 1] = powers[:-1] @ derivatives[i, 1:]
+    return {"knots_s": t.tolist(), "derivatives": derivatives.tolist()}
 
 
 @pytest.fixture(scope="module")
@@ -141,3 +161,128 @@ def test_a_motion_that_breaks_a_rule_is_refused(
     change(data)
     with pytest.raises(NotCertifiedError, match=reason):
         limited(own, data)
+
+
+# Motions of polynomials
+
+
+def exactly(own: Any, order: int, since: Fraction) -> list[Fraction]:
+    """A derivative of a piece in rationals, of the seven joints."""
+    return [
+        sum(
+            (
+                Fraction(own[k][joint]) * since ** (k - order) / factorial(k - order)
+                for k in range(order, len(own))
+            ),
+            Fraction(0),
+        )
+        for joint in range(7)
+    ]
+
+
+def test_values_and_bounds_enclose_exact_rationals(pieces: dict[str, Any]) -> None:
+    """At 16 instants of each piece, positions, and all derivatives in their bounds."""
+    motion = Polynomials.of_pieces(pieces, "motion")
+    t, shares = motion.t, np.linspace(0.0, 0.999, 16)
+    tightness = []
+    for i, own in enumerate(pieces["derivatives"]):
+        times_s = t[i] + shares * (t[i + 1] - t[i])
+        q = motion.at(times_s)
+        v, a, _ = motion.peaks(times_s[:1], times_s[-1:])
+        fastest = np.zeros((2, 7))
+        for number, time_s in enumerate(times_s):
+            since = Fraction(time_s) - Fraction(t[i])
+            for joint, x in enumerate(exactly(own, 0, since)):
+                assert Fraction(q.low[number, joint]) <= x <= Fraction(q.high[number, joint])
+            for order, peak in ((1, v[0]), (2, a[0])):
+                for joint, x in enumerate(exactly(own, order, since)):
+                    assert abs(x) <= Fraction(peak[joint])
+                    fastest[order - 1, joint] = max(fastest[order - 1, joint], abs(float(x)))
+        tightness.append(fastest / np.array([v[0], a[0]]))
+    assert float((q.high - q.low).max()) < ROUNDING
+    assert float(np.median(tightness)) > 0.9
+
+
+def test_jumps_of_velocity_are_counted_once_each(pieces: dict[str, Any]) -> None:
+    motion, exact = Polynomials.of_pieces(pieces, "motion"), []
+    for i in range(39):
+        since = Fraction(motion.t[i + 1]) - Fraction(motion.t[i])
+        before = exactly(pieces["derivatives"][i], 1, since)
+        after = exactly(pieces["derivatives"][i + 1], 1, Fraction(0))
+        exact.append([abs(float(x - y)) for x, y in zip(before, after, strict=True)])
+    is_kink = np.max(exact, axis=1) > 1e-8
+    assert list(motion.kinks_s) == list(motion.t[1:-1][is_kink])
+    assert 10 < len(motion.kinks_s) < 39
+    rng = np.random.default_rng(2)
+    starts, ends = np.sort(rng.uniform(0.0, motion.duration_s, (200, 2)), axis=1).T
+    starts[:20] = motion.kinks_s[rng.integers(len(motion.kinks_s), size=20)]
+    ends[:20] = motion.duration_s
+    jumps = motion.peaks(starts, ends)[2]
+    for start, end, found in zip(starts, ends, jumps, strict=True):
+        inside = is_kink & (motion.t[1:-1] > start) & (motion.t[1:-1] < end)
+        expected = np.array(exact)[inside].sum(axis=0)
+        np.testing.assert_allclose(found, expected, atol=1e-11)
+        assert (found >= expected * (1.0 - 1e-15)).all()
+
+
+def test_cells_are_cut_at_kinks_first_and_then_in_the_middle(pieces: dict[str, Any]) -> None:
+    motion, cuts = Polynomials.of_pieces(pieces, "motion"), []
+    open_ = [(0.0, motion.duration_s)]
+    while open_:
+        starts, ends = (np.array(column) for column in zip(*open_, strict=True))
+        middles = motion.cuts_s(starts, ends)
+        inside = [((motion.kinks_s > s) & (motion.kinks_s < e)).any() for s, e in open_]
+        cuts += list(middles[inside])
+        for start, end, middle, has_kink in zip(starts, ends, middles, inside, strict=True):
+            assert start < middle < end
+            assert has_kink or middle == 0.5 * (start + end)
+        cells = zip(starts, ends, middles, inside, strict=True)
+        halves = [((s, m), (m, e)) for s, e, m, has_kink in cells if has_kink]
+        open_ = [cell for pair in halves for cell in pair]
+    assert sorted(cuts) == list(motion.kinks_s)
+
+
+@given(
+    st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=9),
+    st.lists(st.floats(0.01, 1.0), min_size=8, max_size=8),
+    st.floats(-3.0, 3.0),
+)
+def test_a_bent_function_sags_no_more_than_the_lemma_says(
+    slopes: list[float], lengths: list[float], bend: float
+) -> None:
+    """Parabolas of one bend, joined at kinks: M h^2 / 8 + S h / 4 below the lesser end."""
+    value, t, values, total = 0.0, 0.0, [0.0], 0.0
+    for number, (slope, length) in enumerate(zip(slopes, lengths, strict=False)):
+        s = np.linspace(0.0, length, 21)
+        values += list(value + slope * s + 0.5 * bend * s * s)
+        value, t = values[-1], t + length
+        if number + 1 < len(slopes):
+            total += abs(slopes[number + 1] - (slope + bend * length))
+    least = min(values[0], values[-1]) - abs(bend) * t * t / 8.0 - total * t / 4.0
+    assert min(values) >= least - 1e-9
+
+
+def test_limits_of_polynomials_are_judged_at_their_extremes(own: Robot) -> None:
+    """1.4 rad/s at the middle of a quintic from rest to rest, which has 15/8 of the mean speed."""
+    way = np.zeros(7)
+    way[0], T = 1.4 * 8.0 / 15.0, 1.0
+    derivatives = np.zeros((1, 6, 7))
+    derivatives[0, 3:] = way * np.array([[60.0], [-360.0], [720.0]])
+    motion = Polynomials.of_pieces({"knots_s": [0.0, T], "derivatives": derivatives.tolist()}, "quintic")
+    low, high = np.full(7, -3.0), np.full(7, 3.0)
+
+    def bound(x: float) -> tuple[Any, Any]:
+        return np.full(7, -x), np.full(7, x)
+
+    peak_a, peak_j = 10.0 / np.sqrt(3.0) * way[0], 60.0 * way[0]
+    motion.require_limits(
+        (low, high), bound(1.4001), bound(1.0001 * peak_a), bound(1.0001 * peak_j)
+    )
+    for order, limits in enumerate((1.3999, 0.9999 * peak_a, 0.9999 * peak_j)):
+        bounds: list[Any] = [(low, high), None, None, None]
+        bounds[order + 1] = bound(limits)
+        with pytest.raises(NotCertifiedError, match="beyond its limit, joint 1 at"):
+            motion.require_limits(*bounds)
+    high[0] = 0.999 * way[0]
+    with pytest.raises(NotCertifiedError, match="position beyond"):
+        motion.require_limits((low, high))
