@@ -103,6 +103,7 @@ def everything(
         "plan": plan,
         "no plan": plan_pick_and_place(refused, manipulator, SCENE, arm.start),
         "certificate": verify(plan),
+        "motion of others": others(arm, world),
         "body": (RobotBody.load(), RobotBody.load().padded(0.01)),
         "space": (space, space.with_margin(0.001)),
         "line": (planner.StraightLine(FAR, FAR * at(0.0, 0.0, 0.02)), planner.LineTolerance()),
@@ -139,6 +140,14 @@ def moves(arm: Arm) -> tuple[object, ...]:
     nearest = planner.collision.Clearance(-0.01, "left_hand", "table", 0.5)
     contact = planner.collision.ContinuousContact(nearest, 0.0, 1.0, 3, 7)
     return trajectory, trajectory.peak_ratios(), contact, trajectory.sample(0.1)
+
+
+def others(arm: Arm, world: World) -> tuple[object, ...]:
+    """A motion of something else's, and its certificate."""
+    q = world.arm_q("left")
+    motion = planner.PolynomialMotion.waypoints([q, q + 0.01], joint_names=arm.joint_names)
+    state = planner.State(Scene({}), dict(zip(world.robot.joint_names, world.q, strict=True)))
+    return motion, planner.certify(motion, "left", state)
 
 
 def looks(simulation: Simulation, manipulator: Manipulator) -> tuple[object, ...]:

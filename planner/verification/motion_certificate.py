@@ -22,7 +22,7 @@ from baxter_kin.json_data import to_json
 from baxter_kin.json_text import Json, as_lines
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray, finite_array, finite_rows, float_array
-from baxter_kin.value_objects import Frozen, OneLine, count, seconds
+from baxter_kin.value_objects import Frozen, OneLine, clear, count, seconds
 from planner.certificate.checking import MOTION_FORMAT, MOTION_VERSION, Certified, Witness, check
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.motion import MAX_DEGREE, MAX_JUMP, MAX_PIECES
@@ -255,10 +255,11 @@ class MotionCertificate(OneLine):
         found = self.certified
         if found is None:
             return f"not certified: {self.reason}"
-        clear = f"{1e3 * found.clearance_m:.3f} mm clear at every instant, {found.rows} rows"
         assumed = [f"assumed: {', '.join(found.assumed)}"] if found.assumed else []
         open_ = [f"limits not judged: {', '.join(found.not_judged)}"] if found.not_judged else []
-        return "\n".join([f"certified: {clear}", *assumed, *open_])
+        return "\n".join(
+            [f"certified: {clear(found.clearance_m)} at every instant", *assumed, *open_]
+        )
 
     def _facts(self) -> tuple[str, ...]:
         return tuple(str(self).splitlines()[:1])
@@ -350,6 +351,8 @@ def _witness(timeline: Timeline, digest: str) -> Witness:
         try:
             return witness_of(timeline, digest, (StepWitness(),), **asked)
         except NotShownError as cause:
+            if cause.distance_m <= 0.0:  # what touches is not shown by asking for less
+                raise
             return cause
 
     if rows_kernel() is None:

@@ -1,7 +1,7 @@
 """A second checker of rows, written from the theorem alone, in whole numbers of 2^-200.
 
 Nothing of its arithmetic is the checker's: kinematics from the text of the URDF, sines by Taylor's
-series, polynomials and speeds that they meet, supports point by point, and the walk through the letters.
+series, polynomials and speeds that they meet, supports point by point, a walk through the letters.
 What it takes over are the pairs of movers, and where clusters are in the frames that carry them.
 """
 
