@@ -351,8 +351,8 @@ def _witness(timeline: Timeline, digest: str) -> Witness:
         try:
             return witness_of(timeline, digest, (StepWitness(),), **asked)
         except NotShownError as cause:
-            if cause.distance_m <= 0.0:  # what touches is not shown by asking for less
-                raise
+            if cause.near is not None and cause.near.distance_m <= 0.0:
+                raise  # what touches is not shown by asking for less
             return cause
 
     if rows_kernel() is None:

@@ -268,7 +268,9 @@ def test_limits_of_polynomials_are_judged_at_their_extremes(own: Robot) -> None:
     way[0], T = 1.4 * 8.0 / 15.0, 1.0
     derivatives = np.zeros((1, 6, 7))
     derivatives[0, 3:] = way * np.array([[60.0], [-360.0], [720.0]])
-    motion = Polynomials.of_pieces({"knots_s": [0.0, T], "derivatives": derivatives.tolist()}, "quintic")
+    motion = Polynomials.of_pieces(
+        {"knots_s": [0.0, T], "derivatives": derivatives.tolist()}, "quintic"
+    )
     low, high = np.full(7, -3.0), np.full(7, 3.0)
 
     def bound(x: float) -> tuple[Any, Any]:
