@@ -177,6 +177,8 @@ class Polynomials:
         if not len(self.derivatives):
             still = np.zeros((len(starts_s), ARM_JOINTS))
             return still, still, still
+        cells, back = np.unique(starts_s + 1j * ends_s, return_inverse=True)  # many are alike
+        starts_s, ends_s = cells.real, cells.imag
         first = self._pieces(starts_s, "right")
         last = np.maximum(self._pieces(ends_s, "left"), first)
         v, a = (_each(np.maximum, peak, first, last + 1) for peak in (self.v_peak, self.a_peak))
@@ -186,7 +188,7 @@ class Polynomials:
         if len(has_kink):
             total = _each(np.add, self.kinks, first[has_kink], last[has_kink])
             jumps[has_kink] = total * (1.0 + 2.0 * len(self.kinks) * UNIT)
-        return v, a, jumps
+        return v[back], a[back], jumps[back]
 
     def cuts_s(self, starts_s: Array, ends_s: Array) -> Array:
         """Where cells are cut: at the kink inside that is nearest to the middle; else there."""

@@ -417,6 +417,9 @@ class Timeline:
             "acceleration": step["a_max"],
             "jerk": step["j_max"],
         }
+        is_path = not step["is_timed"]
+        has_limits = step["a_max"] is not None or step["j_max"] is not None
+        require(not (is_path and has_limits), f"{label}: limits of a path that has no times")
         self.not_judged += [name for name, limit in judged.items() if limit is None]
         bounds = (None if limit is None else _within(limit) for limit in judged.values())
         motion.require_limits((robot.q_min - MAX_JUMP, robot.q_max + MAX_JUMP), *bounds)

@@ -292,7 +292,7 @@ def certify(
             derives or checks that this is meant; the certificate says what was assumed.
         description: the robot; the stock robot when not given.
         a_max: greatest acceleration of each joint, one number or shape (7,), rad/s^2; not judged
-            when not given.
+            when not given, and not given for motions without times.
         j_max: likewise of jerk, rad/s^3.
 
     Raises:
@@ -308,6 +308,8 @@ def certify(
     text = expect(known, RobotDescription, "description", TaskError).text
     robot, body = Robot(text, limb), body_of(text)
     given = _ordered(_polynomials(motion), robot, state)
+    if not given.is_timed and not (a_max is None and j_max is None):
+        raise TaskError("a path has no times, so no accelerations or jerks to be judged by limits")
     step: dict[str, Json] = {
         "type": MOTION,
         "label": "motion",

@@ -380,6 +380,10 @@ def asked_for_less(motion: Data) -> None:
     motion["a_max"] = [0.1] * 7
 
 
+def untimed(motion: Data) -> None:
+    motion["is_timed"], motion["a_max"] = False, [9.0] * 7
+
+
 def boundless(motion: Data) -> None:
     motion["j_max"] = [float("nan")] * 7
 
@@ -403,6 +407,7 @@ CHANGES: list[tuple[Callable[[Data], None], str]] = [
     (great, "beyond|jumps"),
     (touching, "cannot touch"),
     (asked_for_less, "acceleration beyond"),
+    (untimed, "has no times"),
     (boundless, "jerk beyond"),
     (not_a_list, "malformed"),
     (missing, "malformed"),
@@ -478,6 +483,7 @@ def test_what_does_not_fit_the_situation_is_refused(
     right = PolynomialMotion.waypoints(
         over, joint_names=[f"right_{name[5:]}" for name in manipulator.arm.joint_names]
     )
+    timed = PolynomialMotion.through([0.0, 2.0, 4.0], over)
     other = plan_joint_move(over[1], over[2], manipulator.limits)
     refused: list[tuple[tuple[Any, ...], dict[str, Any], type[Exception]]] = [
         ((over, "middle", before_wall), {}, UnknownNameError),
@@ -490,8 +496,9 @@ def test_what_does_not_fit_the_situation_is_refused(
         ((over, "left", before_wall, [("nothing", "left hand")]), {}, TaskError),
         ((over, "left", before_wall, [("wall", "wall")]), {}, TaskError),
         ((over, "left", before_wall, ["wall"]), {}, TaskError),
-        ((over, "left", before_wall), {"a_max": -1.0}, TaskError),
-        ((over, "left", before_wall), {"j_max": [1.0, 2.0]}, TaskError),
+        ((over, "left", before_wall), {"a_max": 1.0}, TaskError),
+        ((timed, "left", before_wall), {"a_max": -1.0}, TaskError),
+        ((timed, "left", before_wall), {"j_max": [1.0, 2.0]}, TaskError),
         ((over, "left", before_wall), {"description": "baxter"}, TaskError),
     ]
     for arguments, options, error in refused:
