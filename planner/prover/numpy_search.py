@@ -178,7 +178,7 @@ class _Level:
             is_stuck = gain < 1e-3 * length * np.abs(length - goal[at]) + 1e-9
             free = (~used[at]).argmax(axis=1)
             simplex[at, free], used[at, free] = w, True
-            shares = _least_norm_weights(simplex[at], used[at])
+            shares = least_norm_weights(simplex[at], used[at])
             used[at] = shares > 1e-12
             v[at] = np.einsum("nk,nkj->nj", shares, simplex[at])
             reach[at] = np.minimum(reach[at], np.linalg.norm(v[at], axis=1))
@@ -246,7 +246,7 @@ class _Level:
         letters[open_[at]] = np.array([CUT_FIRST, CUT_SECOND, CUT_TIME])[choice]
 
 
-def _least_norm_weights(simplices: Array, used: NDArray[np.bool_]) -> Array:
+def least_norm_weights(simplices: Array, used: NDArray[np.bool_]) -> Array:
     """Weights of the points of least norm of simplices, shape (n, 4); of unused corners 0.
 
     Args:
