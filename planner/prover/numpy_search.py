@@ -7,6 +7,7 @@ out; else the larger cluster is cut, or the cell of time.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -99,17 +100,7 @@ def search(
 
     The nearest pair is not found.
     """
-    clusters, steps = Clusters(), []
-    roots = [
-        clusters.add(
-            replace(shape, ball_m=shape.ball_m + thicker), Pose(Interval(rotation), Interval(place))
-        )
-        for shape, rotation, place, thicker in zip(*there, strict=True)
-    ]
-    for first, second, k, m, is_counted, least, begin, end, slides in pairs.tolist():
-        one = Mover("one", roots[first], k, tuple(slides[:2]))
-        other = Mover("another", roots[second], m, tuple(slides[2:]))
-        steps.append(Pair(one, other, least, begin, end, is_counted=bool(is_counted)))
+    clusters, steps = laid_out(there, pairs)
     cubics = motion if isinstance(motion, Cubics) else None
     q = motion.q[0] if isinstance(motion, Cubics) else motion
     none, empty = Near(-1, np.inf, 0.0), np.zeros((0, 3))
@@ -121,6 +112,22 @@ def search(
     trace = found.trace
     columns = trace.letters, trace.directions, trace.fine
     return Found(Outcome.PROVEN, found.proven_m, none, none, *columns)
+
+
+def laid_out(there: PlacedShapes, pairs: np.ndarray[Any, Any]) -> tuple[Clusters, Sequence[Pair]]:
+    """Shapes and pairs of type `PAIR` as the checker's code takes them."""
+    clusters, found = Clusters(), []
+    roots = [
+        clusters.add(
+            replace(shape, ball_m=shape.ball_m + thicker), Pose(Interval(rotation), Interval(place))
+        )
+        for shape, rotation, place, thicker in zip(*there, strict=True)
+    ]
+    for first, second, k, m, is_counted, least, begin, end, slides in pairs.tolist():
+        one = Mover("one", roots[first], k, tuple(slides[:2]))
+        other = Mover("another", roots[second], m, tuple(slides[2:]))
+        found.append(Pair(one, other, least, begin, end, is_counted=bool(is_counted)))
+    return clusters, found
 
 
 @dataclass
