@@ -189,7 +189,11 @@ def box_gaps_m(
     length = norm_bound(n)
     require((length > 1e-6) & np.isfinite(length), "a direction is zero or not finite")
     level = np.array([[pair.second.level, pair.first.level] for pair in pairs], np.intp)
-    slide = np.array([[pair.first.slide_m, pair.second.slide_m] for pair in pairs])[..., 0]
+    level = level.reshape(-1, 2)
+    slides = np.array([[pair.first.slide_m, pair.second.slide_m] for pair in pairs])
+    slides = slides.reshape(-1, 2, 2)
+    require(slides[..., 0] == slides[..., 1], "what slides while joints move")
+    slide = slides[..., 0]
     require(level[:, 0] <= level[:, 1], "a pair in the wrong order")
     gaps = np.empty(len(boxes))
     for m, k in np.unique(level[boxes.pair], axis=0).tolist():

@@ -219,3 +219,17 @@ def test_a_direction_without_a_length_is_refused(
     for n in (0.0, np.nan):
         with pytest.raises(NotCertifiedError, match="direction"):
             box_gaps_m(own, clusters, pairs, boxes, np.full((1, 3), n))
+
+
+def test_what_slides_while_joints_move_is_refused(
+    own: Robot, clusters: Clusters, pairs: list[Pair]
+) -> None:
+    sliding = replace(pairs[0], first=replace(pairs[0].first, slide_m=(0.0, 0.01)))
+    boxes = random_boxes([sliding], clusters, np.random.default_rng(9), 1)
+    with pytest.raises(NotCertifiedError, match="slides"):
+        box_gaps_m(own, clusters, [sliding], boxes, np.ones((1, 3)))
+
+
+def test_no_rows_conclude_nothing(own: Robot, clusters: Clusters, pairs: list[Pair]) -> None:
+    none = random_boxes(pairs, clusters, np.random.default_rng(9), 1).only([])
+    assert box_gaps_m(own, clusters, [], none, np.zeros((0, 3))).shape == (0,)
