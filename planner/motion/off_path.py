@@ -2,8 +2,12 @@
 
 A hand is off the path by d at most where there is one moment of the path at which every point of it
 is within d of where it is. Let the joints be anywhere in a box, c + x with |x_i| <= w_i. A point of
-the hand is then at p(c) + J(c) x, but for a remainder whose bound is that of
-`planner.collision.continuous.hull_gaps`: sum_i w_i r_i (w_i / 2 + sum_{j < i} w_j).
+the hand is then at p(c) + J(c) x, but for a remainder of at most
+sum_i w_i r_i (w_i / 2 + sum_{j < i} w_j): let the joints turn one after the other, the one next to
+base first. When joint i turns, those beyond it still stand as at c, so p moves by
+R_i (Rot(z_i, x_i) - 1)(p - o_i), where R_i is the turn of the joints before it. With the lever arm
+r_i of p that is x_i z_i x (p - o_i) but for x_i^2 r_i / 2, by Taylor, and for |x_i| r_i times the
+angle of R_i, which is at most the sum of |x_j| over the joints before i.
 
 Take two moments of the path around the nearest one, and the chord between both for each point. A
 fraction f in [0, 1] of the chord that is linear in x leaves a difference p(c) + J x - chord(f(x))

@@ -19,8 +19,10 @@ from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baxter_kin.compilation.machine_code import built, key_of
+from planner.certificate.boxes import BoxTrace, Tube
 from planner.certificate.clusters import Clusters, Shape
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Array, Interval, Pose
@@ -36,6 +38,9 @@ LANES = 8
 
 MOST_LETTERS = 1 << 19
 """Of one step."""
+
+MOST_BOXES = 40_000
+"""Letters of the search over one tube; most take some hundreds."""
 
 SPARE_M = 1e-7
 """By how much more than needed a row must conclude, so that the checker's rounding agrees."""
@@ -160,6 +165,27 @@ class Found(NamedTuple):
     fine: np.ndarray[Any, Any]
 
 
+class BoxesFound(NamedTuple):
+    """What a search over a tube found.
+
+    Attributes:
+        outcome: how it ended.
+        proven_m: what all pairs keep wherever the joints may be where it is `PROVEN`; inf where
+            there are none.
+        nearest: the nearest that a pair was found where the joints may be, and at which instant.
+        stopped: the pair that is too near, or is not shown to be apart, likewise.
+        q: where the joints were when the nearest was met, shape (7,), rad.
+        trace: letters and directions, as `planner.certificate.boxes` reads them.
+    """
+
+    outcome: Outcome
+    proven_m: float
+    nearest: Near
+    stopped: Near
+    q: Array
+    trace: BoxTrace
+
+
 class _Tree(ctypes.Structure):
     _fields_ = [
         (name, ctypes.c_void_p)
@@ -174,6 +200,13 @@ class _Step(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("t", "derivatives", "v_peak", "a_peak")),
         *((name, ctypes.c_void_p) for name in ("kinks_s", "jumps")),
         *((name, ctypes.c_void_p) for name in ("spans_R", "spans_p", "offsets")),
+    ]
+
+
+class _Tube(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_int32) for name in ("instants", "shortest")),
+        *((name, ctypes.c_void_p) for name in ("low", "high")),
     ]
 
 
@@ -230,6 +263,8 @@ PAIR = np.dtype(
     align=True,
 )
 
+SOURCES = ("rows.c", "boxes.c")
+
 _FAR_M = 1e8
 """More than this stands for no distance at all."""
 
@@ -249,7 +284,8 @@ class _Source:
 
     @property
     def source(self) -> str:
-        return resources.files("planner.prover").joinpath("rows.c").read_text("utf-8")
+        folder = resources.files("planner.prover")
+        return "".join(folder.joinpath(name).read_text("utf-8") for name in SOURCES)
 
     @property
     def key(self) -> str:
@@ -277,6 +313,7 @@ class Kernel:
         found = ctypes.CDLL(library)
         try:
             self._find, version = found.find_rows, found.rows_version()
+            self._find_in_boxes = found.find_box_rows
         except AttributeError as cause:
             raise OSError(f"{library} has no rows") from cause
         if version != _VERSION:
@@ -355,6 +392,84 @@ class Kernel:
             directions[: result.directions],
             fine[: result.fine],
         )
+
+    def search_tube(
+        self,
+        chain: Chain,
+        trees: Trees,
+        pairs: np.ndarray[Any, Any],
+        tube: Tube,
+        *,
+        margin_m: float = 0.0,
+        share: float,
+    ) -> BoxesFound:
+        """Rows that show that pairs of trees keep apart wherever joints may be.
+
+        Args:
+            chain: the arm that moves.
+            trees: all clusters.
+            pairs: of type `PAIR`, shape (n,), all counted; their windows and needs are not used.
+            tube: where its joints may be.
+            margin_m: what all must keep, where they need not keep more.
+            share: how much of the least distance that is met shall be proven.
+        """
+        return self._in_tube(chain, trees, pairs, (tube, 0), (margin_m, share))[0]
+
+    def unproven_cells(
+        self, chain: Chain, trees: Trees, pairs: np.ndarray[Any, Any], tube: Tube, shortest: int
+    ) -> NDArray[np.bool_]:
+        """In which cells of a tube some pair is not shown to be apart, shape (n,).
+
+        Time is cut into spans of so many cells at the shortest. Arguments as for `search_tube`.
+        """
+        found, is_open = self._in_tube(chain, trees, pairs, (tube, shortest), (0.0, 0.0))
+        return is_open | (found.outcome != Outcome.PROVEN)
+
+    def _in_tube(
+        self,
+        chain: Chain,
+        trees: Trees,
+        pairs: np.ndarray[Any, Any],
+        bounds: tuple[Tube, int],
+        asked: tuple[float, float],
+    ) -> tuple[BoxesFound, NDArray[np.bool_]]:
+        tube, shortest = bounds
+        spare_m = SPARE_M + SINGLE * trees.size_m
+        held = [np.ascontiguousarray(x, np.float64) for x in (*chain, tube.low, tube.high)]
+        at = [array.ctypes.data for array in held]
+        request = _Step(
+            pairs=len(pairs),
+            duration=1.0,
+            spare=spare_m,
+            margin=asked[0],
+            share=asked[1],
+            spans_R=at[0],
+            spans_p=at[1],
+            offsets=at[2],
+        )
+        allowed = _Tube(len(tube.low), shortest, *at[3:])
+        letters, directions = np.empty(MOST_BOXES, np.uint8), np.empty((MOST_BOXES, 3))
+        is_open, q, result = np.zeros(len(tube.low) - 1, np.bool_), np.zeros(JOINTS), _Result()
+        outcome = self._find_in_boxes(
+            trees.array,
+            *(ctypes.c_void_p(array.ctypes.data) for array in (trees.placed, pairs)),
+            ctypes.byref(request),
+            ctypes.byref(allowed),
+            *(ctypes.c_void_p(array.ctypes.data) for array in (letters, directions)),
+            ctypes.c_int64(MOST_BOXES),
+            *(ctypes.c_void_p(array.ctypes.data) for array in (is_open, q)),
+            ctypes.byref(result),
+        )
+        nearest_m = result.nearest if result.nearest < _FAR_M else np.inf
+        found = BoxesFound(
+            Outcome(outcome),
+            result.proven - spare_m if result.proven < _FAR_M else np.inf,
+            Near(result.nearest_pair, nearest_m, result.nearest_s),
+            Near(result.found_pair, result.found, result.found_s),
+            q,
+            BoxTrace(letters[: result.tasks].astype(np.intp), directions[: result.directions]),
+        )
+        return found, is_open
 
     def rows(
         self, chain: Chain, trees: Trees, step: Step, *, margin_m: float = 0.0, share: float

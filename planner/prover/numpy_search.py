@@ -7,6 +7,7 @@ out; else the larger cluster is cut, or the cell of time.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -99,17 +100,7 @@ def search(
 
     The nearest pair is not found.
     """
-    clusters, steps = Clusters(), []
-    roots = [
-        clusters.add(
-            replace(shape, ball_m=shape.ball_m + thicker), Pose(Interval(rotation), Interval(place))
-        )
-        for shape, rotation, place, thicker in zip(*there, strict=True)
-    ]
-    for first, second, k, m, is_counted, least, begin, end, slides in pairs.tolist():
-        one = Mover("one", roots[first], k, tuple(slides[:2]))
-        other = Mover("another", roots[second], m, tuple(slides[2:]))
-        steps.append(Pair(one, other, least, begin, end, is_counted=bool(is_counted)))
+    clusters, steps = laid_out(there, pairs)
     of_arm = motion if isinstance(motion, Polynomials) else None
     q = motion.start[0] if isinstance(motion, Polynomials) else motion
     none, empty = Near(-1, np.inf, 0.0), np.zeros((0, 3))
@@ -121,6 +112,22 @@ def search(
     trace = found.trace
     columns = trace.letters, trace.directions, trace.fine
     return Found(Outcome.PROVEN, found.proven_m, none, none, *columns)
+
+
+def laid_out(there: PlacedShapes, pairs: np.ndarray[Any, Any]) -> tuple[Clusters, Sequence[Pair]]:
+    """Shapes and pairs of type `PAIR` as the checker's code takes them."""
+    clusters, found = Clusters(), []
+    roots = [
+        clusters.add(
+            replace(shape, ball_m=shape.ball_m + thicker), Pose(Interval(rotation), Interval(place))
+        )
+        for shape, rotation, place, thicker in zip(*there, strict=True)
+    ]
+    for first, second, k, m, is_counted, least, begin, end, slides in pairs.tolist():
+        one = Mover("one", roots[first], k, tuple(slides[:2]))
+        other = Mover("another", roots[second], m, tuple(slides[2:]))
+        found.append(Pair(one, other, least, begin, end, is_counted=bool(is_counted)))
+    return clusters, found
 
 
 @dataclass
@@ -178,7 +185,7 @@ class _Level:
             is_stuck = gain < 1e-3 * length * np.abs(length - goal[at]) + 1e-9
             free = (~used[at]).argmax(axis=1)
             simplex[at, free], used[at, free] = w, True
-            shares = _least_norm_weights(simplex[at], used[at])
+            shares = least_norm_weights(simplex[at], used[at])
             used[at] = shares > 1e-12
             v[at] = np.einsum("nk,nkj->nj", shares, simplex[at])
             reach[at] = np.minimum(reach[at], np.linalg.norm(v[at], axis=1))
@@ -246,7 +253,7 @@ class _Level:
         letters[open_[at]] = np.array([CUT_FIRST, CUT_SECOND, CUT_TIME])[choice]
 
 
-def _least_norm_weights(simplices: Array, used: NDArray[np.bool_]) -> Array:
+def least_norm_weights(simplices: Array, used: NDArray[np.bool_]) -> Array:
     """Weights of the points of least norm of simplices, shape (n, 4); of unused corners 0.
 
     Args:

@@ -163,9 +163,8 @@ static double cut_of(const Step *s, double start, double end) {
     return has_before ? s->kinks_s[after - 1] : has_after ? s->kinks_s[after] : middle;
 }
 
-static void place(const Step *s, Instant *I) {
-    double q[JOINTS], turns[JOINTS][9];
-    configuration(s, I->t, q);
+static void place_at(const Step *s, const double *q, Instant *I) {
+    double turns[JOINTS][9];
     for (int i = 0; i < JOINTS; i++) {
         double c = cos(q[i]), d = sin(q[i]);
         for (int r = 0; r < 3; r++) {
@@ -186,6 +185,12 @@ static void place(const Step *s, Instant *I) {
             for (int r = 0; r < 3; r++) I->p[at + 1][r] += I->p[at][r];
         }
     }
+}
+
+static void place(const Step *s, Instant *I) {
+    double q[JOINTS];
+    configuration(s, I->t, q);
+    place_at(s, q, I);
 }
 
 static int32_t *slot(int32_t *table, uint64_t key) { return table + (key * 0x9E3779B97F4A7C15ull >> 50); }
@@ -577,12 +582,12 @@ static double needed(const Search *s, int pair) {
     return s->pairs[pair].is_counted ? fmax(s->pairs[pair].least, s->step.margin) : s->pairs[pair].least;
 }
 
-/* The distance of a whole pair at an instant if it is below `within`, the nearer of two clusters first. */
-static double measured(const Search *s, int pair, int at, double within, double *d) {
+/* The distance of two clusters at an instant if it is below `within`, the nearer of two first. */
+static double measured_between(const Search *s, int pair, Cluster first, Cluster second, int at, double within, double *d) {
     struct { Cluster a, b; double d[3], low; } stack[STACK], made[2];
     int count = 1;
-    stack[0].a = (Cluster){s->pairs[pair].first, 0};
-    stack[0].b = (Cluster){s->pairs[pair].second, 0};
+    stack[0].a = first;
+    stack[0].b = second;
     stack[0].low = -1;
     copy(d, stack[0].d);
     while (count) {
@@ -619,6 +624,12 @@ static double measured(const Search *s, int pair, int at, double within, double 
         for (int i = 0; i < kept; i++) stack[count++] = made[order ? 1 - i : i];
     }
     return within;
+}
+
+/* That of a whole pair. */
+static double measured(const Search *s, int pair, int at, double within, double *d) {
+    const Pair *of = &s->pairs[pair];
+    return measured_between(s, pair, (Cluster){of->first, 0}, (Cluster){of->second, 0}, at, within, d);
 }
 
 static int is_new(Search *s, int pair, int at) {

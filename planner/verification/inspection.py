@@ -4,7 +4,7 @@ Every check goes another way than planning did: the whole robot from its URDF in
 arm, Rethink's meshes instead of the body made to contain them, extrema by bisection instead of a
 formula, dense samples of the way, its own list of pairs, its own story of what is held when and
 what may touch what, closing fingers by its own steps; and for an arm that follows late a tube of
-its own, and distances in it by Taylor's theorem.
+its own, and rows over boxes of joint angles in it.
 
 Shared with the planner are
 - Pinocchio's kinematics, which a test compares with frames multiplied by hand,
@@ -18,12 +18,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from functools import cache
 from os import PathLike
 
 from baxter_kin import JointLimits
 from baxter_kin.description import RobotDescription
 from baxter_kin.errors import expect, expect_all, quoted, shortened
+from planner.certificate.errors import NotCertifiedError
 from planner.errors import TaskError
 from planner.motion.response import Response
 from planner.plan import Plan
@@ -43,10 +45,11 @@ from planner.verification.fingers import Fingers
 from planner.verification.motion.judged_limits import described, judged_by
 from planner.verification.motion.motion_checks import motion_checks
 from planner.verification.motion.tip_checks import tip_checks
+from planner.verification.prover import timeline_of
 from planner.verification.statements import statement_checks
 from planner.verification.story import Story
 from planner.verification.tolerances import Tolerances
-from planner.verification.tracking.tracking_checks import Follower, tracked, tracking_checks
+from planner.verification.tracking.tracking_checks import CLEARANCE, lag_checks
 from planner.verification.urdf_robot import UrdfRobot
 
 NOTHING_MEASURED = "no shapes, as the meshes are missing"
@@ -189,7 +192,7 @@ class _Inspection:
             *clearance_checks(found, rest, allowed),
             *proof_checks(step for stage in found for step in stage.steps),
             *(statement_checks(plan, story, robot, allowed) if state is plan.start else ()),
-            *(() if response is None else self._tracking(story, response, stretches)),
+            *(() if response is None else self._tracking(response)),
         )
         return sum(stage.samples for stage in found), checks
 
@@ -214,10 +217,16 @@ class _Inspection:
             ),
         )
 
-    def _tracking(self, story: Story, response: Response, stretches: Stretches) -> Iterator[Check]:
-        follower = Follower(self._robot, self._standing, stretches, response)
-        found = list(tracked(story.stages, follower, self._allowed))
-        return tracking_checks(found, self._allowed)
+    def _tracking(self, response: Response) -> Iterator[Check]:
+        plan = self._plan
+        if self._state is not plan.start:
+            steps = tuple(replace(step, state=None) for step in plan.steps)
+            plan = replace(plan, start=self._state, steps=steps)
+        try:
+            yield from lag_checks(plan, timeline_of(plan, self._files)[0], response)
+        except NotCertifiedError as cause:
+            missing = Worst(math.nan, f"not measured: {cause}")
+            yield missing.above(self._allowed.clearance_m, CLEARANCE, "m")
 
     def _completeness(self) -> Check:
         failure = self._plan.failure

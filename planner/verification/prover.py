@@ -56,10 +56,7 @@ def certificate_of(plan: Plan, description: RobotDescription | None = None) -> M
         TaskError: when the plan cannot be certified; says why.
     """
     known = RobotDescription.installed() if description is None else description
-    body, robot, document = body_of(known.text), Robot(known.text, plan.limb), plan_document(plan)
-    steps = _witnesses(plan, robot, known)
-    data: Any = document["plan"]
-    states: Any = document["states"]
+    body = body_of(known.text)
 
     def shown(attempts: Sequence[_Asked]) -> Witness:
         try:
@@ -70,10 +67,25 @@ def certificate_of(plan: Plan, description: RobotDescription | None = None) -> M
         return shown(attempts[1:])
 
     try:
-        timeline = Timeline(data, states, robot, body, steps)
+        timeline, steps = timeline_of(plan, known)
         return shown(tuple(_attempts(plan))).for_file()
     except NotCertifiedError as cause:
         raise TaskError(f"the plan cannot be certified: {cause}") from cause
+
+
+def timeline_of(
+    plan: Plan, description: RobotDescription
+) -> tuple[Timeline, Sequence[StepWitness]]:
+    """What must keep apart in each step of a plan, and the witnesses that it was derived with.
+
+    Raises:
+        NotCertifiedError: when the plan breaks a rule of the checker that is not about rows.
+    """
+    body, robot = body_of(description.text), Robot(description.text, plan.limb)
+    steps, document = _witnesses(plan, robot, description), plan_document(plan)
+    data: Any = document["plan"]
+    states: Any = document["states"]
+    return Timeline(data, states, robot, body, steps), steps
 
 
 def _attempts(plan: Plan) -> Iterator[_Asked]:

@@ -34,11 +34,6 @@ class Tolerances(OneLine):
             its hand: the rounding of states.
         finger_m: between a closed finger and the body it holds.
         drop_m: from how high above its support a body may be let go.
-        off_path_m: how far the tip of an arm that follows late may be off its path where it touches
-            something on purpose, and off its goal when it is settled. The planner allows 40 mm;
-            the bound here counts as well what the arm lags along its path.
-        start_rad: how far joints are measured from a plan's start at most.
-        settled_rad: within which of their last set-points joints are measured as settled.
     """
 
     state: float = 1e-8
@@ -55,9 +50,6 @@ class Tolerances(OneLine):
     finger_start_m: float = 1e-8
     finger_m: float = 1e-5
     drop_m: float = 0.01
-    off_path_m: float = 0.05
-    start_rad: float = 0.02
-    settled_rad: float = 0.0087
 
     @classmethod
     def of(cls, plan: Plan) -> Tolerances:

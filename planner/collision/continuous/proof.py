@@ -15,7 +15,7 @@ stopped.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -104,21 +104,17 @@ def prove_move(
         at: FloatArray = bounds.place(full, trajectory.sample(np.array([time_s])).q).shapes[0]
         return at
 
-    if _is_any_inside(checked, poses(0.0), numbers):
+    if is_any_inside(checked, poses(0.0), numbers):
         needed_m = checked.needed_m(margin_m)
-        number, distance_m = _worst(checked, poses(0.0), numbers, needed_m)
+        number, distance_m = worst_at(checked, poses(0.0), numbers, needed_m)
         near = checked.between(number, distance_m, 0.0)
         return ContinuousContact(near, float(needed_m[number]), trajectory.duration, 0, 0)
     rows: Polynomials | FloatArray = trajectory.q[0]
     if trajectory.duration > 0.0:
         knots = {name: getattr(trajectory, name) for name in ("knots_s", "q", "v", "a", "j")}
         rows = Polynomials.of_plan(knots, "the motion")
-    chain, turned = about_z(bounds.chain)
-    levels, T = bounds.carried(full)
-    T = T.copy()
-    T[:, :3] = turned[levels].swapaxes(1, 2) @ T[:, :3]
-    arrangement = Arrangement(checked, chain, levels, T)
-    return arrangement.prove(Motion(rows, trajectory.duration, poses), margin_m, numbers)
+    motion = Motion(rows, trajectory.duration, poses)
+    return Arrangement.of_arm(checker, full).prove(motion, margin_m, numbers)
 
 
 class Motion(NamedTuple):
@@ -145,7 +141,11 @@ class Motion(NamedTuple):
 
 
 class Arrangement:
-    """The clusters of a situation, and what carries them while something moves."""
+    """The clusters of a situation, and what carries them while something moves.
+
+    Attributes:
+        chain: the arm that moves.
+    """
 
     def __init__(
         self,
@@ -169,10 +169,19 @@ class Arrangement:
             thicker_m: by how much each counts as thicker where it must not touch anything, besides
                 its padding, shape (n,).
         """
-        self._checked, self._chain = checked, chain
+        self._checked, self.chain = checked, chain
         self._thicker_m: FloatArray = checked.thicker_m + thicker_m
         self._levels, self._poses = levels, poses
         self._slides_m = np.zeros(len(levels)) if slides_m is None else slides_m
+
+    @classmethod
+    def of_arm(cls, checker: ClearanceChecker, full: FloatArray) -> Arrangement:
+        """That of a checker's arm that moves, all other joints as in a full configuration."""
+        chain, turned = about_z(checker.motion_bounds.chain)
+        levels, T = checker.motion_bounds.carried(full)
+        T = T.copy()
+        T[:, :3] = turned[levels].swapaxes(1, 2) @ T[:, :3]
+        return cls(checker.checked, chain, levels, T)
 
     def prove(self, motion: Motion, margin_m: float, numbers: Indices) -> ContinuousResult:
         """Prove that pairs keep apart, or say which do not.
@@ -199,7 +208,7 @@ class Arrangement:
             return ContinuousProof(found.proven_m, near, margin_m, *size)
         pair, _, at = found.stopped if found.stopped.pair >= 0 else found.nearest
         time_s, needed_m = motion.time_s(at), checked.needed_m(margin_m)
-        number, measured_m = _worst(checked, motion.poses(time_s), numbers, needed_m)
+        number, measured_m = worst_at(checked, motion.poses(time_s), numbers, needed_m)
         if measured_m > needed_m[number] or checked.is_contact[numbers[pair]]:
             number = int(numbers[pair])
             time_s, measured_m = _least(checked, motion, number)
@@ -209,6 +218,24 @@ class Arrangement:
     def _found(self, motion: Motion, margin_m: float, numbers: Indices) -> Found:
         """Search for rows of pairs that are all different."""
         checked, kernel = self._checked, rows_kernel()
+        is_contact = checked.is_contact[numbers]
+        placed, pairs = self.placed(numbers)
+        pairs["is_counted"] = ~is_contact
+        pairs["least"] = np.where(is_contact, checked.needs_m[numbers], 0.0)
+        pairs["end"] = motion.end
+        if kernel is None:
+            return search(self.chain, placed, pairs, motion.rows, margin_m=margin_m)
+        there, request = Trees(kernel, placed), (pairs, motion.rows)
+        for share in SHARES:
+            found = kernel.search(self.chain, there, *request, margin_m=margin_m, share=share)
+            is_of_share = found.stopped.pair >= 0 and not is_contact[found.stopped.pair]
+            if found.outcome != Outcome.NOT_SHOWN or not is_of_share:
+                break
+        return found
+
+    def placed(self, numbers: Indices) -> tuple[PlacedShapes, np.ndarray[Any, Any]]:
+        """The trees of pairs that are all different, and the pairs, of type `PAIR`, all counted."""
+        checked = self._checked
         shapes = checked.numbers[numbers]
         is_swapped = self._levels[shapes[:, 0]] < self._levels[shapes[:, 1]]
         shapes = np.where(is_swapped[:, None], shapes[:, ::-1], shapes)  # the outer one first
@@ -225,20 +252,9 @@ class Arrangement:
         pairs = np.zeros(len(shapes), PAIR)
         pairs["first"], pairs["second"] = place.reshape(shapes.shape).T
         pairs["k"], pairs["m"] = self._levels[shapes].T
-        pairs["is_counted"] = ~is_contact
-        pairs["least"] = np.where(is_contact, checked.needs_m[numbers], 0.0)
-        pairs["end"] = motion.end
+        pairs["is_counted"] = 1
         pairs["slides"][:, 1], pairs["slides"][:, 3] = self._slides_m[shapes].T
-        placed = PlacedShapes([tree.clusters for tree in trees], R, p, thicker_m)
-        if kernel is None:
-            return search(self._chain, placed, pairs, motion.rows, margin_m=margin_m)
-        there, request = Trees(kernel, placed), (pairs, motion.rows)
-        for share in SHARES:
-            found = kernel.search(self._chain, there, *request, margin_m=margin_m, share=share)
-            is_of_share = found.stopped.pair >= 0 and not is_contact[found.stopped.pair]
-            if found.outcome != Outcome.NOT_SHOWN or not is_of_share:
-                break
-        return found
+        return PlacedShapes([tree.clusters for tree in trees], R, p, thicker_m), pairs
 
     def _found_slowly(self, motion: Motion, margin_m: float, numbers: Indices) -> Found:
         """Without a compiler: ask for shares of the least distance that coal finds at instants."""
@@ -289,7 +305,7 @@ def about_z(chain: JointChain) -> tuple[Chain, FloatArray]:
     return Chain(R, p, np.linalg.norm(p, axis=1)), turned
 
 
-def _is_any_inside(checked: CheckedPairs, poses: FloatArray, numbers: Indices) -> bool:
+def is_any_inside(checked: CheckedPairs, poses: FloatArray, numbers: Indices) -> bool:
     """Whether one of a pair is wholly inside the surface of the other, so that none touches it."""
     near = checked.gaps_m(poses[None], np.zeros_like(numbers), numbers) < 0.0
     near &= checked.distances.is_slow[numbers]
@@ -297,7 +313,7 @@ def _is_any_inside(checked: CheckedPairs, poses: FloatArray, numbers: Indices) -
     return any(checked.distances.is_within(number) for number in numbers[near].tolist())
 
 
-def _worst(
+def worst_at(
     checked: CheckedPairs, poses: FloatArray, numbers: Indices, needed_m: FloatArray
 ) -> tuple[int, float]:
     """The pair that misses what it needs by most at some poses, and its distance by coal."""

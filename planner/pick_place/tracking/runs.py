@@ -10,10 +10,8 @@ import numpy as np
 
 from baxter_kin.validation import FloatArray, Indices
 from planner.collision.context import CollisionContext
-from planner.collision.continuous.box_bounds import BoxBounds
 from planner.collision.continuous.joint_tube import JointTube
-from planner.collision.continuous.tube_contacts import unproven_cells
-from planner.collision.continuous.tube_proof import TubeClearance, prove_tube
+from planner.collision.continuous.tube_proof import TubeClearance, TubeProofs
 from planner.errors import TrajectoryError
 from planner.motion.off_path import CELLS, OffPath
 from planner.motion.response import Response
@@ -171,7 +169,7 @@ class _TrackedMove:
     def __init__(self, move: Move, context: CollisionContext, trajectory: Trajectory) -> None:
         """For a move, its state, and the motion of the whole run."""
         checker = context.checker
-        self._label, self._bounds = move.label, BoxBounds(checker, context.q_others)
+        self._label, self._proofs = move.label, TubeProofs(checker, context.q_others)
         self._free = np.flatnonzero(~checker.may_touch)
         self._touched = np.flatnonzero(checker.may_touch)
         self._hand: OffPath | None = None
@@ -195,14 +193,13 @@ class _TrackedMove:
             known: how far joints and tip may be off, and the tip at rest.
         """
         proofs = [
-            prove_tube(self._bounds, tube, pairs=self._free, margin_m=asked.margin_m)
-            for tube in tubes
+            self._proofs.prove(tube, pairs=self._free, margin_m=asked.margin_m) for tube in tubes
         ]
         worst = min(proofs, key=lambda proof: proof.proven_m)
         off_rad, tip_m, settled_m = known
         allowance_m = hand_m = 0.0
         if self._hand is not None:
-            cells = unproven_cells(self._bounds, around, self._touched)
+            cells = self._proofs.unproven_cells(around, self._touched)
             is_open = np.logical_or.reduceat(cells, np.arange(0, len(cells), CELLS))
             each = [_padded(self._hand.over(tube), len(is_open)) for tube in tubes]
             off_m = np.max(each, axis=0)
@@ -220,7 +217,7 @@ class _TrackedMove:
                 return False
         margin_m = asked.margin_m
         proofs = (
-            prove_tube(self._bounds, tube, pairs=self._free, margin_m=margin_m, is_tight=False)
+            self._proofs.prove(tube, pairs=self._free, margin_m=margin_m, is_tight=False)
             for tube in tubes
         )
         return all(proof.is_clear for proof in proofs)

@@ -26,7 +26,7 @@ import numpy as np
 from baxter_kin.validation import FloatArray
 from planner.motion.response import Response
 from planner.plan import Move
-from planner.verification.motion.cubics import Cubics
+from planner.trajectory import Trajectory
 
 STEP_S = 5e-4
 """Of plan time."""
@@ -128,39 +128,53 @@ def _sent(
     moves: Sequence[Move], response: Response, step_s: float
 ) -> tuple[FloatArray, FloatArray, tuple[float, ...]]:
     """Least and greatest set-points that may be in force in each step; when each move ends."""
-    cubics = [Cubics(move.trajectory) for move in moves]
-    ends_s = np.cumsum([each.duration_s for each in cubics]) / response.speed
-    steps = int(np.ceil((ends_s[-1] + response.window_s) / step_s)) + 1
-    times_s = step_s * np.arange(-int(np.ceil(response.window_s / step_s)), steps + 1)
-    sent = _set_points(moves, cubics, response, np.clip(times_s, 0.0, ends_s[-1]))
-    states = [each.critical_states() for each in cubics]
-    fastest = np.max([np.abs(state.v).max(axis=0) for state in states], axis=0)
-    pushed = np.max([np.abs(state.a).max(axis=0) for state in states], axis=0)
+    ends = np.cumsum([float(move.trajectory.knots_s[-1]) for move in moves])
+    steps = int(np.ceil((ends[-1] / response.speed + response.window_s) / step_s)) + 1
+    before = int(np.ceil(response.window_s / step_s))
+    times_s = step_s * np.arange(-before, steps + 1)
+    sent = _set_points(moves, ends, response, np.clip(response.speed * times_s, 0.0, ends[-1]))
+    fastest, pushed = np.max([_peaks(move.trajectory) for move in moves], axis=0)
     between = response.speed * (fastest + response.lead_s * response.speed * pushed) * step_s / 2
     window = len(times_s) - steps
     views = np.lib.stride_tricks.sliding_window_view(sent, window + 1, axis=0)
     found = views.min(axis=-1) - between, views.max(axis=-1) + between
-    return *found, tuple(ends_s.tolist())
+    return *found, tuple((ends / response.speed).tolist())
+
+
+def _peaks(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """Bounds on the speed and the acceleration of each joint, shape (7,) both.
+
+    Between knots, acceleration is linear, and velocity off its chord by at most |j| h^2 / 8.
+    """
+    h = np.diff(trajectory.knots_s)[:, None]
+    sag = (np.abs(trajectory.j) * h**2 / 8.0).max(axis=0, initial=0.0)
+    return np.abs(trajectory.v).max(axis=0) + sag, np.abs(trajectory.a).max(axis=0)
 
 
 def _set_points(
-    moves: Sequence[Move], cubics: Sequence[Cubics], response: Response, times_s: FloatArray
+    moves: Sequence[Move], ends: FloatArray, response: Response, at: FloatArray
 ) -> FloatArray:
-    """What is due at some times, shape (k, 7)."""
-    ends = np.cumsum([each.duration_s for each in cubics])
-    at = np.minimum(response.speed * times_s, ends[-1])
-    number = np.minimum(np.searchsorted(ends, at, side="left"), len(cubics) - 1)
+    """What is due at some times of the plan, shape (k, 7)."""
+    number = np.minimum(np.searchsorted(ends, at, side="left"), len(moves) - 1)
     sent = np.empty((len(at), len(response.lag_s)))
-    for k, (move, each) in enumerate(zip(moves, cubics, strict=True)):
+    for k, trajectory in enumerate(move.trajectory for move in moves):
         here = number == k
-        since = np.clip(at[here] - (ends[k] - each.duration_s), 0.0, each.duration_s)
-        if not len(each.jerks):
-            sent[here] = each.knots[0][0]
-            continue
-        last = len(each.jerks) - 1
-        segments = np.clip(np.searchsorted(each.knots_s, since, side="right") - 1, 0, last)
-        q, v, _ = each.after(segments, (since - each.knots_s[segments])[:, None])
+        q, v = positions(trajectory, at[here] - (ends[k] - trajectory.knots_s[-1]))
         led = q + response.lead_s * response.speed * v
-        limits = move.trajectory.limits
+        limits = trajectory.limits
         sent[here] = np.clip(led, limits.q_min, limits.q_max) if response.lead_s else q
     return sent
+
+
+def positions(trajectory: Trajectory, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Positions and velocities from knots and jerks alone, shape (k, 7) both."""
+    if not len(trajectory.j):
+        q = np.repeat(trajectory.q, len(times_s), axis=0)
+        return q, np.zeros_like(q)
+    knots_s = np.asarray(trajectory.knots_s)
+    i = np.clip(np.searchsorted(knots_s, times_s, side="right") - 1, 0, len(trajectory.j) - 1)
+    t = np.clip(times_s - knots_s[i], 0.0, np.diff(knots_s)[i])[:, None]
+    q, v, a, j = (
+        np.asarray(x)[i] for x in (trajectory.q, trajectory.v, trajectory.a, trajectory.j)
+    )
+    return q + t * (v + t * (a / 2 + t * j / 6)), v + t * (a + t * j / 2)

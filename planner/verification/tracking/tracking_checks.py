@@ -1,51 +1,86 @@
 """Checks of a plan on an arm that follows its set-points late.
 
-Where its joints may be is found by code of its own (`response_tube`), and so is what keeps clear
-there (`box_distances`), of the shapes, the pairs and the story that all other checks are of. What
-may touch on purpose is left out, as the hand is off its path; how far is checked, of the tip.
+Where its joints may be is found by code of its own (`response_tube`). What keeps clear there is
+shown by rows over boxes of joint angles: they are sought by the prover, and concluded by
+`planner.certificate.boxes`, on the clusters and the pairs that the plan itself is certified with.
+Pairs that may touch on purpose are excluded, as the hand is off its path; how far is checked, of
+the tip, by the same lemma.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
-from baxter_kin.validation import FloatArray, Indices
+from baxter_kin.validation import FloatArray
+from planner.certificate.boxes import Tube, box_gaps_m, box_rows
+from planner.certificate.intervals import norm_bound
+from planner.certificate.robot import ARM_JOINTS, Robot
+from planner.certificate.rows import Pair, Step
+from planner.certificate.timeline import Timeline
 from planner.motion.response import Response
-from planner.plan import Move
-from planner.verification.body.distances import SolidDistances, SolidPair
-from planner.verification.body.stretch import IN_HAND, Section
-from planner.verification.body.stretches import TRAVELS_M, Stretches
+from planner.plan import Move, Plan
+from planner.prover.kernel import BoxesFound, Chain, Outcome, Trees, rows_kernel
+from planner.prover.numpy_boxes import search_tube
 from planner.verification.certificate import Check, Worst, greatest, least
-from planner.verification.motion.cubics import Cubics
-from planner.verification.motion.motion_checks import NO_MOVES
-from planner.verification.story import Run, Stage
-from planner.verification.tolerances import Tolerances
-from planner.verification.tracking.box_distances import BoxDistances
-from planner.verification.tracking.response_tube import STEP_S, ResponseTube, response_tube
-from planner.verification.urdf_robot import UrdfRobot
+from planner.verification.tracking.response_tube import (
+    STEP_S,
+    ResponseTube,
+    positions,
+    response_tube,
+)
 
 AngleRange: TypeAlias = tuple[FloatArray, FloatArray]
 """Lowest and highest positions, each of shape (7,), rad."""
 
+CLEARANCE, OFF_PATH, OFF_GOAL = (
+    "tracking: clearance",
+    "tracking: tip off its path",
+    "tracking: tip off its goal",
+)
+"""Names of the checks."""
+
+NO_MOVES = "no moves"
+
+OFF_PATH_M = 0.05
+"""How far the tip may be off its path where it touches something on purpose, and off its goal when
+all joints are settled. The planner allows 40 mm; the bound here counts as well what the arm lags
+along its path."""
+
+START_RAD, SETTLED_RAD = 0.02, 0.0087
+"""How far joints are measured from a plan's start at most, and how far from their last set-points
+where they are settled."""
+
 REST_RAD_S = 1e-6
 """A move that ends slower than this ends at rest."""
 
-FAR_M = 0.2
-"""Clearances are not told apart beyond."""
-
-FIRST_BOXES, HALVED = 16, 24
-"""How many boxes a move is cut into at first, and how many are halved in a round."""
-
-LEAST_ROUNDS, MOST_ROUNDS = 2, 16
-"""How often they are halved to make bounds tighter, and where some are not enough."""
+SHARES = (0.98, 0.9, 0.5, 0.0)
+"""How much of the least distance that is met is asked for; the next where one is not shown."""
 
 PATH_S, TIP_S = 2e-3, 5e-3
-"""Of plan time: between two points of a path, and how long a box is where the tip is looked at."""
+"""Of plan time: between two points of a path, and how long a box is where the tip is checked."""
+
+
+def lag_checks(plan: Plan, timeline: Timeline, response: Response) -> Iterator[Check]:
+    """Clearance, and where the tip may be.
+
+    Args:
+        plan: the plan.
+        timeline: of the same plan.
+        response: how the arm follows its set-points, and how these are sent.
+    """
+    found = list(_tracked(plan, timeline, response))
+    clearance = least((move.clearance for move in found), NO_MOVES)
+    yield clearance.above(0.0, CLEARANCE, "m")
+    off = greatest(
+        (move.off_path for move in found if move.off_path), "nothing is touched on purpose"
+    )
+    yield off.at_most(OFF_PATH_M, OFF_PATH, "m")
+    rests = greatest((move.off_goal for move in found if move.off_goal), NO_MOVES)
+    yield rests.at_most(OFF_PATH_M, OFF_GOAL, "m")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,57 +99,30 @@ class _TrackedMove:
     off_goal: Worst | None
 
 
-def tracking_checks(found: Sequence[_TrackedMove], allowed: Tolerances) -> Iterator[Check]:
-    """Clearance, and where the tip may be."""
-    clearance = least((move.clearance for move in found), NO_MOVES)
-    yield clearance.above(allowed.clearance_m, "tracking: clearance", "m")
-    off = greatest(
-        (move.off_path for move in found if move.off_path), "nothing is touched on purpose"
-    )
-    yield off.at_most(allowed.off_path_m, "tracking: tip off its path", "m")
-    rests = greatest((move.off_goal for move in found if move.off_goal), NO_MOVES)
-    yield rests.at_most(allowed.off_path_m, "tracking: tip off its goal", "m")
-
-
-class Follower(NamedTuple):
-    """An arm that follows late, in its surroundings.
-
-    Attributes:
-        robot: whose arm moves.
-        standing: a full configuration, which says where all other joints stand.
-        stretches: of the robot.
-        response: how the arm follows.
-    """
-
-    robot: UrdfRobot
-    standing: FloatArray
-    stretches: Stretches
-    response: Response
-
-
-def tracked(
-    stages: Iterable[Stage], follower: Follower, allowed: Tolerances
-) -> Iterator[_TrackedMove]:
-    """Follow an arm along the moves of a plan.
-
-    Args:
-        stages: of the plan's story.
-        follower: the arm.
-        allowed: what is.
-    """
-    start: AngleRange | None = None
-    response, error = follower.response, follower.response.settled_error_rad
-    for stage in stages:
-        if not isinstance(stage, Run) or not stage.moves:
-            continue
-        if start is None:
-            off_rad = allowed.start_rad + error  # what is measured has errors
-            start = stage.q_start - off_rad, stage.q_start + off_rad
-        survey = _TrackedRun(stage, follower, allowed)
-        for moves in _between_rests(stage.moves):
-            tube = response_tube(moves, response, start, allowed.settled_rad)
-            yield from survey.moves(moves, tube)
-            start = tube.next_start(allowed.settled_rad, error)
+def _tracked(plan: Plan, timeline: Timeline, response: Response) -> Iterator[_TrackedMove]:
+    """Follow an arm along the moves of a plan."""
+    error = response.settled_error_rad
+    off_rad = START_RAD + error  # what is measured has errors
+    start = plan.q_start - off_rad, plan.q_start + off_rad
+    clearances = _Clearances(timeline)
+    numbers = (number for number, step in enumerate(plan.steps) if isinstance(step, Move))
+    for moves in _between_rests(plan.moves):
+        tube = response_tube(moves, response, start, SETTLED_RAD)
+        start = tube.next_start(SETTLED_RAD, error)
+        path = np.concatenate([_path(timeline.robot, move) for move in moves])
+        for k, move in enumerate(moves):
+            step = clearances.step_of(next(numbers))
+            first, last = tube.steps_of(k)
+            clearance, off_path, off_goal = Worst(np.inf, f"{move.label} takes no time"), None, None
+            if step is not None:
+                clearance = clearances.found(step, tube, (first, last))
+                if any(not pair.is_counted for pair in step.pairs):
+                    off_path = _off_path(timeline.robot, move, tube, (first, last), path)
+            if k == len(moves) - 1:
+                settled = np.array([start[0] - error, start[1] + error])
+                off_m = float(_tips_off(timeline.robot, settled[None], path[-1:])[0])
+                off_goal = Worst(off_m, move.label)
+            yield _TrackedMove(clearance, off_path, off_goal)
 
 
 def _between_rests(moves: Sequence[Move]) -> Iterator[tuple[Move, ...]]:
@@ -128,140 +136,109 @@ def _between_rests(moves: Sequence[Move]) -> Iterator[tuple[Move, ...]]:
         yield tuple(pending)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Box:
-    """Angles of the arm's joints between the ends of two steps of a tube, and pairs."""
+class _Clearances:
+    """What keeps clear in the moves of a plan."""
 
-    first: int
-    last: int
-    low: FloatArray
-    high: FloatArray
-    pairs: Indices
+    def __init__(self, timeline: Timeline) -> None:
+        self._robot, self._clusters = timeline.robot, timeline.clusters
+        self._chain = Chain.of(timeline.robot)
+        kernel = rows_kernel()
+        self._trees = None if kernel is None else Trees.of(kernel, timeline.clusters)
+        both = zip(timeline.steps, timeline.numbers, strict=True)
+        self._steps = {number: step for step, number in both if step.motion is not None}
 
+    def step_of(self, number: int) -> Step | None:
+        """What must keep apart in a step of the plan that is a move; None if it takes no time."""
+        return self._steps.get(number)
 
-class _TrackedRun:
-    """Moves between two actions of the fingers."""
+    def found(self, step: Step, tube: ResponseTube, span: tuple[int, int]) -> Worst:
+        """The least distance between two ends of steps of a tube, or why none is shown."""
+        pairs = [pair for pair in step.pairs if pair.is_counted]
+        if not pairs:
+            return Worst(np.inf, f"{step.label}, nothing to keep clear of")
+        some = slice(span[0], span[1] + 1)
+        box = Tube(tube.low[some], tube.high[some])
 
-    def __init__(self, run: Run, follower: Follower, allowed: Tolerances) -> None:
-        self._allowed, self._error = allowed, follower.response.settled_error_rad
-        self._robot, self._standing = follower.robot, follower.standing
-        self._stretch = follower.stretches.of_run(run, TRAVELS_M[0])
-        self._pairs = follower.stretches.pairs_of_run(run, self._stretch)
-        self._planned = SolidDistances(self._robot, self._stretch, self._pairs)
-        self._boxes = BoxDistances(self._robot, self._pairs, self._standing, run.finger_m)
-        self._sections = {id(section.step): section for section in self._stretch.sections}
+        def worst(value_m: float, pair: int, instant: float) -> Worst:
+            when_s = tube.step_s * (span[0] + instant)
+            names = f"{pairs[pair].first.name} with {pairs[pair].second.name}"
+            return Worst(value_m, f"{step.label}, {when_s:.2f} s after it last rested, {names}")
 
-    def moves(self, moves: Sequence[Move], tube: ResponseTube) -> Iterator[_TrackedMove]:
-        """What is found of moves that only the last of ends at rest."""
-        path = self._path(moves)
-        for number, move in enumerate(moves):
-            span = tube.steps_of(number)
-            touched = self._touched(self._sections[id(move)])
-            counted = np.setdiff1d(np.arange(len(self._pairs)), touched)
-            off_path = off_goal = None
-            if len(touched):
-                off_path = self._off(move, tube, span, path)
-            if number == len(moves) - 1:
-                low, high = tube.next_start(self._allowed.settled_rad, self._error)
-                settled = low - self._error, high + self._error
-                off_goal = self._off_goal(move, settled, path[-1:])
-            yield _TrackedMove(self._clearance(move, tube, span, counted), off_path, off_goal)
+        found = self._sought(step, pairs, box)
+        if found.outcome == Outcome.TOO_MUCH:
+            return Worst(0.0, f"{step.label}, not shown, as it takes too many rows")
+        if found.outcome != Outcome.PROVEN:
+            pair, distance_m, instant = found.stopped
+            return worst(min(distance_m, 0.0), pair, instant)
+        rows, n = box_rows(self._clusters, pairs, box, found.trace)
+        gaps_m = box_gaps_m(self._robot, self._clusters, pairs, rows, n)
+        least = int(gaps_m.argmin())
+        middle = 0.5 * float(rows.start[least] + rows.end[least])
+        return worst(float(gaps_m[least]), int(rows.pair[least]), middle)
 
-    def _touched(self, section: Section) -> Indices:
-        """The pairs that may touch on purpose, and the palm with what its fingers may touch."""
-        numbers = [
-            number
-            for number, pair in enumerate(self._pairs)
-            if self._may_touch(section, pair, number)
-        ]
-        return np.array(numbers, dtype=np.intp)
-
-    def _may_touch(self, section: Section, pair: SolidPair, number: int) -> bool:
-        if pair.body is None:
-            return not pair.is_stated and pair.second.name in section.touched
-        if pair.first.joint != IN_HAND:
-            return pair.body in section.touched
-        near_m = self._allowed.press_m
-        ends = [section.first] * section.is_taken + [section.last] * section.is_put_down
-        return any(self._planned.shapes_apart(number, end, 2 * near_m) <= near_m for end in ends)
-
-    def _clearance(
-        self, move: Move, tube: ResponseTube, span: tuple[int, int], pairs: Indices
-    ) -> Worst:
-        """The least bound, once boxes in which it is least have been halved some times."""
-        cuts = np.unique(np.linspace(*span, FIRST_BOXES + 1).astype(np.intp)).tolist()
-        new = [_Box(a, b, *tube.hull(a, b), pairs) for a, b in pairwise(cuts)]
-        known: list[tuple[float, int, _Box]] = []
-        for number in range(MOST_ROUNDS):
-            known += self._bounded(new)
-            known.sort(key=lambda each: each[0])
-            least_m = known[0][0]
-            if number >= LEAST_ROUNDS and least_m > self._allowed.clearance_m:
+    def _sought(self, step: Step, pairs: Sequence[Pair], tube: Tube) -> BoxesFound:
+        kernel = rows_kernel()
+        if kernel is None or self._trees is None:
+            return search_tube(self._robot, self._clusters, pairs, tube)
+        there = self._trees, self._trees.pairs(replace(step, pairs=pairs)), tube
+        for share in SHARES:
+            found = kernel.search_tube(self._chain, *there, share=share)
+            if found.outcome in (Outcome.PROVEN, Outcome.TOO_NEAR):
                 break
-            if number < MOST_ROUNDS - 1:
-                parted, known = known[:HALVED], known[HALVED:]
-                new = [half for *_, box in parted for half in self._halves(tube, box)]
-        least_m, pair, box = known[0]
-        if pair < 0:
-            return Worst(least_m, f"{move.label}, nothing within {FAR_M:g} m")
-        when_s = tube.step_s * (box.first + box.last) / 2
-        where = f"{move.label}, {when_s:.2f} s after it last rested, {self._pairs[pair]}"
-        return Worst(least_m, where)
+        return found
 
-    def _bounded(self, boxes: Sequence[_Box]) -> Iterator[tuple[float, int, _Box]]:
-        """Boxes with their least bound and its pair, if any; those far apart count no more."""
-        lows, highs = (np.array([getattr(box, name) for box in boxes]) for name in ("low", "high"))
-        found = self._boxes.least(lows, highs, [box.pairs for box in boxes], FAR_M)
-        for box, bounds in zip(boxes, found, strict=True):
-            near = bounds < FAR_M
-            if near.any():
-                pair = int(box.pairs[bounds.argmin()])
-                yield float(bounds.min()), pair, replace(box, pairs=box.pairs[near])
-            else:
-                yield FAR_M, -1, replace(box, pairs=box.pairs[near])
 
-    def _halves(self, tube: ResponseTube, box: _Box) -> Iterator[_Box]:
-        """In time, where that makes them smaller; else across the joint that reaches farthest."""
-        reach = (box.high - box.low) * self._robot.tip_reach_m
-        middle = (box.first + box.last) // 2
-        at_once = (tube.high[middle] - tube.low[middle]) * self._robot.tip_reach_m
-        if box.last - box.first > 1 and float(np.maximum(reach - at_once, 0.0).sum()) > reach.max():
-            for first, last in ((box.first, middle), (middle, box.last)):
-                low, high = tube.hull(first, last)
-                low, high = np.maximum(low, box.low), np.minimum(high, box.high)
-                if (low <= high).all():
-                    yield _Box(first, last, low, high, box.pairs)
-            return
-        joint = int(reach.argmax())
-        low, high = np.array(box.low), np.array(box.high)
-        low[joint] = high[joint] = (box.low[joint] + box.high[joint]) / 2
-        yield replace(box, high=high)
-        yield replace(box, low=low)
+def _path(robot: Robot, move: Move) -> FloatArray:
+    """Points of the tip on the way, close together, shape (k, 3), m."""
+    end_s = float(move.trajectory.knots_s[-1])
+    times_s = np.linspace(0.0, end_s, 2 + int(end_s / PATH_S))
+    return _tips(robot, positions(move.trajectory, times_s)[0][:, None])[:, 0]
 
-    def _off(
-        self, move: Move, tube: ResponseTube, span: tuple[int, int], path: FloatArray
-    ) -> Worst:
-        """How far the tip may be off the path."""
-        steps = max(1, round(TIP_S / STEP_S))
-        starts = list(range(*span, steps))
-        boxes = [tube.hull(first, min(first + steps, span[1])) for first in starts]
-        lows, highs = (np.array(corners) for corners in zip(*boxes, strict=True))
-        off_m = self._boxes.tips_off(lows, highs, path)
-        worst = int(off_m.argmax())
-        when_s = tube.step_s * starts[worst]
-        where = f"{move.label}, {when_s:.2f} s after it last rested"
-        return Worst(float(off_m[worst]), where)
 
-    def _off_goal(self, move: Move, start: AngleRange, goal: FloatArray) -> Worst:
-        """How far it may be off its goal when the next step begins."""
-        off_m = self._boxes.tips_off(start[0][None], start[1][None], goal)
-        return Worst(float(off_m[0]), move.label)
+def _off_path(
+    robot: Robot, move: Move, tube: ResponseTube, span: tuple[int, int], path: FloatArray
+) -> Worst:
+    """How far the tip may be off the path."""
+    steps = max(1, round(TIP_S / STEP_S))
+    starts = list(range(*span, steps))
+    boxes = np.array([tube.hull(first, min(first + steps, span[1])) for first in starts])
+    off_m = _tips_off(robot, boxes, path)
+    worst = int(off_m.argmax())
+    when_s = tube.step_s * starts[worst]
+    return Worst(float(off_m[worst]), f"{move.label}, {when_s:.2f} s after it last rested")
 
-    def _path(self, moves: Sequence[Move]) -> FloatArray:
-        """Points of the tip on the way, close together, shape (k, 3), m."""
-        points = []
-        for cubics in (Cubics(move.trajectory) for move in moves):
-            count = 2 + int(cubics.duration_s / PATH_S)
-            qs = cubics.positions(np.linspace(0.0, cubics.duration_s, count))
-            points += [self._robot.T_base_tip(self._standing, q).translation for q in qs]
-        return np.array(points)
+
+def _tips_off(robot: Robot, boxes: FloatArray, path: FloatArray) -> FloatArray:
+    """How far the tip may be from the nearest of some points, (k, 3), in boxes, shape (m,), m.
+
+    Along any unit vector its position is a sum of which each joint's part is c + A cos q + B sin q,
+    so it is at most as far as at one of the corners, and the sag of the lemma more.
+
+    Args:
+        robot: whose tip.
+        boxes: lowest and highest angles of the joints, shape (m, 2, 7), rad.
+        path: the points.
+    """
+    tips = _tips(robot, boxes)
+    middles = tips.mean(axis=1)
+    nearest = np.array([path[np.linalg.norm(path - x, axis=1).argmin()] for x in middles])
+    off_m: FloatArray = np.linalg.norm(tips - nearest[:, None], axis=2).max(axis=1)
+    rho = float(norm_bound(robot.tip.p.magnitude)) + np.append(
+        np.cumsum(robot.offsets[:0:-1])[::-1], 0
+    )
+    off_m += (np.ptp(boxes, axis=1) ** 2 @ rho) / 8.0
+    return off_m
+
+
+def _tips(robot: Robot, choices: FloatArray) -> FloatArray:
+    """Positions of the tip where each joint has one of c angles, (m, c, 7): (m, c^7, 3), m."""
+    points = np.broadcast_to(robot.tip.p.centred()[0], (len(choices), 1, 3))
+    for joint in range(ARM_JOINTS - 1, -1, -1):
+        span, q = robot.spans[joint], choices[:, :, joint, None]
+        x, y, z = (points[:, None, :, i] for i in range(3))
+        c, s = np.cos(q), np.sin(q)
+        turned = np.stack(
+            [c * x - s * y, s * x + c * y, np.broadcast_to(z, (c * x).shape)], axis=-1
+        )
+        points = turned.reshape(len(choices), -1, 3) @ span.R.centred()[0].T + span.p.centred()[0]
+    return points

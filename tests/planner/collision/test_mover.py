@@ -15,7 +15,6 @@ from baxter_kin.validation import FloatArray, Indices
 from planner import Manipulator, Scene
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
-from planner.collision.continuous.box_bounds import BoxBounds, JointBox
 from planner.collision.mover import Mover
 
 GJK_M = 2e-6
@@ -120,23 +119,6 @@ def test_where_only_the_other_arm_turns_pairs_without_it_keep_their_distance(
     moved = bounds.motions_m(placed, turns[None], zero, pairs) > 0.0
     of_other = np.isin(pairs, sorted(checker.shapes.of_arm(other))).any(axis=1)
     np.testing.assert_array_equal(moved, of_other)
-
-
-@pytest.mark.parametrize("size", [0.01, 0.1])
-def test_nothing_in_a_box_of_joint_angles_is_nearer_than_its_bound(
-    checker: BothArms, full: FloatArray, neutral: FloatArray, size: float
-) -> None:
-    rng, bounds, looked = np.random.default_rng(6), BoxBounds(checker, full), 0
-    for _ in range(10):
-        pairs = checker.some_pairs(rng)
-        q, w = neutral + rng.uniform(-0.2, 0.2, 14), rng.uniform(0.0, size, 14)
-        (view,) = bounds.views([JointBox(q - w, q + w, pairs)])
-        kept = np.array([view.bound(k, 0.5).least_m for k in range(len(pairs))])
-        corners = q + w * rng.choice([-1.0, 1.0], (4, 14))
-        least = np.min([checker.distances(full, corner, pairs) for corner in corners], axis=0)
-        assert (least >= kept - ACCURACY_M)[kept > 0.0].all()
-        looked += int((kept > 0.0).sum())
-    assert looked > 20
 
 
 def test_linear_bounds_change_with_the_joints_of_both_arms(

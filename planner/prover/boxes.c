@@ -1,0 +1,356 @@
+/* Finds rows over boxes of joint angles; planner.certificate.boxes has the lemma. Compiled together
+   with rows.c, whose clusters, views and distances it uses.
+
+   A task is a pair of clusters and a box: what a tube allows each joint between two of its instants,
+   or a part of that. It is separated by a direction, fixed in the frame that carries the second
+   cluster, when the gap that the direction leaves at the corners of the box, less the sag, is above
+   what the pair must keep; else a cluster or the box is cut. Tasks are handled level by level.
+
+   As in rows.c, nothing of it is trusted, and any number of threads may search. */
+
+enum { SEPARATED, BOX_CUT_FIRST, BOX_CUT_SECOND, BOX_CUT_TIME, BOX_CUT_JOINT };
+enum { CORNERS = 1 << JOINTS, MOST_BOXES = 60000, LOOKS = 9 };
+
+static const double OF_CLUSTERS = 0.1; /* clusters are cut where their hulls cost so much of what the box does */
+static const double OF_MOTION = 0.7;   /* time is halved where motion is so much of the widest joint */
+
+typedef struct {
+    int32_t instants, shortest;  /* shortest: spans of so few cells are marked when not separated */
+    const double *low, *high;    /* shape (instants, 7) */
+} Tube;
+
+typedef struct {
+    int32_t pair, first, last, has_n;
+    Cluster a, b;
+    double low[JOINTS], high[JOINTS], n[3];
+} BoxTask;
+
+typedef struct {             /* one call */
+    Search s;
+    Tube tube;
+    Instant places[2];           /* the middle of a box; any place */
+    double sagging[JOINTS];      /* what each joint adds to the sag of the box at hand */
+    double turned[2][3][CORNERS], offset[2][CORNERS], least[CORNERS];
+    uint8_t *is_open;
+    double *place;               /* where the nearest was met */
+} Boxes;
+
+typedef struct {             /* what the corners of a box leave */
+    double kept;                 /* the least gap */
+    int corner;                  /* where; bit i is set where joint m + i is at its upper bound */
+    double slopes[JOINTS];       /* how much more is left at the upper bound of each joint, on average */
+} Kept;
+
+static double asked_of_boxes(const Boxes *x) {
+    return fmax(x->s.step.margin, x->s.step.share * x->s.result->nearest);
+}
+
+static void put_at(Boxes *x, int place, const double *q) {
+    place_at(&x->s.step, q, &x->places[place]);
+    x->places[place].t = 0;
+}
+
+/* What a tube allows between two instants. */
+static void hull(const Tube *tube, int first, int last, double *low, double *high) {
+    for (int i = 0; i < JOINTS; i++) low[i] = INFINITY, high[i] = -INFINITY;
+    for (int at = JOINTS * first; at <= JOINTS * last; at += JOINTS)
+        for (int i = 0; i < JOINTS; i++) {
+            low[i] = tube->low[at + i] < low[i] ? tube->low[at + i] : low[i];
+            high[i] = tube->high[at + i] > high[i] ? tube->high[at + i] : high[i];
+        }
+}
+
+/* How far the gap may sag between corners, the sum of rho w^2 / 8; and how far the first cluster may
+   move from the middle. */
+static double sag_of_box(Boxes *x, const BoxTask *task, double *moved) {
+    const Pair *pair = &x->s.pairs[task->pair];
+    double rho = reach_of(&x->s, task->a) + fmax(fabs(pair->slides[0]), fabs(pair->slides[1])), sag = 0;
+    *moved = 0;
+    for (int i = pair->k - 1; i >= pair->m; i--) {
+        double w = task->high[i] - task->low[i];
+        sag += x->sagging[i] = rho * w * w / 8 * (1 + 1e-8);
+        *moved += rho * w / 2;
+        rho += x->s.step.offsets[i];
+    }
+    return sag;
+}
+
+/* Turn a direction into the frames of the first cluster at all corners of a box; how many these are. */
+static int turn_to_corners(Boxes *x, const BoxTask *task, const double *n, int *side) {
+    const Pair *pair = &x->s.pairs[task->pair];
+    const Placed *placed = &x->s.placed[task->a.tree];
+    int count = 1, now = 0;
+    for (int i = 0; i < 3; i++) x->turned[0][i][0] = n[i];
+    x->offset[0][0] = 0;
+    for (int j = pair->m; j < pair->k; j++, now = 1 - now) {
+        const double *S = x->s.step.spans_R + 9 * j, *p = x->s.step.spans_p + 3 * j;
+        double (*from)[CORNERS] = x->turned[now], (*to)[CORNERS] = x->turned[1 - now];
+        double c[2] = {cos(task->low[j]), cos(task->high[j])}, s[2] = {sin(task->low[j]), sin(task->high[j])};
+        for (int i = 0; i < count; i++) {
+            double d[3] = {from[0][i], from[1][i], from[2][i]}, y[3], offset = x->offset[now][i] + dot(d, p);
+            turned_back(S, d, y);
+            for (int end = 0; end < 2; end++) {
+                int at = end ? count + i : i;
+                to[0][at] = c[end] * y[0] + s[end] * y[1];
+                to[1][at] = c[end] * y[1] - s[end] * y[0];
+                to[2][at] = y[2];
+                x->offset[1 - now][at] = offset;
+            }
+        }
+        count *= 2;
+    }
+    double own[3] = {placed->p[0], placed->p[1] + pair->slides[0], placed->p[2]};
+    for (int i = 0; i < count; i++) {
+        double d[3] = {x->turned[now][0][i], x->turned[now][1][i], x->turned[now][2][i]}, y[3];
+        x->offset[now][i] += dot(d, own);
+        turned_back(placed->R, d, y);
+        for (int r = 0; r < 3; r++) x->turned[now][r][i] = y[r];
+    }
+    *side = now;
+    return count;
+}
+
+/* What a unit direction leaves at the corners of a box. */
+static Kept kept_at_corners(Boxes *x, const BoxTask *task, const double *n) {
+    const Search *s = &x->s;
+    const Pair *pair = &s->pairs[task->pair];
+    const Placed *first = &s->placed[task->a.tree], *second = &s->placed[task->b.tree];
+    const Tree *tree = &s->trees[first->tree];
+    int side, count = turn_to_corners(x, task, n, &side), at = tree->first[task->a.node], best = at;
+    int end = at + tree->count[task->a.node];
+    double (*d)[CORNERS] = x->turned[side], *least = x->least;
+    double mean[3] = {0}, spread = 0, lowest_of_all = INFINITY;
+    for (int i = 0; i < count; i++)
+        for (int r = 0; r < 3; r++) mean[r] += d[r][i] / count;
+    for (int i = 0; i < count; i++) {
+        double off[3] = {d[0][i] - mean[0], d[1][i] - mean[1], d[2][i] - mean[2]};
+        spread = fmax(spread, dot(off, off));
+        least[i] = INFINITY;
+    }
+    for (int p = at; p < end; p++) {
+        double height = tree->x[p] * mean[0] + tree->y[p] * mean[1] + tree->z[p] * mean[2];
+        if (height < lowest_of_all) lowest_of_all = height, best = p;
+    }
+    for (int p = at; p < end; p++) { /* points that are lowest at no corner are left out */
+        double o[3] = {tree->x[p], tree->y[p], tree->z[p]};
+        double from[3] = {o[0] - tree->x[best], o[1] - tree->y[best], o[2] - tree->z[best]}, above = dot(mean, from);
+        if (p != best && above > 0 && above * above >= spread * dot(from, from)) continue;
+        for (int i = 0; i < count; i++) {
+            double height = d[0][i] * o[0] + d[1][i] * o[1] + d[2][i] * o[2];
+            least[i] = height < least[i] ? height : least[i];
+        }
+    }
+    Kept kept = {.kept = INFINITY};
+    for (int i = 0; i < count; i++) {
+        if (first->has_apex) least[i] = fmin(least[i], d[0][i] * first->apex[0] + d[1][i] * first->apex[1] + d[2][i] * first->apex[2]);
+        if (first->disc > 0) least[i] -= first->disc * sqrt(d[0][i] * d[0][i] + d[1][i] * d[1][i]);
+        least[i] += x->offset[side][i];
+        if (least[i] < kept.kept) kept.kept = least[i], kept.corner = i;
+        for (int j = pair->m; j < pair->k; j++) kept.slopes[j] += (i >> (j - pair->m) & 1 ? 2 : -2) * least[i] / count;
+    }
+    double reversed[3] = {-n[0], -n[1], -n[2]}, y[3];
+    turned_back(second->R, reversed, y);
+    kept.kept += lowest(s, task->b, y, NULL) - dot(n, second->p) - n[1] * pair->slides[2] - (first->ball + second->ball) * norm(n);
+    return kept;
+}
+
+/* The distance of a whole pair at a place where the joints may be, taken over if it is the nearest. */
+static double measure_place(Boxes *x, int pair, const double *q, int at) {
+    Search *s = &x->s;
+    put_at(x, 1, q);
+    Task whole = {.pair = pair, .a = {s->pairs[pair].first, 0}, .b = {s->pairs[pair].second, 0}, .start = 1, .end = 1};
+    double d[3], within = fmax(s->result->nearest, s->step.margin) + 1e-9;
+    between_middles(s, &whole, d);
+    if (ball_gap(s, &whole, 1, d) / norm(d) >= within) return within;
+    double distance = measured(s, pair, 1, within, d);
+    if (distance < s->result->nearest) memcpy(x->place, q, JOINTS * sizeof(double));
+    take_nearer(s, pair, at, distance);
+    return distance;
+}
+
+/* Measure at some instants, in the middle of the tube. */
+static int look_along(Boxes *x) {
+    double q[JOINTS];
+    for (int look = 0; look < LOOKS; look++) {
+        int at = (int)((int64_t)(x->tube.instants - 1) * look / (LOOKS - 1));
+        for (int i = 0; i < JOINTS; i++) q[i] = 0.5 * (x->tube.low[JOINTS * at + i] + x->tube.high[JOINTS * at + i]);
+        for (int pair = 0; pair < x->s.step.pairs; pair++) {
+            double distance = measure_place(x, pair, q, at);
+            if (distance <= x->s.step.margin) return refuse(&x->s, pair, at, distance, TOO_NEAR);
+        }
+    }
+    return PROVEN;
+}
+
+/* The part of a box that a tube allows at an instant, or the whole between neighbouring instants;
+   whether there is one. */
+static int allowed_at(const Tube *tube, const BoxTask *task, int at, double *low, double *high) {
+    int is_any = 1;
+    memcpy(low, task->low, sizeof task->low);
+    memcpy(high, task->high, sizeof task->high);
+    for (int i = 0; i < JOINTS && task->last - task->first > 1; i++) {
+        low[i] = fmax(task->low[i], tube->low[JOINTS * at + i]);
+        high[i] = fmin(task->high[i], tube->high[JOINTS * at + i]);
+        is_any = is_any && low[i] <= high[i];
+    }
+    return is_any;
+}
+
+/* A corner of a box: of the joints between the frames of a pair; the others in the middle. */
+static void corner_of(const Pair *pair, int corner, const double *low, const double *high, double *q) {
+    for (int i = 0; i < JOINTS; i++) {
+        q[i] = 0.5 * (low[i] + high[i]);
+        if (i >= pair->m && i < pair->k) q[i] = corner >> (i - pair->m) & 1 ? high[i] : low[i];
+    }
+}
+
+/* Whether it is the box that brings both clusters near, not that hulls are larger than what they
+   are hulls of; looked at in a place, where more than `loss` is at stake. */
+static int is_by_box(Boxes *x, const BoxTask *task, const double *q, double goal, double loss, const double *d) {
+    Search *s = &x->s;
+    if (is_leaf(s, task->a) && is_leaf(s, task->b)) return 1;
+    put_at(x, 1, q);
+    Task there = {.pair = task->pair, .a = task->a, .b = task->b, .start = 1, .end = 1};
+    View v = view_of(s, &there);
+    Found f;
+    copy(d, f.d);
+    separated(s, &v, goal + loss, &f);
+    double within = fmax(goal, fmax(gap(s, &v, f.d, NULL) / norm(f.d), 0) + OF_CLUSTERS * loss);
+    return measured_between(s, task->pair, task->a, task->b, 1, within, f.d) < within;
+}
+
+/* A letter for one task; sets *code when the search ends. */
+static int letter_of_box(Boxes *x, BoxTask *task, double *conclusion, int *code) {
+    Search *s = &x->s;
+    const Pair *pair = &s->pairs[task->pair];
+    double q[JOINTS], n[3], moved, low[JOINTS], high[JOINTS];
+    if (x->tube.shortest && !memchr(x->is_open + task->first, 0, task->last - task->first)) return SEPARATED;
+    double sag = sag_of_box(x, task, &moved), spare = s->step.spare;
+    for (int i = 0; i < JOINTS; i++) q[i] = 0.5 * (task->low[i] + task->high[i]);
+    put_at(x, 0, q);
+    Task middle = {.pair = task->pair, .a = task->a, .b = task->b};
+    between_middles(s, &middle, n);
+    double length = norm(n), goal = asked_of_boxes(x) + sag + spare;
+    for (int i = 0; i < 3; i++) n[i] /= length;
+    Kept kept = {.kept = ball_gap(s, &middle, 0, n) - moved};
+    if (kept.kept <= goal) {
+        View v = view_of(s, &middle);
+        kept.kept = -FAR;
+        if (task->has_n && gap(s, &v, task->n, NULL) > goal) kept = kept_at_corners(x, task, task->n);
+        if (kept.kept <= goal) {
+            Found f;
+            copy(task->has_n ? task->n : n, f.d);
+            separated(s, &v, goal + 2 * moved, &f); /* more than that is not needed anywhere in the box */
+            length = norm(f.d);
+            for (int i = 0; i < 3; i++) task->n[i] = f.d[i] / length;
+            task->has_n = 1;
+            double apart = gap(s, &v, task->n, NULL);
+            int is_apart = apart > goal;
+            if (is_apart) kept = kept_at_corners(x, task, task->n);
+            if (kept.kept <= goal) {
+                double loss = is_apart ? apart - kept.kept + sag : moved;
+                if (is_apart) corner_of(pair, kept.corner, task->low, task->high, q);
+                if (!is_by_box(x, task, q, goal, loss, task->n)) {
+                    double first = is_leaf(s, task->a) ? 0 : extent_of(s, task->a);
+                    return first >= (is_leaf(s, task->b) ? 0 : extent_of(s, task->b)) ? BOX_CUT_FIRST : BOX_CUT_SECOND;
+                }
+                int cells = task->last - task->first, at = (task->first + task->last) / 2;
+                if (cells <= x->tube.shortest) return memset(x->is_open + task->first, 1, cells), SEPARATED;
+                if (x->tube.shortest || !allowed_at(&x->tube, task, at, low, high)) return BOX_CUT_TIME;
+                corner_of(pair, kept.corner, low, high, q); /* how near is it really? */
+                double distance = measure_place(x, task->pair, q, at);
+                if (distance <= s->step.margin) return *code = refuse(s, task->pair, at, distance, TOO_NEAR), NONE;
+                double motion = 0, widest = -1;
+                int joint = pair->m;
+                for (int j = pair->m; j < pair->k; j++) {
+                    double w = task->high[j] - task->low[j], still = fmax(high[j] - low[j], 0);
+                    double reach = is_apart ? fabs(kept.slopes[j]) + 2 * x->sagging[j] : sqrt(8 * x->sagging[j]);
+                    if (w > 0) motion += reach * (1 - still / w);
+                    if (w > 0 && reach > widest) widest = reach, joint = j;
+                }
+                if (cells > 1 && motion >= OF_MOTION * widest) return BOX_CUT_TIME;
+                if (0.5 * (task->low[joint] + task->high[joint]) <= task->low[joint])
+                    return *code = refuse(s, task->pair, at, apart, NOT_SHOWN), NONE;
+                return BOX_CUT_JOINT + joint;
+            }
+        }
+        copy(task->n, n);
+    }
+    copy(n, task->n);
+    *conclusion = kept.kept - sag;
+    return SEPARATED;
+}
+
+/* Half of a task that is cut; whether anything is in it. */
+static int half_box(const Boxes *x, const BoxTask *task, int letter, int side, BoxTask *half) {
+    *half = *task;
+    if (letter == BOX_CUT_FIRST) half->a = child(&x->s, task->a, side);
+    if (letter == BOX_CUT_SECOND) half->b = child(&x->s, task->b, side);
+    if (letter >= BOX_CUT_JOINT) {
+        int j = letter - BOX_CUT_JOINT;
+        double middle = 0.5 * (task->low[j] + task->high[j]);
+        if (side) half->low[j] = middle; else half->high[j] = middle;
+    }
+    if (letter != BOX_CUT_TIME) return 1;
+    double low[JOINTS], high[JOINTS];
+    int middle = (task->first + task->last) / 2, is_any = 1;
+    if (side) half->first = middle; else half->last = middle;
+    hull(&x->tube, half->first, half->last, low, high);
+    for (int i = 0; i < JOINTS; i++) {
+        half->low[i] = fmax(half->low[i], low[i]), half->high[i] = fmin(half->high[i], high[i]);
+        is_any = is_any && half->low[i] <= half->high[i];
+    }
+    return is_any;
+}
+
+static int box_levels(Boxes *x, BoxTask *tasks, BoxTask *next, uint8_t *letters, double *directions, int64_t room) {
+    Result *r = x->s.result;
+    int count = x->s.step.pairs;
+    if (count > MOST_BOXES) return TOO_MUCH;
+    for (int i = 0; i < count; i++) {
+        tasks[i] = (BoxTask){.pair = i, .last = x->tube.instants - 1, .a = {x->s.pairs[i].first, 0}, .b = {x->s.pairs[i].second, 0}};
+        hull(&x->tube, 0, tasks[i].last, tasks[i].low, tasks[i].high);
+    }
+    int code = x->tube.shortest ? PROVEN : look_along(x);
+    while (count && code == PROVEN) {
+        int made = 0;
+        if (r->tasks + count > room) return TOO_MUCH;
+        for (int i = 0; i < count; i++) {
+            double conclusion = FAR;
+            int letter = letter_of_box(x, &tasks[i], &conclusion, &code);
+            if (code != PROVEN) return code;
+            letters[r->tasks++] = (uint8_t)letter;
+            if (letter == SEPARATED) {
+                copy(tasks[i].n, directions + 3 * r->directions++);
+                r->proven = fmin(r->proven, conclusion);
+                continue;
+            }
+            if (made + 2 > MOST_BOXES) return TOO_MUCH;
+            for (int side = 0; side < 2; side++) made += half_box(x, &tasks[i], letter, side, &next[made]);
+        }
+        BoxTask *other = tasks;
+        tasks = next, next = other, count = made;
+    }
+    return code;
+}
+
+/* Letters and directions of rows over a tube, `room` of each at most; returns PROVEN or why not. Where
+   the tube says how few cells are marked, `is_open` says of each cell whether something is not
+   shown to be apart there, and rows prove nothing. `place` gets the angles at which the nearest was
+   met. */
+int find_box_rows(const Tree *trees, const Placed *placed, const Pair *pairs, const Step *step, const Tube *tube,
+                  uint8_t *letters, double *directions, int64_t room, uint8_t *is_open, double *place, Result *result) {
+    Boxes *x = calloc(1, sizeof(Boxes));
+    BoxTask *tasks = malloc(2 * MOST_BOXES * sizeof(BoxTask));
+    int code = TOO_MUCH;
+    *result = (Result){.nearest = FAR, .proven = FAR, .nearest_pair = -1, .found_pair = -1};
+    if (x && tasks) {
+        x->s = (Search){.trees = trees, .placed = placed, .pairs = pairs, .step = *step, .result = result};
+        x->s.instants = x->places;
+        x->s.step.pieces = 0, x->s.step.duration = 1;
+        x->tube = *tube, x->is_open = is_open, x->place = place;
+        code = box_levels(x, tasks, tasks + MOST_BOXES, letters, directions, room);
+    }
+    free(x), free(tasks);
+    return code;
+}
