@@ -97,13 +97,19 @@ class Certified:
     Attributes:
         clearances_m: by step, in order: what everything keeps at every instant, m; inf where
             nothing counts. The first is of what stands still.
+        numbers: which step of the plan each of these belongs to, None for what stands still.
         rows: how many rows were checked.
         bare: links of the robot without a shape, which nothing keeps apart from.
+        worst: upper bounds on what else is bounded, by name, m and rad, each with where: "distance
+            from line", "turn from line", "held bodies off their hands", "gap of closed pads",
+            "slide in contact" and "drop at release"; only those that the plan has.
     """
 
     clearances_m: tuple[tuple[str, float], ...]
+    numbers: tuple[int | None, ...]
     rows: int
     bare: tuple[str, ...]
+    worst: Mapping[str, tuple[float, str]]
 
     @property
     def clearance_m(self) -> float:
@@ -170,7 +176,7 @@ def check(
     )
     require(advice.is_used_up, "the certificate goes on after the plan")
     rows = int((certificate.trace.letters <= BY_MIDDLES).sum())
-    return Certified(found, rows, body.bare)
+    return Certified(found, tuple(timeline.numbers), rows, body.bare, timeline.worst)
 
 
 def _step(data: Mapping[str, Any]) -> StepWitness:

@@ -7,7 +7,7 @@ and how long a held body may touch what it stands on.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -44,6 +44,9 @@ DROP_M = 0.01
 TIP = 1e-6
 """How far a tip may be from its goal, m, and entries of its rotation matrix."""
 
+SAME_S = 1e-6
+"""How much longer than its step a contact may be stated."""
+
 STATE = 1e-8
 """How far joints, velocities and accelerations of successive steps may differ."""
 
@@ -79,12 +82,12 @@ class StepWitness:
     contacts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Limits:
-    """Greatest acceleration and jerk of every joint, rad/s^2 and rad/s^3."""
+    """Greatest acceleration and jerk, of every joint or of each, rad/s^2 and rad/s^3."""
 
-    a_max: float = A_MAX_RAD_S2
-    j_max: float = J_MAX_RAD_S3
+    a_max: float | Array = A_MAX_RAD_S2
+    j_max: float | Array = J_MAX_RAD_S3
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +109,7 @@ class _Now:
         at: poses of the bodies that stand, seen from base.
         held: the body in the hand, and its pose seen from the last joint.
         released: the body that was let go right before.
-        taken: whether the hand has closed right before.
+        taken: whether the hand has closed right before, or holds something at first.
         asked: whether the arm stands where a pose of the tip was asked for.
     """
 
@@ -127,6 +130,7 @@ class Timeline:
         clusters: all trees.
         steps: what rows must prove, in the order of the certificate.
         numbers: which step of the plan each belongs to, None for what stands still.
+        worst: upper bounds on what rules that are not about rows bound, by name, each with where.
     """
 
     def __init__(
@@ -157,6 +161,7 @@ class Timeline:
         self._plan, self._witnesses = plan, witnesses
         self._distances = DistanceBounds(self.clusters)
         self._limits = limits or Limits()
+        self.worst: dict[str, tuple[float, str]] = {}
         require(plan["failure"] is None, "the plan says itself that it failed")
         self._plan_steps = plan["steps"]
         require(len(self._plan_steps) <= MAX_STEPS, f"the plan has more than {MAX_STEPS} steps")
@@ -251,19 +256,29 @@ class Timeline:
             require(name in at, f"the scene lacks {name}, which {link} holds")
             T_link_body = stated_pose(each["T_link_body"], name)
             where = robot.attached(link, places)
+            T = where.T * T_link_body
             if where.level:
                 is_of_hand = where.level == ARM_JOINTS and where.finger is None
                 require(is_of_hand, f"{name} hangs on {link}, which is no hand")
                 require(held is None, "the hand holds two bodies")
-                held = name, where.T * T_link_body
+                held = name, T
             else:
-                others[name] = where.T * T_link_body, link
-            at.pop(name)
+                others[name] = T, link
+            seen = self._joint_pose(q) * T if where.level else T
+            self._require_in_hand(name, at.pop(name), seen)
         still = np.zeros(ARM_JOINTS)
         self._others = {name: T for name, (T, _) in others.items()}
-        now = _Now((q, still, still), opening, at, held)
+        now = _Now((q, still, still), opening, at, held, taken=held is not None)
         self._stand_at_first(now, {name: link for name, (_, link) in others.items()})
         return now
+
+    def _require_in_hand(self, name: str, stated: Pose, T: Pose) -> None:
+        """What a hand holds stands in the scene where the hand has it."""
+        off_m = float(norm_bound((T.p - stated.p).magnitude))
+        turned = float(norm_bound((T.R - stated.R).magnitude.reshape(9)))
+        self._note("held bodies off their hands", name, max(off_m, turned))
+        is_there = off_m <= PRESS_M and turned <= PRESS_M
+        require(is_there, f"{name} stands {1e3 * off_m:.2f} mm off the hand that holds it")
 
     def _stand_at_first(self, now: _Now, others: Mapping[str, str]) -> None:
         """One instant of all that the arm does not move, and of what it holds.
@@ -341,11 +356,6 @@ class Timeline:
 
     def _followed(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
         kind = step["type"]
-        hand = {f"{self.robot.limb} hand", f"{self.robot.limb} pads"}
-        for contact in step["contacts"]:
-            is_known = contact["body"] in self._things
-            is_known &= contact["other"] in hand or contact["other"] in self._things
-            require(is_known, f"{step['label']}: a contact of what is not there")
         if kind == "Move":
             return self._moved(number, step, now)
         require(kind == "Grip", f"a step of unknown kind {kind!r}")
@@ -356,7 +366,7 @@ class Timeline:
         return self._opened(number, step, now)
 
     def _moved(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
-        label, witness = step["label"], self._witnesses[number]
+        label = step["label"]
         require(not step.get("claims"), f"{label}: a claim that is not known")
         limits = step["trajectory"]["limits"]
         own = tuple(limits["names"]) == self.robot.names
@@ -374,7 +384,9 @@ class Timeline:
             wanted = following["body"] if following and following["action"] == "CLOSE" else None
             near = {name for name in (wanted, now.released) if name is not None}
         puts_down = following is not None and following["action"] == "OPEN"
+        witness = self._witness(number, now, cubics, puts_down)
         self._require_windows(label, witness, cubics, now, puts_down)
+        self._require_stated(step, witness, now, cubics.duration_s, of_hand=near)
         if cubics.duration_s > 0.0:
             pairs = list(self._move_pairs(witness, now, near, cubics.duration_s))
             self.steps.append(Step(label, pairs, cubics, cubics.q[0]))
@@ -456,9 +468,11 @@ class Timeline:
                 yield Pair(body, solid, 0.0, until_s, end_s, is_counted=False)
 
     def _closed(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
-        label, name, witness = step["label"], step["body"], self._witnesses[number]
+        label, name = step["label"], step["body"]
         require(now.held is None, f"{label}: the hand is full")
+        witness = self._witness(number, now)
         if name is None:
+            self._require_stated(step, witness, now, np.inf)
             self._travel(label, now, (now.opening_m, 0.0), None, witness)
             return replace(now, opening_m=0.0, released=None, taken=True)
         is_there = name in now.at and self._things[name].is_movable
@@ -466,6 +480,7 @@ class Timeline:
         require(now.asked, f"{label}: no pose of the tip was asked for")
         if witness.closing is None:
             raise NotCertifiedError(f"{label}: the certificate does not say how the fingers close")
+        self._require_stated(step, witness, now, np.inf, of_hand=(name,))
         touch_m, end_m, push_m = witness.closing
         is_way = 0.0 <= end_m <= touch_m <= now.opening_m + STATE
         is_way &= abs(push_m) <= 2.0 * now.opening_m
@@ -473,6 +488,8 @@ class Timeline:
         T_joint_base = self._joint_pose(now.arm[0]).inverse()
         T = T_joint_base * now.at[name]
         pushed = Pose(T.R, T.p + np.array([0.0, push_m, 0.0]))
+        for other in witness.contacts:
+            self._require_near(label, name, now.at[name], other, now.at)
         self._require_hold(label, name, pushed, end_m, tuple(self._fingers))
         if push_m:
             pushing = [f for f, sign in self.robot.fingers.items() if sign * push_m < 0.0]
@@ -483,9 +500,10 @@ class Timeline:
         return replace(around, opening_m=end_m, held=(name, pushed), released=None, taken=True)
 
     def _opened(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
-        label, robot, witness = step["label"], self.robot, self._witnesses[number]
+        label, robot, witness = step["label"], self.robot, self._witness(number, now)
         name = None if now.held is None else now.held[0]
         require(step["body"] == name, f"{label}: the hand holds {name or 'nothing'}")
+        self._require_stated(step, witness, now, np.inf, of_hand=() if name is None else (name,))
         asked = step["opening_m"]
         end_m = robot.stroke_m if asked is None else float(asked)
         is_way = 0.0 <= end_m <= robot.stroke_m + STATE and (name is None or end_m > now.opening_m)
@@ -530,7 +548,70 @@ class Timeline:
                     pairs.append(replace(pair, first=replace(pair.first, slide_m=(begin_m, end_m))))
         self.steps.append(Step(label, pairs, None, now.arm[0]))
 
+    def _witness(
+        self,
+        number: int,
+        _now: _Now,
+        _cubics: Cubics | None = None,
+        _puts_down: bool = False,
+    ) -> StepWitness:
+        """What the certificate says of a step; the class that makes certificates finds it here.
+
+        It gets the number of the step, where everything is before it, and of a move its motion and
+        whether the hand opens right after it.
+        """
+        return self._witnesses[number]
+
     # Rules that are not about pairs
+
+    def _note(self, name: str, where: str, value: float) -> None:
+        if value > self.worst.get(name, (-np.inf, ""))[0]:
+            self.worst[name] = value, where
+
+    def _require_stated(
+        self,
+        step: Mapping[str, Any],
+        witness: StepWitness,
+        now: _Now,
+        end_s: float,
+        *,
+        of_hand: Collection[str] = (),
+    ) -> None:
+        """Refuse a stated contact that is not meant, goes deeper or lasts longer than it may.
+
+        Who executes a plan lets what is stated touch.
+        """
+        hand, pads = f"{self.robot.limb} hand", f"{self.robot.limb} pads"
+        carried = of_hand if now.held is None else (now.held[0],)
+        for contact in step["contacts"]:
+            body, other = contact["body"], contact["other"]
+            numbered = [(body, contact["part"]), (other, contact["other_part"])]
+            is_meant = body in of_hand and other in (hand, pads)
+            is_meant |= body in carried and other in witness.contacts
+            is_meant &= all(
+                i is None or 0 <= i < len(self._things[name].parts)
+                for name, i in numbered
+                if name in self._things
+            )
+            what = f"{step['label']}: a contact of {body} and {other}"
+            require(is_meant, f"{what} is not meant")
+            least_m = 0.0 if other == hand else -PRESS_M
+            require(contact["least_m"] >= least_m, f"{what} is stated to press too deep")
+            is_while = 0.0 <= contact["begin_s"] <= contact["end_s"] <= end_s + SAME_S
+            require(is_while, f"{what} is stated to be longer than the step")
+
+    def _require_near(
+        self, label: str, name: str, T: Pose, other: str, at: Mapping[str, Pose]
+    ) -> None:
+        """A body that is taken or put down touches only what it stands on."""
+        require(other in at, f"{label}: no contact of {other}")
+        is_near = self._distance_m(name, T, other, at[other], 2.0 * PRESS_M) <= 2.0 * PRESS_M
+        require(is_near, f"{label}: {name} does not stand on {other}")
+
+    def _distance_m(self, name: str, T: Pose, other: str, T_other: Pose, enough_m: float) -> float:
+        """An upper bound on the distance of two bodies; nothing nearer than enough is sought."""
+        roots = [self._mover(*each, 0).root for each in ((name, T), (other, T_other))]
+        return self._distances.bound_m(roots[0], roots[1], np.zeros(3), enough_m)
 
     def _require_rest(self, now: _Now, reason: str) -> None:
         require([np.abs(x).max() <= STATE for x in now.arm[1:]], reason)
@@ -576,6 +657,7 @@ class Timeline:
             share = np.array([(own @ axis) * turn for own, turn in turns]) / max(angle, 1e-9)
             share = share.clip(0.0, 1.0)
         off = norm_bound(p - p[0] - share[:, None] * way).max() + 8.0 * error_p + 1e-12 + bend_m
+        self._note("distance from line", label, float(off))
         require(off <= allowed_m, f"{label}: the tip is up to {1e3 * off:.4f} mm off its line")
         to_goal = R[0] @ turns_about(axis, Interval([angle])).centred()[0][0] - R[-1]
         require(np.abs(to_goal) <= STATE, f"{label}: the hand turns in a way that is not known")
@@ -586,6 +668,7 @@ class Timeline:
         error = 18.0 * error_R + 9.0 * error_Q + STATE + 1e-12
         frobenius = norm_bound((R - asked).reshape(-1, 9)).max() + error + bend
         turn = 0.7079 * frobenius
+        self._note("turn from line", label, float(turn))
         require(
             frobenius < 0.1 and turn <= allowed_rad,
             f"{label}: the hand is turned by up to {turn:.6f} rad from its line",
@@ -614,6 +697,9 @@ class Timeline:
             is_window = 0.0 <= begin_s < end_s <= cubics.duration_s
             require((is_first or is_last) and is_window, f"{label}: a contact out of turn")
             if now.held is not None:
+                held, T_joint_body = now.held
+                T = self._joint_pose(cubics.q[0 if is_first else -1]) * T_joint_body
+                self._require_near(label, held, T, name, now.at)
                 self._require_slide(cubics, begin_s, end_s, now.held)
 
     def _require_slide(
@@ -630,6 +716,7 @@ class Timeline:
         turned = float(norm_bound((R - R[0]).reshape(-1, 9)).max()) + 18.0 * error_R + bend
         moved = float(norm_bound(np.ptp(p[:, :2], axis=0))) + 4.0 * error_p + 2.0 * bend_m
         slide_m = moved + 2.0 * turned * reach_m
+        self._note("slide in contact", cubics.label, slide_m)
         require(slide_m <= SLIDE_M, f"{cubics.label}: it slides {1e3 * slide_m:.3f} mm in contact")
 
     def _require_hold(
@@ -646,6 +733,7 @@ class Timeline:
                 ),
                 default=np.inf,
             )
+            self._note("gap of closed pads", f"{label}, {finger} and {name}", away_m)
             require(away_m <= TOUCH_M, f"{label}: {finger} is {1e3 * away_m:.3f} mm from {name}")
 
     def _fall_m(self, label: str, name: str, T: Pose, at: Mapping[str, Pose]) -> float:
@@ -661,6 +749,7 @@ class Timeline:
                     break
                 fallen_m += max(away_m - 0.5 * TOUCH_M, 0.5 * TOUCH_M)
         require(len(falls) > 0, f"{label}: {name} would fall farther than {1e3 * DROP_M:g} mm")
+        self._note("drop at release", f"{label}, {name}", min(falls))
         return min(falls)
 
     def _joint_pose(self, q: Array) -> Pose:
