@@ -1,4 +1,4 @@
-"""Plan -> Certificate: every limit, pose and clearance, checked by code that did not plan.
+"""Plan -> Certificate: every limit, pose and clearance, proven by code that did not plan.
 
 `python -m planner.verification FILE` checks a saved plan; see `planner.verification.command_line`.
 """
@@ -7,6 +7,5 @@ import baxter_kin.kinematics.pinocchio_loading  # noqa: F401 - says what it lack
 from planner.verification.certificate import Certificate, Check, Relation
 from planner.verification.inspection import verify
 from planner.verification.prover import certificate_of
-from planner.verification.tolerances import Tolerances
 
-__all__ = ["Certificate", "Check", "Relation", "Tolerances", "certificate_of", "verify"]
+__all__ = ["Certificate", "Check", "Relation", "certificate_of", "verify"]

@@ -78,18 +78,21 @@ def witness_for(document: Mapping[str, Any], urdf: str, *, limits: Limits | None
     body, plan = body_of(urdf), document["plan"]
     timeline = _SoughtTimeline(document, Robot(urdf, plan["limb"]), body, limits)
 
-    def shown(attempts: Sequence[tuple[Sequence[float], float]]) -> Witness:
-        margins_m, share = attempts[0]
+    def shown(margins_m: Sequence[float], share: float) -> Witness | None:
         try:
             return witness_of(
                 timeline, body.digest, timeline.found, margins_m=margins_m, share=share
             )
         except NotShownError:
-            if len(attempts) == 1:
-                raise
-        return shown(attempts[1:])
+            return None
 
-    return shown(list(_attempts([step["proof"] for step in plan["steps"]])))
+    first, *others = _attempts([step["proof"] for step in plan["steps"]])
+    found = shown(*first)
+    if found is None:
+        margins_m, share = others[-1]  # where this cannot be shown, nothing can
+        least = witness_of(timeline, body.digest, timeline.found, margins_m=margins_m, share=share)
+        found = next(filter(None, (shown(*asked) for asked in others[:-1])), least)
+    return found
 
 
 @lru_cache(maxsize=2)
@@ -183,8 +186,9 @@ class _SoughtTimeline(Timeline):
         T = self._joint_pose(now.arm[0]).inverse() * now.at[name]
         root = self._mover(name, T, ARM_JOINTS).root
         ways = {f: self._way_m(f, root, opening_m) for f in self.robot.fingers}
-        if max(ways.values()) <= -PRESS_M:
-            raise NotCertifiedError(f"{label}: there is no room for {name} in the open hand")
+        for finger, way_m in ways.items():
+            if way_m <= -PRESS_M and self._is_over(finger, root, opening_m):
+                raise NotCertifiedError(f"{label}: {finger} is inside {name}")
         if sum(ways.values()) > 2.0 * opening_m:
             raise NotCertifiedError(f"{label}: the fingers do not meet {name}")
         towards_y, other = (ways[f] for f in sorted(ways, key=lambda f: self.robot.fingers[f]))
@@ -192,6 +196,12 @@ class _SoughtTimeline(Timeline):
         if abs(push_m) <= CLOSED_M:
             return end_m, end_m, 0.0
         return min(opening_m, opening_m - min(towards_y, other)), end_m, push_m
+
+    def _is_over(self, finger: str, root: int, opening_m: float) -> bool:
+        """Whether a finger touches a body even if it is drawn back a little."""
+        shift = np.array([0.0, self.robot.fingers[finger] * opening_m, -PRESS_M])
+        distances = DistanceBounds(self.clusters)
+        return distances.bound_m(self._fingers[finger], root, shift, CLOSED_M) <= CLOSED_M
 
     def _way_m(self, finger: str, root: int, opening_m: float) -> float:
         """How far a finger closes until it is at a body, by conservative advancement.
