@@ -38,6 +38,9 @@ SLIDE_M = 1e-3
 TOUCH_M = 1e-5
 """Shapes as near as this touch."""
 
+MAX_SKEW_M = 0.5 * PRESS_M
+"""How far fingers may slide off y of the last joint; where they do, they are widened by that."""
+
 DROP_M = 0.01
 """From how high a body may be let go."""
 
@@ -190,10 +193,15 @@ class Timeline:
         roots: dict[int | str, list[int]] = {}
         self._pads: dict[str, list[int]] = {finger: [] for finger in self.robot.fingers}
         filled: dict[int | str, list[int]] = {}
+        skew_m = self.robot.skew * self.robot.stroke_m
+        require(skew_m <= MAX_SKEW_M, "the fingers slide askew")
         for each in body.shapes:
             where = self.robot.attached(each.link, places)
             key = where.finger or where.level or self.robot.carrier(each.link)
-            root = self.clusters.add(each.shape, where.T * each.T_link_shape)
+            shape = each.shape
+            if where.finger is not None and skew_m > 0.0:
+                shape = replace(shape, ball_m=shape.ball_m + skew_m)
+            root = self.clusters.add(shape, where.T * each.T_link_shape)
             roots.setdefault(key, []).append(root)
             if where.finger is None and each.shape.size > 1:
                 solid = self.clusters.add(each.shape, where.T * each.T_link_shape, is_filled=True)
@@ -424,7 +432,8 @@ class Timeline:
                 yield _pair(finger, solid, least_m, end_s, counts=of not in near)
             yield from (_pair(finger, other, margin_m, end_s) for other in others)
         if now.held is not None:
-            yield from self._held_pairs(now.held, witness, solids, others, end_s)
+            body = self._mover(*now.held, ARM_JOINTS)
+            yield from self._held_pairs(body, witness, solids, others, end_s)
 
     def _link_pairs(self, mover: Mover, level: int, least_m: float, end_s: float) -> Iterator[Pair]:
         """Of a link that moves with others of the robot; fingers count as level 8."""
@@ -445,13 +454,13 @@ class Timeline:
 
     def _held_pairs(
         self,
-        held: tuple[str, Pose],
+        body: Mover,
         witness: StepWitness,
         solids: Mapping[str, Mover],
         others: Sequence[Mover],
         end_s: float,
     ) -> Iterator[Pair]:
-        body, margin_m = self._mover(*held, ARM_JOINTS), witness.margin_m
+        margin_m = witness.margin_m
         for rest in self._rest.values():
             yield _pair(body, rest, margin_m, end_s)
         for m, arm in self._arm.items():
@@ -490,7 +499,7 @@ class Timeline:
         require(is_way, f"{label}: the fingers do not close so")
         T_joint_base = self._joint_pose(now.arm[0]).inverse()
         T = T_joint_base * now.at[name]
-        pushed = Pose(T.R, T.p + np.array([0.0, push_m, 0.0]))
+        pushed = Pose(T.R, T.p + self.robot.along * push_m)
         for other in witness.contacts:
             self._require_near(label, name, now.at[name], other, now.at)
         self._require_hold(label, name, pushed, end_m, fingers=self._fingers)
@@ -543,12 +552,12 @@ class Timeline:
             pairs += [_pair(finger, s, witness.margin_m) for s in (*solids.values(), *others)]
         if between is not None:
             name, T, begin_m, end_m = between
-            body = self._mover(name, T, ARM_JOINTS, (begin_m, end_m))
+            skew_m = self.robot.skew * abs(end_m - begin_m)
+            body = self._mover(name, T, ARM_JOINTS, (begin_m, end_m), skew_m)
             pairs += self._between_pairs(body, fingers)
             if end_m != begin_m:
                 pushed = replace(witness, contacts=dict.fromkeys(witness.contacts, (0.0, 1.0)))
-                for pair in self._held_pairs((name, T), pushed, solids, others, 1.0):
-                    pairs.append(replace(pair, first=replace(pair.first, slide_m=(begin_m, end_m))))
+                pairs += self._held_pairs(body, pushed, solids, others, 1.0)
         self.steps.append(Step(label, pairs, None, now.arm[0]))
 
     def _witness(
@@ -773,10 +782,18 @@ class Timeline:
         return solids, [self._mover(name, T, 0) for name, T in self._others.items()]
 
     def _mover(
-        self, name: str, T: Pose, level: int, slide_m: tuple[float, float] = (0.0, 0.0)
+        self,
+        name: str,
+        T: Pose,
+        level: int,
+        slide_m: tuple[float, float] = (0.0, 0.0),
+        wider_m: float = 0.0,
     ) -> Mover:
         """A body of the scene at a pose seen from the frame that carries it."""
-        roots = [self.clusters.add(shape, T * placed) for shape, placed in self._things[name].parts]
+        roots = []
+        for shape, placed in self._things[name].parts:
+            own = replace(shape, ball_m=shape.ball_m + wider_m) if wider_m else shape
+            roots.append(self.clusters.add(own, T * placed))
         return Mover(name, self.clusters.joined(roots), level, slide_m)
 
 
