@@ -30,8 +30,8 @@ from planner.prover.witness import witness_of
 SHARES = (0.98, 0.9, 0.5, 0.0)
 """How much of the least distance that is met is certified; the next where that cannot be shown."""
 
-LIFTED_M = 1e-3
-"""A body that is lifted so far touches nothing any more: it may be pressed in by half of that."""
+LIFTED_M = 1.2 * PRESS_M
+"""A body that is lifted so far touches nothing any more, as deep as it may have pressed."""
 
 INSTANTS = 1001
 """How many are looked at to find when."""
