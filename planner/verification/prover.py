@@ -36,6 +36,9 @@ LIFTED_M = 1.2 * PRESS_M
 INSTANTS = 1001
 """How many are looked at to find when."""
 
+LESS_M = 1e-5
+"""How much less than a step states is asked for, as fingers close a little otherwise here."""
+
 CLOSED_M = 1e-6
 """How near a finger comes to a body that it closes on; the checker asks for ten times as much."""
 
@@ -106,7 +109,7 @@ def _attempts(proofs: Sequence[Mapping[str, Any] | None]) -> Iterator[tuple[list
 
     That which the plan states is asked for too, so that it is proven where it is true.
     """
-    stated = [max(0.0, proof["proven_m"]) if proof else 0.0 for proof in proofs]
+    stated = [max(0.0, proof["proven_m"] - LESS_M) if proof else 0.0 for proof in proofs]
     if rows_kernel() is None:
         yield [SHARES[0] * p["nearest"]["distance_m"] if p else 0.0 for p in proofs], 0.0
         yield stated, 0.0
