@@ -32,6 +32,9 @@ from planner.certificate.touching import DistanceBounds
 PRESS_M = 5e-4
 """How deep an intended contact may press, and how far a stated state may be from the derived."""
 
+HELD_M = 1e-3
+"""How far a pad may be at first from what its hand holds: grippers measure no better."""
+
 SLIDE_M = 1e-3
 """How far a held body may move sideways while it touches its support."""
 
@@ -323,7 +326,7 @@ class Timeline:
             fingers = [self._finger(f, now.opening_m, now.opening_m) for f in self._fingers]
             pairs += self._between_pairs(body, fingers)
             open_m = now.opening_m
-            self._require_hold("at first", name, T, open_m, fingers=self._fingers, within_m=PRESS_M)
+            self._require_hold("at first", name, T, open_m, fingers=self._fingers, within_m=HELD_M)
         if pairs:
             self.steps.append(Step("what stands still", pairs, None, now.arm[0]))
 
@@ -741,7 +744,7 @@ class Timeline:
         fingers: Iterable[str],
         within_m: float = TOUCH_M,
     ) -> None:
-        """A pad of each of some fingers touches a body; at first as nearly as fingers are known."""
+        """A pad of each of some fingers touches a body, or is that near."""
         body = self._mover(name, T_joint_body, ARM_JOINTS)
         for finger in fingers:
             shift = np.array([0.0, self.robot.fingers[finger] * opening_m, 0.0])
