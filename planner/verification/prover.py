@@ -79,7 +79,9 @@ def witness_for(document: Mapping[str, Any], urdf: str, *, limits: Limits | None
             checker.
     """
     body, plan = body_of(urdf), document["plan"]
-    timeline = _SoughtTimeline(document, Robot(urdf, plan["limb"]), body, limits)
+    robot = Robot(urdf, plan["limb"])
+    timeline = _SoughtTimeline(document, robot, body, limits)
+    less_m = LESS_M + 2.0 * robot.skew * robot.stroke_m  # by which the checker widens fingers
 
     def shown(margins_m: Sequence[float], share: float) -> Witness | None:
         try:
@@ -89,7 +91,7 @@ def witness_for(document: Mapping[str, Any], urdf: str, *, limits: Limits | None
         except NotShownError:
             return None
 
-    first, *others = _attempts([step["proof"] for step in plan["steps"]])
+    first, *others = _attempts([step["proof"] for step in plan["steps"]], less_m)
     found = shown(*first)
     if found is None:
         margins_m, share = others[-1]  # where this cannot be shown, nothing can
@@ -104,12 +106,14 @@ def body_of(urdf: str) -> Body:
     return Body(urdf)
 
 
-def _attempts(proofs: Sequence[Mapping[str, Any] | None]) -> Iterator[tuple[list[float], float]]:
+def _attempts(
+    proofs: Sequence[Mapping[str, Any] | None], less_m: float
+) -> Iterator[tuple[list[float], float]]:
     """What is asked of the rows, the most first: margins of all steps, m, and a share.
 
     That which the plan states is asked for too, so that it is proven where it is true.
     """
-    stated = [max(0.0, proof["proven_m"] - LESS_M) if proof else 0.0 for proof in proofs]
+    stated = [max(0.0, proof["proven_m"] - less_m) if proof else 0.0 for proof in proofs]
     if rows_kernel() is None:
         yield [SHARES[0] * p["nearest"]["distance_m"] if p else 0.0 for p in proofs], 0.0
         yield stated, 0.0

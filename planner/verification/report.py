@@ -78,7 +78,7 @@ def table_of(
     yield from _tips(moves, robot)
     yield from _fingers(plan, robot)
     yield from _certified(plan, certified)
-    yield from _stated(plan, certified)
+    yield from _stated(plan, certified, STATED_M + 2.0 * robot.skew * robot.stroke_m)
 
 
 def _limits(moves: Sequence[Move], judge: JointLimits) -> Iterator[Check]:
@@ -215,7 +215,7 @@ def _certified(plan: Plan, certified: Certified | None) -> Iterator[Check]:
         yield clear.at_least(0.0, name, "m")
 
 
-def _stated(plan: Plan, certified: Certified | None) -> Iterator[Check]:
+def _stated(plan: Plan, certified: Certified | None, within_m: float) -> Iterator[Check]:
     """What each step states as proven, against what is certified of it; and its bodies.
 
     A plan file cannot state that bodies come, go or change, so the checker reads nothing of it.
@@ -237,7 +237,7 @@ def _stated(plan: Plan, certified: Certified | None) -> Iterator[Check]:
     found = greatest(beyond, NO_PROOFS, -math.inf)
     if certified is None:
         found = Worst(math.nan, NOT_CERTIFIED)
-    yield found.at_most(STATED_M, "stated proofs beyond what is certified", "m")
+    yield found.at_most(within_m, "stated proofs beyond what is certified", "m")
     contradiction = greatest(order, NO_PROOFS, -math.inf)
     yield contradiction.at_most(STATED_M, "stated proofs that contradict themselves", "m")
 
