@@ -24,7 +24,6 @@ import baxter_kin.ik as inverse
 import planner
 import planner.collision
 import planner.grasping
-import planner.verification
 import sim
 import sim.perception
 import sim.recording
@@ -116,7 +115,7 @@ def everything(
         "recording": (recorder.recording(), recorder.recording().motion("left")),
         "snapshot": sim.Snapshot(0.0, world.q, {"block": FAR}, closed_grippers(), "waits"),
         "page": sim.Replay(recorder.recording(), robot),
-        "tasks": (TASK, sim.Transfer("block", FAR, FAR), planner.verification.Tolerances()),
+        "tasks": (TASK, sim.Transfer("block", FAR, FAR)),
         "moves": moves(arm),
         "response": (tracked := planner.Response((0.35, 0.45), 0.001, 0.3)),
         "tracking": planner.prove_tracking(

@@ -109,15 +109,21 @@ class Certified:
     Attributes:
         clearances_m: by step, in order: what everything keeps at every instant, m; inf where
             nothing counts. The first is of what stands still.
+        numbers: which step of the plan each of these belongs to, None for what stands still.
         rows: how many rows were checked.
         bare: links of the robot without a shape, which nothing keeps apart from.
+        worst: upper bounds on what else is bounded, by name, m and rad, each with where: "distance
+            from line", "turn from line", "held bodies off their hands", "gap of closed pads",
+            "slide in contact" and "drop at release"; only those that the plan has.
         assumed: what was taken from the caller of a motion, in phrases.
         not_judged: quantities of a motion whose limits were not judged.
     """
 
     clearances_m: tuple[tuple[str, float], ...]
+    numbers: tuple[int | None, ...]
     rows: int
     bare: tuple[str, ...]
+    worst: Mapping[str, tuple[float, str]]
     assumed: tuple[str, ...] = ()
     not_judged: tuple[str, ...] = ()
 
@@ -195,7 +201,8 @@ def check(
     require(advice.is_used_up, "the certificate goes on after the plan")
     rows = int((certificate.trace.letters <= BY_MIDDLES).sum())
     assumed, not_judged = tuple(timeline.assumed), tuple(timeline.not_judged)
-    return Certified(found, rows, body.bare, assumed, not_judged)
+    numbers = tuple(timeline.numbers)
+    return Certified(found, numbers, rows, body.bare, timeline.worst, assumed, not_judged)
 
 
 def _require_steps(is_motion: bool, steps: Sequence[Mapping[str, Any]]) -> None:

@@ -10,7 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.certificate.errors import NotCertifiedError, require
-from planner.certificate.intervals import Array, Interval, Pose, norm_bound, product, rotation
+from planner.certificate.intervals import (
+    Array,
+    Interval,
+    Pose,
+    above,
+    below,
+    norm_bound,
+    product,
+    rotation,
+)
 
 BASE = "base"
 """The link that poses are seen from."""
@@ -18,12 +27,18 @@ BASE = "base"
 ARM_JOINTS = 7
 FINGERS = 2
 
+UNIT_AXIS = 1e-12
+"""How far the length of a joint's axis may be from 1."""
+
 MAX_LINKS = 1000
 """A URDF with more links is not read."""
 
 
 class _Joint(NamedTuple):
-    """A joint by its child link; limits are 0 where the URDF has none."""
+    """A joint by its child link; limits are 0 where the URDF has none.
+
+    A joint that turns about another axis than z has a rotation that leads z to its axis.
+    """
 
     name: str
     kind: str
@@ -32,6 +47,7 @@ class _Joint(NamedTuple):
     lower: float
     upper: float
     velocity: float
+    aligned: Interval | None
 
 
 @dataclass(frozen=True)
@@ -52,6 +68,8 @@ class Attached:
 class Robot:
     """One arm of a robot, and the links around it.
 
+    The frame of a joint of the arm is that of its link, turned so that the joint turns about z.
+
     Attributes:
         limb: "left" or "right".
         names: the joints of the arm, from shoulder to wrist.
@@ -63,6 +81,8 @@ class Robot:
         fingers: the two links that slide, by name, each with the sign of its way along y.
         finger_joints: their joints.
         stroke_m: how far they open.
+        along: the direction in which fingers slide, seen from the last joint, shape (3,).
+        skew: by how much that is off y, where the joint is not square to its link.
     """
 
     def __init__(self, text: str, limb: str) -> None:
@@ -97,14 +117,18 @@ class Robot:
         before = [BASE, *self.chain]
         origins = self._origins
         self.spans = [
-            self._between(link, base, origins)
+            self._seen(base, self._between(link, base, origins), link)
             for link, base in zip(self.chain, before, strict=False)
         ]
         self.offsets: Array = np.array([norm_bound(span.p.magnitude) for span in self.spans])
-        self.tip = self._between(f"{limb}_gripper", wrist, origins)
+        self.tip = self._seen(wrist, self._between(f"{limb}_gripper", wrist, origins))
         self.fingers = {c: 1.0 if self._joints[c].upper > 0.0 else -1.0 for c in own}
         self.finger_joints = {c: self._joints[c].name for c in own}
         self.stroke_m = min(max(abs(self._joints[c].lower), self._joints[c].upper) for c in own)
+        last = self._joints[wrist].aligned
+        y = np.eye(3)[1]
+        self.along = Interval(y) if last is None else last[1]
+        self.skew = float(norm_bound((self.along - y).magnitude)) if last is not None else 0.0
 
     def __contains__(self, link: str) -> bool:
         return link == BASE or link in self._joints
@@ -128,7 +152,10 @@ class Robot:
         turns = rotation(2, Interval(np.where(is_turned, q, 0.0)))
         slides = np.where(is_turned, 0.0, q)[:, None] * np.eye(3)[1]
         for i, child in enumerate(moved):
-            found[child] = found[child] * Pose(turns[i], Interval(slides[i]))
+            aligned, turn = self._joints[child].aligned, turns[i]
+            if aligned is not None:
+                turn = product(product(aligned, turn), aligned.transposed())
+            found[child] = found[child] * Pose(turn, Interval(slides[i]))
         return found
 
     def attached(self, link: str, places: Mapping[str, Pose]) -> Attached:
@@ -141,7 +168,7 @@ class Robot:
         finger = next((c for c in self.fingers if c in path), None)
         level = max((i + 1 for i, c in enumerate(self.chain) if c in path), default=0)
         base = self.chain[level - 1] if level else BASE
-        return Attached(level, finger, self._between(link, base, places))
+        return Attached(level, finger, self._seen(base, self._between(link, base, places)))
 
     def carrier(self, link: str) -> str:
         """The link that moves with a link and hangs on a joint that can move; `BASE` if none."""
@@ -164,6 +191,17 @@ class Robot:
         for i, span in enumerate(self.spans):
             found = found * Pose(product(span.R, turns[:, i]), span.p)
         return found * self.tip
+
+    def _seen(self, base: str, T: Pose, link: str = BASE) -> Pose:
+        """The pose of a link seen from another, of their joints."""
+        nothing = Interval(np.zeros(3))
+        for name, is_base in ((base, True), (link, False)):
+            aligned = self._joints[name].aligned if name in self._joints else None
+            if aligned is not None and is_base:
+                T = Pose(aligned.transposed(), nothing) * T
+            elif aligned is not None:
+                T = T * Pose(aligned, nothing)
+        return T
 
     def _path(self, link: str) -> tuple[str, ...]:
         """A link and all that it hangs on."""
@@ -207,21 +245,41 @@ def _joints_of(text: str) -> dict[str, _Joint]:
             name, kind = element.attrib["name"], element.attrib["type"]
             kind = "revolute" if kind == "continuous" else kind
             axis = _numbers(element.find("axis"), "xyz")
-            asked = {"revolute": (0.0, 0.0, 1.0), "prismatic": (0.0, 1.0, 0.0), "fixed": axis}
-            require(kind in asked, f"{name} is of an unknown kind, {kind}")
-            require(tuple(axis) == tuple(asked[kind]), f"{name} has another axis")
+            require(
+                kind in ("revolute", "prismatic", "fixed"), f"{name} is of an unknown kind, {kind}"
+            )
+            is_along_y = kind != "prismatic" or axis == [0.0, 1.0, 0.0]
+            require(is_along_y, f"{name} has another axis")
+            aligned = _aligned(name, axis) if kind == "revolute" else None
             limit = element.find("limit")
-            limits = (
+            lower, upper, velocity = (
                 float(limit.attrib.get(key, 0.0)) if limit is not None else 0.0
                 for key in ("lower", "upper", "velocity")
             )
             child, parent = (_named(element, tag) for tag in ("child", "parent"))
             origin = Pose(turned[number], Interval(origins[number, 0]))
             require(child not in found, f"{child} hangs on two joints")
-            found[child] = _Joint(name, kind, parent, origin, *limits)
+            limits = lower, upper, velocity
+            found[child] = _Joint(name, kind, parent, origin, *limits, aligned)
     except (KeyError, ValueError) as cause:
         raise NotCertifiedError(f"the URDF is malformed: {cause!r}") from cause
     return found
+
+
+def _aligned(name: str, axis: list[float]) -> Interval | None:
+    """The least rotation from z to an axis near it, shape (3, 3); None for z itself."""
+    if axis == [0.0, 0.0, 1.0]:
+        return None
+    is_unit = abs(sum(x * x for x in axis) - 1.0) <= UNIT_AXIS and axis[2] > 0.5
+    require(is_unit, f"{name} has another axis")
+    box = Interval(np.array(axis) - UNIT_AXIS, np.array(axis) + UNIT_AXIS)
+    share = Interval(
+        below(below(1.0 / (1.0 + box.high[2]))), above(above(1.0 / (1.0 + box.low[2])))
+    )
+    x, y, z = box[0], box[1], box[2]
+    one, across = Interval(1.0), -(x * y * share)
+    rows = ((one - x * x * share, across, x), (across, one - y * y * share, y), (-x, -y, z))
+    return Interval.stacked([Interval.stacked(row, 0) for row in rows], 0)
 
 
 def _named(joint: ET.Element, tag: str) -> str:

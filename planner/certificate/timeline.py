@@ -10,7 +10,7 @@ planned or recorded. The contacts that are intended in it are its caller's assum
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -36,17 +36,26 @@ from planner.certificate.touching import DistanceBounds
 PRESS_M = 5e-4
 """How deep an intended contact may press, and how far a stated state may be from the derived."""
 
+HELD_M = 1e-3
+"""How far a pad may be at first from what its hand holds: grippers measure no better."""
+
 SLIDE_M = 1e-3
 """How far a held body may move sideways while it touches its support."""
 
 TOUCH_M = 1e-5
 """Shapes as near as this touch."""
 
+MAX_SKEW_M = 0.5 * PRESS_M
+"""How far fingers may slide off y of the last joint; where they do, they are widened by that."""
+
 DROP_M = 0.01
 """From how high a body may be let go."""
 
 TIP = 1e-6
 """How far a tip may be from its goal, m, and entries of its rotation matrix."""
+
+SAME_S = 1e-6
+"""How much longer than its step a contact may be stated."""
 
 STATE = 1e-8
 """How far joints, velocities and accelerations of successive steps may differ."""
@@ -86,12 +95,12 @@ class StepWitness:
     contacts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Limits:
-    """Greatest acceleration and jerk of every joint, rad/s^2 and rad/s^3."""
+    """Greatest acceleration and jerk, of every joint or of each, rad/s^2 and rad/s^3."""
 
-    a_max: float = A_MAX_RAD_S2
-    j_max: float = J_MAX_RAD_S3
+    a_max: float | Array = A_MAX_RAD_S2
+    j_max: float | Array = J_MAX_RAD_S3
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +122,7 @@ class _Now:
         at: poses of the bodies that stand, seen from base.
         held: the body in the hand, and its pose seen from the last joint.
         released: the body that was let go right before.
-        taken: whether the hand has closed right before.
+        taken: whether the hand has closed right before, or holds something at first.
         asked: whether the arm stands where a pose of the tip was asked for.
     """
 
@@ -134,6 +143,7 @@ class Timeline:
         clusters: all trees.
         steps: what rows must prove, in the order of the certificate.
         numbers: which step of the plan each belongs to, None for what stands still.
+        worst: upper bounds on what rules that are not about rows bound, by name, each with where.
         assumed: what is taken from the caller of a motion, in phrases.
         not_judged: limits that were not judged, in phrases.
     """
@@ -168,6 +178,7 @@ class Timeline:
         self._plan, self._witnesses = plan, witnesses
         self._distances = DistanceBounds(self.clusters)
         self._limits = limits or Limits()
+        self.worst: dict[str, tuple[float, str]] = {}
         require(plan["failure"] is None, "the plan says itself that it failed")
         self._plan_steps = plan["steps"]
         self._is_motion = any(step["type"] == MOTION for step in self._plan_steps)
@@ -198,10 +209,15 @@ class Timeline:
         roots: dict[int | str, list[int]] = {}
         self._pads: dict[str, list[int]] = {finger: [] for finger in self.robot.fingers}
         filled: dict[int | str, list[int]] = {}
+        skew_m = self.robot.skew * self.robot.stroke_m
+        require(skew_m <= MAX_SKEW_M, "the fingers slide askew")
         for each in body.shapes:
             where = self.robot.attached(each.link, places)
             key = where.finger or where.level or self.robot.carrier(each.link)
-            root = self.clusters.add(each.shape, where.T * each.T_link_shape)
+            shape = each.shape
+            if where.finger is not None and skew_m > 0.0:
+                shape = replace(shape, ball_m=shape.ball_m + skew_m)
+            root = self.clusters.add(shape, where.T * each.T_link_shape)
             roots.setdefault(key, []).append(root)
             if where.finger is None and each.shape.size > 1:
                 solid = self.clusters.add(each.shape, where.T * each.T_link_shape, is_filled=True)
@@ -269,19 +285,29 @@ class Timeline:
             require(name in at, f"the scene lacks {name}, which {link} holds")
             T_link_body = stated_pose(each["T_link_body"], name)
             where = robot.attached(link, places)
+            T = where.T * T_link_body
             if where.level:
                 is_of_hand = where.level == ARM_JOINTS and where.finger is None
                 require(is_of_hand, f"{name} hangs on {link}, which is no hand")
                 require(held is None, "the hand holds two bodies")
-                held = name, where.T * T_link_body
+                held = name, T
             else:
-                others[name] = where.T * T_link_body, link
-            at.pop(name)
+                others[name] = T, link
+            seen = self._joint_pose(q) * T if where.level else T
+            self._require_in_hand(name, at.pop(name), seen)
         still = np.zeros(ARM_JOINTS)
         self._others = {name: T for name, (T, _) in others.items()}
-        now = _Now(np.array([q, still, still]), opening, at, held)
+        now = _Now(np.array([q, still, still]), opening, at, held, taken=held is not None)
         self._stand_at_first(now, {name: link for name, (_, link) in others.items()})
         return now
+
+    def _require_in_hand(self, name: str, stated: Pose, T: Pose) -> None:
+        """What a hand holds stands in the scene where the hand has it."""
+        off_m = float(norm_bound((T.p - stated.p).magnitude))
+        turned = float(norm_bound((T.R - stated.R).magnitude.reshape(9)))
+        self._note("held bodies off their hands", name, max(off_m, turned))
+        is_there = off_m <= PRESS_M and turned <= PRESS_M
+        require(is_there, f"{name} stands {1e3 * off_m:.2f} mm off the hand that holds it")
 
     def _stand_at_first(self, now: _Now, others: Mapping[str, str]) -> None:
         """One instant of all that the arm does not move, and of what it holds.
@@ -325,7 +351,10 @@ class Timeline:
         if self._is_motion:
             self.assumed.append(f"the {self.robot.limb} hand holds {name} firmly")
             return
-        self._require_hold("at first", name, T_joint_body, opening_m, tuple(self._fingers))
+        fingers = self._fingers
+        self._require_hold(
+            "at first", name, T_joint_body, opening_m, fingers=fingers, within_m=HELD_M
+        )
 
     def _outside(
         self, link: int | str, name: str, T: Pose, level: int, seen: tuple[Array, Array]
@@ -365,11 +394,6 @@ class Timeline:
 
     def _followed(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
         kind = step["type"]
-        hand = self._hand_names
-        for contact in step["contacts"]:
-            is_known = contact["body"] in self._things
-            is_known &= contact["other"] in hand or contact["other"] in self._things
-            require(is_known, f"{step['label']}: a contact of what is not there")
         if kind == "Move":
             return self._moved(number, step, now)
         if kind == MOTION:
@@ -382,12 +406,15 @@ class Timeline:
         return self._opened(number, step, now)
 
     def _moved(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
-        label, witness = step["label"], self._witnesses[number]
+        label = step["label"]
         require(not step.get("claims"), f"{label}: a claim that is not known")
         limits = step["trajectory"]["limits"]
         own = tuple(limits["names"]) == self.robot.names
         require(own, f"{label}: it moves other joints than the {self.robot.limb} arm's")
-        motion = Polynomials.of_plan(step["trajectory"], label)
+        given = step["trajectory"]
+        # files write arrays without rows by their shape
+        given = {**given, "j": [] if isinstance(given["j"], dict) else given["j"]}
+        motion = Polynomials.of_plan(given, label)
         is_there = np.abs(motion.start - now.arm) <= STATE
         require(is_there, f"{label}: it does not begin where the arm is")
         a_max, j_max = (np.full(ARM_JOINTS, x) for x in (self._limits.a_max, self._limits.j_max))
@@ -399,7 +426,9 @@ class Timeline:
             wanted = following["body"] if following and following["action"] == "CLOSE" else None
             near = {name for name in (wanted, now.released) if name is not None}
         puts_down = following is not None and following["action"] == "OPEN"
+        witness = self._witness(number, now, motion, puts_down)
         self._require_windows(label, witness, motion, now, puts_down)
+        self._require_stated(step, witness, now, motion.duration_s, of_hand=near)
         if motion.duration_s > 0.0:
             pairs = list(self._move_pairs(witness, now, near, motion.duration_s))
             self.steps.append(Step(label, pairs, motion, motion.start[0]))
@@ -466,7 +495,8 @@ class Timeline:
                 yield _pair(finger, solid, least_m, end_s, counts=of not in near)
             yield from (_pair(finger, other, margin_m, end_s) for other in others)
         if now.held is not None:
-            yield from self._held_pairs(now.held, witness, solids, others, end_s)
+            body = self._mover(*now.held, ARM_JOINTS)
+            yield from self._held_pairs(body, witness, solids, others, end_s)
 
     def _link_pairs(self, mover: Mover, level: int, least_m: float, end_s: float) -> Iterator[Pair]:
         """Of a link that moves with others of the robot; fingers count as level 8."""
@@ -487,13 +517,13 @@ class Timeline:
 
     def _held_pairs(
         self,
-        held: tuple[str, Pose],
+        body: Mover,
         witness: StepWitness,
         solids: Mapping[str, Mover],
         others: Sequence[Mover],
         end_s: float,
     ) -> Iterator[Pair]:
-        body, margin_m = self._mover(*held, ARM_JOINTS), witness.margin_m
+        margin_m = witness.margin_m
         for rest in self._rest.values():
             yield _pair(body, rest, margin_m, end_s)
         for m, arm in self._arm.items():
@@ -513,9 +543,11 @@ class Timeline:
                 yield Pair(body, solid, 0.0, until_s, end_s, is_counted=False)
 
     def _closed(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
-        label, name, witness = step["label"], step["body"], self._witnesses[number]
+        label, name = step["label"], step["body"]
         require(now.held is None, f"{label}: the hand is full")
+        witness = self._witness(number, now)
         if name is None:
+            self._require_stated(step, witness, now, np.inf)
             self._travel(label, now, (now.opening_m, 0.0), None, witness)
             return replace(now, opening_m=0.0, released=None, taken=True)
         is_there = name in now.at and self._things[name].is_movable
@@ -523,26 +555,30 @@ class Timeline:
         require(now.asked, f"{label}: no pose of the tip was asked for")
         if witness.closing is None:
             raise NotCertifiedError(f"{label}: the certificate does not say how the fingers close")
+        self._require_stated(step, witness, now, np.inf, of_hand=(name,))
         touch_m, end_m, push_m = witness.closing
         is_way = 0.0 <= end_m <= touch_m <= now.opening_m + STATE
         is_way &= abs(push_m) <= 2.0 * now.opening_m
         require(is_way, f"{label}: the fingers do not close so")
         T_joint_base = self._joint_pose(now.arm[0]).inverse()
         T = T_joint_base * now.at[name]
-        pushed = Pose(T.R, T.p + np.array([0.0, push_m, 0.0]))
-        self._require_hold(label, name, pushed, end_m, tuple(self._fingers))
+        pushed = Pose(T.R, T.p + self.robot.along * push_m)
+        for other in witness.contacts:
+            self._require_near(label, name, now.at[name], other, now.at)
+        self._require_hold(label, name, pushed, end_m, fingers=self._fingers)
         if push_m:
             pushing = [f for f, sign in self.robot.fingers.items() if sign * push_m < 0.0]
-            self._require_hold(label, name, T, touch_m, tuple(pushing))
+            self._require_hold(label, name, T, touch_m, fingers=pushing)
         around = replace(now, at={n: P for n, P in now.at.items() if n != name})
         self._travel(label, around, (now.opening_m, touch_m), (name, T, 0.0, 0.0), witness)
         self._travel(label, around, (touch_m, end_m), (name, T, 0.0, push_m), witness)
         return replace(around, opening_m=end_m, held=(name, pushed), released=None, taken=True)
 
     def _opened(self, number: int, step: Mapping[str, Any], now: _Now) -> _Now:
-        label, robot, witness = step["label"], self.robot, self._witnesses[number]
+        label, robot, witness = step["label"], self.robot, self._witness(number, now)
         name = None if now.held is None else now.held[0]
         require(step["body"] == name, f"{label}: the hand holds {name or 'nothing'}")
+        self._require_stated(step, witness, now, np.inf, of_hand=() if name is None else (name,))
         asked = step["opening_m"]
         end_m = robot.stroke_m if asked is None else float(asked)
         is_way = 0.0 <= end_m <= robot.stroke_m + STATE and (name is None or end_m > now.opening_m)
@@ -579,15 +615,78 @@ class Timeline:
             pairs += [_pair(finger, s, witness.margin_m) for s in (*solids.values(), *others)]
         if between is not None:
             name, T, begin_m, end_m = between
-            body = self._mover(name, T, ARM_JOINTS, (begin_m, end_m))
+            skew_m = self.robot.skew * abs(end_m - begin_m)
+            body = self._mover(name, T, ARM_JOINTS, (begin_m, end_m), skew_m)
             pairs += self._between_pairs(body, fingers)
             if end_m != begin_m:
                 pushed = replace(witness, contacts=dict.fromkeys(witness.contacts, (0.0, 1.0)))
-                for pair in self._held_pairs((name, T), pushed, solids, others, 1.0):
-                    pairs.append(replace(pair, first=replace(pair.first, slide_m=(begin_m, end_m))))
+                pairs += self._held_pairs(body, pushed, solids, others, 1.0)
         self.steps.append(Step(label, pairs, None, now.arm[0]))
 
+    def _witness(
+        self,
+        number: int,
+        _now: _Now,
+        _motion: Polynomials | None = None,
+        _puts_down: bool = False,
+    ) -> StepWitness:
+        """What the certificate says of a step; the class that makes certificates finds it here.
+
+        It gets the number of the step, where everything is before it, and of a move its motion and
+        whether the hand opens right after it.
+        """
+        return self._witnesses[number]
+
     # Rules that are not about pairs
+
+    def _note(self, name: str, where: str, value: float) -> None:
+        if value > self.worst.get(name, (-np.inf, ""))[0]:
+            self.worst[name] = value, where
+
+    def _require_stated(
+        self,
+        step: Mapping[str, Any],
+        witness: StepWitness,
+        now: _Now,
+        end_s: float,
+        *,
+        of_hand: Collection[str] = (),
+    ) -> None:
+        """Refuse a stated contact that is not meant, goes deeper or lasts longer than it may.
+
+        Who executes a plan lets what is stated touch.
+        """
+        hand, pads = f"{self.robot.limb} hand", f"{self.robot.limb} pads"
+        carried = of_hand if now.held is None else (now.held[0],)
+        for contact in step["contacts"]:
+            body, other = contact["body"], contact["other"]
+            numbered = [(body, contact["part"]), (other, contact["other_part"])]
+            is_meant = body in of_hand and other in (hand, pads)
+            is_meant |= body in carried and other in witness.contacts
+            is_meant &= all(
+                i is None or 0 <= i < len(self._things[name].parts)
+                for name, i in numbered
+                if name in self._things
+            )
+            what = f"{step['label']}: a contact of {body} and {other}"
+            require(is_meant, f"{what} is not meant")
+            least_m = 0.0 if other == hand else -PRESS_M
+            require(contact["least_m"] >= least_m, f"{what} is stated to press too deep")
+            is_while = 0.0 <= contact["begin_s"] <= contact["end_s"] <= end_s + SAME_S
+            require(is_while, f"{what} is stated to be longer than the step")
+
+    def _require_near(
+        self, label: str, name: str, T: Pose, other: str, at: Mapping[str, Pose]
+    ) -> None:
+        """A body that is taken or put down touches only what it stands on."""
+        require(other in at, f"{label}: no contact of {other}")
+        is_near = self._distance_m(name, T, other, at[other], 2.0 * PRESS_M) <= 2.0 * PRESS_M
+        require(is_near, f"{label}: {name} does not stand on {other}")
+
+    def _distance_m(self, name: str, T: Pose, other: str, T_other: Pose, enough_m: float) -> float:
+        """An upper bound on the distance of two bodies; nothing nearer than enough is sought."""
+        roots = [self._mover(*each, 0).root for each in ((name, T), (other, T_other))]
+        return self._distances.bound_m(roots[0], roots[1], np.zeros(3), enough_m)
 
     def _require_rest(self, now: _Now, reason: str) -> None:
         require(np.abs(now.arm[1:]) <= STATE, reason)
@@ -633,6 +732,7 @@ class Timeline:
             share = np.array([(own @ axis) * turn for own, turn in turns]) / max(angle, 1e-9)
             share = share.clip(0.0, 1.0)
         off = norm_bound(p - p[0] - share[:, None] * way).max() + 8.0 * error_p + 1e-12 + bend_m
+        self._note("distance from line", label, float(off))
         require(off <= allowed_m, f"{label}: the tip is up to {1e3 * off:.4f} mm off its line")
         to_goal = R[0] @ turns_about(axis, Interval([angle])).centred()[0][0] - R[-1]
         require(np.abs(to_goal) <= STATE, f"{label}: the hand turns in a way that is not known")
@@ -643,6 +743,7 @@ class Timeline:
         error = 18.0 * error_R + 9.0 * error_Q + STATE + 1e-12
         frobenius = norm_bound((R - asked).reshape(-1, 9)).max() + error + bend
         turn = 0.7079 * frobenius
+        self._note("turn from line", label, float(turn))
         require(
             frobenius < 0.1 and turn <= allowed_rad,
             f"{label}: the hand is turned by up to {turn:.6f} rad from its line",
@@ -671,6 +772,9 @@ class Timeline:
             is_window = 0.0 <= begin_s < end_s <= motion.duration_s
             require((is_first or is_last) and is_window, f"{label}: a contact out of turn")
             if now.held is not None:
+                held, T_joint_body = now.held
+                T = self._joint_pose(motion.start[0] if is_first else motion.end[0]) * T_joint_body
+                self._require_near(label, held, T, name, now.at)
                 self._require_slide(motion, begin_s, end_s, now.held)
 
     def _require_slide(
@@ -687,23 +791,33 @@ class Timeline:
         turned = float(norm_bound((R - R[0]).reshape(-1, 9)).max()) + 18.0 * error_R + bend
         moved = float(norm_bound(np.ptp(p[:, :2], axis=0))) + 4.0 * error_p + 2.0 * bend_m
         slide_m = moved + 2.0 * turned * reach_m
+        self._note("slide in contact", motion.label, slide_m)
         require(slide_m <= SLIDE_M, f"{motion.label}: it slides {1e3 * slide_m:.3f} mm in contact")
 
     def _require_hold(
-        self, label: str, name: str, T_joint_body: Pose, opening_m: float, fingers: Sequence[str]
+        self,
+        label: str,
+        name: str,
+        T_joint_body: Pose,
+        opening_m: float,
+        *,
+        fingers: Iterable[str],
+        within_m: float = TOUCH_M,
     ) -> None:
-        """A pad of each of some fingers touches a body."""
+        """A pad of each of some fingers touches a body, or is that near."""
         body = self._mover(name, T_joint_body, ARM_JOINTS)
         for finger in fingers:
             shift = np.array([0.0, self.robot.fingers[finger] * opening_m, 0.0])
             away_m = min(
                 (
-                    self._distances.bound_m(pad, body.root, shift, TOUCH_M)
+                    self._distances.bound_m(pad, body.root, shift, within_m)
                     for pad in self._pads[finger]
                 ),
                 default=np.inf,
             )
-            require(away_m <= TOUCH_M, f"{label}: {finger} is {1e3 * away_m:.3f} mm from {name}")
+            if within_m == TOUCH_M:
+                self._note("gap of closed pads", f"{label}, {finger} and {name}", away_m)
+            require(away_m <= within_m, f"{label}: {finger} is {1e3 * away_m:.3f} mm from {name}")
 
     def _fall_m(self, label: str, name: str, T: Pose, at: Mapping[str, Pose]) -> float:
         """How far a body falls until it touches something, to `TOUCH_M`."""
@@ -718,6 +832,7 @@ class Timeline:
                     break
                 fallen_m += max(away_m - 0.5 * TOUCH_M, 0.5 * TOUCH_M)
         require(len(falls) > 0, f"{label}: {name} would fall farther than {1e3 * DROP_M:g} mm")
+        self._note("drop at release", f"{label}, {name}", min(falls))
         return min(falls)
 
     def _joint_pose(self, q: Array) -> Pose:
@@ -730,10 +845,18 @@ class Timeline:
         return solids, [self._mover(name, T, 0) for name, T in self._others.items()]
 
     def _mover(
-        self, name: str, T: Pose, level: int, slide_m: tuple[float, float] = (0.0, 0.0)
+        self,
+        name: str,
+        T: Pose,
+        level: int,
+        slide_m: tuple[float, float] = (0.0, 0.0),
+        wider_m: float = 0.0,
     ) -> Mover:
         """A body of the scene at a pose seen from the frame that carries it."""
-        roots = [self.clusters.add(shape, T * placed) for shape, placed in self._things[name].parts]
+        roots = []
+        for shape, placed in self._things[name].parts:
+            own = replace(shape, ball_m=shape.ball_m + wider_m) if wider_m else shape
+            roots.append(self.clusters.add(own, T * placed))
         return Mover(name, self.clusters.joined(roots), level, slide_m)
 
 
@@ -746,6 +869,11 @@ class _Stated:
         self._changes, self._timeline = changes, timeline
         self._joints = {name: float(value) for name, value in start["joints"].items()}
         self._poses = {name: data["T_base_body"] for name, data in start["scene"]["bodies"].items()}
+        robot = timeline.robot
+        own = {*robot.names, *robot.finger_joints.values()}
+        self._still = {name: at for name, at in self._joints.items() if name not in own}
+        self._first: Mapping[str, Pose] = {}
+        self._others = self._holds(start["attachments"])[1]
 
     def compare(self, number: int, now: _Now) -> None:
         """Refuse a stated state that differs from the derived one."""
@@ -762,20 +890,50 @@ class _Stated:
         for finger, sign in robot.fingers.items():
             off_m = abs(sign * self._joints[robot.finger_joints[finger]] - now.opening_m)
             require(off_m <= PRESS_M, f"{label}: the fingers are stated {1e3 * off_m:.2f} mm off")
+        for name, at in self._still.items():
+            require(self._joints[name] == at, f"{label}: {name} is stated to move")
+        own = len(robot.names) + len(robot.finger_joints)
+        require(len(self._joints) == len(self._still) + own, f"{label}: joints that are not there")
+        self._compare_bodies(label, now)
+        held, others = self._holds(change["attachments"])
+        expected = [] if now.held is None else [now.held[0]]
+        is_same = [name for name, _ in held] == expected and others == self._others
+        require(is_same, f"{label}: the hand is stated to hold something else")
+        for name, stated in held:
+            if now.held is not None:
+                T = robot.tip * stated_pose(stated, name)
+                self._require_there(label, name, now.held[1], T, loose=True)
+
+    def _compare_bodies(self, label: str, now: _Now) -> None:
         derived = {**now.at, **self._timeline._others}
+        self._first = self._first or dict(derived)
         if now.held is not None:
             T_base_joint = self._timeline._joint_pose(now.arm[0])
             derived[now.held[0]] = T_base_joint * now.held[1]
+        require(self._poses.keys() == derived.keys(), f"{label}: other bodies are stated")
         for name, T in derived.items():
+            is_moved = T is not self._first.get(name)
             stated = stated_pose(self._poses[name], name)
-            off_m = float(norm_bound((T.p - stated.p).magnitude))
-            turned = float(norm_bound((T.R - stated.R).magnitude.reshape(9)))
-            is_there = off_m <= 2.0 * PRESS_M and turned <= 0.03
-            require(is_there, f"{label}: {name} is stated {1e3 * off_m:.2f} mm off")
-        own = {f"{robot.limb}_gripper"}
-        holds = [each["body"] for each in change["attachments"] if each["link"] in own]
-        expected = [] if now.held is None else [now.held[0]]
-        require(holds == expected, f"{label}: the hand is stated to hold something else")
+            self._require_there(label, name, T, stated, loose=is_moved)
+
+    def _holds(
+        self, attachments: Sequence[Mapping[str, Any]]
+    ) -> tuple[list[tuple[str, Any]], list[tuple[str, str, Any]]]:
+        """What the hand that moves holds, and what others do."""
+        own = f"{self._timeline.robot.limb}_gripper"
+        found = [(each["body"], each["link"], each["T_link_body"]) for each in attachments]
+        held = [(body, T) for body, link, T in found if link == own]
+        return held, [each for each in found if each[1] != own]
+
+    def _require_there(
+        self, label: str, name: str, derived: Pose, stated: Pose, *, loose: bool
+    ) -> None:
+        """What a hand has moved may be stated a little beside, as its fingers are."""
+        off_m = float(norm_bound((derived.p - stated.p).magnitude))
+        turned = float(norm_bound((derived.R - stated.R).magnitude.reshape(9)))
+        within_m, within = (2.0 * PRESS_M, 0.03) if loose else (STATE, STATE)
+        is_there = off_m <= within_m and turned <= within
+        require(is_there, f"{label}: {name} is stated {1e3 * off_m:.2f} mm off")
 
 
 def _thing(name: str, data: Mapping[str, Any]) -> _Thing:

@@ -19,6 +19,9 @@ from planner.certificate.intervals import Array
 ROUNDING_M = 1e-12
 """Of a convex combination of points within some metres."""
 
+EXCESS_M = 1e-7
+"""By how much a bound may be above the least one, as many pairs may be equally near."""
+
 MAX_ITERATIONS = 40
 MAX_PAIRS = 2000
 """Pairs of nodes that are looked at; beyond, the bound is what was found by then."""
@@ -48,13 +51,13 @@ class DistanceBounds:
             NotCertifiedError: when more is looked at than for any plan of today.
         """
         clusters, best = self._clusters, np.inf
-        open_: list[tuple[float, int, int]] = [(0.0, first, second)]
+        open_: list[tuple[float, int, int, int]] = [(0.0, 0, first, second)]
         for _ in range(MAX_PAIRS):
-            if not open_ or best <= enough_m or open_[0][0] >= best:
+            if not open_ or best <= enough_m or open_[0][0] >= best - EXCESS_M:
                 break
             self.looks += 1
             require(self.looks <= MAX_LOOKS, "where things touch takes too long to find")
-            _, a, b = heapq.heappop(open_)
+            _, number, a, b = heapq.heappop(open_)
             x, y = clusters.points(a) + shift, clusters.points(b)
             wide = clusters.widths(a), clusters.widths(b)
             weights_x, weights_y = _nearest(x, y)
@@ -71,7 +74,7 @@ class DistanceBounds:
             side = 1 if are_leaves[0] or (not are_leaves[1] and np.ptp(y) > np.ptp(x)) else 0
             for kid in kids[side]:
                 pair = (kid, b) if side == 0 else (a, kid)
-                heapq.heappush(open_, (low, *pair))
+                heapq.heappush(open_, (low, number - 1, *pair))  # of equally near ones, the smaller
         return best
 
 
@@ -116,23 +119,27 @@ def _nearest(x: Array, y: Array) -> tuple[Array, Array]:
 def _least_norm(corners: Array) -> Array:
     """Weights of the point of a simplex that is nearest to the origin, of up to four corners.
 
-    The last corner was found as a support, so it is one of those that carry the point.
+    The last corner was found as a support, so it is one of those that carry the point. Weights on
+    the plane through some corners are in the ratio of cofactors, which follow from those of fewer
+    corners (Gilbert, Johnson and Keerthi 1988).
     """
-    gram, last = corners @ corners.T, len(corners) - 1
-    best = np.inf
+    gram, last = (corners @ corners.T).tolist(), len(corners) - 1
+    best = gram[last][last]
     weights: Array = np.eye(last + 1)[last]
-    for size in range(last + 1):
-        for others in combinations(range(last), size):
-            of = [*others, last]
-            # on the plane through corners c0, c1, ... the nearest point is perpendicular to ci - c0
-            G = gram[np.ix_(of, of)]
-            M = np.vstack([np.ones(size + 1), G[1:] - G[:1]])
-            try:
-                w = np.linalg.solve(M, np.eye(size + 1)[0])
-            except np.linalg.LinAlgError:  # corners on one line or plane: fewer carry the point
+    cofactors: dict[tuple[int, ...], list[float]] = {(i,): [1.0] for i in range(last + 1)}
+    for size in range(2, last + 2):
+        for of in combinations(range(last + 1), size):
+            found = []
+            for j in of:
+                fewer = tuple(i for i in of if i != j)
+                k = fewer[0]
+                terms = zip(fewer, cofactors[fewer], strict=True)
+                found.append(sum(c * (gram[i][k] - gram[i][j]) for i, c in terms))
+            cofactors[of], total = found, sum(found)
+            if of[-1] < last or min(found) < 0.0 or not total > 0.0:
                 continue
-            norm = float(w @ G @ w)
-            if (w >= 0.0).all() and norm < best:
+            norm = sum(c * gram[i][last] for i, c in zip(of, found, strict=True)) / total
+            if norm < best:
                 best, weights = norm, np.zeros(last + 1)
-                weights[of] = w
+                weights[list(of)] = np.array(found) / total
     return weights

@@ -1,4 +1,4 @@
-"""Plan -> Certificate: every limit, pose and clearance, checked by code that did not plan.
+"""Plan -> Certificate: every limit, pose and clearance, proven by code that did not plan.
 
 `python -m planner.verification FILE` checks a saved plan; see `planner.verification.command_line`.
 """
@@ -8,7 +8,6 @@ from planner.verification.certificate import Certificate, Check, Relation
 from planner.verification.inspection import verify
 from planner.verification.motion_certificate import MotionCertificate, PolynomialMotion, certify
 from planner.verification.prover import certificate_of
-from planner.verification.tolerances import Tolerances
 
 __all__ = [
     "Certificate",
@@ -16,7 +15,6 @@ __all__ = [
     "MotionCertificate",
     "PolynomialMotion",
     "Relation",
-    "Tolerances",
     "certificate_of",
     "certify",
     "verify",

@@ -1,4 +1,4 @@
-"""Certificate: what was checked about a plan, with every figure; as text and as data."""
+"""Certificate: what was proven of a plan, with every figure; as text and as data."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from planner.errors import TaskError
 from planner.plan import Plan
 from planner.state import State
 
-NOT_MEASURED = "not measured"
+NOT_KNOWN = "not known"
 """Stands for a value that is not a number."""
 
 _RELATIONS = {"<=": operator.le, ">=": operator.ge, ">": operator.gt}
@@ -38,7 +38,7 @@ class Check(OneLine):
     Attributes:
         name: what was checked, such as "velocity limit".
         value: the worst value; infinite when there is none, such as a support that is missing; not
-            a number when it was not measured.
+            a number where nothing was proven.
         relation: how it must stand to the bound.
         bound: the bound.
         unit: of value and bound; empty for a ratio or a count.
@@ -60,13 +60,13 @@ class Check(OneLine):
 
     @property
     def is_passed(self) -> bool:
-        """Whether the value keeps the bound; a value that was not measured keeps none."""
+        """Whether the value keeps the bound; a value that is not known keeps none."""
         kept: bool = _RELATIONS[self.relation.value](self.value, self.bound)
         return kept
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
-        value = NOT_MEASURED if math.isnan(self.value) else f"{self.value:.6g}{unit}"
+        value = NOT_KNOWN if math.isnan(self.value) else f"{self.value:.6g}{unit}"
         return (
             f"{self.name} {value}, must be {self.relation.value} {self.bound:.6g}"
             f"{unit} ({self.where})"
@@ -82,11 +82,6 @@ class Worst:
 
     value: float
     where: str
-
-    @property
-    def negated(self) -> Worst:
-        """The same with the other sign; zero has none."""
-        return Worst(0.0 - self.value, self.where)
 
     def at_most(self, bound: float, name: str, unit: str = "") -> Check:
         """The check that it does not exceed a bound."""
@@ -118,8 +113,8 @@ class Subject(Checked, error=TaskError):
     Attributes:
         plan: the plan that was checked.
         state: the world that it was checked in.
-        is_standard: whether it was checked with the toolkit's tolerances, and a plan that states a
-            response with that one.
+        is_standard: whether it was checked for the robot that the plan is for, and a plan that
+            states a response with that one.
     """
 
     plan: Plan
@@ -129,26 +124,33 @@ class Subject(Checked, error=TaskError):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Certificate(Checked, OneLine, error=TaskError):
-    """Everything that was checked about a plan.
+    """What was proven of a plan, or why nothing was.
 
     Attributes:
         limb: the arm that moves.
         motion_time_s: duration of its moves.
-        samples: configurations at which distances were computed.
-        checks: in the order they were made.
+        checks: the table of worst values.
+        reason: why the checker does not certify it, as a sentence; empty when it does.
+        rows: how many inequalities were checked for it, each of which holds in an interval of time.
+        clearances_m: what each step keeps at every instant, m, by its label and in order; inf where
+            nothing can come near. The first is of what stands still.
+        bare: links of the robot without a shape, which nothing keeps apart from.
         steps: of the plan.
         limits: the acceleration and jerk that it was judged by.
-        geometry: what the clearances were measured on.
+        geometry: what shapes the robot has.
         subject: what it was made of; None where somebody else than `verify` made it.
     """
 
     limb: str
     motion_time_s: float
-    samples: int
     checks: tuple[Check, ...]
+    reason: str = ""
+    rows: int = 0
+    clearances_m: tuple[tuple[str, float], ...] = ()
+    bare: tuple[str, ...] = ()
     steps: int = 1
     limits: str = "no limits"
-    geometry: str = "no geometry"
+    geometry: str = "Rethink's meshes"
     subject: Subject | None = field(default=None, repr=False, compare=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -157,8 +159,8 @@ class Certificate(Checked, OneLine, error=TaskError):
 
     @property
     def is_valid(self) -> bool:
-        """Whether every check is passed."""
-        return not self.failures
+        """Whether the checker certifies it and every check is passed."""
+        return not (self.reason or self.failures)
 
     @property
     def failures(self) -> tuple[Check, ...]:
@@ -170,8 +172,8 @@ class Certificate(Checked, OneLine, error=TaskError):
 
         The plan must be the same object; a copy, or one read from a file again, is another one.
         Of the world, all bodies, joints and what the hands hold must be the same to the last bit,
-        but not the joints of the arm that moves. With tolerances of somebody's own, or with
-        another response than the plan states, it is of none.
+        but not the joints of the arm that moves. For another robot, or with another response than
+        the plan states, it is of none.
 
         Args:
             plan: what is about to be executed.
@@ -206,19 +208,21 @@ class Certificate(Checked, OneLine, error=TaskError):
 
     @property
     def verdict(self) -> str:
-        """The verdict as one sentence; names the checks that are not passed."""
+        """The verdict as one sentence; gives the checker's reason, or the checks that fail."""
         motion = f"{self.motion_time_s:.3f} s of motion" if self.steps else "a plan without steps"
         what = f"{self.limb} arm, {motion}"
         if self.is_valid:
             return f"valid: {what}, all {len(self.checks)} checks passed; {self.basis}"
+        if self.reason:
+            return f"not valid: {what}: {self.reason}; {self.basis}"
         failed = "; ".join(str(check) for check in self.failures)
         count = f"{len(self.failures)} of {len(self.checks)} checks fail"
         return f"not valid: {what}, {count}: {failed}; {self.basis}"
 
     @property
     def basis(self) -> str:
-        """The limits and the geometry that the verdict rests on, as a phrase."""
-        return f"judged by {self.limits}, measured on {self.geometry}"
+        """The limits and the shapes that the verdict rests on, as a phrase."""
+        return f"judged by {self.limits}, on {self.geometry}"
 
     def table(self) -> str:
         """The checks as a text table, one line each."""
@@ -246,7 +250,13 @@ class Certificate(Checked, OneLine, error=TaskError):
             "is_valid": self.is_valid,
             "limb": self.limb,
             "motion_time_s": self.motion_time_s,
-            "samples": self.samples,
+            "reason": self.reason,
+            "rows": self.rows,
+            "clearances_m": [
+                [label, clear if math.isfinite(clear) else None]
+                for label, clear in self.clearances_m
+            ],
+            "bare": list(self.bare),
             "steps": self.steps,
             "limits": self.limits,
             "geometry": self.geometry,
@@ -255,8 +265,12 @@ class Certificate(Checked, OneLine, error=TaskError):
 
     def _facts(self) -> tuple[str, ...]:
         checks = count(len(self.checks), "check")
-        state = f"{len(self.failures)} of {checks} failed"
-        state = f"valid, {checks}" if self.is_valid else f"not valid, {state}"
+        if self.reason:
+            state = f"not valid: {sentence(self.reason)}"
+        elif self.failures:
+            state = f"not valid, {len(self.failures)} of {checks} failed"
+        else:
+            state = f"valid, {checks}"
         return self.limb, count(self.steps, "step"), seconds(self.motion_time_s), state
 
 
@@ -272,6 +286,6 @@ def _world(state: State, limb: str) -> Any:
 
 def _row(check: Check) -> tuple[str, ...]:
     verdict = "ok" if check.is_passed else "FAILS"
-    value = NOT_MEASURED if math.isnan(check.value) else f"{check.value:.6g}"
+    value = NOT_KNOWN if math.isnan(check.value) else f"{check.value:.6g}"
     numbers = (value, check.relation.value, f"{check.bound:.6g}")
     return (verdict, check.name, *numbers, check.unit, check.where)

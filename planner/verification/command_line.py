@@ -22,13 +22,13 @@ from baxter_kin.command_line import (
 )
 from baxter_kin.description import RobotDescription
 from baxter_kin.limits import PRESETS
+from planner.certificate.robot import Robot
 from planner.motion.response import Response
 from planner.plan import Plan
 from planner.plan_file import load_plan
 from planner.response_file import load_response
 from planner.verification.inspection import robot_difference, verify
-from planner.verification.motion.judged_limits import robot_limits
-from planner.verification.urdf_robot import UrdfRobot
+from planner.verification.report import robot_limits
 
 EXIT_VALID, EXIT_NOT_VALID, EXIT_USAGE = 0, 1, 2
 
@@ -161,7 +161,7 @@ def _response(plan: Plan, options: argparse.Namespace) -> Response | None:
 
 def _limits(plan: Plan, robot: RobotDescription, options: argparse.Namespace) -> JointLimits | None:
     if options.limits is not None:
-        return robot_limits(UrdfRobot(robot, plan.limb)).preset(options.limits)
+        return robot_limits(Robot(robot.text, plan.limb)).preset(options.limits)
     if options.acceleration is None and options.jerk is None:
         return None
-    return robot_limits(UrdfRobot(robot, plan.limb), options.acceleration, options.jerk)
+    return robot_limits(Robot(robot.text, plan.limb), options.acceleration, options.jerk)

@@ -1,59 +1,36 @@
 """The certificate of a plan, made by code that did not make the plan.
 
-Every check goes another way than planning did: the whole robot from its URDF instead of the reduced
-arm, Rethink's meshes instead of the body made to contain them, extrema by bisection instead of a
-formula, dense samples of the way, its own list of pairs, its own story of what is held when and
-what may touch what, closing fingers by its own steps; and for an arm that follows late a tube of
-its own, and rows over boxes of joint angles in it.
-
-Shared with the planner are
-- Pinocchio's kinematics, which a test compares with frames multiplied by hand,
-- coal's distances, which a test compares with an independent distance on random pairs,
-- what a scene's shapes are (`planner.scene`, and coal's shapes made of them),
-- the values `Plan`, `State` and `Trajectory`, of which only knots, states and jerks are used;
-  limits and proofs that they state are compared, never believed; and the bounds of a `Response`.
+The verdict is that of `planner.certificate`, a small checker that shares no code with the planner,
+nor distances with anybody: rows are sought for the plan, and the checker accepts them or says why
+not. The search for rows, and the table of worst values, need not be trusted.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import cache
 from os import PathLike
+from typing import Any
+
+import numpy as np
 
 from baxter_kin import JointLimits
 from baxter_kin.description import RobotDescription
 from baxter_kin.errors import expect, expect_all, quoted, shortened
+from planner.certificate.checking import Certified, check
 from planner.certificate.errors import NotCertifiedError
+from planner.certificate.robot import Robot
+from planner.certificate.timeline import Limits, Timeline
 from planner.errors import TaskError
 from planner.motion.response import Response
 from planner.plan import Plan
-from planner.plan_file import check_size
+from planner.plan_file import check_size, plan_document
 from planner.state import State
-from planner.verification.body.robot_body import MissingMeshesError, SolidBody, robot_body
-from planner.verification.body.stretches import Stretches
-from planner.verification.certificate import Certificate, Check, Subject, Worst
-from planner.verification.checks import (
-    clearance_checks,
-    finger_checks,
-    proof_checks,
-    start_checks,
-)
-from planner.verification.clearance import survey, survey_rest
-from planner.verification.fingers import Fingers
-from planner.verification.motion.judged_limits import described, judged_by
-from planner.verification.motion.motion_checks import motion_checks
-from planner.verification.motion.tip_checks import tip_checks
-from planner.verification.prover import timeline_of
-from planner.verification.statements import statement_checks
-from planner.verification.story import Story
-from planner.verification.tolerances import Tolerances
-from planner.verification.tracking.tracking_checks import CLEARANCE, lag_checks
-from planner.verification.urdf_robot import UrdfRobot
-
-NOTHING_MEASURED = "no shapes, as the meshes are missing"
-"""What the clearances of a certificate were measured on then."""
+from planner.verification.certificate import Certificate, Subject
+from planner.verification.prover import SoughtTimeline, body_of
+from planner.verification.report import described, robot_limits, table_of
+from planner.verification.tracking.tracking_checks import lag_checks
 
 
 def verify(
@@ -61,7 +38,6 @@ def verify(
     state: State | None = None,
     *,
     straight: Collection[str] = (),
-    tolerances: Tolerances | None = None,
     description: RobotDescription | None = None,
     limits: JointLimits | None = None,
     response: Response | None = None,
@@ -71,14 +47,14 @@ def verify(
 
     Args:
         plan: what to check.
-        state: the world before its first step; the plan's own when not given.
-        straight: labels of more moves that shall be straight; those that say so are tested anyhow.
-        tolerances: what is allowed; the toolkit's promises when not given, and off its lines what
-            the plan states.
+        state: the world before its first step; the plan's own when not given. Then what the plan
+            states of its own states, contacts and distances is not compared, as it is of another
+            world.
+        straight: labels of more moves that shall be straight; those that say so are checked anyhow.
         description: which robot it is judged for, such as `robot.description`; the stock robot
             when not given.
-        limits: what the arm may do; when not given, the URDF's positions and velocities and the
-            toolkit's stated acceleration and jerk (`baxter_kin.limits`).
+        limits: what the arm may do, in positions and velocities at most what the URDF says; when
+            not given, that and the toolkit's stated acceleration and jerk (`baxter_kin.limits`).
         response: how a real arm follows its set-points, for checks of wherever its joints may be
             then; the plan's own when not given, and no such checks where it has none.
         on_another_robot: whether to judge a plan on the robot that is given although it is for
@@ -87,26 +63,23 @@ def verify(
             plan (`is_of`).
 
     Returns:
-        Every check with its worst value, its bound and where that was found.
+        What was proven of every step, and a table of worst values; or the reason why nothing was.
 
     Raises:
         TaskError: when an argument is of another class, the plan is for another robot, the state's
             joints are not the robot's, limits are those of other joints, or plan or scene are too
             large (`planner.plan_file.MOST`).
-        DescriptionError: when the URDF cannot be read; where only its meshes cannot, no distance is
-            measured, so the certificate is not valid, and says which package brings them.
     """
-    files = _installed() if description is None else description
-    expect(files, RobotDescription, "description", TaskError)
+    known = _installed() if description is None else description
+    expect(known, RobotDescription, "description", TaskError)
     if isinstance(plan, (str, PathLike)):
         raise TaskError(f"plan must be of class Plan, got {quoted(plan)}; load_plan reads a file")
-    difference = robot_difference(expect(plan, Plan, "plan", TaskError), files)
-    if difference and not (on_another_robot and _has_its_joints(plan, files)):
+    difference = robot_difference(expect(plan, Plan, "plan", TaskError), known)
+    if difference and not (on_another_robot and _has_its_joints(plan, known)):
         there = "" if on_another_robot else ", or judge it there by on_another_robot=True"
         raise TaskError(f"{difference}; give the description of the robot that it is for{there}")
-    known = plan.start if state is None else state
-    expect(known, State, "state", TaskError)
-    check_size(plan, known, TaskError)
+    world = expect(plan.start if state is None else state, State, "state", TaskError)
+    check_size(plan, world, TaskError)
     labels = expect_all(straight, str, "the labels of straight moves", TaskError)
     for label in labels:
         if label not in {move.label for move in plan.moves}:
@@ -114,12 +87,28 @@ def verify(
             raise TaskError(
                 f"no move {quoted(label)} to be straight; the plan has: {shortened(present)}"
             )
-    allowed = Tolerances.of(plan) if tolerances is None else tolerances
-    expect(allowed, Tolerances, "tolerances", TaskError)
     follows = plan.response if response is None else response
     if follows is not None:
         expect(follows, Response, "response", TaskError)
-    return _Inspection(plan, known, files, allowed, limits).certificate(labels, follows)
+    robot = Robot(known.text, plan.limb)
+    for name in known.identity.ranges:
+        world.q([name])  # raises where it is missing
+    judge = _judge(limits, robot)
+    placed = _in_world(plan, world)
+    certified, timeline, reason = _judged(placed, robot, judge, known.text, labels)
+    lagging = () if follows is None else lag_checks(placed, timeline, follows)
+    return Certificate(
+        limb=plan.limb,
+        motion_time_s=float(plan.motion_time_s),
+        checks=(*table_of(placed, robot, judge, certified), *lagging),
+        reason=reason,
+        rows=0 if certified is None else certified.rows,
+        clearances_m=() if certified is None else certified.clearances_m,
+        bare=() if certified is None else certified.bare,
+        steps=len(plan.steps),
+        limits=described(judge),
+        subject=Subject(plan, world, plan.response in (None, follows) and not difference),
+    )
 
 
 def robot_difference(plan: Plan, description: RobotDescription) -> str:
@@ -140,95 +129,54 @@ def _installed() -> RobotDescription:
     return RobotDescription.installed()
 
 
-class _Inspection:
-    """A plan in its state, and the robot that it is judged for."""
-
-    def __init__(
-        self,
-        plan: Plan,
-        state: State,
-        files: RobotDescription,
-        allowed: Tolerances,
-        limits: JointLimits | None,
-    ) -> None:
-        self._plan, self._state, self._allowed = plan, state, allowed
-        self._files = files
-        self._robot = UrdfRobot(files, plan.limb)
-        self._judge = judged_by(limits, self._robot)
-        self._standing = self._robot.standing(state.joints)
-
-    def certificate(self, straight: Collection[str], response: Response | None) -> Certificate:
-        """All checks; without the robot's meshes, those that need no shapes."""
-        plan, robot, allowed = self._plan, self._robot, self._allowed
-        checks = (
-            self._completeness(),
-            *motion_checks(plan, robot, self._judge, allowed),
-            *tip_checks(plan, robot, self._standing, straight, allowed),
+def _judge(limits: JointLimits | None, robot: Robot) -> JointLimits:
+    """The caller's limits, checked to be this arm's; the robot's own when there are none."""
+    if limits is None:
+        return robot_limits(robot)
+    expect(limits, JointLimits, "limits", TaskError)
+    if limits.names != robot.names:
+        raise TaskError(
+            f"the limits are those of {', '.join(limits.names)}; the {robot.limb} arm has: "
+            f"{', '.join(robot.names)}"
         )
-        try:
-            body = robot_body(self._files)
-        except MissingMeshesError as cause:
-            missing = Worst(math.nan, f"not measured: {cause}").above(
-                allowed.clearance_m, "clearance", "m"
-            )
-            return self._certified((*checks, missing), 0, response, NOTHING_MEASURED)
-        found, of_shapes = self._of_shapes(body, straight, response)
-        return self._certified((*checks, *of_shapes), found, response, body.source)
+    return limits
 
-    def _of_shapes(
-        self, body: SolidBody, straight: Collection[str], response: Response | None
-    ) -> tuple[int, tuple[Check, ...]]:
-        """How many configurations were measured, and the checks that need the robot's shapes."""
-        robot, allowed, plan, state = self._robot, self._allowed, self._plan, self._state
-        fingers = Fingers(robot, body.solids)
-        story = Story(plan, state, robot, fingers)
-        stretches = Stretches(robot, body.solids, self._standing, story.elsewhere, straight)
-        stages = (survey(stage, stretches, robot, allowed) for stage in story.stages)
-        found = [stage for stage in stages if stage is not None]
-        rest = survey_rest(story.scene, stretches, robot, allowed)
-        checks = (
-            *start_checks(robot, self._standing, story, allowed),
-            *finger_checks(story, fingers, allowed),
-            *clearance_checks(found, rest, allowed),
-            *proof_checks(step for stage in found for step in stage.steps),
-            *(statement_checks(plan, story, robot, allowed) if state is plan.start else ()),
-            *(() if response is None else self._tracking(response)),
-        )
-        return sum(stage.samples for stage in found), checks
 
-    def _certified(
-        self, checks: tuple[Check, ...], samples: int, response: Response | None, measured_on: str
-    ) -> Certificate:
-        plan = self._plan
-        return Certificate(
-            plan.limb,
-            float(sum(move.trajectory.knots_s[-1] for move in plan.moves)),
-            samples,
-            checks,
-            steps=len(plan.steps),
-            limits=described(self._judge),
-            geometry=measured_on,
-            subject=Subject(
-                plan,
-                self._state,
-                self._allowed == Tolerances.of(plan)
-                and plan.response in (None, response)
-                and not robot_difference(plan, self._files),
-            ),
-        )
+def _in_world(plan: Plan, world: State) -> Plan:
+    """A plan that starts in a world, but with its arm where the plan has it."""
+    if world is plan.start:
+        return plan
+    arm = {name: at for name, at in plan.start.joints.items() if name.startswith(f"{plan.limb}_")}
+    start = State(world.scene, {**world.joints, **arm}, world.attachments)
+    steps = tuple(replace(step, state=None, contacts=(), proof=None) for step in plan)
+    return replace(plan, start=start, steps=steps)
 
-    def _tracking(self, response: Response) -> Iterator[Check]:
-        plan = self._plan
-        if self._state is not plan.start:
-            steps = tuple(replace(step, state=None) for step in plan.steps)
-            plan = replace(plan, start=self._state, steps=steps)
-        try:
-            yield from lag_checks(plan, timeline_of(plan, self._files)[0], response)
-        except NotCertifiedError as cause:
-            missing = Worst(math.nan, f"not measured: {cause}")
-            yield missing.above(self._allowed.clearance_m, CLEARANCE, "m")
 
-    def _completeness(self) -> Check:
-        failure = self._plan.failure
-        where = f"{len(self._plan.steps)} steps" if failure is None else str(failure)
-        return Worst(float(failure is not None), where).at_most(0.0, "failed steps")
+def _judged(
+    plan: Plan, robot: Robot, judge: JointLimits, urdf: str, straight: Collection[str]
+) -> tuple[Certified | None, Timeline | None, str]:
+    """What the checker finds, the plan as it was followed, and why it is refused."""
+    if plan.failure is not None:
+        return None, None, f"the plan says itself that it failed: {plan.failure}"
+    document: dict[str, Any] = plan_document(plan)
+    for step in document["plan"]["steps"]:
+        if step["type"] == "Move":
+            step["is_straight"] |= step["label"] in straight
+            stated = step["trajectory"]["limits"]
+            if tuple(stated["names"]) == robot.names:
+                stated |= _stricter(stated, judge)
+    limits, timeline = Limits(judge.a_max, judge.j_max), None
+    try:
+        timeline = SoughtTimeline(document, urdf, limits)
+        witness, body = timeline.witness(), body_of(urdf)
+        found = check(document, urdf, body=body, limits=limits, certificate=witness)
+    except NotCertifiedError as cause:
+        return None, timeline, str(cause)
+    return found, timeline, ""
+
+
+def _stricter(stated: Mapping[str, Any], judge: JointLimits) -> Mapping[str, Any]:
+    """Positions and velocities that a plan and its judge both allow."""
+    least = {name: np.minimum(stated[name], getattr(judge, name)) for name in ("q_max", "v_max")}
+    found = {**least, "q_min": np.maximum(stated["q_min"], judge.q_min)}
+    return {name: bounds.tolist() for name, bounds in found.items()}

@@ -364,10 +364,6 @@ class _Lasting:
         return p.verify(self.Plan)
 
     @cached_property
-    def Tolerances(self) -> p.verification.Tolerances:
-        return p.verification.Tolerances()
-
-    @cached_property
     def Recording(self) -> s.Recording:
         recorder = s.Recorder(self.Baxter)
         world = s.World(self.Baxter)

@@ -206,7 +206,7 @@ def test_a_file_of_version_3_is_read_and_can_be_completed(manipulator: Manipulat
     assert set(plan.start.scene.bodies) == {"table", "block"}
     found = verify(complete(plan, manipulator=manipulator))
     assert found.is_valid, found.verdict
-    assert found["stated states that differ"].is_passed
+    assert found["steps that state other bodies"].is_passed
 
 
 def test_a_mesh_comes_back_bit_by_bit(plan: Plan, file: Path) -> None:

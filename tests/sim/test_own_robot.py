@@ -241,17 +241,14 @@ def stock_plan(robot: Baxter, scene: Scene) -> Plan:
 
 
 @pytest.mark.parametrize(
-    ("measured", "off_mm", "failed"),
-    [
-        ("one", 13.0, "stated proofs beyond what is measured"),
-        ("another", 9.0, "room in the open hand"),
-    ],
+    ("measured", "off_mm", "reason"),
+    [("one", 13.0, "block is stated"), ("another", 9.0, "is inside block")],
 )
 def test_a_plan_for_the_drawing_is_judged_on_a_real_robot_and_by_how_much_it_is_off_is_said(
     stock_plan: Plan,
     measured: str,
     off_mm: float,
-    failed: str,
+    reason: str,
     *,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -263,7 +260,8 @@ def test_a_plan_for_the_drawing_is_judged_on_a_real_robot_and_by_how_much_it_is_
     said = capsys.readouterr()
     assert "joint left_torso_arm_mount lies" in said.err
     assert f"where the tip is up to {off_mm:.1f} mm and" in said.err
-    assert f"FAILS  {failed}" in said.out
+    assert reason in said.err
+    assert "FAILS  tip position" in said.out
 
 
 def test_a_certificate_of_another_robot_is_of_no_plan(stock_plan: Plan, robot: Baxter) -> None:
@@ -283,7 +281,7 @@ def test_plans_for_real_robots_are_as_clear_and_as_fast_as_for_the_drawing(
     certificate = verify(own.plan, description=own.robot.description)
     assert certificate.is_valid, certificate.verdict
     clearance_mm = 1e3 * certificate["clearance"].value
-    assert clearance_mm == pytest.approx(22.2, abs=0.1)
+    assert clearance_mm == pytest.approx(21.8, abs=0.1)
     motion_s, stock_s = (
         sum(m.trajectory.duration for m in p.moves) for p in (own.plan, stock_plan)
     )

@@ -9,12 +9,12 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin.validation import FloatArray
+from planner.atlas.checking.pose_finder import PoseFinder
 from planner.atlas.checking.survey import CellTask, are_at_boundary
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import RAD_PER_MARGIN, RAD_PER_STEP, UNREACHABLE
 from planner.atlas.workers import opened_for_work
 from planner.errors import AtlasError
-from planner.verification.pose_finder import PoseFinder
 
 NEAR_LIMITS_RAD = 0.02
 """Witnesses with a smaller margin are near the limits."""

@@ -27,6 +27,7 @@ from baxter_kin.ik import solutions
 from baxter_kin.parallel import Engine, LocalPool
 from baxter_kin.validation import FloatArray, whole_scalar
 from baxter_kin.value_objects import OneLine
+from planner.atlas.checking.pose_finder import PoseFinder
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.redundancy.freedom import Freedom
 from planner.atlas.redundancy.null_space_walk import WALK_RAD, NullSpaceWalker, Walk
@@ -36,7 +37,6 @@ from planner.collision.checker import ClearanceChecker
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.errors import AtlasError
 from planner.scene.bodies import Scene
-from planner.verification.pose_finder import PoseFinder
 
 CELLS, FINDERS = 200, 6
 """How many cells are checked, and how many solvers look for configurations of each."""

@@ -64,14 +64,17 @@ PATH_S, TIP_S = 2e-3, 5e-3
 """Of plan time: between two points of a path, and how long a box is where the tip is checked."""
 
 
-def lag_checks(plan: Plan, timeline: Timeline, response: Response) -> Iterator[Check]:
+def lag_checks(plan: Plan, timeline: Timeline | None, response: Response) -> Iterator[Check]:
     """Clearance, and where the tip may be.
 
     Args:
         plan: the plan.
-        timeline: of the same plan.
+        timeline: of the same plan; None where it cannot be followed, and nothing is measured.
         response: how the arm follows its set-points, and how these are sent.
     """
+    if timeline is None:
+        yield Worst(np.nan, "the plan cannot be followed").above(0.0, CLEARANCE, "m")
+        return
     found = list(_tracked(plan, timeline, response))
     clearance = least((move.clearance for move in found), NO_MOVES)
     yield clearance.above(0.0, CLEARANCE, "m")

@@ -205,10 +205,10 @@ def other_state(document: Data) -> None:
     document["states"][3]["joints"]["left_s0"] = 0.5
 
 
-def touching(body: str, other: str) -> Change:
+def touching(body: str, other: str, **entries: Any) -> Change:
     def change(document: Data) -> None:
         contacts = step_of(document, "pick: retract")["contacts"]
-        contacts[0] |= {"body": body, "other": other}
+        contacts[0] |= {"body": body, "other": other, **entries}
 
     return change
 
@@ -226,13 +226,17 @@ def in_the_other_hand(link: str, at_m: tuple[float, float, float]) -> Change:
         start = document["plan"]["start"]
         q = robot.configuration(start["joints"])
         T_link, T_hand = (frame_pose(robot, q, name) for name in (link, "right_gripper"))
-        T = T_hand.inverse() * T_link * pin.SE3(np.eye(3), np.array(at_m))
+        seen = T_link * pin.SE3(np.eye(3), np.array(at_m))
+        T = T_hand.inverse() * seen
         still = {"rotation": np.eye(3).tolist(), "translation": [0.0, 0.0, 0.0]}
         start["scene"]["bodies"]["marble"] = {
             "name": "marble",
             "parts": [{"shape": {"type": "Sphere", "radius_m": 0.001}, "T_body_part": still}],
             "is_movable": True,
-            "T_base_body": still,
+            "T_base_body": {
+                "rotation": seen.rotation.tolist(),
+                "translation": seen.translation.tolist(),
+            },
         }
         place = {"rotation": T.rotation.tolist(), "translation": T.translation.tolist()}
         start["attachments"] = [{"body": "marble", "link": "right_gripper", "T_link_body": place}]
@@ -258,7 +262,7 @@ def frame_pose(robot: Baxter, q: Any, name: str) -> pin.SE3:
         (turned(0, 0.0014), "tip ends elsewhere"),
         (turned(6, 2e-6), "tip ends elsewhere"),
         (without("pick: close"), "other steps"),
-        (stating("pick: close", body="table"), "no movable body"),
+        (stating("pick: close", body="table"), "contact of block and left hand is not meant"),
         (stating("place: open", opening_m=0.03), "do not open so"),
         (stating("place: open", opening_m=0.001), "do not open so"),
         (stating("place: open", body="table"), "holds block"),
@@ -269,12 +273,16 @@ def frame_pose(robot: Baxter, q: Any, name: str) -> pin.SE3:
         (placed("table", (0.0, 0.0, 0.05)), "mm"),
         (with_box((0.72, 0.075, -0.05), (0.02, 0.02, 0.25)), "not shown|too soon|cut"),
         (hanging_on("left_upper_elbow"), "no hand"),
-        (hanging_on("left_gripper"), "mm from block"),
+        (hanging_on("left_gripper"), "mm off the hand"),
         (hanging_on("no link"), "no link"),
         (not_a_number, "not finite"),
         (mirrored, "reflection"),
-        (touching("x", "table"), "what is not there"),
-        (touching("block", "right hand"), "what is not there"),
+        (touching("x", "table"), "not meant"),
+        (touching("block", "right hand"), "not meant"),
+        (touching("block", "left hand"), "not meant"),
+        (touching("block", "table", part=7), "not meant"),
+        (touching("block", "table", least_m=-6e-4), "too deep"),
+        (touching("block", "table", end_s=9.0), "longer than the step"),
         (claiming, "claim"),
         (failing, "failed"),
         (other_state, "stated elsewhere"),
@@ -294,7 +302,7 @@ def test_a_plan_that_was_changed_is_refused(
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (placed("table", (0.0, 0.0, -0.015)), "fall farther"),
+        (placed("table", (0.0, 0.0, -0.015)), "does not stand on table"),
         (placed("table", (0.0, 0.0, 0.001)), "table"),
         (placed("block", (0.0, 0.0, -0.001)), "table"),
         (with_box((0.72, 0.075, 0.0), (0.3, 1e-5, 0.3)), "box"),

@@ -11,6 +11,7 @@ from baxter_kin import Baxter
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Interval
 from planner.certificate.robot import Robot
+from tests.served_urdf import served_urdf
 
 SAME_M = 1e-14
 
@@ -20,9 +21,17 @@ def text(robot: Baxter) -> str:
     return robot.description.text
 
 
+@pytest.fixture(scope="module", params=["as drawn", "calibrated"])
+def anyone(request: pytest.FixtureRequest, robot: Baxter) -> Baxter:
+    """A robot whose joints turn about z, and one whose axes are up to 10 mrad off."""
+    if request.param == "as drawn":
+        return robot
+    return Baxter.load(served_urdf(np.random.default_rng(1)))
+
+
 @pytest.mark.parametrize("limb", ["left", "right"])
-def test_tips_and_limits_are_those_of_pinocchio(robot: Baxter, text: str, limb: str) -> None:
-    arm, own = robot.arm(limb), Robot(text, limb)
+def test_tips_and_limits_are_those_of_pinocchio(anyone: Baxter, limb: str) -> None:
+    arm, own = anyone.arm(limb), Robot(anyone.description.text, limb)
     assert own.names == arm.joint_names
     np.testing.assert_array_equal(own.q_min, arm.limits.q_min)
     np.testing.assert_array_equal(own.q_max, arm.limits.q_max)
@@ -30,15 +39,15 @@ def test_tips_and_limits_are_those_of_pinocchio(robot: Baxter, text: str, limb: 
     q = np.random.default_rng(0).uniform(arm.limits.q_min, arm.limits.q_max, (50, 7))
     T = own.tips(Interval(q))
     (R, error_R), (p, error_p) = T.R.centred(), T.p.centred()
-    assert max(error_R, error_p) < 1e-12
+    assert max(error_R, error_p) < 1e-10
     for i, each in enumerate(q):
         expected = arm.T_base_tip(each)
         np.testing.assert_allclose(p[i], expected.translation, atol=SAME_M)
         np.testing.assert_allclose(R[i], expected.rotation, atol=SAME_M)
 
 
-def test_links_hang_where_pinocchio_has_them(robot: Baxter, text: str) -> None:
-    own = Robot(text, "left")
+def test_links_hang_where_pinocchio_has_them(anyone: Baxter) -> None:
+    own, robot = Robot(anyone.description.text, "left"), anyone
     joints = dict(zip(robot.joint_names, robot.configuration(), strict=True))
     places = own.places(joints)
     where = own.attached("left_gripper", places)

@@ -172,7 +172,7 @@ class TestObstacles:
     def test_a_wall_that_the_forearm_goes_into_was_believed_to_be_passed(
         self, robot: Baxter, manipulator: Manipulator, scene: Scene
     ) -> None:
-        """30 cm high; of shapes smaller than the meshes, `verify` says that they are too small."""
+        """30 cm high; shapes smaller than the meshes miss it, and `verify` does not."""
         wall = box("wall", (0.3, 0.02, 0.3), 0.72, 0.075, -0.005)
         body = RobotBody.load()
         lacking = {name: link for name, link in body.links.items() if "forearm" not in name}
@@ -181,8 +181,7 @@ class TestObstacles:
         assert believed.is_valid
         found = verify(believed)
         assert not found.is_valid
-        assert found["clearance"].value < -0.001
-        assert "left_lower_forearm with wall" in found["clearance"].where
+        assert "wall" in found.reason
         refused = planned(TASK, manipulator, scene.with_body(wall))
         assert "left_lower_forearm with wall, at best" in str(refused.failure)
 

@@ -14,9 +14,10 @@ from planner import Plan
 from planner.certificate.boxes import Tube, box_gaps_m, box_rows
 from planner.certificate.rows import Pair, Step
 from planner.certificate.timeline import Timeline
+from planner.plan_file import plan_document
 from planner.prover import numpy_boxes
 from planner.prover.kernel import BoxesFound, Chain, Kernel, Outcome, Trees, rows_kernel
-from planner.verification.prover import timeline_of
+from planner.verification.prover import SoughtTimeline
 
 SHARE = 0.98
 CELLS = 200
@@ -31,7 +32,7 @@ def own_kernel() -> Kernel:
 
 @pytest.fixture(scope="module")
 def timeline(tracked_plan: Plan) -> Timeline:
-    return timeline_of(tracked_plan, RobotDescription.installed())[0]
+    return SoughtTimeline(plan_document(tracked_plan), RobotDescription.installed().text)
 
 
 @pytest.fixture(scope="module", params=[0, -1], ids=["free hand", "a body held"])

@@ -68,7 +68,7 @@ def test_a_certificate_for_another_arm_than_the_plan_is_sent_to_is_of_no_plan(
 
 
 def test_a_certificate_that_somebody_wrote_is_of_no_plan(cube_plan: Plan) -> None:
-    assert not Certificate("left", 1.0, 1, ()).is_of(cube_plan)
+    assert not Certificate("left", 1.0, ()).is_of(cube_plan)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_a_check_is_passed_when_its_value_keeps_the_bound(
 
 def test_a_certificate_names_what_fails() -> None:
     checks = (check(0.5, Relation.AT_MOST, 1.0), check(math.inf, Relation.AT_MOST, 1.0))
-    certificate = Certificate("left", 2.0, 10, checks)
+    certificate = Certificate("left", 2.0, checks)
     assert not certificate.is_valid
     assert certificate.failures == checks[1:]
     assert "1 of 2 checks fail: velocity limit inf rad/s" in certificate.verdict
@@ -100,7 +100,7 @@ def test_a_certificate_names_what_fails() -> None:
 
 
 def test_a_value_without_a_number_is_null_in_json() -> None:
-    certificate = Certificate("left", 2.0, 10, (check(math.inf, Relation.AT_MOST, 1.0),))
+    certificate = Certificate("left", 2.0, (check(math.inf, Relation.AT_MOST, 1.0),))
     data = json.loads(json.dumps(certificate.as_dict(), allow_nan=False))
     assert data["checks"][0]["value"] is None
     assert data["checks"][0]["relation"] == "<="
@@ -108,7 +108,7 @@ def test_a_value_without_a_number_is_null_in_json() -> None:
 
 def test_there_is_no_check_of_another_name() -> None:
     with pytest.raises(UnknownNameError):
-        _ = Certificate("left", 2.0, 10, ())["velocity limit"]
+        _ = Certificate("left", 2.0, ())["velocity limit"]
 
 
 def test_a_certificate_from_another_process_is_of_no_plan(
@@ -128,6 +128,10 @@ def test_the_worst_is_the_greatest_or_the_least_and_of_none_says_why() -> None:
     assert least([], "none") == Worst(math.inf, "none")
 
 
-def test_a_worst_of_zero_has_no_negative_zero() -> None:
-    assert math.copysign(1.0, Worst(0.0, "a").negated.value) == 1.0
-    assert Worst(2.0, "a").negated == Worst(-2.0, "a")
+def test_the_checkers_reason_is_the_verdict() -> None:
+    checks = (check(0.5, Relation.AT_MOST, 1.0), check(math.nan, Relation.AT_LEAST, 0.0))
+    found = Certificate("left", 2.0, checks, reason="pick: it jumps at a knot")
+    assert not found.is_valid
+    assert found.verdict.startswith("not valid: left arm, 2.000 s of motion: pick: it jumps at a ")
+    assert found.as_dict()["reason"] == "pick: it jumps at a knot"
+    assert "not known" in found.table()

@@ -63,7 +63,7 @@ def test_a_block_goes_where_it_is_told(carried: tuple[Workbench, TaskResult]) ->
 def test_what_came_of_it_is_one_line(carried: tuple[Workbench, TaskResult]) -> None:
     text = str(carried[1])
     assert text.startswith("carry red: done by the left arm in ")
-    assert text.endswith(" mm off its place (verified, 43 checks)")
+    assert re.search(r" mm off its place \(verified, \d+ checks\)$", text)
     assert "\n" not in text
 
 

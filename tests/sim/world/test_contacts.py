@@ -31,7 +31,6 @@ from planner import (
 )
 from planner.collision import ClearanceChecker
 from planner.scene.contact import PRESSING_TOLERANCE_M
-from planner.verification.tolerances import Tolerances
 from sim import Event, EventKind, Observer, Outcome, Simulation, SimulationError, World
 from sim.world import Contact
 from sim.world.contacts import CHECK_S, ContactWatch, falls_as_planned, is_as_planned
@@ -127,8 +126,8 @@ class TestOutcome:
     def test_a_certificate_that_is_not_valid_is_warned_of(
         self, bench: Bench, caplog: pytest.LogCaptureFixture
     ) -> None:
-        strict = replace(Tolerances(), clearance_m=0.5)
-        certificate = verify(bench.plan, tolerances=strict)
+        strict = replace(bench.plan.moves[0].trajectory.limits, j_max=np.full(7, 1.0))
+        certificate = verify(bench.plan, limits=strict)
         assert not certificate.is_valid
         bench.simulation.execute(bench.plan, certificate=certificate)
         assert "its certificate is not valid" in caplog.text

@@ -14,10 +14,10 @@ import pytest
 from baxter_kin import Baxter
 from baxter_kin.command_line import OneSentenceParser
 from planner.atlas import ReachMap
+from planner.atlas.checking.pose_finder import PoseFinder
 from planner.atlas.commands import query
 from planner.atlas.commands.exit_status import UsageError
 from planner.errors import AtlasError
-from planner.verification.pose_finder import PoseFinder
 
 NEAR = "0.7 0.2 0.03 0 1 0 0"
 FAR = "0.7 0.9 0.9 0 1 0 0"

@@ -9,7 +9,7 @@ import pytest
 from baxter_kin import Baxter
 from planner import Manipulator, load_object, make_block
 from planner.atlas import TableTask, TableTransfer
-from planner.verification.pose_finder import PoseFinder
+from planner.atlas.checking.pose_finder import PoseFinder
 
 
 def on_the_table(x_m: float, y_m: float) -> pin.SE3:

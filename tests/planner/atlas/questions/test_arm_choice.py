@@ -9,7 +9,7 @@ import pytest
 from baxter_kin import Baxter, pose_from_quaternion
 from baxter_kin.errors import PoseError
 from planner.atlas import ArmChoice, ReachMap, which_arm
-from planner.verification.pose_finder import PoseFinder
+from planner.atlas.checking.pose_finder import PoseFinder
 
 DOWN = (0.0, 1.0, 0.0, 0.0)
 MIRROR = np.diag([1.0, -1.0, 1.0])

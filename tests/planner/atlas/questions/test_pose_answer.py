@@ -7,8 +7,8 @@ import pytest
 
 from baxter_kin import Baxter, IKService, pose_from_quaternion
 from baxter_kin.ik.solution_set import sample_solutions
+from planner.atlas.checking.pose_finder import PoseFinder
 from planner.atlas.questions.pose_answer import answer_pose, margin_of
-from planner.verification.pose_finder import PoseFinder
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

@@ -19,7 +19,7 @@ from planner.atlas import (
     build_reach_map,
     for_calibrated,
 )
-from planner.verification.pose_finder import PoseFinder
+from planner.atlas.checking.pose_finder import PoseFinder
 from tests.served_urdf import served_urdf
 
 GRID = PositionGrid.within((0.6, 0.1, 0.1), (0.8, 0.7, 0.1), 0.1)

@@ -12,8 +12,8 @@ import pytest
 from baxter_kin import Baxter, IKService, pose_from_quaternion
 from baxter_kin.errors import UnknownNameError
 from planner.atlas import Keep, NearestPose, ReachMap, nearest_reachable
+from planner.atlas.checking.pose_finder import PoseFinder
 from planner.errors import AtlasError
-from planner.verification.pose_finder import PoseFinder
 
 POSES, SAMPLES = 3, 20_000
 

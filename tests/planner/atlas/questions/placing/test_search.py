@@ -20,8 +20,8 @@ from planner.atlas import (
     Visit,
     where,
 )
+from planner.atlas.checking.pose_finder import PoseFinder
 from planner.errors import AtlasError, TaskError
-from planner.verification.pose_finder import PoseFinder
 
 GRID = PlacementGrid.within((0.5, 1.7), (-0.6, 0.6), step_m=0.3, yaw_rad=(0.0, math.pi / 2))
 

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
-from planner.verification.pose_finder import PoseFinder
+from planner.atlas.checking.pose_finder import PoseFinder
 
 LEAST_POWER = 0.99
 

@@ -16,7 +16,6 @@ import pinocchio as pin
 from baxter_kin import Baxter
 from baxter_kin.errors import DescriptionError
 from baxter_kin.validation import FloatArray
-from planner.verification.urdf_robot import read_model
 
 TOLERANCE = 1e-6
 """How near a configuration must come to a pose to reach it, m and rad."""
@@ -50,7 +49,7 @@ class PoseFinder:
         Raises:
             DescriptionError: when there is no such arm.
         """
-        self._model, tip = read_model(robot.description), f"{side}_gripper"
+        self._model, tip = pin.buildModelFromXML(robot.description.text), f"{side}_gripper"
         if not self._model.existFrame(tip):
             raise DescriptionError(f"the URDF is not Baxter's: it lacks the link {tip}")
         self._frame = self._model.getFrameId(tip)
