@@ -21,13 +21,13 @@ from planner import (
     tool_of,
     verify,
 )
-from planner.verification.body.collada import read_collada
 from sim import Recorder, Simulation, SimulationError, World
 from sim.errors import RecordingError
 from sim.view.appearance import Appearance
 from sim.view.replay import replay_html
 from tests.baxter_kin.description.test_hands import MOUNTS
 from tests.conftest import at
+from tests.meshes.collada import read_collada
 
 FINGERS = StockFiles.installed().urdf.parents[1] / "meshes" / "electric_gripper" / "fingers"
 THINNED_M = 3e-3

@@ -12,7 +12,7 @@ from planner.certificate.body import MESH_BALL_M, STOCK_FILE, Body
 from planner.certificate.clusters import LEAF, Shape
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Array
-from planner.verification.body.collada import read_collada
+from tests.meshes.collada import read_collada
 
 OUTSIDE_M = MESH_BALL_M
 """So far outside of its leaf's points a corner may be, as the leaf is widened by it."""

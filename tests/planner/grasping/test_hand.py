@@ -17,13 +17,14 @@ from baxter_kin import Baxter
 from baxter_kin.errors import ConfigurationError, PoseError, UnknownNameError
 from baxter_kin.validation import FloatArray
 from planner import Body, Box, Cylinder, Hand, Manipulator, Part, RobotShapes
+from planner.certificate.body import Body as Clusters
+from planner.certificate.body import LinkShape
 from planner.collision.robot.robot_body import RobotBody
 from planner.errors import SceneError
 from planner.grasping import Grasp
 from planner.grasping.grasp import extent
 from planner.scene.bodies import Shape, Sphere
 from planner.scene.mesh import Mesh, cuboid
-from planner.verification.body.robot_body import robot_body
 from tests.bodies import grasp_of
 from tests.conftest import at, overhead
 from tests.planner.conftest import hands_of, hull
@@ -87,6 +88,13 @@ def grasped(hand: Hand, body: Body, finger_m: float | None = None) -> Grasp:
     return grasp
 
 
+def placed_points(each: LinkShape) -> FloatArray:
+    """The outermost points of a link's mesh in the frame of the link, homogeneous, shape (4, n)."""
+    R, p = each.T_link_shape.R.centred()[0], each.T_link_shape.p.centred()[0]
+    points = each.shape.points_of(0) @ R.T + p
+    return np.column_stack([points, np.ones(len(points))]).T
+
+
 @pytest.mark.parametrize(
     ("side", "closed_mm", "open_mm"), [("left", 15.298, 56.964), ("right", 11.028, 52.694)]
 )
@@ -96,13 +104,13 @@ def test_the_gap_between_the_pads_is_that_of_the_meshes(
     data = drawn.model.createData()
     pin.framesForwardKinematics(drawn.model, data, drawn.configuration())
     T_tip_base = data.oMf[drawn.model.getFrameId(drawn.arm(side).tip_frame)].inverse()
-    pads = {s.name: s for s in robot_body(drawn.description).solids if s.name[0] == side[0]}
+    pads = {each.link: each for each in Clusters(drawn.description.text).shapes}
     left, right = (
-        [
-            (T_tip_base * data.oMi[pad.joint] * pad.T_joint_shape).act(vertex)[1]
-            for vertex in pad.shape.vertices()
-        ]
-        for pad in (pads[f"{side[0]}_gripper_{finger}_finger_tip"] for finger in "lr")
+        (
+            (T_tip_base * data.oMf[drawn.model.getFrameId(name, pin.FrameType.BODY)]).homogeneous
+            @ placed_points(pads[name])
+        )[1]
+        for name in (f"{side[0]}_gripper_{finger}_finger_tip" for finger in "lr")
     )
     gap, hand = min(left) - max(right), real_hands[side]
     assert hand.closed_gap_m == pytest.approx(gap, abs=GAP_TOLERANCE_M)

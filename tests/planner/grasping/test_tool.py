@@ -26,10 +26,10 @@ from planner import (
     tool_of,
     verify,
 )
+from planner.certificate.body import Body as Clusters
 from planner.collision import ClearanceChecker
 from planner.errors import SceneError
 from planner.scene.mesh import Mesh
-from planner.verification.body.robot_body import robot_body
 from tests.conftest import at, overhead
 
 RADIUS_M = 0.012
@@ -143,7 +143,7 @@ def test_the_other_arm_keeps_clear_of_it_and_verification_counts_it() -> None:
     assert plan.is_valid, plan.failure
     certificate = verify(plan, description=robot.description)
     assert certificate.is_valid, certificate.verdict
-    assert "left_tool_0_link" in {s.name for s in robot_body(robot.description).solids}
+    assert "left_tool_0_link" in {s.link for s in Clusters(robot.description.text).shapes}
     tip = down(0.70, -0.10, 0.0)
     stands = IKService(robot.arm("left")).solve(tip)
     assert stands.is_valid

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from baxter_kin import pose_from_quaternion
-from baxter_kin.description import RobotDescription
 from planner import (
     Attachment,
     Body,
@@ -31,7 +30,6 @@ from planner import (
     plan_pick_and_place,
     verify,
 )
-from planner.verification.urdf_robot import UrdfRobot
 from tests.conftest import at
 from tests.planner.conftest import without_statements
 
@@ -167,11 +165,6 @@ def holding(cube_plan: Plan, manipulator: Manipulator) -> State:
     hold = Attachment("stick", "right_gripper", pin.SE3.Identity())
     stick = Body("stick", (Part(Box((0.006, 0.006, 0.03)), at(0, 0, 0)),), tip, is_movable=True)
     return State(cube_plan.start.scene.with_body(stick), joints, (hold,))
-
-
-@pytest.fixture(scope="session")
-def urdf() -> UrdfRobot:
-    return UrdfRobot(RobotDescription.installed(), "left")
 
 
 def configurations() -> st.SearchStrategy[Any]:

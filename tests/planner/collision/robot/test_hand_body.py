@@ -17,14 +17,14 @@ from baxter_kin.description.hands import FINGER_MESHES, TIP_MESHES
 from baxter_kin.description.urdf import ShapeKind, UrdfShape
 from baxter_kin.validation import FloatArray, Indices
 from planner import Hand, RobotBody, RobotShapes, Scene, make_block
+from planner.certificate.body import Body
 from planner.collision import ClearanceChecker
 from planner.collision.robot.hand_body import around, fitted
 from planner.errors import SceneError
 from planner.scene.contact import surface
-from planner.verification.body.collada import read_collada
-from planner.verification.body.robot_body import robot_body
 from tests.baxter_kin.description.test_hands import MOUNTS
 from tests.conftest import at
+from tests.meshes.collada import read_collada
 
 GAP_TOLERANCE_M = 5e-6
 """The meshes are stored in single precision."""
@@ -173,18 +173,20 @@ def test_a_body_without_the_mesh_is_refused_in_a_sentence() -> None:
 
 
 @pytest.mark.parametrize("mount", MOUNTS[::5], ids=str)
-def test_verification_reads_the_same_hand_from_the_files(mount: ElectricGripper) -> None:
+def test_the_checker_reads_the_same_hand_from_the_urdf(mount: ElectricGripper) -> None:
     robot = with_both(mount)
-    solids = {solid.name: solid for solid in robot_body(robot.description).solids}
+    shapes = {each.link: each for each in Body(robot.description.text).shapes}
     placed = [vertices for _, vertices, _ in finger_meshes(mount, 0.0)]
     names = [f"l_gripper_{finger}_finger{tip}" for finger in "lr" for tip in ("", "_tip")]
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
     T_base_hand = data.oMf[robot.model.getFrameId("left_hand_link", pin.FrameType.BODY)]
     for name, wanted in zip(names, placed, strict=True):
-        solid = solids[name]
-        T = T_base_hand.actInv(data.oMi[solid.joint] * solid.T_joint_shape)
-        found = solid.shape.vertices() @ T.rotation.T + T.translation
+        each = shapes[name]
+        T_link_shape = pin.SE3(each.T_link_shape.R.centred()[0], each.T_link_shape.p.centred()[0])
+        T_base_link = data.oMf[robot.model.getFrameId(name, pin.FrameType.BODY)]
+        T = T_base_hand.actInv(T_base_link) * T_link_shape
+        found = each.shape.points_of(0) @ T.rotation.T + T.translation
         for bound in (np.min, np.max):
             np.testing.assert_allclose(bound(found, axis=0), bound(wanted, axis=0), atol=1e-6)
 

@@ -7,12 +7,8 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter, ElectricGripper
-from baxter_kin.description import HandMount
-from planner import Hand, RobotBody, RobotShapes, make_block, tool_of
+from planner import Hand, RobotBody, RobotShapes
 from planner.collision.robot.known_pairs import Drawing, other_side
-from planner.verification.body.links import OwnPairs
-from planner.verification.body.robot_body import robot_body
-from planner.verification.urdf_robot import UrdfRobot
 from tests.served_urdf import served_urdf
 
 NEAREST = ("left_upper_elbow", "left_upper_forearm")
@@ -104,27 +100,6 @@ def test_pairs_that_are_left_out_are_proven_or_mounted_on_each_other() -> None:
         between = chains[one] ^ chains[other]
         is_out = len(between) <= 1 or between <= fingers
         assert (frozenset((one, other)) in checked) != is_out, (one, other)
-
-
-def test_the_verifier_checks_the_same_pairs_by_its_own_code(robot: Baxter) -> None:
-    hands: list[dict[str, HandMount]] = [
-        {"left": ElectricGripper(slot=3)},
-        {"left": ElectricGripper("wide", 1, "half_round"), "right": ElectricGripper("wide")},
-        {"left": ElectricGripper(tips="half_round"), "right": None},
-        {"left": tool_of(make_block("cube", T_HAND_CUBE), T_HAND_CUBE)},
-    ]
-    others = [Baxter.load(hands=each) for each in hands]
-    for own in (robot, calibrated("left_e1", "head_pan"), Baxter.load(served_urdf()), *others):
-        shapes, verified = RobotShapes(own), robot_body(own.description)
-        judge = UrdfRobot(own.description, "left" if "left" in fingered(own) else "right")
-        pairs = OwnPairs(judge.model, judge.stock, judge.reshaped)
-        planned = {frozenset((shapes.links[a], shapes.links[b])) for a, b in shapes.pairs}
-        judged = {
-            frozenset((a.name, b.name))
-            for a, b in combinations(verified.solids, 2)
-            if pairs.is_checked(a, b)
-        }
-        assert judged <= planned
 
 
 def test_links_of_another_robot_sit_where_its_joints_are(robot: Baxter) -> None:

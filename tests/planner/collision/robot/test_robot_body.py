@@ -21,7 +21,7 @@ from baxter_kin import Baxter
 from baxter_kin.validation import FloatArray
 from planner.collision.distances import Enclosure
 from planner.collision.robot.robot_body import LinkBody, RobotBody
-from planner.verification.body.collada import read_collada
+from tests.meshes.collada import read_collada
 
 ROUNDING_M = 1e-9
 """Subtracted from what must be kept: a million times the rounding of these numbers."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from baxter_kin.errors import DescriptionError
 from baxter_kin.validation import FloatArray, Indices
-from planner.verification.body.collada_mesh import Surface, numbers, surface_of
+from tests.meshes.collada_mesh import Surface, numbers, surface_of
 
 LARGEST_FILE = 64 * 2**20
 """Bytes; Baxter's largest has 6 MB."""

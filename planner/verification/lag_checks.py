@@ -26,7 +26,7 @@ from planner.plan import Move, Plan
 from planner.prover.kernel import BoxesFound, Chain, Outcome, Trees, rows_kernel
 from planner.prover.numpy_boxes import search_tube
 from planner.verification.certificate import Check, Worst, greatest, least
-from planner.verification.tracking.response_tube import (
+from planner.verification.response_tube import (
     STEP_S,
     ResponseTube,
     positions,

@@ -9,7 +9,7 @@ from baxter_kin import Arm
 from baxter_kin.validation import FloatArray
 from planner import Move, Response, Trajectory, plan_joint_move
 from planner.motion.tracking_tube import SETTLED_RAD, tracking_tube
-from planner.verification.tracking.response_tube import ResponseTube, response_tube
+from planner.verification.response_tube import ResponseTube, response_tube
 
 RESPONSES = [
     Response((0.35, 0.45), 0.001, 0.5),

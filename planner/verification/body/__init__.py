@@ -1,1 +1,0 @@
-"""What is measured: the robot's shapes and the scene's, and which pairs of them count."""
