@@ -78,7 +78,8 @@ class Robot:
         spans: poses of joint i + 1 seen from joint i at position 0, the first seen from base.
         offsets: upper bounds on the lengths of their translations, shape (7,), m.
         tip: pose of the tip seen from the last joint.
-        fingers: the two links that slide, by name, each with the sign of its way along y.
+        sliding: all links on joints that slide.
+        fingers: the two of them on this arm, by name, each with the sign of its way along y.
         finger_joints: their joints.
         stroke_m: how far they open.
         along: the direction in which fingers slide, seen from the last joint, shape (3,).
@@ -104,8 +105,8 @@ class Robot:
         self.chain = [c for c in self._path(f"{limb}_gripper") if c in moving][::-1]
         require(len(self.chain) == ARM_JOINTS, f"the robot has no {limb} arm of seven joints")
         wrist = self.chain[-1]
-        sliding = [c for c in moving if self._joints[c].kind == "prismatic"]
-        own = [c for c in sliding if wrist in self._path(c)]
+        self.sliding = frozenset(c for c in moving if self._joints[c].kind == "prismatic")
+        own = [c for c in moving if c in self.sliding and wrist in self._path(c)]
         require(len(own) == FINGERS, f"the {limb} hand has no two fingers")
         joints = [self._joints[link] for link in self.chain]
         require([j.kind == "revolute" for j in joints], f"the {limb} arm has another joint")

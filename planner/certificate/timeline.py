@@ -61,7 +61,8 @@ STATE = 1e-8
 """How far joints, velocities and accelerations of successive steps may differ."""
 
 NEIGHBOURS = 2
-"""Links with no more movable joints between them are not checked against each other."""
+"""Links with so many movable joints between them must not touch, but keep no margin, as the robot
+is built so; those with fewer are mounted on each other and are not compared."""
 
 A_MAX_RAD_S2, J_MAX_RAD_S3 = 2.0, 20.0
 """Rethink published no limits of acceleration and jerk; these are the presets of the toolkit,
@@ -319,8 +320,11 @@ class Timeline:
         rest = list(self._rest.items())
         for number, (carrier, one) in enumerate(rest):
             for other_carrier, other in rest[:number]:
-                if self.robot.joints_between(carrier, other_carrier) > NEIGHBOURS:
-                    pairs.append(_pair(one, other, 0.0))
+                is_one_hand = {carrier, other_carrier} <= self.robot.sliding  # or apart anyhow
+                joints = self.robot.joints_between(carrier, other_carrier)
+                if joints > NEIGHBOURS or (joints == NEIGHBOURS and not is_one_hand):
+                    counts = joints > NEIGHBOURS
+                    pairs.append(_pair(one, other, 0.0, counts=counts))
         for name, T in now.at.items():
             body, is_fixed = self._mover(name, T, 0), not self._things[name].is_movable
             pairs += self._standing_pairs(body, with_base=not is_fixed)
@@ -501,12 +505,15 @@ class Timeline:
     def _link_pairs(self, mover: Mover, level: int, least_m: float, end_s: float) -> Iterator[Pair]:
         """Of a link that moves with others of the robot; fingers count as level 8."""
         link = mover.name if level > ARM_JOINTS else self._link(level)
-        for carrier, rest in self._rest.items():
-            if self.robot.joints_between(link, carrier) > NEIGHBOURS:
-                yield _pair(mover, rest, least_m, end_s)
-        for m, arm in self._arm.items():
-            if level - m > NEIGHBOURS:
-                yield _pair(mover, arm, least_m, end_s)
+        others = [
+            (self.robot.joints_between(link, carrier), rest) for carrier, rest in self._rest.items()
+        ]
+        others += [(level - m, arm) for m, arm in self._arm.items()]
+        for joints, other in others:
+            if joints > NEIGHBOURS:
+                yield _pair(mover, other, least_m, end_s)
+            elif joints == NEIGHBOURS:
+                yield _pair(mover, other, 0.0, end_s, counts=False)
 
     def _between_pairs(self, body: Mover, fingers: Sequence[Mover]) -> Iterator[Pair]:
         """Of a body between the fingers with these and with the palm, all carried by one joint."""

@@ -279,7 +279,8 @@ def certify(
 
     All that moves keeps clear of all that may not be touched at every instant of the motion, and
     the positions of the joints are within the URDF's limits; so are velocities where the motion has
-    times. Links of the arm with at most two joints between them are not compared, as in a plan.
+    times. Links of the arm with one joint between them are not compared, and those with two
+    need only not touch, as in a plan.
 
     Args:
         motion: a trajectory of this toolkit, polynomials, or waypoints of shape (n, 7), rad, with
