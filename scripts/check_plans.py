@@ -2,8 +2,8 @@
 
 `python scripts/check_plans.py [--count N] [--family NAME ...] [--seed N] [--json FILE]`
 
-Ten families of problems (`plan_check.problems`). Every plan that the planner calls valid is given
-to `planner.verify` and to an independent check (`plan_check.checker`): the robot's original meshes,
+Ten families of problems (`referee.problems`). Every plan that the planner calls valid is given
+to `planner.verify` and to an independent check (`referee.checker`): the robot's original meshes,
 all of their triangles, kinematics from the URDF, distances by FCL, every millisecond of every move
 and every 0.05 mm of the fingers' travel. Exit status 1 when a plan is contradicted or rejected, or
 anything raised. Times are of the processor, so that other work on the machine does not count.
@@ -22,8 +22,8 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 
-from plan_check.problems import FAMILIES
-from plan_check.trial import Trial, run_trial
+from referee.problems import FAMILIES
+from referee.trial import Trial, run_trial
 from tqdm import tqdm
 
 from baxter_kin.command_line import OneSentenceParser, file_to_write, whole_number

@@ -6,7 +6,7 @@
 A refactoring must not change any of these: record before the first commit, record after the last,
 compare. Recorded are
 
-- `plans`: random problems of six families (`plan_check.problems`), some of them for a calibrated
+- `plans`: random problems of six families (`referee.problems`), some of them for a calibrated
   robot or with other fingers: steps, trajectories, proofs, and the certificate's values,
 - `guards`: by how much every move of some of these plans is clear for the guard of an execution,
 - `tracking`: what is proven of some of them on an arm that lags,
@@ -41,7 +41,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from plan_check.problems import Problem, make_problem
+from referee.problems import Problem, make_problem
 from served_urdf import served_urdf
 from tqdm import tqdm
 

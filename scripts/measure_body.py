@@ -4,7 +4,7 @@
 
 Both arms stand anywhere within their limits, fingers too, among boxes at random places. For each
 arm the planner's clearance is compared with distances of the original meshes, by other kinematics
-and FCL (`plan_check`). It prints the greatest differences. The exit status is 1 when a mesh is
+and FCL (`referee`). It prints the greatest differences. The exit status is 1 when a mesh is
 nearer than the planner says, when a clearance below 50 mm is over 2 mm less than that of the
 meshes, or when something counts as touching whose meshes are 3 mm apart, as are those of what is
 rigid to it.
@@ -24,9 +24,9 @@ from itertools import product
 
 import numpy as np
 import pinocchio as pin
-from plan_check.clearance import distance_m, inverse
-from plan_check.solids import Array, Solid, box_solid
-from plan_check.urdf import Robot, load_robot
+from referee.clearance import distance_m, inverse
+from referee.solids import Array, Solid, box_solid
+from referee.urdf import Robot, load_robot
 from tqdm import tqdm
 
 from baxter_kin import Arm, Baxter

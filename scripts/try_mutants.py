@@ -4,7 +4,7 @@
 
 A number, a key, a letter, a direction, a byte of the file or a number of the URDF is changed, at
 random. A mutant must be refused in one sentence, or be certified rightly: then the referee
-(`plan_check`), which shares nothing with the checker, must have nothing against it either, and a
+(`referee`), which shares nothing with the checker, must have nothing against it either, and a
 changed robot must reach the same poses. Afterwards files without end are tried by the command, each
 in a process of its own. Ends with status 1 when a mutant was certified wrongly, was answered by
 anything but one sentence, took longer than `MOST_S`, or took more than `MOST_BYTES` of memory.
@@ -30,9 +30,9 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from plan_check.checker import check_plan
-from plan_check.problems import FAMILIES, make_problem
-from plan_check.trial import planned
+from referee.checker import check_plan
+from referee.problems import FAMILIES, make_problem
+from referee.trial import planned
 from tqdm import tqdm
 
 from baxter_kin.description import RobotDescription

@@ -16,7 +16,7 @@ import fcl
 import numpy as np
 from numpy.typing import NDArray
 
-from plan_check.solids import Solid, box_corners
+from referee.solids import Solid, box_corners
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from plan_check.checker import check_plan
-from plan_check.problems import Problem, make_problem
-from plan_check.task import task_faults
 from planner import Plan, plan_pick_and_place, plan_start_move, verify
+from referee.checker import check_plan
+from referee.problems import Problem, make_problem
+from referee.task import task_faults
 
 
 @dataclass(frozen=True)

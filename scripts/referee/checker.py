@@ -18,16 +18,16 @@ from typing import Any
 
 import numpy as np
 
-from plan_check.clearance import Track
-from plan_check.findings import Finding
-from plan_check.fingers import Closing, Travel, closing, line_travel
-from plan_check.motion import arm_joints, motion_faults, sampled
-from plan_check.pairs import Span, When, broken
-from plan_check.rules import BRUSHING, CONTACT_M, DROP_M, FORBIDDEN, PRESS_M, PRESSING, Rule, apart
-from plan_check.solids import Array
-from plan_check.stage import Stage, Thing
-from plan_check.supported import held_findings
-from plan_check.urdf import Robot, load_robot
+from referee.clearance import Track
+from referee.findings import Finding
+from referee.fingers import Closing, Travel, closing, line_travel
+from referee.motion import arm_joints, motion_faults, sampled
+from referee.pairs import Span, When, broken
+from referee.rules import BRUSHING, CONTACT_M, DROP_M, FORBIDDEN, PRESS_M, PRESSING, Rule, apart
+from referee.solids import Array
+from referee.stage import Stage, Thing
+from referee.supported import held_findings
+from referee.urdf import Robot, load_robot
 
 STRAIGHT_M, STRAIGHT_RAD = 2e-4, 1e-3
 """How far a tip may leave a line, and turn, that counts as straight."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plan_check.clearance import Track, approach, distance_m, inverse
-from plan_check.findings import Finding
-from plan_check.rules import Rule
-from plan_check.solids import Array, Solid
+from referee.clearance import Track, approach, distance_m, inverse
+from referee.findings import Finding
+from referee.rules import Rule
+from referee.solids import Array, Solid
 
 DEEPEST_M = 0.05
 """Deeper is reported as this."""

@@ -15,10 +15,6 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
-from plan_check.clearance import distance_m, inverse
-from plan_check.solids import Array, hull_solid
-from plan_check.stage import Thing
-from plan_check.urdf import load_robot
 from planner import (
     Attachment,
     Body,
@@ -34,6 +30,10 @@ from planner import (
     overhead_grasp,
 )
 from planner.scene.support import come_down
+from referee.clearance import distance_m, inverse
+from referee.solids import Array, hull_solid
+from referee.stage import Thing
+from referee.urdf import load_robot
 from sim import World
 
 TABLE_Z_M = -0.155

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from plan_check.findings import Finding
-from plan_check.motion import arm_joints
-from plan_check.solids import Array
-from plan_check.urdf import load_robot
+from referee.findings import Finding
+from referee.motion import arm_joints
+from referee.solids import Array
+from referee.urdf import load_robot
 
 REACHED = 1e-5
 """How far entries of a tip pose or joint angles may be from what was asked; m, rad."""

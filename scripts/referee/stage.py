@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from plan_check.clearance import Track, distance_m, inverse
-from plan_check.motion import arm_joints
-from plan_check.solids import Array, Solid, box_solid, solid_of
-from plan_check.urdf import Robot
+from referee.clearance import Track, distance_m, inverse
+from referee.motion import arm_joints
+from referee.solids import Array, Solid, box_solid, solid_of
+from referee.urdf import Robot
 
 FLOOR_Z_M = -0.93
 """Of the ground, seen from base."""

@@ -21,7 +21,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from plan_check.solids import Solid, box_mesh, cylinder_mesh
+from referee.solids import Solid, box_mesh, cylinder_mesh
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from planner import Cylinder, Sphere
 
 
 def test_its_kinematics_are_those_of_pinocchio(robot: Baxter) -> None:
-    ours = importlib.import_module("plan_check.urdf").load_robot()
+    ours = importlib.import_module("referee.urdf").load_robot()
     data, rng = robot.model.createData(), np.random.default_rng(0)
     for _ in range(20):
         q = rng.uniform(robot.model.lowerPositionLimit, robot.model.upperPositionLimit)
@@ -27,7 +27,7 @@ def test_its_kinematics_are_those_of_pinocchio(robot: Baxter) -> None:
 
 
 def test_its_limits_are_those_of_pinocchio(robot: Baxter) -> None:
-    ours = importlib.import_module("plan_check.urdf").load_robot()
+    ours = importlib.import_module("referee.urdf").load_robot()
     for name, i in zip(robot.joint_names, robot.indices(robot.joint_names), strict=True):
         joint, model = ours.joint(name), robot.model
         bounds = model.lowerPositionLimit[i], model.upperPositionLimit[i], model.velocityLimit[i]
@@ -35,7 +35,7 @@ def test_its_limits_are_those_of_pinocchio(robot: Baxter) -> None:
 
 
 def test_it_sees_the_original_meshes() -> None:
-    solids = importlib.import_module("plan_check.urdf").load_robot().solids
+    solids = importlib.import_module("referee.urdf").load_robot().solids
     wrist = solids["left_lower_forearm"][0]
     assert len(wrist.faces) > 13_000
     assert wrist.box[:, 2] == pytest.approx((-0.086, 0.083), abs=1e-3)  # the URDF says +- 0.05
@@ -46,8 +46,8 @@ def test_it_sees_the_original_meshes() -> None:
 
 
 def test_no_sample_is_passed_over_that_is_too_close() -> None:
-    solids = importlib.import_module("plan_check.solids")
-    clearance = importlib.import_module("plan_check.clearance")
+    solids = importlib.import_module("referee.solids")
+    clearance = importlib.import_module("referee.clearance")
     rng = np.random.default_rng(1)
     first, second = (
         solids.box_solid("a", np.array([0.1, 0.2, 0.05])),
@@ -69,9 +69,9 @@ def test_no_sample_is_passed_over_that_is_too_close() -> None:
 
 
 def test_depth_is_what_must_be_taken_off() -> None:
-    solids = importlib.import_module("plan_check.solids")
-    pairs = importlib.import_module("plan_check.pairs")
-    track = importlib.import_module("plan_check.clearance").Track
+    solids = importlib.import_module("referee.solids")
+    pairs = importlib.import_module("referee.pairs")
+    track = importlib.import_module("referee.clearance").Track
     wall = solids.box_solid("wall", np.array([1.0, 1.0, 0.2]))
     shapes = (
         solids.box_solid("box", np.full(3, 0.1)),
@@ -86,7 +86,7 @@ def test_depth_is_what_must_be_taken_off() -> None:
 
 
 def test_round_bodies_are_no_larger_than_they_are() -> None:
-    solids = importlib.import_module("plan_check.solids")
+    solids = importlib.import_module("referee.solids")
     for shape in (Cylinder(0.03, 0.1), Sphere(0.03)):
         vertices = solids.solid_of("round", shape).vertices
         radius = np.linalg.norm(
@@ -96,9 +96,9 @@ def test_round_bodies_are_no_larger_than_they_are() -> None:
 
 
 def test_distances_are_no_longer_than_from_any_vertex() -> None:
-    solids = importlib.import_module("plan_check.solids")
-    clearance = importlib.import_module("plan_check.clearance")
-    robot = importlib.import_module("plan_check.urdf").load_robot()
+    solids = importlib.import_module("referee.solids")
+    clearance = importlib.import_module("referee.clearance")
+    robot = importlib.import_module("referee.urdf").load_robot()
     rng, half = np.random.default_rng(3), np.array([0.01, 0.025, 0.04])
     box = solids.box_solid("box", 2 * half)
     for link in ("left_lower_forearm", "l_gripper_l_finger", "left_wrist"):

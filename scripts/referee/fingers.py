@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plan_check.solids import Array
-from plan_check.stage import Stage, Thing, travel_m
+from referee.solids import Array
+from referee.stage import Stage, Thing, travel_m
 
 PAD = "_finger_tip"
 """How the names of the links end that are pads."""

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from plan_check.findings import Finding
-from plan_check.solids import Array
-from plan_check.urdf import Robot
+from referee.findings import Finding
+from referee.solids import Array
+from referee.urdf import Robot
 
 STEP_S = 1e-3
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from plan_check.clearance import Track, distance_m, inverse
-from plan_check.findings import Finding
-from plan_check.pairs import Span, When, broken
-from plan_check.rules import CONTACT_M, FORBIDDEN, PRESSING, SLIDE_M, Rule
-from plan_check.solids import Array
+from referee.clearance import Track, distance_m, inverse
+from referee.findings import Finding
+from referee.pairs import Span, When, broken
+from referee.rules import CONTACT_M, FORBIDDEN, PRESSING, SLIDE_M, Rule
+from referee.solids import Array
 
 
 def held_findings(
