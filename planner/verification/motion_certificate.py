@@ -21,7 +21,7 @@ from baxter_kin.files import PathLike, replace_file
 from baxter_kin.json_data import to_json
 from baxter_kin.json_text import Json, as_lines
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray, finite_array, finite_rows, float_array
+from baxter_kin.validation import Checked, FloatArray, finite_array, finite_rows, float_array
 from baxter_kin.value_objects import Frozen, OneLine, clear, count, seconds
 from planner.certificate.checking import MOTION_FORMAT, MOTION_VERSION, Certified, Witness, check
 from planner.certificate.errors import NotCertifiedError
@@ -206,7 +206,7 @@ AnyMotion: TypeAlias = Trajectory | PolynomialMotion | ArrayLike
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class MotionCertificate(OneLine):
+class MotionCertificate(Checked, OneLine, error=TaskError):
     """The certificate of a motion, or why it has none.
 
     Attributes:
@@ -217,9 +217,12 @@ class MotionCertificate(OneLine):
         distance_m: how near they come, 0 or less where they touch; None likewise.
         time_s: when; None likewise. Of waypoints without times, 2.5 is in the middle between the
             third and the fourth.
+
+    Raises:
+        TaskError: when a value is of another class.
     """
 
-    document: Mapping[str, Json]
+    document: Mapping[str, object]
     certified: Certified | None
     reason: str = ""
     pair: tuple[str, str] | None = None
@@ -246,8 +249,9 @@ class MotionCertificate(OneLine):
         """
         if not self.is_certified:
             raise PlanFileError(f"a motion without a certificate is not saved: {self.reason}")
+        document: Any = dict(self.document)
         try:
-            replace_file(path, as_lines(dict(self.document)).encode() + b"\n")
+            replace_file(path, as_lines(document).encode() + b"\n")
         except FileError as cause:
             raise PlanFileError(f"{shown_path(path)} cannot be written: {cause.reason}") from cause
 

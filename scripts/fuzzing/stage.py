@@ -364,6 +364,15 @@ class _Lasting:
         return p.verify(self.Plan)
 
     @cached_property
+    def PolynomialMotion(self) -> p.PolynomialMotion:
+        q = self.State.q(self.Arm.joint_names)
+        return p.PolynomialMotion.through((0.0, 1.0), [q, q + 0.01])
+
+    @cached_property
+    def MotionCertificate(self) -> p.MotionCertificate:
+        return p.certify(self.PolynomialMotion, "left", self.State)
+
+    @cached_property
     def Recording(self) -> s.Recording:
         recorder = s.Recorder(self.Baxter)
         world = s.World(self.Baxter)

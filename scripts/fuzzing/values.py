@@ -34,11 +34,26 @@ def _full(stage: Stage) -> Any:
     return np.array(stage["Baxter"].configuration())
 
 
+def _two(stage: Stage) -> Any:
+    """The configuration of the left arm, twice."""
+    return np.tile(_seven(stage), (2, 1))
+
+
 BY_PARAMETER: MappingProxyType[str, Make] = MappingProxyType(
     {
         "Arm.side": _constant("left"),
         "Baxter.indices.names": _constant(("left_s0",)),
         "Certificate.__getitem__.name": _constant("limit"),
+        "certify.motion": lambda stage: stage["PolynomialMotion"],
+        "PolynomialMotion.of_coefficients.coefficients": lambda stage: (
+            stage["PolynomialMotion"].derivatives
+        ),
+        "PolynomialMotion.of_coefficients.knots_s": _constant((0.0, 1.0)),
+        "PolynomialMotion.through.times_s": _constant((0.0, 1.0)),
+        "PolynomialMotion.through.q": _two,
+        "PolynomialMotion.through.v": _two,
+        "PolynomialMotion.through.a": _two,
+        "PolynomialMotion.waypoints.q": _two,
         "ClearanceChecker.clearance.q": _full,
         "ClearanceChecker.configuration.q": _full,
         "Manipulator.q_others": _full,
@@ -147,6 +162,8 @@ TAKEN_FROM = MappingProxyType(
         "baxter_kin.ik.SelfMotion": "SelfMotion",
         "baxter_kin.IKResult": "IKResult",
         "planner.Hand": "Hand",
+        "planner.MotionCertificate": "MotionCertificate",
+        "planner.PolynomialMotion": "PolynomialMotion",
         "sim.recording.ArmMotion": "ArmMotion",
         "sim.Recording": "Recording",
         "sim.recording.Commands": "Commands",
