@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from baxter_kin.description import RobotDescription
+from baxter_kin.errors import expect
 from baxter_kin.json_text import Json
 from planner.certificate.body import Body
 from planner.certificate.checking import Witness, check
@@ -57,7 +58,8 @@ def certificate_of(plan: Plan, description: RobotDescription | None = None) -> M
         TaskError: when the plan cannot be certified; says why.
     """
     known = RobotDescription.installed() if description is None else description
-    document = plan_document(plan)
+    expect(known, RobotDescription, "description", TaskError)
+    document = plan_document(expect(plan, Plan, "plan", TaskError))
     try:
         witness = witness_for(document, known.text)
         check(document, known.text, body=body_of(known.text), certificate=witness)
