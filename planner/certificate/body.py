@@ -14,6 +14,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -60,16 +61,7 @@ class Body:
         Raises:
             NotCertifiedError: when the file is damaged, or a shape of the URDF is not known.
         """
-        content = file.read_bytes()
-        require(len(content) <= MAX_FILE_BYTES, f"{file.name} is too large")
-        self.digest = hashlib.sha256(content).hexdigest()
-        try:
-            with np.load(io.BytesIO(content), allow_pickle=False) as data:
-                arrays = {name: data[name] for name in data.files}
-            self._meshes = _trees(arrays)
-            stock = list(_stock(arrays, self._meshes))
-        except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as cause:
-            raise NotCertifiedError(f"{file.name} is damaged: {cause!r}") from cause
+        self.digest, self._meshes, stock = _stored() if file == STOCK_FILE else _read(file)
         own = {link: list(found) for link, found in self._shown(urdf)}
         there = [shape for shape in stock if not own.get(shape.link)]
         named = {shape.link for shape in there}
@@ -137,16 +129,40 @@ def primitive(kind: str, sizes: list[float]) -> Shape:
     return Shape.of_file({"type": kind.capitalize(), "radius_m": sizes[0]}, kind)
 
 
+_Clusters = tuple[str, dict[str, Shape], list[LinkShape]]
+
+
+@cache
+def _stored() -> _Clusters:
+    """The file that comes with the package, read once."""
+    return _read(STOCK_FILE)
+
+
+def _read(file: Path) -> _Clusters:
+    """The digest of a file, the trees of its meshes, and the shapes of stock links."""
+    content = file.read_bytes()
+    require(len(content) <= MAX_FILE_BYTES, f"{file.name} is too large")
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as data:
+            arrays = {name: data[name] for name in data.files}
+        meshes = _trees(arrays)
+        stock = list(_stock(arrays, meshes))
+    except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as cause:
+        raise NotCertifiedError(f"{file.name} is damaged: {cause!r}") from cause
+    return hashlib.sha256(content).hexdigest(), meshes, stock
+
+
 def _trees(arrays: dict[str, Any]) -> dict[str, Shape]:
     """The shapes of all meshes, by the names of their files."""
     meshes, nodes = arrays["meshes"].tolist(), arrays["nodes"]
-    counts, children, points = arrays["counts"], arrays["children"], arrays["points"]
+    counts, children = arrays["counts"], arrays["children"]
+    columns = np.ascontiguousarray(arrays["points"].T)  # as the prover's kernel reads them, too
     found, node, point = {}, 0, 0
     for mesh, size in zip(meshes, nodes.tolist(), strict=True):
-        own = counts[node : node + size].astype(np.intp)
+        own, kids = counts[node : node + size], children[node : node + size]
         total = int(own.sum())
-        kids = children[node : node + size].astype(np.intp)
-        found[mesh] = Shape(points[point : point + total], own, kids, ball_m=MESH_BALL_M)
+        points = columns[:, point : point + total].T
+        found[mesh] = Shape(points, own, kids, ball_m=MESH_BALL_M)
         node, point = node + size, point + total
     return found
 

@@ -33,9 +33,6 @@ from planner.certificate.rows import Step, Trace
 JOINTS = 7
 """Of an arm."""
 
-LANES = 8
-"""Points of each node are padded to a multiple of this by repeating the last one."""
-
 MOST_LETTERS = 1 << 19
 """Of one step."""
 
@@ -48,7 +45,7 @@ SPARE_M = 1e-7
 SINGLE = 1.2e-7
 """The same as a share of the size of what is placed: points are in single precision here."""
 
-_VERSION = 2
+_VERSION = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,19 +222,14 @@ class _LaidOut:
     """The arrays of one tree."""
 
     def __init__(self, shape: Shape, lay_out: Any) -> None:
-        points = np.ascontiguousarray(shape.points, np.float32)
-        counts = np.ascontiguousarray(shape.counts, np.int32)
-        nodes, room = len(counts), int((-(-counts // LANES) * LANES).sum())
-        self._arrays = (
-            *np.empty((3, room), np.float32),
-            *np.empty((2, nodes), np.int32),
-            np.ascontiguousarray(shape.children, np.int32),
-            *np.empty((2, nodes, 3)),
-            np.empty(nodes),
-        )
+        nodes = shape.size
+        columns = (np.ascontiguousarray(column, np.float32) for column in shape.points.T)
+        tree = (np.ascontiguousarray(x, np.int32) for x in (shape.counts, shape.children))
+        boxes = np.empty((2, nodes, 3), np.float32)
+        first, reach = np.empty(nodes, np.int32), np.empty(nodes, np.float32)
+        self._arrays = (*columns, first, *tree, *boxes, reach)
         self.tree = _Tree(*(array.ctypes.data for array in self._arrays))
-        given = (ctypes.c_void_p(array.ctypes.data) for array in (points, counts))
-        lay_out(*given, ctypes.c_int32(nodes), ctypes.byref(self.tree))
+        lay_out(ctypes.c_int32(nodes), ctypes.byref(self.tree))
 
 
 _PLACED = np.dtype(

