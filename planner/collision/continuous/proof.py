@@ -207,8 +207,12 @@ class Arrangement:
                 near = checked.between(int(numbers[pair]), distance_m, motion.time_s(at))
             return ContinuousProof(found.proven_m, near, margin_m, *size)
         pair, _, at = found.stopped if found.stopped.pair >= 0 else found.nearest
-        time_s, needed_m = motion.time_s(at), checked.needed_m(margin_m)
-        number, measured_m = worst_at(checked, motion.poses(time_s), numbers, needed_m)
+        needed_m = checked.needed_m(margin_m)
+        for first in (0.0, at) if at == motion.end else (at,):  # both ends may be blocked
+            time_s = motion.time_s(first)
+            number, measured_m = worst_at(checked, motion.poses(time_s), numbers, needed_m)
+            if measured_m <= needed_m[number]:
+                break
         if measured_m > needed_m[number] or checked.is_contact[numbers[pair]]:
             number = int(numbers[pair])
             time_s, measured_m = _least(checked, motion, number)
