@@ -726,8 +726,31 @@ class Timeline:
             times_s = np.linspace(0.0, motion.duration_s, count + 1)
             bend_m, bend = self._bends(motion, times_s)
             turning = 0.18 * (3.0 * angle / count) ** 2  # of a cell at three times the mean speed
-            if bend_m < 0.1 * allowed_m and bend + turning < 0.1 * allowed_rad:
-                break
+            is_last = count == LINE_CELLS[-1]
+            if not is_last and (bend_m > 0.1 * allowed_m or bend + turning > 0.1 * allowed_rad):
+                continue
+            at_ends_m, (at_ends, bent) = self._off_line(label, motion, times_s, (axis, angle))
+            off_m, turn = at_ends_m + bend_m, 0.7079 * (at_ends + bent + bend)
+            is_within = off_m <= allowed_m and turn <= allowed_rad
+            if is_within or at_ends_m > allowed_m or 0.7 * at_ends > allowed_rad:
+                break  # else smaller cells tell
+        self._note("distance from line", label, off_m)
+        self._note("turn from line", label, turn)
+        require(off_m <= allowed_m, f"{label}: the tip is up to {1e3 * off_m:.4f} mm off its line")
+        require(
+            turn <= min(allowed_rad, 0.07),
+            f"{label}: the hand is turned by up to {turn:.6f} rad from its line",
+        )
+
+    def _off_line(
+        self, label: str, motion: Polynomials, times_s: Array, turn: tuple[Array, float]
+    ) -> tuple[float, tuple[float, float]]:
+        """How far the tip is off its line at some times, in metres, and how far it is turned.
+
+        The turn is the Frobenius norm of a difference of rotations, which is at least 1 / 0.7079 of
+        the angle where that is below 0.1 rad, and how far chords of the asked rotation are off.
+        """
+        axis, angle = turn
         T = self.robot.tips(motion.at(times_s))
         (p, error_p), (R, error_R) = T.p.centred(), T.R.centred()
         way = p[-1] - p[0]
@@ -738,23 +761,13 @@ class Timeline:
             turns = (axis_angle(R[0].T @ each) for each in R)
             share = np.array([(own @ axis) * turn for own, turn in turns]) / max(angle, 1e-9)
             share = share.clip(0.0, 1.0)
-        off = norm_bound(p - p[0] - share[:, None] * way).max() + 8.0 * error_p + 1e-12 + bend_m
-        self._note("distance from line", label, float(off))
-        require(off <= allowed_m, f"{label}: the tip is up to {1e3 * off:.4f} mm off its line")
+        off_m = float(norm_bound(p - p[0] - share[:, None] * way).max()) + 8.0 * error_p + 1e-12
         to_goal = R[0] @ turns_about(axis, Interval([angle])).centred()[0][0] - R[-1]
         require(np.abs(to_goal) <= STATE, f"{label}: the hand turns in a way that is not known")
         evenly, error_Q = turns_about(axis, Interval(angle * share)).centred()
-        asked = R[0] @ evenly
-        bend += 0.18 * float(np.abs(np.diff(angle * share)).max()) ** 2
-        # an angle below 0.1 rad is at most 1.001 / sqrt(2) times the Frobenius norm
         error = 18.0 * error_R + 9.0 * error_Q + STATE + 1e-12
-        frobenius = norm_bound((R - asked).reshape(-1, 9)).max() + error + bend
-        turn = 0.7079 * frobenius
-        self._note("turn from line", label, float(turn))
-        require(
-            frobenius < 0.1 and turn <= allowed_rad,
-            f"{label}: the hand is turned by up to {turn:.6f} rad from its line",
-        )
+        turned = float(norm_bound((R - R[0] @ evenly).reshape(-1, 9)).max()) + error
+        return off_m, (turned, 0.18 * float(np.abs(np.diff(angle * share)).max()) ** 2)
 
     def _bends(self, motion: Polynomials, times_s: Array) -> tuple[float, float]:
         """How far the tip, and entries of its rotation together, may be off chords of cells."""

@@ -66,6 +66,26 @@ def test_lines_that_turn_evenly_are_certified(
         check(document, robot.description.text)
 
 
+@pytest.mark.parametrize("goal_m", [(0.05, 0.1, 0.02), (0.0, -0.15, 0.05), (0.02, 0.0, -0.1)])
+def test_a_tip_is_certified_to_within_a_share_of_its_tolerance(
+    robot: Baxter, manipulator: Manipulator, q_start: Any, goal_m: tuple[float, ...]
+) -> None:
+    goal = pin.SE3(START.rotation, START.translation + np.array(goal_m))
+    trajectory = plan_straight_move(manipulator.arm, q_start, goal, manipulator.limits)
+    plan = straight(manipulator, trajectory)
+    document: dict[str, Any] = {**plan_document(plan), "certificate": certificate_of(plan)}
+    times_s = np.linspace(0.0, trajectory.duration, 20_001)
+    qs = trajectory.sample(times_s).q
+    p = np.array([manipulator.arm.T_base_tip(q).translation for q in qs])
+    way = (p[-1] - p[0]) / np.linalg.norm(p[-1] - p[0])
+    off_m = np.linalg.norm(p - p[0] - np.outer((p - p[0]) @ way, way), axis=1).max()
+    document["plan"]["line_tolerance"] = {"position_m": 1.002 * off_m, "rotation_rad": 1e-2}
+    assert check(document, robot.description.text).rows > 0
+    document["plan"]["line_tolerance"] = {"position_m": 0.999 * off_m, "rotation_rad": 1e-2}
+    with pytest.raises(NotCertifiedError, match="off its line"):
+        check(document, robot.description.text)
+
+
 def test_a_line_that_turns_unevenly_is_refused(
     robot: Baxter, manipulator: Manipulator, q_start: Any
 ) -> None:
