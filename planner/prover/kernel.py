@@ -39,6 +39,9 @@ MOST_LETTERS = 1 << 19
 MOST_BOXES = 40_000
 """Letters of the search over one tube; most take some hundreds."""
 
+SHARES = (0.98, 0.9, 0.5, 0.0)
+"""How much of the least distance that is met is asked for; the next where one cannot be shown."""
+
 SPARE_M = 1e-7
 """By how much more than needed a row must conclude, so that the checker's rounding agrees."""
 
@@ -374,12 +377,9 @@ class Kernel:
             ctypes.c_int64(MOST_LETTERS),
             ctypes.byref(result),
         )
-        nearest_m = result.nearest if result.nearest < _FAR_M else np.inf
         return Found(
             Outcome(outcome),
-            result.proven - spare_m if result.proven < _FAR_M else np.inf,
-            Near(result.nearest_pair, nearest_m, result.nearest_s),
-            Near(result.found_pair, result.found, result.found_s),
+            *_ends(result, spare_m),
             letters[: result.tasks],
             directions[: result.directions],
             fine[: result.fine],
@@ -452,12 +452,9 @@ class Kernel:
             *(ctypes.c_void_p(array.ctypes.data) for array in (is_open, q)),
             ctypes.byref(result),
         )
-        nearest_m = result.nearest if result.nearest < _FAR_M else np.inf
         found = BoxesFound(
             Outcome(outcome),
-            result.proven - spare_m if result.proven < _FAR_M else np.inf,
-            Near(result.nearest_pair, nearest_m, result.nearest_s),
-            Near(result.found_pair, result.found, result.found_s),
+            *_ends(result, spare_m),
             q,
             BoxTrace(letters[: result.tasks].astype(np.intp), directions[: result.directions]),
         )
@@ -488,6 +485,16 @@ class Kernel:
         letters = found.letters.astype(np.intp)
         stated = (x.astype(np.float64) for x in (found.directions, found.fine))
         return Rows(Trace(letters, *stated), found.proven_m)
+
+
+def _ends(result: _Result, spare_m: float) -> tuple[float, Near, Near]:
+    """What was proven, the nearest pair, and the pair at which the search stopped."""
+    nearest_m = result.nearest if result.nearest < _FAR_M else np.inf
+    return (
+        result.proven - spare_m if result.proven < _FAR_M else np.inf,
+        Near(result.nearest_pair, nearest_m, result.nearest_s),
+        Near(result.found_pair, result.found, result.found_s),
+    )
 
 
 class PlacedShapes(NamedTuple):

@@ -23,7 +23,7 @@ from planner.certificate.rows import Pair, Step
 from planner.certificate.timeline import Timeline
 from planner.motion.response import Response
 from planner.plan import Move, Plan
-from planner.prover.kernel import BoxesFound, Chain, Outcome, Trees, rows_kernel
+from planner.prover.kernel import SHARES, BoxesFound, Chain, Outcome, Trees, rows_kernel
 from planner.prover.numpy_boxes import search_tube
 from planner.verification.certificate import Check, Worst, greatest, least
 from planner.verification.response_tube import (
@@ -56,9 +56,6 @@ where they are settled."""
 
 REST_RAD_S = 1e-6
 """A move that ends slower than this ends at rest."""
-
-SHARES = (0.98, 0.9, 0.5, 0.0)
-"""How much of the least distance that is met is asked for; the next where one is not shown."""
 
 PATH_S, TIP_S = 2e-3, 5e-3
 """Of plan time: between two points of a path, and how long a box is where the tip is checked."""

@@ -29,11 +29,11 @@ from planner.certificate.motion import MAX_DEGREE, MAX_JUMP, MAX_PIECES
 from planner.certificate.robot import ARM_JOINTS, Robot
 from planner.certificate.timeline import MOTION, STATE, StepWitness, Timeline
 from planner.errors import PlanFileError, TaskError, TrajectoryError
-from planner.prover.kernel import NotShownError, rows_kernel
+from planner.prover.kernel import SHARES, NotShownError, rows_kernel
 from planner.prover.witness import witness_of
 from planner.state import State
 from planner.trajectory import Trajectory
-from planner.verification.prover import SHARES, body_of
+from planner.verification.prover import body_of
 
 MARGINS_M = (0.001, 0.005, 0.02)
 """Without a C compiler, the greatest of these that can be shown is certified; 0 else."""

@@ -25,11 +25,8 @@ from planner.certificate.touching import DistanceBounds
 from planner.errors import TaskError
 from planner.plan import Plan
 from planner.plan_file import plan_document
-from planner.prover.kernel import NotShownError, rows_kernel
+from planner.prover.kernel import SHARES, NotShownError, rows_kernel
 from planner.prover.witness import witness_of
-
-SHARES = (0.98, 0.9, 0.5, 0.0)
-"""How much of the least distance that is met is certified; the next where that cannot be shown."""
 
 LIFTED_M = 1.2 * PRESS_M
 """A body that is lifted so far touches nothing any more, as deep as it may have pressed."""
@@ -61,26 +58,11 @@ def certificate_of(plan: Plan, description: RobotDescription | None = None) -> M
     expect(known, RobotDescription, "description", TaskError)
     document = plan_document(expect(plan, Plan, "plan", TaskError))
     try:
-        witness = witness_for(document, known.text)
+        witness = SoughtTimeline(document, known.text).witness()
         check(document, known.text, body=body_of(known.text), certificate=witness)
     except NotCertifiedError as cause:
         raise TaskError(f"the plan cannot be certified: {cause}") from cause
     return witness.for_file()
-
-
-def witness_for(document: Mapping[str, Any], urdf: str, *, limits: Limits | None = None) -> Witness:
-    """Find what leads the checker through a plan.
-
-    Args:
-        document: what a plan file holds.
-        urdf: text of the robot's URDF.
-        limits: what accelerations and jerks are judged by; the presets when not given.
-
-    Raises:
-        NotCertifiedError: when none is found; says why. Where tips and lines are is left to the
-            checker.
-    """
-    return SoughtTimeline(document, urdf, limits).witness()
 
 
 @lru_cache(maxsize=2)

@@ -3,7 +3,7 @@
 Rows of separation prove it; `planner.certificate.rows` states the theorem. The links and bodies of
 a situation are trees of convex clusters. For every pair of clusters and cell of time there is a
 direction whose gap at both ends of the cell, less the greatest sag in between, is at least what the
-pair must keep. A kernel in C finds these rows; without a C compiler NumPy does, some hundred times
+pair must keep. A kernel in C finds these rows; without a C compiler NumPy does, some fifty times
 slower. Intended contacts are proven in the same way, not to press in by more than
 `PRESSING_TOLERANCE_M`.
 
@@ -38,6 +38,7 @@ from planner.collision.shape_pairs import CheckedPairs
 from planner.errors import SceneError, TrajectoryError
 from planner.prover.kernel import (
     PAIR,
+    SHARES,
     Chain,
     Found,
     Near,
@@ -48,9 +49,6 @@ from planner.prover.kernel import (
 )
 from planner.prover.numpy_search import search
 from planner.trajectory import Trajectory
-
-SHARES = (0.98, 0.9, 0.5, 0.0)
-"""How much of the least distance that is met is proven; the next where one cannot be shown."""
 
 INSTANTS = 17
 """At how many instants a least distance is looked for where the search does not know it."""

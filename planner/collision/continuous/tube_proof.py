@@ -14,6 +14,7 @@ in its first instant.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,12 +26,11 @@ from planner.clearance import Clearance
 from planner.collision.checker import ClearanceChecker
 from planner.collision.continuous.joint_tube import JointTube
 from planner.collision.continuous.proof import (
-    SHARES,
     Arrangement,
     is_any_inside,
     worst_at,
 )
-from planner.prover.kernel import BoxesFound, Outcome, Trees, rows_kernel
+from planner.prover.kernel import SHARES, BoxesFound, Outcome, Trees, rows_kernel
 from planner.prover.numpy_boxes import search_tube, unproven_cells
 from planner.prover.numpy_search import laid_out
 
@@ -91,10 +91,7 @@ class TubeProofs:
         first = self._poses((tube.lowest[0] + tube.highest[0]) / 2)
         if is_any_inside(checked, first, numbers):
             return self._contact(first, numbers, float(tube.times_s[0]), margin_m, 0)
-        for share in SHARES if is_tight else SHARES[-1:]:
-            found = self._found(tube, numbers, margin_m, share)
-            if found.outcome in (Outcome.PROVEN, Outcome.TOO_NEAR):
-                break
+        found = self._found(tube, numbers, margin_m, SHARES if is_tight else SHARES[-1:])
         size = len(found.trace.letters)
         pair, distance_m, at = found.nearest
         if found.outcome == Outcome.TOO_NEAR:
@@ -113,7 +110,6 @@ class TubeProofs:
             return np.zeros(tube.cells, dtype=np.bool_)
         kernel, arranged = rows_kernel(), self._arrangement
         there, rows = arranged.placed(numbers)
-        rows["is_counted"] = 1
         allowed = Tube(tube.lowest, tube.highest)
         if kernel is None:
             clusters, of = laid_out(there, rows)
@@ -122,16 +118,21 @@ class TubeProofs:
         return kernel.unproven_cells(arranged.chain, trees, rows, allowed, SHORTEST_CELLS)
 
     def _found(
-        self, tube: JointTube, numbers: Indices, margin_m: float, share: float
+        self, tube: JointTube, numbers: Indices, margin_m: float, shares: Sequence[float]
     ) -> BoxesFound:
+        """Search for rows that keep the first share of the least distance that can be shown."""
         kernel, arranged = rows_kernel(), self._arrangement
         there, rows = arranged.placed(numbers)
         allowed = Tube(tube.lowest, tube.highest)
         if kernel is None:
             return search_tube(arranged.chain, *laid_out(there, rows), allowed, margin_m)
         trees = Trees(kernel, there)
-        asked = {"margin_m": margin_m, "share": share}
-        return kernel.search_tube(arranged.chain, trees, rows, allowed, **asked)
+        for share in shares:
+            asked = {"margin_m": margin_m, "share": share}
+            found = kernel.search_tube(arranged.chain, trees, rows, allowed, **asked)
+            if found.outcome in (Outcome.PROVEN, Outcome.TOO_NEAR):
+                break
+        return found
 
     def _contact(
         self, poses: FloatArray, numbers: Indices, time_s: float, margin_m: float, size: int

@@ -16,18 +16,11 @@ from planner.certificate.rows import Pair, Step
 from planner.certificate.timeline import Timeline
 from planner.plan_file import plan_document
 from planner.prover import numpy_boxes
-from planner.prover.kernel import BoxesFound, Chain, Kernel, Outcome, Trees, rows_kernel
+from planner.prover.kernel import BoxesFound, Chain, Kernel, Outcome, Trees
 from planner.verification.prover import SoughtTimeline
 
 SHARE = 0.98
 CELLS = 200
-
-
-@pytest.fixture(scope="module")
-def own_kernel() -> Kernel:
-    found = rows_kernel()
-    assert found is not None, "the tests need a C compiler"
-    return found
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from planner.certificate.robot import Robot
 from planner.certificate.rows import Advice, Mover, Pair, Step, certified_m
 from planner.plan_file import plan_document
 from planner.prover import kernel, witness
-from planner.prover.kernel import Chain, Kernel, NotShownError, Trees, rows_kernel
+from planner.prover.kernel import Chain, Kernel, NotShownError, Trees
 from planner.prover.numpy_search import rows_of
 from planner.verification import certificate_of
 
@@ -34,13 +34,6 @@ SHAPES: list[dict[str, Any]] = [
     {"type": "Sphere", "radius_m": 0.05},
     {"type": "Cylinder", "radius_m": 0.03, "length_m": 0.12},
 ]
-
-
-@pytest.fixture(scope="module")
-def own_kernel() -> Kernel:
-    found = rows_kernel()
-    assert found is not None, "the tests need a C compiler"
-    return found
 
 
 @pytest.fixture(scope="module")

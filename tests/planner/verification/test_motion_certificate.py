@@ -32,9 +32,10 @@ from planner.certificate.errors import NotCertifiedError
 from planner.errors import PlanFileError, TaskError, TrajectoryError
 from planner.plan_file import plan_document
 from planner.prover import witness
+from planner.prover.kernel import SHARES
 from planner.prover.witness import witness_of
 from planner.verification import MotionCertificate, PolynomialMotion, certify
-from planner.verification.prover import SHARES, SoughtTimeline, body_of
+from planner.verification.prover import SoughtTimeline, body_of
 from tests.conftest import at
 
 Array = NDArray[np.float64]

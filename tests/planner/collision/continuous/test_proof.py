@@ -19,9 +19,10 @@ from planner import Body, Box, Part, RobotBody, RobotShapes, Scene, Trajectory, 
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
 from planner.collision import ClearanceChecker
 from planner.collision.continuous import proof
-from planner.collision.continuous.proof import SHARES, about_z, prove_clear
+from planner.collision.continuous.proof import about_z, prove_clear
 from planner.collision.distances import ACCURACY_M
 from planner.errors import MotionError, SceneError, TrajectoryError
+from planner.prover.kernel import SHARES
 from planner.scene.attachment import Attachment
 from planner.scene.bodies import Shape
 from planner.scene.contact import PRESSING_TOLERANCE_M
