@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -51,3 +54,25 @@ def own(text: str) -> Robot:
 @pytest.fixture(scope="session")
 def body(text: str) -> Body:
     return Body(text)
+
+
+def checked_alone(file: Path, urdf: str) -> str:
+    """What the command prints of a file that it certifies, importing nothing else of ours."""
+    robot = file.with_name("robot.urdf")
+    robot.write_text(urdf, "utf-8")
+    code = (
+        "import sys; from planner.certificate.__main__ import main; status = main(sys.argv[1:]);"
+        "own = {n for n in sys.modules if n.startswith(('planner.', 'baxter_kin.'))};"
+        "few = ('planner.certificate', 'baxter_kin.lazy');"
+        "assert all(n.startswith(few) for n in own), own;"
+        "sys.exit(status)"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code, str(file), "--urdf", str(robot)],
+        cwd=Path(__file__).parents[3],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from math import factorial
 from pathlib import Path
@@ -37,6 +35,7 @@ from planner.prover.witness import witness_of
 from planner.verification import MotionCertificate, PolynomialMotion, certify
 from planner.verification.prover import SoughtTimeline, body_of
 from tests.conftest import at
+from tests.planner.certificate.conftest import checked_alone
 
 Array = NDArray[np.float64]
 Data = dict[str, Any]
@@ -313,26 +312,10 @@ def saved(
     return path
 
 
-def test_a_file_is_checked_where_numpy_alone_is(saved: Path, robot: Baxter, tmp_path: Path) -> None:
-    urdf = tmp_path / "robot.urdf"
-    urdf.write_text(robot.description.text, "utf-8")
-    code = (
-        "import sys; from planner.certificate.__main__ import main; status = main(sys.argv[1:]);"
-        "own = {n for n in sys.modules if n.startswith(('planner.', 'baxter_kin.'))};"
-        "few = ('planner.certificate', 'baxter_kin.lazy');"
-        "assert all(n.startswith(few) for n in own), own;"
-        "sys.exit(status)"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", code, str(saved), "--urdf", str(urdf)],
-        cwd=Path(__file__).parents[3],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr
-    assert "certified: " in run.stdout
-    assert "not judged: limits of jerk" in run.stdout
+def test_a_file_is_checked_where_numpy_alone_is(saved: Path, robot: Baxter) -> None:
+    said = checked_alone(saved, robot.description.text)
+    assert "certified: " in said
+    assert "not judged: limits of jerk" in said
 
 
 def test_a_motion_without_a_certificate_is_not_saved(
