@@ -18,6 +18,7 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin
 
+import attrs
 import numpy as np
 import pinocchio as pin
 from cattrs import BaseValidationError, Converter, ForbiddenExtraKeysError, gen, transform_error
@@ -93,7 +94,8 @@ def _said(cause: BaseException, _: object = None) -> str:
     if isinstance(cause, RecursionError):
         return "is nested too deeply"
     if isinstance(cause, ForbiddenExtraKeysError):
-        names = ", ".join(each.name for each in fields(cause.cl) if each.init)
+        made_of: Any = attrs.fields if attrs.has(cause.cl) else fields
+        names = ", ".join(each.name for each in made_of(cause.cl) if each.init)
         kind = cause.cl.__name__.lstrip("_")
         return f"has an entry {shown(min(cause.extra_fields))}; a {kind} has: {names}"
     if isinstance(cause, BaxterError):
@@ -231,7 +233,7 @@ def _is(*origins: Any) -> Callable[[Any], bool]:
 _CONVERTER = Converter(forbid_extra_keys=True)
 _RULES: tuple[tuple[Any, Any, Any], ...] = (
     (lambda _: True, _refuse, _refuse),  # what none of those below fits
-    (is_dataclass, _read_record, _write_record),
+    (lambda hint: is_dataclass(hint) or attrs.has(hint), _read_record, _write_record),
     (_is(Mapping), _read_mapping, _write_mapping),
     (_is(tuple), _read_tuple, _write_tuple),
     (_is(Union, UnionType), _read_union, _write_union),

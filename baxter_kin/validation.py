@@ -56,7 +56,7 @@ def finite_array(
     array = float_array(values, what, error)
     if array.shape != shape:
         raise error(f"{what} has shape {array.shape}; it must have shape {shape}")
-    return _frozen(array, what, error)
+    return read_only(array, what, error)
 
 
 def finite_rows(values: ArrayLike, width: int, what: str, error: type[BaxterError]) -> FloatArray:
@@ -68,7 +68,7 @@ def finite_rows(values: ArrayLike, width: int, what: str, error: type[BaxterErro
     array = float_array(values, what, error)
     if array.ndim != 2 or array.shape[1] != width:
         raise error(f"{what} has shape {array.shape}; it must have shape (n, {width})")
-    return _frozen(array, what, error)
+    return read_only(array, what, error)
 
 
 def finite_scalar(value: object, what: str, error: type[BaxterError]) -> float:
@@ -136,7 +136,8 @@ def float_array(values: ArrayLike, what: str, error: type[BaxterError]) -> Float
         raise error(f"{what} must be real numbers, got {quoted(values)}") from cause
 
 
-def _frozen(array: FloatArray, what: str, error: type[BaxterError]) -> FloatArray:
+def read_only(array: FloatArray, what: str, error: type[BaxterError]) -> FloatArray:
+    """The same array, made read-only; refused where it is not finite."""
     if not np.isfinite(array).all():
         raise error(f"{what} must be finite numbers, got {quoted(array.tolist())}")
     array.setflags(write=False)

@@ -33,7 +33,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -47,6 +47,7 @@ from tqdm import tqdm
 
 from baxter_kin import Baxter
 from baxter_kin.description.hands import ElectricGripper
+from baxter_kin.fields import field_names
 from planner import Manipulator, Plan, Response, plan_pick_and_place, plan_start_move, verify
 from planner.pick_place.tracking.proof import prove_tracking
 from planner.plan import Move
@@ -280,8 +281,8 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, (pin.SE3, Enum)):
         return value.value if isinstance(value, Enum) else value.homogeneous.tolist()
-    if is_dataclass(value) and not isinstance(value, type):
-        value = {each.name: getattr(value, each.name) for each in fields(value)}
+    if names := field_names(value):
+        value = {name: getattr(value, name) for name in names}
     if isinstance(value, Mapping):
         return {str(key): _plain(each) for key, each in value.items()}
     return [_plain(each) for each in value] if isinstance(value, (list, tuple)) else value

@@ -9,7 +9,6 @@ import pickletools
 import pkgutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import fields, is_dataclass
 from enum import Enum
 from multiprocessing import get_context
 from pathlib import Path
@@ -30,6 +29,7 @@ import sim.recording
 import sim.world
 from baxter_kin import Arm, Baxter, BaxterError, ElectricGripper, IKService, NamedFrame, StampedPose
 from baxter_kin.errors import CopyError, UnknownNameError
+from baxter_kin.fields import field_names
 from baxter_kin.value_objects import FrozenMapping
 from planner import (
     Manipulator,
@@ -185,10 +185,8 @@ def same(a: Any, b: Any) -> bool:
         return bool(a.flags.writeable == b.flags.writeable and np.array_equal(a, b, equal_nan=True))
     if isinstance(a, pin.SE3):
         return bool(np.array_equal(a.homogeneous, b.homogeneous))
-    if is_dataclass(a) and not isinstance(a, planner.Certificate):
-        return same(
-            [getattr(a, f.name) for f in fields(a)], [getattr(b, f.name) for f in fields(b)]
-        )
+    if (names := field_names(a)) and not isinstance(a, planner.Certificate):
+        return same([getattr(a, name) for name in names], [getattr(b, name) for name in names])
     if isinstance(a, (dict, FrozenMapping)):
         return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
     if isinstance(a, (tuple, list)):

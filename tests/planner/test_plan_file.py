@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from baxter_kin import IKFailure, IKResult, SeedType, pose_from_quaternion
+from baxter_kin.fields import field_names
 from planner import (
     Body,
     Box,
@@ -124,8 +125,8 @@ def bits(value: Any) -> Any:
         return value.shape, value.tobytes()
     if isinstance(value, float):
         return np.float64(value).tobytes()
-    if is_dataclass(value):
-        return type(value), tuple(bits(getattr(value, field.name)) for field in fields(value))
+    if names := field_names(value):
+        return type(value), tuple(bits(getattr(value, name)) for name in names)
     if isinstance(value, Mapping):
         return bits(tuple(value.items()))
     return tuple(map(bits, value)) if isinstance(value, tuple) else value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from baxter_kin import pose_from_quaternion
+from baxter_kin.fields import field_names
 from planner import (
     Attachment,
     Body,
@@ -45,8 +46,8 @@ BLOCK = at(0.675, 0.125, -0.155)
 def forged(value: T, **changes: Any) -> T:
     """A copy with other fields, past every check of its class."""
     copy = object.__new__(type(value))
-    for field in fields(value):  # type: ignore[arg-type]
-        object.__setattr__(copy, field.name, changes.get(field.name, getattr(value, field.name)))
+    for name in field_names(value):
+        object.__setattr__(copy, name, changes.get(name, getattr(value, name)))
     return copy
 
 

@@ -1,0 +1,395 @@
+"""Immutable value classes: checked fields, read-only arrays, and one line of text.
+
+`value` makes an attrs class that is frozen, has slots and compares by identity. Every argument is
+checked once, when an object is made:
+
+```python
+@value(error=SceneError)
+class Attachment:
+    body: str
+    T_link_body: pin.SE3 = field(converter=checked_pose)
+    axis: FloatArray = array(3)
+    length_m: float = scalar(above=0.0, default=0.1)
+```
+
+A field without a converter must be of the type that its annotation names:
+
+```
+float                a number, not NaN, no bool
+int                  an integer, no bool
+str                  text that UTF-8 can encode, so no unpaired surrogates
+bool, a class        an instance of that class
+tuple[A, ...]        a tuple of such
+Mapping[A, B]        a mapping of such
+A | B, A | None      one of them
+```
+
+What relates several fields belongs in `__attrs_post_init__`. `evolve` makes a changed copy, with
+the same checks. Arrays stay read-only in copies and after unpickling, which NumPy alone does
+not ensure.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import is_dataclass, replace
+from functools import cache, partial
+from typing import Any, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import attrs
+import numpy as np
+from attrs import field
+from numpy.typing import NDArray
+from typing_extensions import dataclass_transform
+
+from baxter_kin.errors import BaxterError, quoted
+from baxter_kin.validation import (
+    FloatArray,
+    finite_scalar,
+    float_array,
+    is_text,
+    read_only,
+    whole_scalar,
+)
+from baxter_kin.value_objects import FrozenMapping, line, shown
+
+__all__ = [
+    "array",
+    "evolve",
+    "field",
+    "field_names",
+    "integer",
+    "mapping",
+    "number_or_nan",
+    "scalar",
+    "value",
+]
+
+T = TypeVar("T")
+Convert: TypeAlias = Callable[[Any, str, type[BaxterError]], Any]
+Test: TypeAlias = Callable[[object], bool]
+
+_CONVERT, _MAY_BE_NAN = "baxter_kin.convert", "baxter_kin.may_be_nan"
+
+MAX_INTEGER_BITS = 1024
+"""Size of an integer that a float can hold."""
+
+
+def array(*shape: int | None, what: str = "", **options: Any) -> Any:
+    """A field that holds a read-only, finite float copy of an array.
+
+    Args:
+        shape: the required shape; None where an axis may have any length.
+        what: the subject of error messages; by default the name of the field.
+        **options: as of `attrs.field`.
+    """
+    return _converted(partial(_to_array, shape=shape, what=what), options)
+
+
+def scalar(
+    *,
+    above: float | None = None,
+    least: float | None = None,
+    most: float | None = None,
+    what: str = "",
+    **options: Any,
+) -> Any:
+    """A field that holds a finite number within bounds.
+
+    Args:
+        above: a bound that is not itself allowed.
+        least: the smallest value allowed.
+        most: the largest value allowed.
+        what: the subject of error messages; by default the name of the field.
+        **options: as of `attrs.field`.
+    """
+    return _converted(partial(_to_scalar, above=above, least=least, most=most, what=what), options)
+
+
+def integer(*, least: int, most: int, **options: Any) -> Any:
+    """A field that holds an integer from `least` to `most`; options as of `attrs.field`."""
+    return _converted(partial(_to_integer, least=least, most=most), options)
+
+
+def mapping(**options: Any) -> Any:
+    """A field that holds a read-only copy of a mapping; options as of `attrs.field`."""
+    return _converted(_to_mapping, options)
+
+
+def number_or_nan(**options: Any) -> Any:
+    """A field that holds a number or NaN; options as of `attrs.field`."""
+    return field(metadata={_MAY_BE_NAN: True}, **options)
+
+
+@dataclass_transform(
+    frozen_default=True,
+    eq_default=False,
+    field_specifiers=(field, array, scalar, integer, mapping, number_or_nan),
+)
+def value(*, error: type[BaxterError], eq: bool = False) -> Callable[[type[T]], type[T]]:
+    """Make an immutable value class.
+
+    Args:
+        error: the class of the error that refuses an argument.
+        eq: whether objects compare by value; only for classes without arrays.
+    """
+
+    def made(cls: type[T]) -> type[T]:
+        for name, method in _METHODS.items():
+            if getattr(cls, name, None) is getattr(object, name, None):
+                setattr(cls, name, method)
+        return attrs.frozen(
+            cls, eq=eq, repr=False, field_transformer=partial(_with_checks, error=error)
+        )
+
+    return made
+
+
+def evolve(instance: T, **changes: Any) -> T:
+    """A copy of a value or dataclass with some fields changed, checked as a new one is."""
+    given: Any = instance
+    changed: T = (replace if is_dataclass(given) else attrs.evolve)(given, **changes)
+    return changed
+
+
+def field_names(instance: object) -> tuple[str, ...]:
+    """The names of the fields of a value or dataclass, in order; empty for other objects."""
+    cls: Any = type(instance)
+    if is_dataclass(cls):
+        return tuple(each.name for each in dataclasses.fields(cls))
+    return tuple(each.name for each in attrs.fields(cls)) if attrs.has(cls) else ()
+
+
+def _converted(convert: Convert, options: dict[str, Any]) -> Any:
+    return field(metadata={_CONVERT: convert}, **options)
+
+
+def _with_checks(
+    cls: type[Any],  # noqa: ARG001 - attrs passes it
+    fields: list[attrs.Attribute[Any]],
+    *,
+    error: type[BaxterError],
+) -> list[attrs.Attribute[Any]]:
+    return [_with_check(each, error) if each.init else each for each in fields]
+
+
+def _with_check(each: attrs.Attribute[Any], error: type[BaxterError]) -> attrs.Attribute[Any]:
+    convert = each.metadata.get(_CONVERT)
+    if convert is not None:
+        return each.evolve(converter=lambda given: convert(given, each.name, error))
+    if each.converter is not None:
+        return each
+    check = partial(_check_type, error=error)
+    return each.evolve(
+        validator=check if each.validator is None else attrs.validators.and_(check, each.validator)
+    )
+
+
+def _check_type(
+    instance: Any, each: attrs.Attribute[Any], given: object, *, error: type[BaxterError]
+) -> None:
+    cls: Any = type(instance)
+    expected, test = _types_of(cls)[each.name]
+    if not test(given) and not (each.metadata.get(_MAY_BE_NAN) and _is_nan(given)):
+        what = f"{type(instance).__name__}.{each.name}"
+        raise error(f"{what} must be {expected}, got {quoted(given)}")
+
+
+def _to_array(
+    given: Any, name: str, error: type[BaxterError], *, shape: tuple[int | None, ...], what: str
+) -> FloatArray:
+    subject = what or name
+    made = float_array(given, subject, error)
+    is_alike = len(shape) == made.ndim and all(
+        length in (None, actual) for length, actual in zip(shape, made.shape, strict=True)
+    )
+    if not is_alike:
+        lengths = ", ".join("n" if length is None else str(length) for length in shape)
+        comma = "," if len(shape) == 1 else ""
+        raise error(f"{subject} has shape {made.shape}; it must have shape ({lengths}{comma})")
+    return read_only(made, subject, error)
+
+
+def _to_scalar(
+    given: Any,
+    name: str,
+    error: type[BaxterError],
+    *,
+    above: float | None,
+    least: float | None,
+    most: float | None,
+    what: str,
+) -> float:
+    subject = what or name
+    number = finite_scalar(given, subject, error)
+    if above is not None and number <= above:
+        bound = "zero" if above == 0.0 else f"{above:g}"
+        raise error(f"{subject} must be above {bound}, got {number:g}")
+    if least is not None and number < least:
+        if least == 0.0:
+            raise error(f"{subject} must not be negative, got {number:g}")
+        raise error(f"{subject} must be at least {least:g}, got {number:g}")
+    if most is not None and number > most:
+        raise error(f"{subject} must be at most {most:g}, got {number:g}")
+    return number
+
+
+def _to_integer(given: Any, name: str, error: type[BaxterError], *, least: int, most: int) -> int:
+    return whole_scalar(given, name, error, least=least, most=most)
+
+
+def _to_mapping(given: Any, name: str, error: type[BaxterError]) -> FrozenMapping[Any, Any]:
+    if not isinstance(given, Mapping):
+        raise error(f"{name} must be a mapping, got {type(given).__name__}")
+    return FrozenMapping(given)
+
+
+def _one_line(self: Any) -> str:
+    """Its name and, in parentheses, `_facts` where a class has them, or else its fields."""
+    facts = getattr(self, "_facts", None)
+    return line(type(self).__name__, facts() if facts else _changed_fields(self))
+
+
+def _changed_fields(instance: Any) -> Iterator[str]:
+    """The fields that differ from their defaults, as text."""
+    for each in attrs.fields(type(instance)):
+        given = getattr(instance, each.name)
+        if not each.repr or _is_default(given, _default_of(each)):
+            continue
+        text = each.repr(given) if callable(each.repr) else shown(given)
+        if text:
+            yield f"{each.alias}={text}"
+
+
+def _default_of(each: attrs.Attribute[Any]) -> object:
+    default: Any = each.default
+    is_made = isinstance(default, attrs.Factory) and not default.takes_self  # type: ignore[arg-type]
+    return default.factory() if is_made else default
+
+
+def _is_default(given: object, default: object) -> bool:
+    if isinstance(given, Mapping) and isinstance(default, Mapping):
+        return not given and not default
+    is_array = isinstance(given, np.ndarray)
+    return given is default or (
+        type(given) is type(default) and not is_array and bool(given == default)
+    )
+
+
+def _state(self: Any) -> dict[str, Any]:
+    return {each.name: getattr(self, each.name) for each in attrs.fields(type(self))}
+
+
+def _restore(self: Any, state: dict[str, Any]) -> None:
+    """Set the fields of an unpickled or copied object; they were checked when it was made."""
+    for name, given in state.items():
+        object.__setattr__(self, name, _frozen(given))
+
+
+_METHODS: Mapping[str, Callable[..., Any]] = {
+    "__repr__": _one_line,
+    "__getstate__": _state,
+    "__setstate__": _restore,
+}
+
+
+def _frozen(given: Any) -> Any:
+    if isinstance(given, np.ndarray):
+        given.setflags(write=False)
+    elif isinstance(given, (tuple, FrozenMapping)):
+        for part in given.values() if isinstance(given, FrozenMapping) else given:
+            _frozen(part)
+    return given
+
+
+@cache
+def _types_of(cls: type[Any]) -> Mapping[str, tuple[str, Test]]:
+    """For each field the name of its type, and a test of whether a value is of it."""
+    hints = get_type_hints(cls)
+    return {
+        each.name: (_type_name(hints[each.name]), _test_of(hints[each.name]))
+        for each in attrs.fields(cls)
+        if each.init and each.type is not None
+    }
+
+
+def _origin_of(hint: Any) -> Any:
+    """The class of a generic annotation; NumPy 2.5 has `NDArray` as an alias of its own."""
+    origin = get_origin(hint)
+    return np.ndarray if origin is NDArray else origin
+
+
+def _test_of(hint: Any) -> Test:
+    origin, arguments = _origin_of(hint), get_args(hint)
+    if hint is Any:
+        return lambda _: True
+    if origin in (Union, types.UnionType):
+        return _any_of([_test_of(each) for each in arguments])
+    if origin is tuple:
+        return _tuple_of(arguments)
+    if origin is not None and issubclass(origin, Mapping):
+        return _mapping_of(*arguments)
+    return _SIMPLE[hint] if hint in _SIMPLE else _instance_of(origin or hint)
+
+
+def _type_name(hint: Any) -> str:
+    """An annotation without the modules of its classes."""
+    if isinstance(hint, type) and not get_args(hint):
+        return "None" if hint is type(None) else hint.__name__
+    if get_origin(hint) in (Union, types.UnionType):
+        return " or ".join(_type_name(each) for each in get_args(hint))
+    inner = ", ".join("..." if each is ... else _type_name(each) for each in get_args(hint))
+    origin = _origin_of(hint)
+    return f"{origin.__name__}[{inner}]" if origin else str(hint)
+
+
+def _is_number(given: object) -> bool:
+    if isinstance(given, int):
+        return not isinstance(given, bool) and given.bit_length() < MAX_INTEGER_BITS
+    return isinstance(given, (float, np.floating, np.integer)) and not _is_nan(given)
+
+
+def _is_nan(given: object) -> bool:
+    return isinstance(given, (float, np.floating)) and bool(np.isnan(given))
+
+
+def _is_integer(given: object) -> bool:
+    return isinstance(given, (int, np.integer)) and not isinstance(given, bool)
+
+
+def _is_bool(given: object) -> bool:
+    return isinstance(given, (bool, np.bool_))
+
+
+_SIMPLE: Mapping[Any, Test] = {float: _is_number, int: _is_integer, bool: _is_bool, str: is_text}
+
+
+def _instance_of(cls: type[Any]) -> Test:
+    return lambda given: isinstance(given, cls)
+
+
+def _any_of(tests: Collection[Test]) -> Test:
+    return lambda given: any(test(given) for test in tests)
+
+
+def _tuple_of(hints: tuple[Any, ...]) -> Test:
+    if hints[-1] is ...:
+        test = _test_of(hints[0])
+        return lambda given: isinstance(given, tuple) and all(map(test, given))
+    tests = tuple(_test_of(hint) for hint in hints)
+    return lambda given: (
+        isinstance(given, tuple)
+        and len(given) == len(tests)
+        and all(test(each) for test, each in zip(tests, given, strict=True))
+    )
+
+
+def _mapping_of(key: Any, entry: Any) -> Test:
+    is_key, is_entry = _test_of(key), _test_of(entry)
+    return lambda given: (
+        isinstance(given, Mapping)
+        and all(map(is_key, given))
+        and all(map(is_entry, given.values()))
+    )

@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import copy
+import pickle
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import attrs
+import numpy as np
+import pytest
+
+from baxter_kin.errors import BaxterError
+from baxter_kin.fields import array, evolve, field, integer, mapping, number_or_nan, scalar, value
+from baxter_kin.validation import FloatArray
+from baxter_kin.value_objects import LONGEST, FrozenMapping, millimetres
+
+COPIES: dict[str, Callable[[Any], Any]] = {
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda each: pickle.loads(pickle.dumps(each)),
+}
+
+
+class SampleError(BaxterError, ValueError):
+    """Raised by the samples below."""
+
+
+@value(error=SampleError)
+class Sample:
+    """One field of every kind."""
+
+    q: FloatArray = array(3)
+    rows: FloatArray = array(None, 2, factory=lambda: np.zeros((0, 2)))
+    name: str = "plain"
+    length_m: float = scalar(above=0.0, default=0.1, repr=millimetres)
+    ratio: float = scalar(least=0.0, most=1.0, default=1.0)
+    count: int = integer(least=1, most=9, default=1)
+    named: Mapping[str, FloatArray] = mapping(factory=dict)
+    parts: tuple[Sample, ...] = ()
+    pair: tuple[int, str] | None = None
+    offset_m: float = number_or_nan(default=0.0)
+    ratios: Mapping[str, float] = field(factory=dict)
+    is_open: bool = False
+
+
+@value(error=SampleError, eq=True)
+class Interval:
+    """Two numbers in order."""
+
+    start: float = scalar()
+    end: float = scalar()
+
+    def __attrs_post_init__(self) -> None:
+        if self.end < self.start:
+            raise SampleError(f"an interval ends at {self.end:g}, before it starts")
+
+
+Q = np.array((1.0, 2.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        ({"q": (1.0, 2.0)}, "q has shape (2,); it must have shape (3,)"),
+        ({"q": (1.0, 2.0, np.nan)}, "q must be finite numbers"),
+        ({"q": "text"}, "q must be real numbers"),
+        ({"rows": np.zeros((2, 3))}, "rows has shape (2, 3); it must have shape (n, 2)"),
+        ({"name": 3}, "Sample.name must be str, got 3"),
+        ({"name": "\ud800"}, "Sample.name must be str"),
+        ({"length_m": 0.0}, "length_m must be above zero, got 0"),
+        ({"length_m": True}, "length_m must be a number, got True"),
+        ({"length_m": np.inf}, "length_m must be a finite number"),
+        ({"ratio": -0.5}, "ratio must not be negative, got -0.5"),
+        ({"ratio": 1.5}, "ratio must be at most 1, got 1.5"),
+        ({"count": 10}, "count must be a whole number from 1 to 9"),
+        ({"count": 2.0}, "count must be a whole number from 1 to 9"),
+        ({"named": [1]}, "named must be a mapping, got list"),
+        ({"parts": [None]}, "Sample.parts must be tuple[Sample, ...]"),
+        ({"pair": (1, 2)}, "Sample.pair must be tuple[int, str] or None"),
+        ({"offset_m": None}, "Sample.offset_m must be float, got None"),
+        ({"ratios": {"a": "b"}}, "Sample.ratios must be Mapping[str, float]"),
+        ({"ratios": {"a": 2**2000}}, "Sample.ratios must be Mapping[str, float]"),
+        ({"is_open": 1}, "Sample.is_open must be bool, got 1"),
+    ],
+)
+def test_a_wrong_argument_is_refused_by_name(fields: dict[str, Any], told: str) -> None:
+    with pytest.raises(SampleError) as refusal:
+        Sample(**{"q": Q, **fields})
+    assert str(refusal.value).startswith(told)
+
+
+def test_arguments_are_copied_and_read_only() -> None:
+    q, named = Q.copy(), {"a": np.ones(2)}
+    sample = Sample(q, named=named)
+    q[0] = 9.0
+    named["b"] = np.ones(2)
+    np.testing.assert_array_equal(sample.q, Q)
+    assert list(sample.named) == ["a"]
+    with pytest.raises(ValueError, match="read-only"):
+        sample.q[0] = 9.0
+
+
+def test_fields_cannot_be_set() -> None:
+    with pytest.raises(attrs.exceptions.FrozenInstanceError):
+        Sample(Q).name = "other"  # type: ignore[misc]
+
+
+def test_a_changed_copy_is_checked_again() -> None:
+    assert evolve(Interval(0.0, 1.0), end=2.0) == Interval(0.0, 2.0)
+    with pytest.raises(SampleError, match="an interval ends at -1, before it starts"):
+        evolve(Interval(0.0, 1.0), end=-1.0)
+
+
+def test_only_values_that_ask_for_it_are_compared_by_value() -> None:
+    assert Sample(Q) != Sample(Q)
+    assert Interval(0.0, 1.0) == Interval(0.0, 1.0)
+    assert hash(Interval(0.0, 1.0)) == hash(Interval(0.0, 1.0))
+
+
+@pytest.mark.parametrize("way", COPIES)
+def test_arrays_are_read_only_in_a_copy(way: str) -> None:
+    sample = Sample(Q, named={"a": np.ones(2)}, parts=(Sample(Q),))
+    again = COPIES[way](sample)
+    assert repr(again) == repr(sample)
+    assert type(again.named) is FrozenMapping
+    assert not again.q.flags.writeable
+    assert not again.parts[0].q.flags.writeable
+
+
+def test_a_value_may_be_nan_only_where_the_field_says_so() -> None:
+    assert np.isnan(Sample(Q, offset_m=np.nan).offset_m)
+    with pytest.raises(SampleError, match="ratios"):
+        Sample(Q, ratios={"a": np.nan})
+
+
+def test_fields_that_differ_from_their_defaults_are_shown() -> None:
+    assert repr(Sample(Q)) == "Sample(q=(1, 2, 3), rows=0 x 2 array)"
+    sample = Sample(Q, np.zeros((4, 2)), length_m=0.02, is_open=True)
+    assert repr(sample) == "Sample(q=(1, 2, 3), rows=4 x 2 array, length_m=20.0 mm, is_open=True)"
+    long = repr(Sample(Q, name="x\ny" * 1000))
+    assert len(long) <= LONGEST
+    assert long.isprintable()
