@@ -12,7 +12,7 @@ class Attachment:
     length_m: float = scalar(above=0.0, default=0.1)
 ```
 
-A field without a converter must be of the type that its annotation names:
+After conversion, a field must be of the type that its annotation names:
 
 ```
 float                a number, not NaN, no bool
@@ -44,7 +44,7 @@ from attrs import field
 from numpy.typing import NDArray
 from typing_extensions import dataclass_transform
 
-from baxter_kin.errors import BaxterError, quoted
+from baxter_kin.errors import BaxterError, expect_all, quoted
 from baxter_kin.validation import (
     FloatArray,
     finite_scalar,
@@ -64,6 +64,7 @@ __all__ = [
     "mapping",
     "number_or_nan",
     "scalar",
+    "sequence",
     "value",
 ]
 
@@ -118,6 +119,11 @@ def mapping(**options: Any) -> Any:
     return _converted(_to_mapping, options)
 
 
+def sequence(**options: Any) -> Any:
+    """A field that holds a tuple of the items of a sequence; options as of `attrs.field`."""
+    return _converted(_to_tuple, options)
+
+
 def number_or_nan(**options: Any) -> Any:
     """A field that holds a number or NaN; options as of `attrs.field`."""
     return field(metadata={_MAY_BE_NAN: True}, **options)
@@ -126,7 +132,7 @@ def number_or_nan(**options: Any) -> Any:
 @dataclass_transform(
     frozen_default=True,
     eq_default=False,
-    field_specifiers=(field, array, scalar, integer, mapping, number_or_nan),
+    field_specifiers=(field, array, scalar, integer, mapping, sequence, number_or_nan),
 )
 def value(*, error: type[BaxterError], eq: bool = False) -> Callable[[type[T]], type[T]]:
     """Make an immutable value class.
@@ -178,9 +184,7 @@ def _with_checks(
 def _with_check(each: attrs.Attribute[Any], error: type[BaxterError]) -> attrs.Attribute[Any]:
     convert = each.metadata.get(_CONVERT)
     if convert is not None:
-        return each.evolve(converter=lambda given: convert(given, each.name, error))
-    if each.converter is not None:
-        return each
+        each = each.evolve(converter=lambda given: convert(given, each.name, error))
     check = partial(_check_type, error=error)
     return each.evolve(
         validator=check if each.validator is None else attrs.validators.and_(check, each.validator)
@@ -244,6 +248,10 @@ def _to_mapping(given: Any, name: str, error: type[BaxterError]) -> FrozenMappin
     if not isinstance(given, Mapping):
         raise error(f"{name} must be a mapping, got {type(given).__name__}")
     return FrozenMapping(given)
+
+
+def _to_tuple(given: Any, name: str, error: type[BaxterError]) -> tuple[Any, ...]:
+    return expect_all(given, object, name, error)
 
 
 def _one_line(self: Any) -> str:

@@ -10,7 +10,17 @@ import numpy as np
 import pytest
 
 from baxter_kin.errors import BaxterError
-from baxter_kin.fields import array, evolve, field, integer, mapping, number_or_nan, scalar, value
+from baxter_kin.fields import (
+    array,
+    evolve,
+    field,
+    integer,
+    mapping,
+    number_or_nan,
+    scalar,
+    sequence,
+    value,
+)
 from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import LONGEST, FrozenMapping, millimetres
 
@@ -36,7 +46,7 @@ class Sample:
     ratio: float = scalar(least=0.0, most=1.0, default=1.0)
     count: int = integer(least=1, most=9, default=1)
     named: Mapping[str, FloatArray] = mapping(factory=dict)
-    parts: tuple[Sample, ...] = ()
+    parts: tuple[Sample, ...] = sequence(default=())
     pair: tuple[int, str] | None = None
     offset_m: float = number_or_nan(default=0.0)
     ratios: Mapping[str, float] = field(factory=dict)
@@ -75,6 +85,8 @@ Q = np.array((1.0, 2.0, 3.0))
         ({"count": 10}, "count must be a whole number from 1 to 9"),
         ({"count": 2.0}, "count must be a whole number from 1 to 9"),
         ({"named": [1]}, "named must be a mapping, got list"),
+        ({"named": {"a": 1}}, "Sample.named must be Mapping[str, ndarray"),
+        ({"parts": 3}, "parts must be a sequence, got int"),
         ({"parts": [None]}, "Sample.parts must be tuple[Sample, ...]"),
         ({"pair": (1, 2)}, "Sample.pair must be tuple[int, str] or None"),
         ({"offset_m": None}, "Sample.offset_m must be float, got None"),
