@@ -144,7 +144,7 @@ def value(*, error: type[BaxterError], eq: bool = False) -> Callable[[type[T]], 
 
     def made(cls: type[T]) -> type[T]:
         for name, method in _METHODS.items():
-            if getattr(cls, name, None) is getattr(object, name, None):
+            if getattr(cls, name, None) in (getattr(object, name, None), method):
                 setattr(cls, name, method)
         return attrs.frozen(
             cls, eq=eq, repr=False, field_transformer=partial(_with_checks, error=error)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import pinocchio as pin
 
@@ -16,15 +15,16 @@ from baxter_kin.errors import (
     UnknownNameError,
     expect,
 )
+from baxter_kin.fields import value
 from baxter_kin.kinematics.arm import LIMBS, Arm, known_limb
-from baxter_kin.validation import Checked, FloatArray, finite_array
-from baxter_kin.value_objects import FrozenMapping, OneLine, count
+from baxter_kin.validation import FloatArray, finite_array
+from baxter_kin.value_objects import FrozenMapping, count
 
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Baxter(Checked, OneLine, error=DescriptionError):
+@value(error=DescriptionError)
+class Baxter:
     """The whole robot.
 
     Attributes:
@@ -98,10 +98,10 @@ class Baxter(Checked, OneLine, error=DescriptionError):
             values.update(arm.joints(arm.neutral))
         given = {} if joints is None else joints
         expect(given, Mapping, "joints", ConfigurationError)  # type: ignore[type-abstract]
-        for name, value in given.items():
+        for name, position in given.items():
             if name not in values:
                 raise UnknownNameError("joint", name, self.joint_names)
-            values[name] = value
+            values[name] = position
         count = len(values)
         return finite_array(list(values.values()), (count,), "joints", ConfigurationError)
 

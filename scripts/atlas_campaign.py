@@ -19,7 +19,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from campaign.efficiency import measured
 from campaign.killing import with_killed_builds, with_killed_workers
 
 from baxter_kin.command_line import OneSentenceParser, number_within, whole_number
+from baxter_kin.fields import evolve
 from planner.atlas.commands.reports import shown_bytes
 from planner.atlas.map_files import bytes_on_disk
 
@@ -58,7 +58,7 @@ def _campaign(folder: Path, options: argparse.Namespace, reach: Wanted) -> int:
     if options.only != REDUNDANCY:
         wrong += _differing(serial, options, reach, tell)
     if options.only != REACH:
-        redundancy, freedom = replace(reach, reach=serial), folder / REDUNDANCY / "serial.zarr"
+        redundancy, freedom = evolve(reach, reach=serial), folder / REDUNDANCY / "serial.zarr"
         Build.begin(freedom, "serial", 1, redundancy).finished()
         wrong += _differing(freedom, options, redundancy, tell)
     tell("all maps have the same bytes" if not wrong else f"{wrong} maps differ")

@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 import io
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from collada.triangleset import BoundTriangleSet
 from numpy.typing import NDArray
 
 from baxter_kin.description import StockFiles
+from baxter_kin.fields import evolve
 from baxter_kin.files import replace_file
 
 TARGET = Path(__file__).resolve().parent.parent / "sim" / "view" / "appearance.npz"
@@ -157,7 +158,7 @@ def _surfaces(visual: pin.GeometryObject, description: StockFiles) -> list[Surfa
         _check_bounds(surfaces, visual)
     else:
         surfaces = [_primitive(visual.geometry, link)]
-    return [replace(surface, rgb=UNPAINTED.get(link, surface.rgb)) for surface in surfaces]
+    return [evolve(surface, rgb=UNPAINTED.get(link, surface.rgb)) for surface in surfaces]
 
 
 def _primitive(shape: Any, link: str) -> Surface:
@@ -237,7 +238,7 @@ def _thinned(surface: Surface) -> Surface:
     vertices, faces = fast_simplification.simplify(
         vertices * unit, faces, target_count=1, lossless=True, preserve_border=True
     )
-    return replace(surface, vertices=vertices / unit, faces=np.asarray(faces, dtype=np.int64))
+    return evolve(surface, vertices=vertices / unit, faces=np.asarray(faces, dtype=np.int64))
 
 
 def _welded(surface: Surface) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

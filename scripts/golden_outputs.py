@@ -33,7 +33,6 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -47,7 +46,7 @@ from tqdm import tqdm
 
 from baxter_kin import Baxter
 from baxter_kin.description.hands import ElectricGripper
-from baxter_kin.fields import field_names
+from baxter_kin.fields import evolve, field_names
 from planner import Manipulator, Plan, Response, plan_pick_and_place, plan_start_move, verify
 from planner.pick_place.tracking.proof import prove_tracking
 from planner.plan import Move
@@ -248,7 +247,7 @@ _RECORDERS = {
 @cache
 def _planned(family: str, number: int) -> tuple[Plan, Manipulator]:
     problem = make_problem(family, number, SEED)
-    problem = replace(problem, manipulator=_manipulator(problem.manipulator.arm.side, number))
+    problem = evolve(problem, manipulator=_manipulator(problem.manipulator.arm.side, number))
     return _solved(problem), problem.manipulator
 
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from enum import Enum
 from typing import TypeAlias
 
 import pinocchio as pin
 
 from baxter_kin.errors import quoted
+from baxter_kin.fields import array, field, mapping, scalar, value
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_scalar, float_array
-from baxter_kin.value_objects import Frozen, FrozenMapping, OneLine, count, phrase, seconds
+from baxter_kin.validation import FloatArray
+from baxter_kin.value_objects import OneLine, count, phrase, seconds
 from planner import Body, Move, State
 from planner.grasping import Grasp
 from planner.grasping.grasp import Miss
@@ -46,8 +46,8 @@ Detail: TypeAlias = Contact | Push | Grasp | Miss | Rest
 """The facts of a hit, a push, a grasp, a miss, or of coming to rest."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Event(OneLine):
+@value(error=SimulationError, eq=True)
+class Event:
     """Something that happened.
 
     Attributes:
@@ -64,17 +64,15 @@ class Event(OneLine):
         SimulationError: when a value is of another class, or there is no such side.
     """
 
-    time_s: float
+    time_s: float = scalar()
     kind: EventKind
     text: str
     side: str | None = None
     move: Move | None = None
-    body: Body | None = field(default=None, compare=False)
-    detail: Detail | None = field(default=None, compare=False)
+    body: Body | None = field(default=None, eq=False)
+    detail: Detail | None = field(default=None, eq=False)
 
-    def __post_init__(self) -> None:
-        check_fields(self, SimulationError)
-        finite_scalar(self.time_s, "time_s", SimulationError)
+    def __attrs_post_init__(self) -> None:
         if self.side is not None and self.side not in LIMBS:
             raise SimulationError(f"a side is {' or '.join(LIMBS)}, got {quoted(self.side)}")
 
@@ -87,8 +85,8 @@ class Event(OneLine):
         return seconds(self.time_s), self.kind.value, phrase(self.text)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Snapshot(Frozen, OneLine):
+@value(error=SimulationError)
+class Snapshot:
     """The world at one tick.
 
     Attributes:
@@ -102,21 +100,17 @@ class Snapshot(Frozen, OneLine):
         SimulationError: when a value is of another class.
     """
 
-    time_s: float
-    q: FloatArray
-    T_base_bodies: Mapping[str, pin.SE3]
-    grippers: Mapping[str, GripperState]
+    time_s: float = scalar()
+    q: FloatArray = array(None)
+    T_base_bodies: Mapping[str, pin.SE3] = mapping()
+    grippers: Mapping[str, GripperState] = mapping()
     caption: str
 
-    def __post_init__(self) -> None:
-        check_fields(self, SimulationError)
-        count = float_array(self.q, "q", SimulationError).size
-        joints = count if count in JOINTS_OF_ROBOT else JOINTS_OF_ROBOT[-1]
-        q = finite_array(self.q, (joints,), "q", SimulationError)
-        object.__setattr__(self, "q", q)
-        for name in ("T_base_bodies", "grippers"):
-            object.__setattr__(self, name, FrozenMapping(getattr(self, name)))
-        finite_scalar(self.time_s, "time_s", SimulationError)
+    def __attrs_post_init__(self) -> None:
+        if len(self.q) not in JOINTS_OF_ROBOT:
+            raise SimulationError(
+                f"q has {len(self.q)} joints; a robot has {', '.join(map(str, JOINTS_OF_ROBOT))}"
+            )
         missing = [side for side in LIMBS if side not in self.grippers]
         if missing:
             raise SimulationError(f"the grippers lack {', '.join(missing)}")

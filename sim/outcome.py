@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
-from baxter_kin.validation import Checked, finite_scalar
-from baxter_kin.value_objects import OneLine, count, millimetres, phrase, seconds, sentence
+from baxter_kin.fields import field, scalar, value
+from baxter_kin.value_objects import count, millimetres, phrase, seconds, sentence
 from sim.errors import SimulationError
 from sim.world.contacts import Contact
 
@@ -17,8 +15,8 @@ LONGEST_DWELL_S = 60.0
 """Longer ones are mistakes."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Dwell(OneLine):
+@value(error=SimulationError, eq=True)
+class Dwell:
     """Pauses after gripper actions; none by default, where the original waits a second.
 
     Attributes:
@@ -26,17 +24,12 @@ class Dwell(OneLine):
         after_release_s: once the fingers are open.
     """
 
-    after_grasp_s: float = 0.0
-    after_release_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("after_grasp_s", "after_release_s"):
-            if finite_scalar(getattr(self, name), name, SimulationError) < 0.0:
-                raise SimulationError(f"{name} must not be negative, got {getattr(self, name)}")
+    after_grasp_s: float = scalar(least=0.0, default=0.0)
+    after_release_s: float = scalar(least=0.0, default=0.0)
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Outcome(Checked, OneLine, error=SimulationError):
+@value(error=SimulationError, eq=True)
+class Outcome:
     """How the execution of a plan ended.
 
     Attributes:

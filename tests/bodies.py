@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from baxter_kin.frames import PoseLike
 from baxter_kin.value_objects import FrozenMapping
 from planner import Body, Hand
@@ -58,7 +58,7 @@ def with_plain_fingers(robot: Baxter) -> RobotBody:
 
 
 def _plain(link: LinkBody, pieces: list[Triangulated]) -> LinkBody:
-    return replace(link, surface=NOTHING, margin_m=0.0, pieces=tuple(pieces))
+    return evolve(link, surface=NOTHING, margin_m=0.0, pieces=tuple(pieces))
 
 
 def _surface(shape: Any) -> Triangulated:

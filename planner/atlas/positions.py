@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve, integer, scalar, value
 from baxter_kin.ik.geometry.linkage import Linkage
 from baxter_kin.validation import (
-    Checked,
     FloatArray,
     finite_array,
     positive_scalar,
     whole_scalar,
 )
-from baxter_kin.value_objects import Frozen, OneLine
 from planner.errors import AtlasError
 
 MOST_A_SIDE = 10_000
@@ -33,8 +31,8 @@ LEAST_BLOCKS = 4096
 """How many there must be of those that are larger than `BLOCK_EDGE`, so that workers share them."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class PositionGrid(Frozen, Checked, OneLine, error=AtlasError):
+@value(error=AtlasError, eq=True)
+class PositionGrid:
     """Points `step_m * (first + (i, j, k))` of base, for i, j, k from zero to below `shape`.
 
     Grids whose steps divide each other share their points.
@@ -50,18 +48,16 @@ class PositionGrid(Frozen, Checked, OneLine, error=AtlasError):
             `MOST_A_SIDE`.
     """
 
-    step_m: float
+    step_m: float = scalar(above=0.0)
     first: tuple[int, ...]
     shape: tuple[int, ...]
-    block_edge: int = field(default=BLOCK_EDGE, compare=False)
+    block_edge: int = integer(least=1, most=MOST_A_SIDE, default=BLOCK_EDGE, eq=False)
 
-    def __post_init__(self) -> None:
-        positive_scalar(self.step_m, "step_m", AtlasError)
+    def __attrs_post_init__(self) -> None:
         if len(self.first) != 3 or len(self.shape) != 3:
             raise AtlasError(f"first and shape have three numbers, got {self.first}, {self.shape}")
         for number in self.shape:
             whole_scalar(number, "points along each side", AtlasError, least=1, most=MOST_A_SIDE)
-        whole_scalar(self.block_edge, "block_edge", AtlasError, least=1, most=MOST_A_SIDE)
 
     @classmethod
     def within(cls, low_m: ArrayLike, high_m: ArrayLike, step_m: float) -> PositionGrid:
@@ -109,7 +105,7 @@ class PositionGrid(Frozen, Checked, OneLine, error=AtlasError):
             len(self) >= LEAST_BLOCKS * (2 * edge) ** 3
         ):
             edge *= 2
-        return replace(self, block_edge=edge)
+        return evolve(self, block_edge=edge)
 
     def __len__(self) -> int:
         return math.prod(self.shape)

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from baxter_kin.fields import array, value
 from baxter_kin.frames import nearest_rotation
-from baxter_kin.validation import Checked, FloatArray, finite_array, whole_scalar
-from baxter_kin.value_objects import Frozen, OneLine, count
+from baxter_kin.validation import FloatArray, finite_array, whole_scalar
+from baxter_kin.value_objects import count
 from planner.errors import AtlasError
 
 FINEST_HOPF = 4
@@ -28,8 +28,8 @@ MOST_ROTATIONS = 300_000
 _ORTHONORMAL = 1e-6
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class RotationGrid(Frozen, Checked, OneLine, error=AtlasError):
+@value(error=AtlasError)
+class RotationGrid:
     """d directions times k rolls, in this order: rotation i is direction i // k with roll i % k.
 
     Attributes:
@@ -40,13 +40,13 @@ class RotationGrid(Frozen, Checked, OneLine, error=AtlasError):
         AtlasError: when there is no rotation, more than `MOST_ROTATIONS`, or a matrix is not one.
     """
 
-    R_base_tips: FloatArray
-    rolls: FloatArray
+    R_base_tips: FloatArray = array(None, 3, 3)
+    rolls: FloatArray = array(None)
 
-    def __post_init__(self) -> None:
-        Rs, rolls = np.asarray(self.R_base_tips), np.asarray(self.rolls)
-        Rs = finite_array(Rs, (max(len(Rs), 1), 3, 3), "R_base_tips", AtlasError)
-        rolls = finite_array(rolls, (max(rolls.size, 1),), "rolls", AtlasError)
+    def __attrs_post_init__(self) -> None:
+        Rs, rolls = self.R_base_tips, self.rolls
+        if not len(Rs) or not len(rolls):
+            raise AtlasError("a grid needs one rotation and one roll at least")
         if len(Rs) * len(rolls) > MOST_ROTATIONS:
             raise AtlasError(
                 f"a map has at most {MOST_ROTATIONS:,} rotations, got {len(Rs) * len(rolls):,}"
@@ -55,8 +55,6 @@ class RotationGrid(Frozen, Checked, OneLine, error=AtlasError):
         if (off > _ORTHONORMAL).any() or (np.linalg.det(Rs) < 0.0).any():
             bad = int(np.argmax((off > _ORTHONORMAL) | (np.linalg.det(Rs) < 0.0)))
             raise AtlasError(f"rotation {bad} is no rotation matrix: {Rs[bad].tolist()}")
-        object.__setattr__(self, "R_base_tips", Rs)
-        object.__setattr__(self, "rolls", rolls)
 
     @classmethod
     def hopf(cls, level: int = 1) -> RotationGrid:

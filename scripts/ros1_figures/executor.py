@@ -10,12 +10,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import Manipulator, PickAndPlace, Plan, plan_pick_and_place
 from ros1_figures.figure import Figure
 from ros1_figures.robot_process import robot_process
@@ -99,7 +99,7 @@ def _linked(uri: str) -> Iterator[BaxterLink]:
 
 def _bring_to_start(plan: Plan, link: BaxterLink) -> None:
     """From where a new robot stands, so that the plan alone is measured."""
-    alone = replace(plan, steps=())
+    alone = evolve(plan, steps=())
     outcome = RosExecutor(link, options=ExecutionOptions(Pace(0.3))).execute(alone)
     if not outcome.is_success:
         raise SystemExit(f"the arm did not come to the start: {outcome.failure}")

@@ -13,13 +13,13 @@ What is seen is taken to stand level on what is below it, which is better than a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import expect
+from baxter_kin.fields import evolve
 from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import OneLine, count
@@ -248,7 +248,7 @@ def split_at_close(plan: Plan) -> tuple[Plan, Plan]:
         raise SimulationError("the plan closes no fingers, so it cannot be split there")
     picking, rest = steps[: closes[0]], steps[closes[0] :]
     begun = state_of(rest[0]) if rest else plan.start
-    return replace(plan, steps=picking), replace(plan, start=begun, steps=rest)
+    return evolve(plan, steps=picking), evolve(plan, start=begun, steps=rest)
 
 
 def _standing(body: Body, scene: Scene) -> Body:

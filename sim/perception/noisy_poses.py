@@ -8,12 +8,11 @@ the same generator stay comparable when one parameter changes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import expect
+from baxter_kin.fields import scalar, value
 from baxter_kin.validation import FloatArray, finite_scalar
 from baxter_kin.value_objects import OneLine
 from planner import Body
@@ -21,8 +20,8 @@ from sim.errors import SimulationError
 from sim.perception.pose_source import PoseSource, Sighting, checked_source
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Noise(OneLine):
+@value(error=SimulationError, eq=True)
+class Noise:
     """How badly something sees.
 
     Attributes:
@@ -35,18 +34,10 @@ class Noise(OneLine):
         SimulationError: when one is not a number, or outside its range.
     """
 
-    position_m: float = 0.0
-    yaw_rad: float = 0.0
-    dropout: float = 0.0
-    latency_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("position_m", "yaw_rad", "dropout", "latency_s"):
-            value = finite_scalar(getattr(self, name), name, SimulationError)
-            if value < 0.0 or (name == "dropout" and value > 1.0):
-                allowed = "from 0 to 1" if name == "dropout" else "0 or above"
-                raise SimulationError(f"{name} of a noise must be {allowed}, got {value:g}")
-            object.__setattr__(self, name, value)
+    position_m: float = scalar(least=0.0, default=0.0)
+    yaw_rad: float = scalar(least=0.0, default=0.0)
+    dropout: float = scalar(least=0.0, most=1.0, default=0.0)
+    latency_s: float = scalar(least=0.0, default=0.0)
 
 
 class NoisyPoses(OneLine):

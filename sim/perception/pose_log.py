@@ -8,7 +8,6 @@ a quaternion x, y, z, w; the last eight are empty where nothing was seen. Names 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from os import PathLike
 
 import numpy as np
@@ -16,7 +15,8 @@ import pinocchio as pin
 
 from baxter_kin import pose_from_quaternion, quaternion_xyzw
 from baxter_kin.errors import BaxterError, expect, expect_all, quoted, shown_path
-from baxter_kin.validation import check_fields, finite_scalar
+from baxter_kin.fields import scalar, value
+from baxter_kin.validation import finite_scalar
 from baxter_kin.value_objects import NotCopied, OneLine, count, phrase, position, seconds
 from planner import Scene
 from sim.errors import RecordingError, SimulationError
@@ -28,8 +28,8 @@ HEADER = "look_s,name,seen_s,x,y,z,qx,qy,qz,qw"
 _FIELDS = HEADER.count(",") + 1
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Look(OneLine):
+@value(error=SimulationError)
+class Look:
     """One look.
 
     Attributes:
@@ -42,14 +42,10 @@ class Look(OneLine):
         SimulationError: when a value is of another class, or the time is not finite.
     """
 
-    time_s: float
+    time_s: float = scalar()
     name: str
     seen_s: float | None = None
     T_base_body: pin.SE3 | None = None
-
-    def __post_init__(self) -> None:
-        finite_scalar(self.time_s, "the time of a look", SimulationError)
-        check_fields(self, SimulationError)
 
     def _facts(self) -> tuple[str, ...]:
         where = "not seen" if self.T_base_body is None else f"at {position(self.T_base_body)}"

@@ -10,14 +10,14 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 import pinocchio as pin
 
 from baxter_kin.errors import expect, quoted
+from baxter_kin.fields import scalar, value
 from baxter_kin.validation import finite_scalar
-from baxter_kin.value_objects import OneLine, seconds
+from baxter_kin.value_objects import seconds
 from planner import Body
 from sim.errors import SimulationError
 from sim.events import Observer, Snapshot
@@ -27,8 +27,8 @@ KEPT_SNAPSHOTS = 1000
 """How many ticks back a world is remembered: 10 s at 100 Hz."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Sighting(OneLine):
+@value(error=SimulationError)
+class Sighting:
     """What was seen of one body.
 
     Attributes:
@@ -37,11 +37,7 @@ class Sighting(OneLine):
     """
 
     body: Body
-    time_s: float
-
-    def __post_init__(self) -> None:
-        expect(self.body, Body, "the body of a sighting", SimulationError)
-        finite_scalar(self.time_s, "the time of a sighting", SimulationError)
+    time_s: float = scalar()
 
     def _facts(self) -> tuple[str, ...]:
         return repr(self.body), f"seen at {seconds(self.time_s)}"

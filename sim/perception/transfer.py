@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import pinocchio as pin
 
-from baxter_kin.errors import expect
+from baxter_kin.fields import field, value
 from baxter_kin.frames import checked_pose
-from baxter_kin.validation import Checked
-from baxter_kin.value_objects import OneLine, count, millimetres, phrase, position, sentence
+from baxter_kin.value_objects import count, millimetres, phrase, position, sentence
 from planner import Body, Plan
 from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M, checked_height_m
 from sim.errors import SimulationError
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Transfer(OneLine):
+@value(error=SimulationError)
+class Transfer:
     """A body to move, by how it is grasped and where it shall be.
 
     Attributes:
@@ -32,24 +29,21 @@ class Transfer(OneLine):
     """
 
     body: str
-    T_body_tip: pin.SE3
-    T_base_goal: pin.SE3
+    T_body_tip: pin.SE3 = field(converter=checked_pose)
+    T_base_goal: pin.SE3 = field(converter=checked_pose)
     hover_m: float = DEFAULT_HOVER_M
     clear_m: float = DEFAULT_CLEAR_M
 
-    def __post_init__(self) -> None:
-        expect(self.body, str, "name of the body", SimulationError)
+    def __attrs_post_init__(self) -> None:
         for name in ("hover_m", "clear_m"):
             checked_height_m(getattr(self, name), name, SimulationError)
-        for name in ("T_body_tip", "T_base_goal"):
-            object.__setattr__(self, name, checked_pose(getattr(self, name)))
 
     def _facts(self) -> tuple[str, ...]:
         return phrase(self.body), f"to {position(self.T_base_goal)}", f"hover {self.hover_m:g} m"
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Attempt(Checked, OneLine, error=SimulationError):
+@value(error=SimulationError)
+class Attempt:
     """One look, and what came of it.
 
     Attributes:
@@ -67,8 +61,8 @@ class Attempt(Checked, OneLine, error=SimulationError):
         return seen, "done" if self.failure is None else f"failed: {phrase(self.failure)}"
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class LoopResult(Checked, OneLine, error=SimulationError):
+@value(error=SimulationError)
+class LoopResult:
     """How a transfer ended.
 
     Attributes:

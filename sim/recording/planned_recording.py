@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from baxter_kin import Baxter
 from baxter_kin.errors import expect
+from baxter_kin.fields import evolve
 from baxter_kin.model import given_or_stock
 from planner import Plan, RobotBody
 from planner.state import State
@@ -40,7 +39,7 @@ def planned_recording(
         raise RecordingError(f"the plan is for another robot: {difference}; give that one")
     world, recorder = _initial_world(plan, known, body), Recorder(known)
     simulation = Simulation(world, [recorder], check_contacts=False)
-    shown = replace(plan, robot=None)  # its body may be another one than is shown
+    shown = evolve(plan, robot=None)  # its body may be another one than is shown
     simulation.execute(shown, unverified=True)
     simulation.finish()
     return recorder.recording()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import expect
+from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from planner import Scene, State
@@ -72,7 +72,7 @@ def _with_moves(recording: Recording) -> Iterator[Event]:
             moves.popleft()
         is_of = is_start and moves and moves[0].start_s == event.time_s
         began = moves.popleft() if is_of and event.side in (None, moves[0].limb) else None
-        yield event if began is None or event.move else replace(event, move=began.move)
+        yield event if began is None or event.move else evolve(event, move=began.move)
 
 
 def _snapshot(recording: Recording, row: int, caption: str) -> Snapshot:

@@ -8,16 +8,17 @@ positions do.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from attrs.converters import optional
 from numpy.typing import NDArray
 
 from baxter_kin import IKResult
-from baxter_kin.errors import expect, expect_all, quoted
+from baxter_kin.errors import quoted
+from baxter_kin.fields import array, field, scalar, value
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
-from baxter_kin.validation import FloatArray, check_fields, finite_array, finite_rows, finite_scalar
-from baxter_kin.value_objects import Frozen, OneLine, count, phrase, seconds, side_of
+from baxter_kin.validation import FloatArray
+from baxter_kin.value_objects import count, phrase, seconds, side_of
 from planner import Move, Trajectory
 from planner.scene.contact import Contact
 from sim.errors import RecordingError
@@ -30,8 +31,8 @@ ROUNDING_S = 1e-9
 """How far a tick may be outside a move by rounding."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class RecordedMove(OneLine):
+@value(error=RecordingError)
+class RecordedMove:
     """A move of an arm as it was commanded.
 
     Attributes:
@@ -45,22 +46,13 @@ class RecordedMove(OneLine):
         RecordingError: when a part is of another type, or the joints are not those of one arm.
     """
 
-    start_s: float
+    start_s: float = scalar()
     label: str
     trajectory: Trajectory
     ik: IKResult | None = None
-    contacts: tuple[Contact, ...] | None = None
+    contacts: tuple[Contact, ...] | None = field(default=None, converter=optional(tuple))
 
-    def __post_init__(self) -> None:
-        start = finite_scalar(self.start_s, "start_s of a move", RecordingError)
-        object.__setattr__(self, "start_s", start)
-        expect(self.label, str, "the label of a move", RecordingError)
-        expect(self.trajectory, Trajectory, "the trajectory of a move", RecordingError)
-        if self.ik is not None:
-            expect(self.ik, IKResult, "the ik of a move", RecordingError)
-        if self.contacts is not None:
-            contacts = expect_all(self.contacts, Contact, "contacts", RecordingError)
-            object.__setattr__(self, "contacts", contacts)
+    def __attrs_post_init__(self) -> None:
         if _limb_of(self.trajectory) is None:
             names = ", ".join(self.joint_names)
             raise RecordingError(f"a move must be of the joints of one arm, got {names}")
@@ -90,8 +82,16 @@ class RecordedMove(OneLine):
         return phrase(self.label), side, f"{self.start_s:.2f} .. {seconds(self.end_s)}"
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ArmMotion(Frozen, OneLine):
+def _flags(given: object) -> NDArray[np.bool_]:
+    if not isinstance(given, np.ndarray) or given.dtype != np.bool_:
+        raise RecordingError(f"is_exact must be an array of bools, got {quoted(given)}")
+    flags = given.copy()
+    flags.setflags(write=False)
+    return flags
+
+
+@value(error=RecordingError)
+class ArmMotion:
     """An arm at n times.
 
     Attributes:
@@ -108,26 +108,20 @@ class ArmMotion(Frozen, OneLine):
     """
 
     joint_names: tuple[str, ...]
-    times_s: FloatArray
-    q: FloatArray
-    v: FloatArray
-    a: FloatArray
-    j: FloatArray
-    is_exact: NDArray[np.bool_]
+    times_s: FloatArray = array(None)
+    q: FloatArray = array(None, None)
+    v: FloatArray = array(None, None)
+    a: FloatArray = array(None, None)
+    j: FloatArray = array(None, None)
+    is_exact: NDArray[np.bool_] = field(converter=_flags)
 
-    def __post_init__(self) -> None:
-        check_fields(self, RecordingError)
-        n = len(finite_rows(self.q, len(self.joint_names), "q", RecordingError))
-        shapes = dict.fromkeys("qvaj", (n, len(self.joint_names))) | {"times_s": (n,)}
+    def __attrs_post_init__(self) -> None:
+        n = len(self.times_s)
+        shapes = {"is_exact": (n,)} | dict.fromkeys("qvaj", (n, len(self.joint_names)))
         for name, shape in shapes.items():
-            array = finite_array(getattr(self, name), shape, name, RecordingError)
-            object.__setattr__(self, name, array)
-        told = expect(self.is_exact, np.ndarray, "is_exact", RecordingError)
-        if told.shape != (n,) or told.dtype != np.bool_:
-            raise RecordingError(f"is_exact must be {n} truth values, got {quoted(told)}")
-        is_exact = told.copy()
-        is_exact.setflags(write=False)
-        object.__setattr__(self, "is_exact", is_exact)
+            actual = getattr(self, name).shape
+            if actual != shape:
+                raise RecordingError(f"{name} has shape {actual}; it must have shape {shape}")
 
     def _facts(self) -> tuple[str, ...]:
         times_s = self.times_s.tolist() or [0.0]

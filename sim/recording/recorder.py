@@ -129,6 +129,8 @@ class RecordingMemory:
         Raises:
             RecordingError: when there is no snapshot yet.
         """
+        if not self.rows:
+            raise RecordingError("the recording is empty: nothing was simulated")
         self.forget_the_past()
         return Recording(
             joint_names=self.joint_names,

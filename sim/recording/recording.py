@@ -9,19 +9,18 @@ Files: npz by `save_recording` and `load_recording`, the RSDK's CSV by `write_cs
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import UnknownNameError, expect, expect_all, quoted
+from baxter_kin.errors import UnknownNameError, expect, quoted
+from baxter_kin.fields import array, field, mapping, sequence, value
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import FloatArray, finite_array, float_array
+from baxter_kin.validation import FloatArray, float_array
 from baxter_kin.value_objects import (
-    Frozen,
     FrozenMapping,
-    OneLine,
     count,
     line,
     listing,
@@ -34,8 +33,23 @@ from sim.events import Event
 from sim.recording.recorded_motion import ArmMotion, RecordedMove, arm_joints, arm_motion
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Commands(Frozen, OneLine):
+def _bodies(given: Mapping[str, Body]) -> Mapping[str, Body]:
+    return Scene(given).bodies
+
+
+def _tracks(given: Mapping[str, ArrayLike]) -> Mapping[str, FloatArray]:
+    """Read-only copies of pose tracks, which are NaN while a body is not in the world."""
+    if not isinstance(given, Mapping):
+        raise RecordingError(f"body_poses must be a mapping, got {type(given).__name__}")
+    tracks = {}
+    for name, track in given.items():
+        tracks[name] = float_array(track, f"the poses of {quoted(name)}", RecordingError)
+        tracks[name].setflags(write=False)
+    return FrozenMapping(tracks)
+
+
+@value(error=RecordingError)
+class Commands:
     """The set-points that an arm was sent, and what was measured at these times.
 
     Attributes:
@@ -47,22 +61,23 @@ class Commands(Frozen, OneLine):
         RecordingError: when an array has another shape or is not finite.
     """
 
-    times_s: FloatArray
-    q_sent: FloatArray
-    q_measured: FloatArray
+    times_s: FloatArray = array(None)
+    q_sent: FloatArray = array(None, 7)
+    q_measured: FloatArray = array(None, 7)
 
-    def __post_init__(self) -> None:
-        size = float_array(self.times_s, "times_s", RecordingError).size
-        for name, shape in (("times_s", (size,)), ("q_sent", (size, 7)), ("q_measured", (size, 7))):
-            array = finite_array(getattr(self, name), shape, name, RecordingError)
-            object.__setattr__(self, name, array)
+    def __attrs_post_init__(self) -> None:
+        for name in ("q_sent", "q_measured"):
+            if len(getattr(self, name)) != len(self.times_s):
+                raise RecordingError(
+                    f"{name} has {len(getattr(self, name))} rows for {len(self.times_s)} times"
+                )
 
     def _facts(self) -> tuple[str, ...]:
         return (count(len(self.times_s), "set-point"),)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Recording(Frozen, OneLine):
+@value(error=RecordingError)
+class Recording:
     """A finished recording of n snapshots.
 
     Attributes:
@@ -86,46 +101,39 @@ class Recording(Frozen, OneLine):
             arm.
     """
 
-    joint_names: tuple[str, ...]
-    times_s: FloatArray
-    q: FloatArray
-    gripper_percent: FloatArray
-    bodies: Mapping[str, Body]
-    body_poses: Mapping[str, FloatArray]
-    captions: tuple[tuple[float, str], ...]
-    events: tuple[Event, ...]
-    moves: tuple[RecordedMove, ...] = ()
+    joint_names: tuple[str, ...] = sequence()
+    times_s: FloatArray = array(None)
+    q: FloatArray = array(None, None)
+    gripper_percent: FloatArray = array(None, 2)
+    bodies: Mapping[str, Body] = field(converter=_bodies)
+    body_poses: Mapping[str, FloatArray] = field(converter=_tracks)
+    captions: tuple[tuple[float, str], ...] = sequence()
+    events: tuple[Event, ...] = sequence()
+    moves: tuple[RecordedMove, ...] = sequence(default=())
     robot: RobotIdentity | None = None
-    limbs: tuple[str, ...] = LIMBS
-    commands: Mapping[str, Commands] = field(default_factory=dict)
+    limbs: tuple[str, ...] = sequence(default=LIMBS)
+    commands: Mapping[str, Commands] = mapping(factory=dict)
 
-    def __post_init__(self) -> None:
-        if self.robot is not None:
-            expect(self.robot, RobotIdentity, "robot", RecordingError)
-        self._check_limbs()
-        count = float_array(self.times_s, "times_s", RecordingError).size
+    def __attrs_post_init__(self) -> None:
+        count = len(self.times_s)
         if count == 0:
             raise RecordingError("the recording is empty: nothing was simulated")
-        for name, kind in _PARTS.items():
-            items = expect_all(getattr(self, name), kind, name, RecordingError)
-            object.__setattr__(self, name, items)
-        shapes = {
-            "times_s": (count,),
-            "q": (count, len(self.joint_names)),
-            "gripper_percent": (count, len(LIMBS)),
-        }
-        for name, shape in shapes.items():
-            array = finite_array(getattr(self, name), shape, name, RecordingError)
-            object.__setattr__(self, name, array)
         if not (np.diff(self.times_s) > 0.0).all():
             raise RecordingError("times_s must increase from one snapshot to the next")
-        object.__setattr__(self, "body_poses", self._frozen_poses())
-        object.__setattr__(self, "bodies", Scene(self.bodies).bodies)
-        for limb, commands in self.commands.items():
+        if self.limbs not in (LIMBS, *((side,) for side in LIMBS)):
+            raise RecordingError(
+                f"limbs must be {quoted(LIMBS)}, or one of them alone, got {quoted(self.limbs)}"
+            )
+        arrays = {"q": (self.q, (count, len(self.joint_names)))}
+        arrays["gripper_percent"] = (self.gripper_percent, (count, len(LIMBS)))
+        for name, track in self.body_poses.items():
+            arrays[f"the poses of {quoted(name)}"] = (track, (count, 7))
+        for name, (values, shape) in arrays.items():
+            if values.shape != shape:
+                raise RecordingError(f"{name} has shape {values.shape}; it must have shape {shape}")
+        for limb in self.commands:
             if limb not in LIMBS:
                 raise UnknownNameError("limb", limb, LIMBS)
-            expect(commands, Commands, f"commands of the {limb} arm", RecordingError)
-        object.__setattr__(self, "commands", FrozenMapping(self.commands))
 
     @property
     def duration_s(self) -> float:
@@ -164,31 +172,6 @@ class Recording(Frozen, OneLine):
         arms = "" if self.limbs == LIMBS else f"{self.limbs[0]} arm alone"
         return rows, seconds(self.duration_s), arms, count(len(self.events), "event"), bodies
 
-    def _check_limbs(self) -> None:
-        limbs = expect_all(self.limbs, str, "limbs", RecordingError)
-        if limbs not in (LIMBS, *((side,) for side in LIMBS)):
-            raise RecordingError(
-                f"limbs must be {quoted(LIMBS)}, or one of them alone, got {quoted(limbs)}"
-            )
-        object.__setattr__(self, "limbs", limbs)
-
-    def _frozen_poses(self) -> Mapping[str, FloatArray]:
-        if not isinstance(self.body_poses, Mapping):
-            raise RecordingError(
-                f"body_poses must be a mapping, got {type(self.body_poses).__name__}"
-            )
-        poses = {}
-        for name, track in self.body_poses.items():
-            array = float_array(track, f"poses of {quoted(name)}", RecordingError)
-            if array.shape != (len(self.times_s), 7):
-                raise RecordingError(
-                    f"poses of {quoted(name)} have shape {array.shape}; need "
-                    f"{(len(self.times_s), 7)}"
-                )
-            array.setflags(write=False)
-            poses[name] = array
-        return FrozenMapping(poses)
-
 
 class NotedRecording(NamedTuple):
     """A recording read from a file that may be damaged or odd, and what was odd about it.
@@ -205,11 +188,3 @@ class NotedRecording(NamedTuple):
         is_known = isinstance(self.notes, tuple)  # a named tuple takes anything
         notes = count(len(self.notes), "note") if is_known else shown(self.notes)
         return line("NotedRecording", (notes, quoted(self.recording)))
-
-
-_PARTS: Mapping[str, type[object]] = {
-    "joint_names": str,
-    "captions": tuple,
-    "events": Event,
-    "moves": RecordedMove,
-}

@@ -8,7 +8,7 @@ uniform scale, so that nothing is converted between the file and the browser.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.resources import as_file, files
 from typing import Any
 
@@ -20,6 +20,7 @@ from baxter_kin import Baxter
 from baxter_kin.description import RobotDescription
 from baxter_kin.description.mounting import is_finger, is_tool
 from baxter_kin.description.urdf import Urdf, UrdfJoint
+from baxter_kin.fields import evolve
 from baxter_kin.value_objects import FrozenMapping
 from planner.collision.robot.hand_body import around
 from sim.errors import SimulationError
@@ -168,7 +169,7 @@ def _of_own_mesh(part: RobotPart, parts: Sequence[RobotPart], tree: Urdf) -> Rob
     mesh = tree.by_child[link].shapes[0].mesh
     finger = "_l_finger" if "_l_finger" in link else "_r_finger"
     own = next(each for each in parts if _stem(each) == mesh and finger in each.joint)
-    return part if _stem(part) == mesh else replace(own, joint=part.joint)
+    return part if _stem(part) == mesh else evolve(own, joint=part.joint)
 
 
 def _tool(model: pin.Model, joint: UrdfJoint) -> RobotPart:
@@ -200,7 +201,7 @@ def _on(model: pin.Model, stock: pin.Model, part: RobotPart) -> RobotPart | None
         return part
     own, drawn = (tree.frames[tree.getFrameId(link)].placement for tree in (model, stock))
     T_joint_mesh = own * drawn.inverse() * part.T_joint_mesh
-    return part if own == drawn else replace(part, T_joint_mesh=T_joint_mesh)
+    return part if own == drawn else evolve(part, T_joint_mesh=T_joint_mesh)
 
 
 def _from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Appearance:

@@ -6,12 +6,12 @@ Goals and the ghost are see-through copies of what is drawn anyway, and share it
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from sim.recording.recorded_motion import RecordedMove
 from sim.recording.recording import Recording
@@ -154,7 +154,7 @@ def ghost_of(other: Recording, recording: Recording) -> Recording:
         if name not in recording.body_poses or not _stand_alike(poses, recording.body_poses[name])
     ]
     bodies = {name: body for name, body in other.bodies.items() if name in kept}
-    return replace(other, bodies=bodies, body_poses={n: other.body_poses[n] for n in kept})
+    return evolve(other, bodies=bodies, body_poses={n: other.body_poses[n] for n in kept})
 
 
 def moving_parts(
@@ -170,7 +170,7 @@ def moving_parts(
     model, parts = robot.model, appearance.parts
     chains = {name: set(model.supports[joint]) for joint, name in enumerate(model.names)}
     kept = tuple(part for part in parts if not differing.isdisjoint(chains[part.joint]))
-    return replace(appearance, parts=kept)
+    return evolve(appearance, parts=kept)
 
 
 def ghost_commands(other: Recording, tree: RobotTree) -> Iterator[Command]:

@@ -10,10 +10,10 @@ import base64
 import math
 import zlib
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import replace
 
 from baxter_kin import Baxter
 from baxter_kin.errors import expect
+from baxter_kin.fields import evolve
 from planner import Plan
 from planner.collision.robot.hand_body import fitted
 from planner.collision.robot.robot_body import RobotBody
@@ -143,7 +143,7 @@ def _without(recording: Recording, names: Collection[str]) -> Recording:
     if not names:
         return recording
     kept = [name for name in recording.bodies if name not in names]
-    return replace(
+    return evolve(
         recording,
         bodies={name: recording.bodies[name] for name in kept},
         body_poses={name: recording.body_poses[name] for name in kept},

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
-from baxter_kin.validation import check_fields
-from baxter_kin.value_objects import OneLine, phrase
+from baxter_kin.fields import field, value
+from baxter_kin.value_objects import phrase
 from planner import Plan
 from sim.errors import SimulationError
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class TaskResult(OneLine):
+@value(error=SimulationError, eq=True)
+class TaskResult:
     """What came of one task; as text, one line that says it.
 
     Attributes:
@@ -39,10 +38,7 @@ class TaskResult(OneLine):
     off_m: float | None
     verdict: str
     is_done: bool
-    plan: Plan | None = field(default=None, compare=False)
-
-    def __post_init__(self) -> None:
-        check_fields(self, SimulationError)
+    plan: Plan | None = field(default=None, eq=False)
 
     @classmethod
     def refused(

@@ -16,13 +16,13 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
 from baxter_kin.errors import expect, expect_all
+from baxter_kin.fields import evolve
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.model import given_or_stock
 from baxter_kin.validation import positive_scalar
@@ -285,7 +285,7 @@ class Workbench(OneLine):
             UnknownNameError: when there is no such arm.
             SimulationError: when it has no fingers.
         """
-        return replace(self._arms[self._side(side)], q_others=self.world.q)
+        return evolve(self._arms[self._side(side)], q_others=self.world.q)
 
     def plan(self, side: str, block: str, T_base_goal: PoseLike) -> Plan:
         """How an arm would bring a block to a pose, grasped from above; nothing moves.
@@ -405,7 +405,7 @@ class Workbench(OneLine):
             why = f"the {idle} arm is in the way and cannot withdraw, {withdrawn.verdict}"
             return TaskResult.refused(body.name, why, planning_s, withdrawn.plan)
         result = self._carried(body, T_base_goal, (side,))
-        return replace(
+        return evolve(
             result,
             motion_s=withdrawn.motion_s + result.motion_s,
             planning_s=planning_s + withdrawn.planning_s + result.planning_s,
@@ -429,7 +429,7 @@ class Workbench(OneLine):
         """An arm as planning needs it, the other one as it would be after it withdrew."""
         joints, q = self.robot.arm(idle), self.world.q
         q[list(self.robot.indices(joints.joint_names))] = joints.neutral
-        return replace(self._arms[side], q_others=q)
+        return evolve(self._arms[side], q_others=q)
 
     def _side(self, arm: str) -> str:
         side = self.robot.arm(arm).side

@@ -12,14 +12,14 @@ deep something is in a mesh that is not convex is not known; any contact with on
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from baxter_kin.errors import expect
+from baxter_kin.fields import evolve, value
 from baxter_kin.kinematics.arm import LIMBS
-from baxter_kin.validation import Checked, FloatArray
-from baxter_kin.value_objects import OneLine, millimetres, phrase, seconds
+from baxter_kin.validation import FloatArray
+from baxter_kin.value_objects import millimetres, phrase, seconds
 from planner import Body, Part, Plan, Scene, Trajectory
 from planner.collision import ClearanceChecker
 from planner.collision.context import Touches
@@ -37,8 +37,8 @@ NEAR_M = 1e-3
 """Shapes that touch are nearer than this."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Contact(Checked, OneLine, error=SimulationError):
+@value(error=SimulationError, eq=True)
+class Contact:
     """Two things that run into each other.
 
     Attributes:
@@ -265,7 +265,7 @@ def _laden(world: World, name: str) -> Body:
         for rider in map(world.body, world.riders(name))
         for part in rider.parts
     ]
-    return replace(body, parts=(*body.parts, *parts))
+    return evolve(body, parts=(*body.parts, *parts))
 
 
 AS_PLANNED = 1e-6

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.fields import scalar, value
 from baxter_kin.frames import raised
-from baxter_kin.validation import Checked, FloatArray, check_fields, finite_scalar
-from baxter_kin.value_objects import OneLine, millimetres, phrase, position
+from baxter_kin.validation import FloatArray, finite_scalar
+from baxter_kin.value_objects import millimetres, phrase, position
 from planner import Body
 from planner.scene.contact import PRESSING_TOLERANCE_M, gap_m
 from planner.scene.support import Landing, come_down
@@ -34,7 +34,7 @@ MOST_TIPS = 16
 """How often a body tips off on its way down; then it stays."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value(error=SimulationError)
 class Leg:
     """A straight fall.
 
@@ -47,12 +47,7 @@ class Leg:
     """
 
     T_base_body: pin.SE3
-    drop_m: float
-
-    def __post_init__(self) -> None:
-        check_fields(self, SimulationError)
-        if not 0.0 <= self.drop_m < math.inf:
-            raise SimulationError(f"a body falls down by 0 m or more, got {self.drop_m:g}")
+    drop_m: float = scalar(least=0.0)
 
     @property
     def duration_s(self) -> float:
@@ -60,8 +55,8 @@ class Leg:
         return math.sqrt(2 * self.drop_m / GRAVITY_M_S2)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Rest(Checked, OneLine, error=SimulationError):
+@value(error=SimulationError)
+class Rest:
     """Where a body comes to rest.
 
     Attributes:

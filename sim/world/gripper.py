@@ -20,15 +20,16 @@ hand that is not quite level, is not stopped by it. Opening fingers push nothing
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import expect
-from baxter_kin.validation import Checked, FloatArray, check_fields, finite_array, finite_scalar
-from baxter_kin.value_objects import Frozen, OneLine, millimetres, phrase
-from planner import Body, Box, Hand, Part
+from baxter_kin.fields import array, value
+from baxter_kin.validation import FloatArray, finite_scalar
+from baxter_kin.value_objects import OneLine, millimetres, phrase
+from planner import Body, Box, Part
 from planner.grasping import Grasp
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from planner.grasping.grasp import Miss, MissKind, extent
@@ -39,8 +40,8 @@ from sim.errors import SimulationError
 from sim.world.world import World
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Push(Frozen, OneLine):
+@value(error=SimulationError)
+class Push:
     """A body that a closing finger moves.
 
     Attributes:
@@ -62,14 +63,9 @@ class Push(Frozen, OneLine):
     by: str
     begin_m: float
     end_m: float
-    axis_base: FloatArray
+    axis_base: FloatArray = array(3)
     T_base_begin: pin.SE3
     is_riding: bool = False
-
-    def __post_init__(self) -> None:
-        check_fields(self, SimulationError)
-        axis = finite_array(self.axis_base, (3,), "axis_base", SimulationError)
-        object.__setattr__(self, "axis_base", axis)
 
     @property
     def distance_m(self) -> float:
@@ -129,28 +125,24 @@ class Mover:
         return self.sign * moved_m
 
 
-@dataclass(slots=True, eq=False)
 class Squeeze:
     """The fingers on their way, from contact to contact."""
 
-    world: World
-    side: str
-    hand: Hand = field(init=False)
-    T_base_tip: pin.SE3 = field(init=False)
-    begin_m: float = field(init=False)
-    finger_m: float = field(init=False)
-    _movers: list[Mover] = field(init=False)
-    _lift: FloatArray = field(init=False)
-    _known: dict[tuple[str, str], list[tuple[float, Part, Part]]] = field(
-        init=False, default_factory=dict
-    )
+    def __init__(self, world: World, side: str) -> None:
+        """Start where the fingers of a hand are now.
 
-    def __post_init__(self) -> None:
-        self.hand = self.world.hands[self.side]
-        self.T_base_tip = self.world.T_base_tip(self.side)
-        self.begin_m = self.finger_m = self.world.finger_m(self.side)
+        Args:
+            world: the robot and the bodies.
+            side: whose hand, "left" or "right".
+        """
+        self.world = world
+        self.side = side
+        self.hand = world.hands[side]
+        self.T_base_tip = world.T_base_tip(side)
+        self.begin_m = self.finger_m = world.finger_m(side)
         self._lift = PRESSING_TOLERANCE_M * (self.T_base_tip.rotation.T @ UP)
-        self._movers = [*self._fingers(), *map(self._mover, self.world.scene)]
+        self._known: dict[tuple[str, str], list[tuple[float, Part, Part]]] = {}
+        self._movers = [*self._fingers(), *map(self._mover, world.scene)]
 
     def run(self) -> tuple[Mover, Mover] | None:
         """Close until something stops the fingers: what met what; None when they close fully."""
@@ -310,8 +302,8 @@ AGREEMENT_M = 1e-6
 1e-8 m, and several add up."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Closing(Checked, OneLine, error=SimulationError):
+@value(error=SimulationError)
+class Closing:
     """How a close will end.
 
     Attributes:
@@ -403,8 +395,8 @@ def _ended(
     return Closing(squeeze.finger_m, body, grasp, miss, squeeze.pushes)
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class GripperState(Checked, OneLine, error=SimulationError):
+@value(error=SimulationError, eq=True)
+class GripperState:
     """What a gripper reports.
 
     Attributes:

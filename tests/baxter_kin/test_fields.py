@@ -65,6 +65,13 @@ class Interval:
             raise SampleError(f"an interval ends at {self.end:g}, before it starts")
 
 
+@value(error=SampleError)
+class Larger(Sample):
+    """A value class that extends another one."""
+
+    extra: FloatArray = array(2, factory=lambda: np.zeros(2))
+
+
 Q = np.array((1.0, 2.0, 3.0))
 
 
@@ -131,11 +138,12 @@ def test_only_values_that_ask_for_it_are_compared_by_value() -> None:
 
 @pytest.mark.parametrize("way", COPIES)
 def test_arrays_are_read_only_in_a_copy(way: str) -> None:
-    sample = Sample(Q, named={"a": np.ones(2)}, parts=(Sample(Q),))
+    sample = Larger(Q, named={"a": np.ones(2)}, parts=(Sample(Q),))
     again = COPIES[way](sample)
     assert repr(again) == repr(sample)
     assert type(again.named) is FrozenMapping
     assert not again.q.flags.writeable
+    assert not again.extra.flags.writeable
     assert not again.parts[0].q.flags.writeable
 
 

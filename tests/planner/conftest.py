@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import coal
@@ -12,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import (
     Hand,
     Manipulator,
@@ -50,12 +50,12 @@ def hands_of(robot: Baxter, body: RobotBody | None = None) -> dict[str, Hand]:
 def without_statements(plan: Plan) -> Plan:
     """A plan that states nothing that follows, so that it can be changed and judged."""
     steps = (
-        replace(step, clearance=None, proof=None, state=None)
+        evolve(step, clearance=None, proof=None, state=None)
         if isinstance(step, Move)
-        else replace(step, proof=None, state=None)
+        else evolve(step, proof=None, state=None)
         for step in plan
     )
-    return replace(plan, steps=tuple(steps))
+    return evolve(plan, steps=tuple(steps))
 
 
 @pytest.fixture(scope="session")

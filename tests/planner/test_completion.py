@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from baxter_kin.fields import evolve
 from planner import Grip, GripperAction, Manipulator, Move, Plan
 from planner.completion import complete, move_contexts
 from planner.errors import TaskError
@@ -43,8 +42,8 @@ def test_only_moves_next_to_a_grip_may_touch_something(
 def test_the_body_is_where_it_was_put_down(tracked_plan: Plan, manipulator: Manipulator) -> None:
     """After the release it counts as any other for what has no reason to come near."""
     last = tracked_plan.moves[-1]
-    again = replace(last, label="again", trajectory=last.trajectory.reversed(), is_straight=False)
-    plan = replace(tracked_plan, steps=(*tracked_plan.steps, again))
+    again = evolve(last, label="again", trajectory=last.trajectory.reversed(), is_straight=False)
+    plan = evolve(tracked_plan, steps=(*tracked_plan.steps, again))
     context = move_contexts(plan, manipulator)[-1]
     assert not context.checker.may_touch.any()
     near = context.prove(again.trajectory).nearest
@@ -55,7 +54,7 @@ def test_the_body_is_where_it_was_put_down(tracked_plan: Plan, manipulator: Mani
 def test_a_grip_that_misses_is_named(tracked_plan: Plan, manipulator: Manipulator) -> None:
     without = tuple(s for s in tracked_plan.steps if not isinstance(s, Move))
     with pytest.raises(TaskError, match="pick: close: the fingers cannot close on block"):
-        move_contexts(replace(tracked_plan, steps=without), manipulator)
+        move_contexts(evolve(tracked_plan, steps=without), manipulator)
 
 
 def test_a_hand_that_is_full_cannot_close(tracked_plan: Plan, manipulator: Manipulator) -> None:
@@ -63,12 +62,12 @@ def test_a_hand_that_is_full_cannot_close(tracked_plan: Plan, manipulator: Manip
     close = next(s for s in steps if isinstance(s, Grip) and s.action is GripperAction.CLOSE)
     steps.insert(steps.index(close), close)
     with pytest.raises(TaskError, match="the fingers cannot close on block"):
-        move_contexts(replace(tracked_plan, steps=tuple(steps)), manipulator)
+        move_contexts(evolve(tracked_plan, steps=tuple(steps)), manipulator)
 
 
 def bare(plan: Plan) -> Plan:
     """As somebody writes it by hand."""
-    return replace(plan, steps=tuple(replace(step, state=None) for step in plan))
+    return evolve(plan, steps=tuple(evolve(step, state=None) for step in plan))
 
 
 def test_a_plan_written_by_hand_gets_what_the_planner_states(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 
 from baxter_kin import Arm
 from baxter_kin.errors import UnknownNameError
+from baxter_kin.fields import evolve
 from planner import (
     Claim,
     Grip,
@@ -130,7 +130,7 @@ def test_a_gripper_action_is_of_the_limb_of_its_plan(left: Arm, there: Trajector
     plan = Plan(start, (Move("there", there), opens))
     assert [step.limb for step in plan] == ["left", "left"]
     with pytest.raises(TaskError, match="right gripper"):
-        Plan(start, (Move("there", there), replace(opens, limb="right")))
+        Plan(start, (Move("there", there), evolve(opens, limb="right")))
 
 
 @pytest.mark.parametrize("values", [{"angle_rad": np.nan}, {"angle_rad": "1"}, {1: 0.5}, 5])
@@ -146,10 +146,10 @@ def test_states_are_kept_only_where_they_follow_from_the_start(
     known = Move("there", there, state=start), Move("back", back, state=at_goal)
     assert [move.state for move in Plan(start, known)] == [start, at_goal]
     assert [move.state for move in Plan(state_at(left.neutral), known)] == [None, None]
-    assert [move.state for move in Plan(start, (known[0], replace(known[1], state=start)))] == [
+    assert [move.state for move in Plan(start, (known[0], evolve(known[1], state=start)))] == [
         *(None, None),
     ]
-    partly = replace(known[0]), replace(known[1], state=None)
+    partly = evolve(known[0]), evolve(known[1], state=None)
     assert [move.state for move in Plan(start, partly)] == [None, None]
 
 

@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from baxter_kin import IKFailure, IKResult, SeedType, pose_from_quaternion
-from baxter_kin.fields import field_names
+from baxter_kin.fields import evolve, field_names
 from planner import (
     Body,
     Box,
@@ -213,7 +212,7 @@ def test_a_file_of_version_3_is_read_and_can_be_completed(manipulator: Manipulat
 def test_a_mesh_comes_back_bit_by_bit(plan: Plan, file: Path) -> None:
     mesh = Mesh(np.array([[0, 0, 0], [0.1, 0, 0], [0, 1 / 3, 0]]), np.array([[0, 1, 2]]))
     scene = Scene.of([Body("sheet", (Part(mesh, at(0, 0, 0)),), at(1, 2, 3))])
-    save_plan(replace(plan, start=State(scene, plan.start.joints)), file)
+    save_plan(evolve(plan, start=State(scene, plan.start.joints)), file)
     loaded = load_plan(file)
     assert same(loaded.start.scene["sheet"], scene["sheet"])
 
@@ -376,7 +375,7 @@ def test_a_huge_file_is_refused(file: Path) -> None:
 def test_a_huge_plan_is_not_saved(plan: Plan, file: Path) -> None:
     grips = (Grip(34 * 2**20 * "x", GripperAction.OPEN),)
     with pytest.raises(PlanFileError, match="at most 32 MB are read again"):
-        save_plan(replace(plan, steps=grips), file)
+        save_plan(evolve(plan, steps=grips), file)
     assert not file.exists()
 
 
@@ -433,7 +432,7 @@ def test_a_failed_write_keeps_the_old_file(
 
     monkeypatch.setattr(os, "replace", fail)
     with pytest.raises(PlanFileError, match="No space left on device"):
-        save_plan(replace(plan, failure=PlanFailure("a", "b")), file)
+        save_plan(evolve(plan, failure=PlanFailure("a", "b")), file)
     assert file.read_bytes() == saved
     assert list(file.parent.iterdir()) == [file]
 
@@ -444,10 +443,10 @@ def test_only_plans_are_saved(file: Path) -> None:
 
 
 def test_what_is_not_finite_is_not_saved(plan: Plan, file: Path) -> None:
-    move = replace(plan.moves[0], clearance=Clearance(float("inf"), "a", "b"))
+    move = evolve(plan.moves[0], clearance=Clearance(float("inf"), "a", "b"))
     steps = tuple(move if step is plan.moves[0] else step for step in plan)
     with pytest.raises(PlanFileError, match=r"clearance\.distance_m must be a finite number"):
-        save_plan(replace(plan, steps=steps), file)
+        save_plan(evolve(plan, steps=steps), file)
 
 
 def test_a_plan_too_large_is_neither_written_nor_read(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, BaxterError, JointLimits
+from baxter_kin.fields import evolve
 from planner import Trajectory, plan_joint_move
 from planner.errors import MotionError, TrajectoryError
 from planner.trajectory import joined
@@ -280,7 +280,7 @@ def test_refuses_a_jerk_that_does_not_lead_to_the_next_knot(motion: Trajectory) 
     j = np.array(motion.j)
     j[0, 0] += 1e-3
     with pytest.raises(TrajectoryError, match="jumps"):
-        replace(motion, j=j)
+        evolve(motion, j=j)
 
 
 @pytest.mark.parametrize(
@@ -292,20 +292,20 @@ def test_refuses_knots_that_do_not_start_at_zero(
     knots = np.array(motion.knots_s)
     knots[0] = first
     with pytest.raises(TrajectoryError, match=match):
-        replace(motion, knots_s=knots)
+        evolve(motion, knots_s=knots)
 
 
 def test_refuses_knots_that_do_not_increase(motion: Trajectory) -> None:
     knots = np.array(motion.knots_s)
     knots[2] = knots[1]
     with pytest.raises(TrajectoryError, match="increase"):
-        replace(motion, knots_s=knots)
+        evolve(motion, knots_s=knots)
 
 
 @pytest.mark.parametrize("limits", [None, "limits", 7, {}])
 def test_refuses_limits_that_are_none(motion: Trajectory, limits: Any) -> None:
     with pytest.raises(TrajectoryError, match="limits"):
-        replace(motion, limits=limits)
+        evolve(motion, limits=limits)
     with pytest.raises(TrajectoryError, match="limits"):
         Trajectory.stay(np.zeros(7), limits)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,6 +11,7 @@ import pytest
 
 from baxter_kin import Baxter
 from baxter_kin.errors import UnknownNameError
+from baxter_kin.fields import evolve
 from planner import (
     Manipulator,
     PickAndPlace,
@@ -130,7 +130,7 @@ def test_a_log_says_which_robot_it_is_of(own: Own, scene: Scene, tmp_path: Path)
 
 
 def test_a_plan_that_names_no_robot_is_judged_by_its_joints(own: Own) -> None:
-    anybody = replace(own.plan, robot=None)
+    anybody = evolve(own.plan, robot=None)
     assert verify(anybody, description=own.robot.description).is_valid
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import pinocchio as pin
 
 from baxter_kin import IKService
 from baxter_kin.errors import PoseError, expect, quoted
+from baxter_kin.fields import mapping, value
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.value_objects import Frozen, FrozenMapping, OneLine
 from planner.atlas.questions.pose_answer import PoseAnswer, answer_pose
 from planner.atlas.reach_map import ReachMap
 from planner.errors import AtlasError
@@ -21,18 +20,15 @@ EQUAL_RAD = 1e-3
 """Margins that differ by less are the same."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ArmChoice(Frozen, OneLine):
+@value(error=AtlasError)
+class ArmChoice:
     """What each arm reaches.
 
     Attributes:
         answers: side of the arm -> its exact answer for each pose, in their order.
     """
 
-    answers: Mapping[str, tuple[PoseAnswer, ...]]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "answers", FrozenMapping(self.answers))
+    answers: Mapping[str, tuple[PoseAnswer, ...]] = mapping()
 
     @property
     def margins_rad(self) -> dict[str, float]:

@@ -13,10 +13,12 @@ import pinocchio as pin
 
 from baxter_kin import IKService
 from baxter_kin.errors import ConfigurationError
+from baxter_kin.fields import value
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.limits import JointLimits
 from baxter_kin.validation import FloatArray, finite_rows
-from baxter_kin.value_objects import Frozen, OneLine, position
+from baxter_kin.value_objects import position
+from planner.errors import AtlasError
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +35,8 @@ class _WidestMargin:
         return np.array(-np.minimum(q - limits.q_min, limits.q_max - q).min(axis=1))
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class PoseAnswer(Frozen, OneLine):
+@value(error=AtlasError)
+class PoseAnswer:
     """Whether one arm reaches a pose.
 
     Attributes:

@@ -13,11 +13,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray, Indices, positive_scalar
 from baxter_kin.value_objects import OneLine, count
 from planner.atlas.blocks import Block
@@ -177,7 +178,7 @@ class _Stratum:
 
 def _measure(strata: Sequence[_Stratum], measure_s: float) -> None:
     if strata:
-        replace(strata[0], times_s=[], found=[]).measure()  # what is done once for all is no cost
+        evolve(strata[0], times_s=[], found=[]).measure()  # what is done once for all is no cost
     begun = time.monotonic()
     for stratum in [each for each in strata for _ in range(LEAST)]:
         if len(stratum.left):

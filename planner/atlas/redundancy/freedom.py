@@ -16,23 +16,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter, IKService
+from baxter_kin.fields import number_or_nan, value
 from baxter_kin.frames import PoseLike
 from baxter_kin.ik import SelfMotion, solutions
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import Frozen, OneLine, count
+from baxter_kin.value_objects import OneLine, count
 from planner.atlas.redundancy.extremes import greatest_manipulability, greatest_margin_rad
 from planner.atlas.redundancy.rolls import STEP_RAD, pieces_of_rolls, turned, with_witness
 from planner.atlas.redundancy.self_collision import SelfCollision
+from planner.errors import AtlasError
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Freedom(Frozen, OneLine):
+@value(error=AtlasError, eq=True)
+class Freedom:
     """The self-motion of one pose, inside the joint limits.
 
     Attributes:
@@ -51,9 +52,9 @@ class Freedom(Frozen, OneLine):
     pieces: int
     length_rad: float
     longest_rad: float
-    margin_rad: float
-    manipulability: float
-    free_share: float
+    margin_rad: float = number_or_nan()
+    manipulability: float = number_or_nan()
+    free_share: float = number_or_nan()
 
     def _facts(self) -> tuple[str, ...]:
         if not self.pieces:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.distribution.software import kind_of_machine, versions
 from baxter_kin.errors import UnknownNameError, quoted
+from baxter_kin.fields import field_names
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import OneLine
@@ -127,7 +128,7 @@ class RedundancyMap(OneLine):
             "q_others": np.asarray(q_others, dtype=np.float64).tolist(),
             "step_m": reach_map.positions.step_m,
             "first": list(reach_map.positions.first),
-            "subset": asdict(subset),
+            "subset": {name: getattr(subset, name) for name in field_names(subset)},
             "measures": MEASURES,
             "codes": {text: code for code, text in STATUSES.items()},
         }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -11,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import quoted
-from baxter_kin.validation import Checked, FloatArray, finite_array, finite_scalar, whole_scalar
-from baxter_kin.value_objects import Frozen, OneLine, count
+from baxter_kin.fields import value
+from baxter_kin.validation import FloatArray, finite_array, finite_scalar, whole_scalar
+from baxter_kin.value_objects import count
 from planner.atlas.positions import BLOCK_EDGE, PositionGrid
 from planner.atlas.reach_map import ReachMap
 from planner.errors import AtlasError
@@ -27,8 +27,8 @@ SAME_AXIS = 1e-9
 """How much less the cosine of directions may be that count as one."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Subset(Frozen, Checked, OneLine, error=AtlasError):
+@value(error=AtlasError, eq=True)
+class Subset:
     """All combinations of arms, positions along x, y and z, and rotations of a reach map.
 
     Attributes:
@@ -48,7 +48,7 @@ class Subset(Frozen, Checked, OneLine, error=AtlasError):
     z: tuple[int, ...]
     rotations: tuple[int, ...]
 
-    def __post_init__(self) -> None:
+    def __attrs_post_init__(self) -> None:
         for name in ("arms", "x", "y", "z", "rotations"):
             if not getattr(self, name):
                 raise AtlasError(f"the subset has no {name}; take one or more")

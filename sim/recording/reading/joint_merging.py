@@ -14,13 +14,14 @@ the first.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import count
@@ -95,7 +96,7 @@ def merged_recording(
     )
     found = noted_recording(Measurement(rows, percent, told), robot)
     events = _events(messages.events, origin_ns)
-    return found._replace(recording=replace(found.recording, events=events))
+    return found._replace(recording=evolve(found.recording, events=events))
 
 
 def _topic(

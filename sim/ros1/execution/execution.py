@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from baxter_kin.fields import evolve, value
 from baxter_kin.value_objects import seconds, sentence
 from planner import GripperAction, Move
 from planner.trajectory import Trajectory
@@ -34,7 +34,7 @@ CONNECT_S = 3.0
 """A robot that listens has connected by then."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@value(error=SimulationError, eq=True)
 class MeasuredOutcome(Outcome):
     """How the execution of a plan on a robot ended.
 
@@ -157,7 +157,7 @@ class Execution:
 
     def _started(self, motion: SentMotion, number: int) -> None:
         move, caption = motion.moves[number], f"{self._title}{motion.moves[number].label}"
-        sent = replace(move, trajectory=_slow(move.trajectory, motion))
+        sent = evolve(move, trajectory=_slow(move.trajectory, motion))
         self._caption = caption
         self._tell(EventKind.MOVE_STARTED, caption, self._limb, sent)
 
@@ -182,7 +182,7 @@ class Execution:
         if stop is None:
             self.twin.put(lambda: self.twin.gripped(time_s, self._limb, grip, step.percent))
         elif stop.cause is StopCause.GRIPPER_MISSED:
-            text = str(replace(stop, label=""))
+            text = str(evolve(stop, label=""))
             self.twin.put(lambda: self.twin.missed(time_s, self._limb, text))
         return stop
 
@@ -205,7 +205,7 @@ class Execution:
             return
         time_s, caption, twin = self._offset_s + sample.time_s, self._caption, self.twin
         joints, grippers = self._link.joints.positions(), self._link.gripper_states()
-        told = replace(sample, time_s=time_s)
+        told = evolve(sample, time_s=time_s)
 
         def show() -> None:
             twin.sample(told)

@@ -10,11 +10,10 @@ import logging
 import re
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
+from baxter_kin.fields import value
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
-from baxter_kin.validation import Checked
-from baxter_kin.value_objects import OneLine, phrase, sentence
+from baxter_kin.value_objects import phrase, sentence
 from sim.errors import SimulationError
 from sim.ros1.execution.link.baxter_link import (
     ELECTRIC,
@@ -39,8 +38,8 @@ FIRST_S = 3.0
 _LOG = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Finding(Checked, OneLine, error=SimulationError):
+@value(error=SimulationError, eq=True)
+class Finding:
     """One condition, and whether it holds.
 
     Attributes:

@@ -8,12 +8,12 @@ is planned, proven and put before it. All conditions hold, or nothing is sent.
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 
 import numpy as np
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.errors import BaxterError, expect
+from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import clear, seconds
@@ -147,7 +147,7 @@ class _Look:
         joints = {name: told.get(name, known.joints.get(name, 0.0)) for name in robot.joint_names}
         for side in LIMBS:
             joints |= self._fingers(robot, side)
-        return replace(known, joints=joints)
+        return evolve(known, joints=joints)
 
     def _fingers(self, robot: Baxter, side: str) -> dict[str, float]:
         """Both fingers of a hand as its gripper reports them."""
@@ -172,7 +172,7 @@ class _Look:
         if off <= START_RAD:
             self._found("start", f"the arm stands {off:.4f} rad from it")
             here = _with_arm(state, arm, plan.q_start)
-            return replace(plan, start=here, robot=manipulator.identity)
+            return evolve(plan, start=here, robot=manipulator.identity)
         if any(held.side == plan.limb for held in state.attachments):
             raise _RefusedError("start", f"{off:.3f} rad away, and the hand is not empty")
         _LOG.info("planning a move to the plan's start")
@@ -181,7 +181,7 @@ class _Look:
         )
         if way.failure is not None:
             raise _RefusedError("start", f"{off:.3f} rad away, and no way there: {way.failure}")
-        move = replace(way.moves[0], label=CONNECTING)
+        move = evolve(way.moves[0], label=CONNECTING)
         proven = "" if move.proof is None else f", {clear(move.proof.proven_m)}"
         duration_s = move.trajectory.duration / self._options.pace.speed
         self._found(
@@ -266,7 +266,7 @@ class _Look:
 
 
 def _with_arm(state: State, arm: Arm, q: FloatArray) -> State:
-    return replace(state, joints={**state.joints, **arm.joints(q)})
+    return evolve(state, joints={**state.joints, **arm.joints(q)})
 
 
 def _check_rooms(stages: tuple[MoveStage | GripStage, ...]) -> None:
@@ -290,10 +290,10 @@ def _as_tracked(
     offs = iter(move.deviation_rad for move in proof.moves)
 
     def tracked(room: Room) -> Room:
-        return replace(room, most_off_rad=min(MOST_OFF_RAD, next(offs) + BEYOND_RAD))
+        return evolve(room, most_off_rad=min(MOST_OFF_RAD, next(offs) + BEYOND_RAD))
 
     return tuple(
-        replace(stage, rooms=tuple(tracked(room) for room in stage.rooms))
+        evolve(stage, rooms=tuple(tracked(room) for room in stage.rooms))
         if isinstance(stage, MoveStage)
         else stage
         for stage in stages

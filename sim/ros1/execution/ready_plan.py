@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 from baxter_kin import Baxter
-from baxter_kin.errors import expect
+from baxter_kin.fields import evolve, field, value
 from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.validation import FloatArray, positive_scalar
 from baxter_kin.value_objects import OneLine, clear, count, seconds
@@ -18,8 +18,8 @@ from sim.ros1.execution.preflight import Finding
 from sim.ros1.execution.stream.set_points import Pace
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class ExecutionOptions(OneLine):
+@value(error=SimulationError, eq=True)
+class ExecutionOptions:
     """How a plan is carried out.
 
     Attributes:
@@ -34,18 +34,13 @@ class ExecutionOptions(OneLine):
         SimulationError: when a value is of another class, or the time-out is not above zero.
     """
 
-    pace: Pace = field(default_factory=Pace)
-    dwell: Dwell = field(default_factory=lambda: Dwell(1.0, 1.0))
+    pace: Pace = field(factory=Pace)
+    dwell: Dwell = field(factory=lambda: Dwell(1.0, 1.0))
     timeout_s: float | None = None
     response: Response | None = None
     despite_lag: bool = False
 
-    def __post_init__(self) -> None:
-        expect(self.pace, Pace, "pace", SimulationError)
-        if self.response is not None:
-            expect(self.response, Response, "response", SimulationError)
-        expect(self.dwell, Dwell, "dwell", SimulationError)
-        expect(self.despite_lag, bool, "despite_lag", SimulationError)
+    def __attrs_post_init__(self) -> None:
         if self.timeout_s is not None:
             positive_scalar(self.timeout_s, "timeout_s", SimulationError)
 
@@ -54,7 +49,7 @@ class ExecutionOptions(OneLine):
         """The response at the speed and lead that count; None where it is not known."""
         if self.response is None:
             return None
-        return replace(self.response, speed=self.pace.speed, lead_s=self.pace.lead_s)
+        return evolve(self.response, speed=self.pace.speed, lead_s=self.pace.lead_s)
 
     @property
     def rest_s(self) -> float:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from enum import Enum
 
-from baxter_kin.validation import Checked
-from baxter_kin.value_objects import FrozenMapping, OneLine, seconds, sentence
+from baxter_kin.fields import value
+from baxter_kin.value_objects import FrozenMapping, seconds, sentence
 from sim.errors import SimulationError
 
 
@@ -44,8 +43,8 @@ class StopCause(str, Enum):
         return self not in (StopCause.DISABLED, StopCause.STOPPED, StopCause.ROBOT_ERROR)
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Stop(Checked, OneLine, error=SimulationError):
+@value(error=SimulationError, eq=True)
+class Stop:
     """Why an execution ended early; `str()` of it is one sentence.
 
     Attributes:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from baxter_kin.value_objects import FrozenMapping
 from planner import Body, Scene, State
 from sim.events import Event, EventKind, Snapshot
@@ -95,7 +95,7 @@ class ShownRun:
         self.drawn_only |= others.keys() - snapshot.T_base_bodies.keys()
         self._recorder.remember(Scene(others))
         poses = {name: body.T_base_body for name, body in others.items()}
-        return replace(snapshot, T_base_bodies={**poses, **snapshot.T_base_bodies})
+        return evolve(snapshot, T_base_bodies={**poses, **snapshot.T_base_bodies})
 
     def takes_frame(self, time_s: float, speed: float) -> bool:
         """Whether a frame of that time is to be sent, at so much of real time; it then counts."""
@@ -124,5 +124,5 @@ class ShownRun:
         """
         if note and self._last is not None:
             time_s = self._last.time_s + DEFAULT_TICK_S
-            self.see(replace(self._last, time_s=time_s, caption=note))
+            self.see(evolve(self._last, time_s=time_s, caption=note))
         return self._recorder.recording()

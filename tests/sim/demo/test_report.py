@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from baxter_kin.fields import evolve
 from planner import Grip, GripperAction, Manipulator, Move, Plan, PlanFailure, plan_joint_move
 from planner.clearance import Clearance
 from sim import Event, EventKind, Outcome
@@ -59,8 +59,8 @@ def test_motion_and_the_least_clearance_are_those_of_all_cycles(plan: Plan) -> N
     totals = Totals()
     totals.add(plan, DONE, 0.5)
     nearer = Clearance(0.005, "wrist", "table", 0.0)
-    steps = tuple(replace(s, clearance=nearer) if isinstance(s, Move) else s for s in plan)
-    totals.add(replace(plan, steps=steps), FAILED, 0.5)
+    steps = tuple(evolve(s, clearance=nearer) if isinstance(s, Move) else s for s in plan)
+    totals.add(evolve(plan, steps=steps), FAILED, 0.5)
     totals.add(plan, DONE, 0.5)
     assert totals.min_clearance_m == 0.005
     assert totals.motion_time_s == pytest.approx(3 * plan.motion_time_s)
@@ -91,7 +91,7 @@ def test_a_bound_that_is_none_is_null_and_one_of_0_has_no_ratio(
 
 
 def test_a_plan_that_failed_has_its_reason_and_no_transfer(report: Report, plan: Plan) -> None:
-    failed = replace(plan, failure=PlanFailure("place: approach", "too far"))
+    failed = evolve(plan, failure=PlanFailure("place: approach", "too far"))
     entry = spoken(report.add_cycle(1, POSES_M, failed, 0.5))
     assert (entry["planned"], entry["failure"]) == (False, "place: approach: too far")
     assert entry["transfer_time_s"] is entry["transfer_ratio"] is None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from baxter_kin.parallel import Serial
 from planner.atlas import (
     Cell,
@@ -89,7 +89,7 @@ def test_a_wrong_cell_is_explained(table_map: ReachMap, widest: Cell) -> None:
     for answer, told in (
         (table_map.nearest_cell("right", widest.T_base_tip), "the right arm"),
         (table_map.cell("left", (5, 9, 0), 0), "at z = -0.2 m"),
-        (replace(widest, T_base_tip=turned), "does not point down"),
+        (evolve(widest, T_base_tip=turned), "does not point down"),
         (table_map.cell("left", (11, 9, 1), 0), "unreachable, so it has no margin"),
         (table_map.cell("left", (5, 9, 1), 0), "another cell's"),
         (widest.q, "should be a Cell"),
@@ -111,8 +111,8 @@ def test_a_wrong_nearest_pose_is_explained(table_map: ReachMap) -> None:
         (nearest_reachable(table_map, nearer, "left"), r"at \(1.000, 0.300, -0.100\) m, not"),
         (nearest_reachable(table_map, rolled, "left"), "does not point down as DOWN does"),
         (nearest_reachable(table_map, FAR, "left", keep="nothing"), "leave `keep` out"),
-        (replace(found, T_base_tip=None, q=None), "nothing was found"),
-        (replace(found, q=found.q + 0.1), "not those of its pose"),
+        (evolve(found, T_base_tip=None, q=None), "nothing was found"),
+        (evolve(found, q=found.q + 0.1), "not those of its pose"),
         (0.229, "should be a NearestPose"),
     ):
         assert_told(check_nearest(answer), told)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from baxter_kin import Baxter, IKService, pose_from_quaternion
+from baxter_kin.fields import evolve
 from planner import Trajectory, plan_joint_move, plan_straight_move
 from sim.lessons.time_optimal_motion import (
     DOWN,
@@ -22,7 +22,7 @@ from tests.sim.lessons.told import assert_told
 
 ARM = Baxter.load().arm("left")
 IK, LIMITS = IKService(ARM), ARM.limits
-SLOW = replace(LIMITS, v_max=np.full(7, np.radians(30)))
+SLOW = evolve(LIMITS, v_max=np.full(7, np.radians(30)))
 X, Y, Z = START_BASE
 Q_START = IK.solve(pose_from_quaternion(START_BASE, DOWN), current=ARM.start).q
 Q_GOAL = IK.solve(pose_from_quaternion(GOAL_BASE, DOWN), current=Q_START).q
@@ -47,9 +47,9 @@ def test_slow_moves_between_any_solutions_are_right() -> None:
     ("limits", "told"),
     [
         (LIMITS, "a joint turns at 75.9 degrees a second"),
-        (replace(LIMITS, v_max=np.full(7, 30.0)), "v_max is in rad/s, not degrees"),
+        (evolve(LIMITS, v_max=np.full(7, 30.0)), "v_max is in rad/s, not degrees"),
         (LIMITS.scaled(0.1), "are enough: change nothing but v_max"),
-        (replace(SLOW, j_max=100.0 * LIMITS.j_max), "a_max or j_max"),
+        (evolve(SLOW, j_max=100.0 * LIMITS.j_max), "a_max or j_max"),
     ],
 )
 def test_moves_with_wrong_limits_are_explained(limits: Any, told: str) -> None:

@@ -88,7 +88,7 @@ class TestNoise:
             Noise(**{name: bad})
 
     def test_a_probability_is_at_most_one(self) -> None:
-        with pytest.raises(SimulationError, match="from 0 to 1"):
+        with pytest.raises(SimulationError, match="dropout must be at most 1"):
             Noise(dropout=1.1)
 
     def test_numbers_from_no_generator_are_refused(self, world: World) -> None:

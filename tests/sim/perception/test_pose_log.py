@@ -68,7 +68,7 @@ class TestLog:
             (f"{HEADER}\n1,block\n", "line 2: has 2 fields; it must have 10"),
             (f"{HEADER}\nsoon,block,,,,,,,,\n", "line 2: could not convert"),
             (f"{HEADER}\n1,,,,,,,,,\n", "line 2: names no body"),
-            (f"{HEADER}\nnan,block,,,,,,,,\n", "line 2: the time of a look"),
+            (f"{HEADER}\nnan,block,,,,,,,,\n", "line 2: time_s"),
             (f"{HEADER}\n1,block,1,0,0,0,0,0,0,0\n", "line 2: "),
         ],
     )

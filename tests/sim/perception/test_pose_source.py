@@ -49,5 +49,5 @@ class TestTruth:
 
 def test_a_sighting_of_nothing_is_refused() -> None:
     bad: Any = None
-    with pytest.raises(SimulationError, match="body of a sighting"):
+    with pytest.raises(SimulationError, match=r"Sighting\.body must be Body"):
         Sighting(bad, 0.0)

@@ -40,7 +40,7 @@ def test_a_height_that_is_not_above_zero_is_refused(name: str, height_m: Any) ->
 
 @pytest.mark.parametrize("name", [None, 5, ["block"]])
 def test_a_body_without_a_name_is_refused(name: Any) -> None:
-    with pytest.raises(SimulationError, match="name of the body"):
+    with pytest.raises(SimulationError, match=r"Transfer\.body must be str"):
         Transfer(name, TIP, GOAL)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 import sim.recording
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from planner import Body, Grip, GripperAction, Manipulator, Move, Plan, Scene, plan_joint_move
 from planner.plan import PlanFailure
@@ -150,7 +150,7 @@ class TestGrippers:
     ) -> None:
         path = tmp_path_factory.getbasetemp() / "open.csv"
         part = Grip("open a little", GripperAction.OPEN, opening_m=opening_m)
-        write_csv(replace(plan, steps=(part,)), path, dwell_s=0.0)
+        write_csv(evolve(plan, steps=(part,)), path, dwell_s=0.0)
         percent = table_of(path)["left_gripper"]
         assert percent[-1] == pytest.approx(100.0 * opening_m / STROKE_M, rel=DIGITS)
 
@@ -161,13 +161,13 @@ class TestGrippers:
     def test_a_hand_that_holds_something_stays_closed(self, plan: Plan, path: Path) -> None:
         held = Attachment("block", "right_gripper", plan.start.scene["block"].T_base_body)
         state = State(plan.start.scene, plan.start.joints, (held,))
-        write_csv(replace(plan, steps=plan.steps[:1], start=state), path)
+        write_csv(evolve(plan, steps=plan.steps[:1], start=state), path)
         assert set(table_of(path)["right_gripper"]) == {0.0}
 
 
 def arm_at(plan: Plan, q: FloatArray) -> State:
     """The start of a plan with its arm elsewhere."""
-    return replace(plan.start, joints={**plan.start.joints, **state_at(q).joints})
+    return evolve(plan.start, joints={**plan.start.joints, **state_at(q).joints})
 
 
 class TestSeveralPlans:
@@ -177,7 +177,7 @@ class TestSeveralPlans:
         back = plan_joint_move(
             plan.moves[-1].trajectory.q_goal, plan.q_start, plan.moves[0].trajectory.limits
         )
-        home = replace(plan, start=arm_at(plan, back.q_start), steps=(Move("home", back),))
+        home = evolve(plan, start=arm_at(plan, back.q_start), steps=(Move("home", back),))
         with PlanCsvFile(path, dwell_s=0.2) as file:
             for each in (plan, home, plan):
                 file.add(each)
@@ -197,7 +197,7 @@ class TestRefused:
     """What is no plan for a robot."""
 
     def test_an_invalid_plan(self, plan: Plan, path: Path) -> None:
-        invalid = replace(plan, failure=PlanFailure("pick: approach", "it is too far"))
+        invalid = evolve(plan, failure=PlanFailure("pick: approach", "it is too far"))
         with pytest.raises(RecordingError, match="cannot be executed: pick: approach: it is too"):
             write_csv(invalid, path)
         assert not path.exists()
@@ -205,7 +205,7 @@ class TestRefused:
     def test_one_that_does_not_say_where_the_other_arm_stands(self, plan: Plan, path: Path) -> None:
         state = State(Scene.of(), {**state_at(plan.q_start).joints, "right_s0": 0.0})
         with pytest.raises(RecordingError, match="lacks right_s1"):
-            write_csv(replace(plan, start=state), path)
+            write_csv(evolve(plan, start=state), path)
         assert not path.exists()
 
     @pytest.mark.parametrize("dwell_s", [-0.1, 60.1, float("nan"), "1", None, True])
@@ -242,7 +242,7 @@ def test_a_plan_for_the_drawing_is_written_with_one_warning(
 ) -> None:
     with PlanCsvFile(path) as file:
         file.add(plan)
-        file.add(replace(plan, steps=(), start=arm_at(plan, plan.moves[-1].trajectory.q[-1])))
+        file.add(evolve(plan, steps=(), start=arm_at(plan, plan.moves[-1].trajectory.q[-1])))
     (warning,) = caplog.messages
     assert warning.startswith(f"{path} has set-points for Baxter as it is drawn")
 
@@ -251,7 +251,7 @@ def test_a_plan_for_a_real_robot_is_written_without_a_warning(
     plan: Plan, path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     own = Baxter.load(served_urdf(measured="one")).description.identity
-    write_csv(replace(plan, robot=own), path)
+    write_csv(evolve(plan, robot=own), path)
     assert caplog.messages == []
 
 
@@ -259,5 +259,5 @@ def test_a_camera_on_the_head_makes_no_arm_another_one(
     plan: Plan, path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     own = Baxter.load(variant("camera_on_the_head")).description.identity
-    write_csv(replace(plan, robot=own), path)
+    write_csv(evolve(plan, robot=own), path)
     assert len(caplog.messages) == 1

@@ -1,11 +1,10 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import (
     Body,
     Manipulator,
@@ -67,10 +66,10 @@ def test_what_is_held_first_is_in_the_hand(plan: Plan, robot: Baxter, block: Bod
     T_base_tip = arm.T_base_tip(plan.q_start)
     in_hand = Attachment("block", "left_gripper", overhead(0.0, 0.0, 0.0))
     scene = state.scene.without("block").with_body(block.at(T_base_tip * in_hand.T_link_body))
-    laden = replace(
+    laden = evolve(
         plan,
         steps=plan.steps[:1] if not hasattr(plan.steps[0], "action") else plan.moves[:1],
-        start=replace(state, scene=scene, attachments=(in_hand,)),
+        start=evolve(state, scene=scene, attachments=(in_hand,)),
     )
     recording = planned_recording(laden, robot)
     T_goal = arm.T_base_tip(plan.moves[0].trajectory.q_goal) * in_hand.T_link_body

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import State
 from sim import Event, EventKind, Observer, Recorder, Recording, Snapshot, retell, save_recording
 from sim.errors import RecordingError
@@ -58,9 +58,9 @@ def test_moves_are_told_with_their_trajectories_also_after_loading(
 
 
 def test_moves_are_found_by_time_and_arm_not_by_words(picked: Recording) -> None:
-    events = tuple(replace(event, move=None, text="") for event in picked.events)
+    events = tuple(evolve(event, move=None, text="") for event in picked.events)
     witness = Witness()
-    retell(replace(picked, events=events), witness)
+    retell(evolve(picked, events=events), witness)
     begun = [i for i in witness.told if isinstance(i, Event) and i.kind is EventKind.MOVE_STARTED]
     trajectories = [event.move.trajectory for event in begun if event.move is not None]
     assert trajectories == [move.trajectory for move in picked.moves]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import pytest
 
 from baxter_kin import Arm
 from baxter_kin.errors import UnknownNameError
+from baxter_kin.fields import evolve
 from sim import Recording, plot_recording
 from sim.errors import RecordingError
 
@@ -89,7 +89,7 @@ def test_grasp_and_release_are_marked_and_named(figure: Any, picked: Recording) 
 
 def test_the_legend_says_where_the_motion_is_from(figure: Any, picked: Recording) -> None:
     assert said(figure) == ["exact, from the recorded moves", "limit", "grasped", "released"]
-    assert said(plot_recording(replace(picked, moves=()), "left")) == [
+    assert said(plot_recording(evolve(picked, moves=()), "left")) == [
         "standing still",
         "differences of the recorded positions",
         "limit",
@@ -99,19 +99,19 @@ def test_the_legend_says_where_the_motion_is_from(figure: Any, picked: Recording
 
 
 def test_both_arms_are_drawn_when_both_or_none_moved(picked: Recording) -> None:
-    still = replace(picked, q=np.tile(picked.q[0], (len(picked.q), 1)), moves=())
+    still = evolve(picked, q=np.tile(picked.q[0], (len(picked.q), 1)), moves=())
     assert panels(plot_recording(still)).shape == (2, ROWS, JOINTS)
 
 
 def test_an_arm_that_only_trembles_stands_still(picked: Recording) -> None:
     rng = np.random.default_rng(1)
-    noisy = replace(picked, q=picked.q + rng.normal(0.0, 1e-4, picked.q.shape))
+    noisy = evolve(picked, q=picked.q + rng.normal(0.0, 1e-4, picked.q.shape))
     assert panels(plot_recording(noisy)).shape == (1, ROWS, JOINTS)
 
 
 def test_noise_of_differences_does_not_hide_the_limits(picked: Recording, left: Arm) -> None:
     rng = np.random.default_rng(1)
-    noisy = replace(picked, q=picked.q + rng.normal(0.0, 1e-3, picked.q.shape), moves=())
+    noisy = evolve(picked, q=picked.q + rng.normal(0.0, 1e-3, picked.q.shape), moves=())
     bottom, top = panels(plot_recording(noisy, "left"))[0, 3, 0].get_ylim()
     assert top - bottom < 6.0 * left.limits.j_max[0]
 

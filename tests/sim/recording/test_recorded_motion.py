@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm, JointLimits
 from baxter_kin.errors import UnknownNameError
+from baxter_kin.fields import evolve
 from planner import Trajectory, plan_joint_move
 from sim import Recording
 from sim.errors import RecordingError
@@ -123,7 +123,7 @@ class TestOfARecording:
             picked.motion(limb)
 
     def test_joints_that_were_not_recorded_are_named(self, picked: Recording) -> None:
-        other = replace(picked, joint_names=tuple(f"other_{n}" for n in picked.joint_names))
+        other = evolve(picked, joint_names=tuple(f"other_{n}" for n in picked.joint_names))
         with pytest.raises(RecordingError, match="lacks left_s0"):
             other.motion("left")
 
@@ -157,5 +157,5 @@ def test_whether_it_is_exact_is_told_for_every_time(is_exact: Any) -> None:
     row = np.zeros((1, 7))
     names = tuple("abcdefg")
     assert ArmMotion(names, np.zeros(1), row, row, row, row, np.ones(1, dtype=bool))
-    with pytest.raises(RecordingError, match="is_exact must be"):
+    with pytest.raises(RecordingError, match="is_exact"):
         ArmMotion(names, np.zeros(1), row, row, row, row, is_exact)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from baxter_kin import BaxterError
+from baxter_kin.fields import field_names
 from planner import Body
 from sim import Event, EventKind, Recording
 from sim.errors import RecordingError
@@ -15,7 +16,7 @@ from tests.conftest import at
 
 
 def fields(recording: Recording) -> dict[str, Any]:
-    return {name: getattr(recording, name) for name in Recording.__dataclass_fields__}
+    return {name: getattr(recording, name) for name in field_names(recording)}
 
 
 class TestRecording:

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from sim.recording.recording import Recording
 from sim.view.animation import (
     FRAMES_PER_S,
@@ -65,7 +64,7 @@ def test_a_body_stands_ready_before_it_appears(tracks: list[Track]) -> None:
 def test_a_body_that_was_never_there_stays_hidden(recording: Recording, tree: RobotTree) -> None:
     absent = np.full_like(recording.body_poses["block"], np.nan)
     poses = {**recording.body_poses, "block": absent}
-    tracks = list(recorded_tracks(replace(recording, body_poses=poses), tree))
+    tracks = list(recorded_tracks(evolve(recording, body_poses=poses), tree))
     keys = {track.key for track in tracks if track.path == "/bodies/block"}
     assert keys == {"visible"}
 
@@ -73,7 +72,7 @@ def test_a_body_that_was_never_there_stays_hidden(recording: Recording, tree: Ro
 def test_keyframes_are_never_half_a_turn_apart(recording: Recording, tree: RobotTree) -> None:
     q = recording.q.copy()
     q[:, recording.joint_names.index("left_w2")] = np.linspace(-3.0, 3.0, len(q))
-    tracks = list(recorded_tracks(replace(recording, q=q), tree))
+    tracks = list(recorded_tracks(evolve(recording, q=q), tree))
     quats = track_of(tracks, "left_w2/moves", "quaternion").values
     dots = np.abs(np.einsum("ij,ij->i", quats[1:], quats[:-1]))
     assert dots.min() > np.cos(np.pi / 4)
@@ -83,14 +82,14 @@ def test_a_quaternion_that_changes_sign_is_no_motion(recording: Recording, tree:
     table = recording.body_poses["table"].copy()
     table[::2, 3:] *= -1.0
     poses = {**recording.body_poses, "table": table}
-    tracks = list(recorded_tracks(replace(recording, body_poses=poses), tree))
+    tracks = list(recorded_tracks(evolve(recording, body_poses=poses), tree))
     assert track_of(tracks, "/bodies/table", "quaternion").is_constant
 
 
 def test_time_starts_at_zero_whenever_the_recording_began(
     recording: Recording, tree: RobotTree
 ) -> None:
-    later = replace(recording, times_s=recording.times_s + 100.0)
+    later = evolve(recording, times_s=recording.times_s + 100.0)
     tracks = list(recorded_tracks(later, tree))
     assert max(track.times_s[-1] for track in tracks) == pytest.approx(DURATION_S)
     assert {float(track.times_s[0]) for track in tracks} == {0.0}

@@ -1,9 +1,8 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
+from baxter_kin.fields import evolve
 from planner import Body
 from sim.events import Event, EventKind
 from sim.recording.recording import Recording
@@ -15,7 +14,7 @@ def told(kind: EventKind, side: str | None = "left", body: Body | None = None) -
 
 
 def named(block: Body, name: str) -> Body:
-    return replace(block, name=name)
+    return evolve(block, name=name)
 
 
 def story_of(*percents: float, side: str = "left") -> GripperStatus:
@@ -94,7 +93,7 @@ def test_the_timeline_of_a_pick_and_place_reads_as_it_should(executed: Recording
 def test_what_came_before_a_cut_recording_is_not_told(executed: Recording) -> None:
     grasped = next(event for event in executed.events if event.kind is EventKind.GRASPED)
     rows = executed.times_s > grasped.time_s
-    cut = replace(
+    cut = evolve(
         executed,
         times_s=executed.times_s[rows],
         q=executed.q[rows],
@@ -113,7 +112,7 @@ def without_left_fingers(recording: Recording) -> Recording:
     """The same motion of a robot that has a tool, such as a pen, on its left flange."""
     kept = [i for i, name in enumerate(recording.joint_names) if not name.startswith("l_gripper")]
     names = tuple(recording.joint_names[i] for i in kept)
-    return replace(recording, joint_names=names, q=recording.q[:, kept], robot=None, events=())
+    return evolve(recording, joint_names=names, q=recording.q[:, kept], robot=None, events=())
 
 
 def test_a_hand_without_fingers_has_no_gripper_status(executed: Recording) -> None:
@@ -123,5 +122,5 @@ def test_a_hand_without_fingers_has_no_gripper_status(executed: Recording) -> No
 
 
 def test_an_arm_that_was_not_recorded_has_no_gripper_status(executed: Recording) -> None:
-    left_alone = replace(executed, limbs=("left",))
+    left_alone = evolve(executed, limbs=("left",))
     assert gripper_timelines(left_alone)["right"] == []

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from sim.recording.recording import Recording
 from sim.view.appearance import Appearance
@@ -103,7 +103,7 @@ def test_goals_share_the_robots_triangles(
 def test_the_same_goal_is_drawn_once(
     executed: Recording, robot: Baxter, appearance: Appearance
 ) -> None:
-    again = replace(executed, moves=executed.moves * 3)
+    again = evolve(executed, moves=executed.moves * 3)
     one, three = (
         {c["path"].split("/")[2] for c in goal_commands(each, robot, appearance)}
         for each in (executed, again)
@@ -117,10 +117,10 @@ def test_there_are_not_more_goals_than_allowed(
     (move, *_) = executed.moves
     trajectory = move.trajectory
     moves = [
-        replace(move, trajectory=replace(trajectory, q=trajectory.q + 0.01 * number))
+        evolve(move, trajectory=evolve(trajectory, q=trajectory.q + 0.01 * number))
         for number in range(MOST_GOALS + 5)
     ]
-    many = replace(executed, moves=tuple(moves))
+    many = evolve(executed, moves=tuple(moves))
     drawn = {c["path"].split("/")[2] for c in goal_commands(many, robot, appearance)}
     assert len(drawn) == MOST_GOALS
 
@@ -136,7 +136,7 @@ def test_a_ghost_has_only_the_parts_that_can_differ(
 def test_a_ghost_has_only_the_bodies_that_do_not_just_stand_alike(executed: Recording) -> None:
     assert list(ghost_of(executed, executed).bodies) == ["block"]
     moved = {name: poses + 0.01 for name, poses in executed.body_poses.items()}
-    other = replace(executed, body_poses=moved)
+    other = evolve(executed, body_poses=moved)
     assert set(ghost_of(other, executed).bodies) == {"table", "block"}
 
 

@@ -3,7 +3,6 @@ from __future__ import annotations
 import gzip
 import os
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from baxter_kin import Arm, Baxter, IKService
+from baxter_kin.fields import evolve
 from planner import RobotBody, plan_joint_move
 from sim.errors import RecordingError
 from sim.events import EventKind
@@ -244,7 +244,7 @@ def test_a_stopped_move_has_no_seed_once_the_next_begins(left: Arm, picked: Reco
     motion = plan_joint_move(left.neutral, left.start, left.limits)
     begun = [(0.0, there), (0.5 * motion.duration, None), (0.7 * motion.duration, there)]
     moves = [RecordedMove(start_s, "", motion, ik) for start_s, ik in begun]
-    told = list(_seeds(replace(picked, moves=tuple(moves))))
+    told = list(_seeds(evolve(picked, moves=tuple(moves))))
     times = [time_s for time_s, _ in told]
     assert times == sorted(times)
     seed = moves[0].move.seed_label
@@ -360,7 +360,7 @@ def test_is_small_enough_when_gzipped(replay_file: Path) -> None:
 def test_shows_a_recording_of_one_moment(
     watched: Watched, tmp_path: Path, robot: Baxter, recording: Recording
 ) -> None:
-    moment = replace(
+    moment = evolve(
         recording,
         times_s=recording.times_s[:1],
         q=recording.q[:1],
@@ -429,6 +429,6 @@ def test_refuses_what_is_no_robot(recording: Recording) -> None:
 
 
 def test_refuses_a_recording_of_another_robot(robot: Baxter, recording: Recording) -> None:
-    other = replace(recording, joint_names=tuple(reversed(recording.joint_names)))
+    other = evolve(recording, joint_names=tuple(reversed(recording.joint_names)))
     with pytest.raises(RecordingError, match="not those of this robot"):
         replay_html(other, robot)

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import gzip
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from playwright.sync_api import Browser
 
 from baxter_kin import Baxter
 from baxter_kin.description import Tool
+from baxter_kin.fields import evolve
 from planner import Body, Manipulator, PickAndPlace, Plan, RobotBody, Scene, plan_pick_and_place
 from sim import Replay
 from sim.errors import RecordingError
@@ -33,7 +33,7 @@ def layers_of(content: dict[str, Any]) -> dict[str, dict[str, Any]]:
 @pytest.fixture(scope="module")
 def slower(executed: Recording) -> Recording:
     """The same at half the speed, and without what was commanded."""
-    return replace(
+    return evolve(
         executed, times_s=2.0 * executed.times_s, moves=(), events=(), captions=((0.0, "slow"),)
     )
 
@@ -70,13 +70,13 @@ def test_every_node_of_a_layer_is_drawn(executed: Recording, robot: Baxter) -> N
 
 
 def test_a_recording_without_moves_has_no_goals(executed: Recording, robot: Baxter) -> None:
-    content = decoded(encoded_content(replace(executed, moves=()), robot))
+    content = decoded(encoded_content(evolve(executed, moves=()), robot))
     assert "goals" not in layers_of(content)
     assert content["waypoints"] == []
 
 
 def test_what_does_not_move_has_no_clearance(executed: Recording, robot: Baxter) -> None:
-    still = replace(executed, q=np.tile(executed.q[0], (len(executed.q), 1)), moves=())
+    still = evolve(executed, q=np.tile(executed.q[0], (len(executed.q), 1)), moves=())
     content = decoded(encoded_content(still, robot))
     assert content["clearance"] is None
     assert content["unmeasured"] == NO_MOTION
@@ -110,7 +110,7 @@ def with_pen(robot: Baxter, executed: Recording) -> tuple[Baxter, Recording]:
     with_pen = Baxter.load(hands={"left": Tool((BALL,), at(0.0, 0.0, 0.1))})
     q = executed.q[:, list(robot.indices(with_pen.joint_names))]
     names = with_pen.joint_names
-    changed = replace(executed, joint_names=names, q=q, robot=None, events=(), moves=())
+    changed = evolve(executed, joint_names=names, q=q, robot=None, events=(), moves=())
     return with_pen, changed
 
 
@@ -191,7 +191,7 @@ def test_an_invalid_plan_says_why(manipulator: Manipulator, table: Body, block: 
 def test_the_plan_of_another_robot_says_how_to_give_it(plan: Plan) -> None:
     assert plan.robot is not None
     other = Baxter.load(hands={"right": None})
-    foreign = replace(plan, robot=other.description.identity)
+    foreign = evolve(plan, robot=other.description.identity)
     with pytest.raises(RecordingError, match=r"plan is for another robot: .*robot=\.\.\."):
         Replay(foreign)
     with pytest.raises(RecordingError, match="plan is for another robot"):

@@ -1,12 +1,12 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from sim.recording.recording import Recording
 from sim.view.gripper_status import gripper_timelines
 from sim.view.meshcat_commands import Command
@@ -78,7 +78,7 @@ def test_an_arm_at_rest_has_no_line(pieces: list[PathPiece]) -> None:
 def test_both_arms_have_lines_when_both_move(recording: Recording, robot: Baxter) -> None:
     q = recording.q.copy()
     q[:, robot.joint_names.index("right_s0")] += np.linspace(0.0, 0.5, len(q))
-    both = paths_of(replace(recording, q=q), robot)
+    both = paths_of(evolve(recording, q=q), robot)
     assert [piece.side for piece in both] == ["left", "right"]
 
 
@@ -117,7 +117,7 @@ def test_a_line_has_no_more_points_than_it_needs(pieces: list[PathPiece]) -> Non
 def test_a_jump_is_not_drawn(recording: Recording, robot: Baxter) -> None:
     q = recording.q.copy()
     q[150:, robot.joint_names.index("left_s0")] += 1.5
-    pieces = paths_of(replace(recording, q=q), robot)
+    pieces = paths_of(evolve(recording, q=q), robot)
     assert len(pieces) == 2
     longest = max(np.linalg.norm(np.diff(p.points_base, axis=0), axis=1).max() for p in pieces)
     assert longest < 0.1

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from planner import (
     Body,
@@ -126,7 +126,7 @@ class TestOutcome:
     def test_a_certificate_that_is_not_valid_is_warned_of(
         self, bench: Bench, caplog: pytest.LogCaptureFixture
     ) -> None:
-        strict = replace(bench.plan.moves[0].trajectory.limits, j_max=np.full(7, 1.0))
+        strict = evolve(bench.plan.moves[0].trajectory.limits, j_max=np.full(7, 1.0))
         certificate = verify(bench.plan, limits=strict)
         assert not certificate.is_valid
         bench.simulation.execute(bench.plan, certificate=certificate)
@@ -306,7 +306,7 @@ class TestProofs:
     def test_a_certificate_of_another_plan_is_not_one_of_this(
         self, bench: Bench, looks: list[Any], certificate: Certificate
     ) -> None:
-        copy = replace(bench.plan)
+        copy = evolve(bench.plan)
         assert bench.simulation.execute(copy, certificate=certificate).is_success
         assert looks == [move.trajectory for move in bench.plan.moves]
 
@@ -354,14 +354,14 @@ class TestProofs:
         assert looks == [move.trajectory for move in bench.plan.moves]
 
     def test_a_plan_without_proofs_is(self, bench: Bench, looks: list[Any]) -> None:
-        steps = [replace(s, proof=None) if isinstance(s, Move) else s for s in bench.plan.steps]
-        bench.simulation.execute(replace(bench.plan, steps=tuple(steps)))
+        steps = [evolve(s, proof=None) if isinstance(s, Move) else s for s in bench.plan.steps]
+        bench.simulation.execute(evolve(bench.plan, steps=tuple(steps)))
         assert len(looks) == len(bench.plan.moves)
 
     def test_a_plan_that_does_not_say_its_world_is(self, bench: Bench) -> None:
         assert is_as_planned(bench.world, bench.plan)
         assert not is_as_planned(
-            bench.world, replace(bench.plan, start=state_at(bench.plan.q_start))
+            bench.world, evolve(bench.plan, start=state_at(bench.plan.q_start))
         )
 
     def test_a_full_hand_is_not_as_planned(self, bench: Bench) -> None:

@@ -16,17 +16,15 @@ It takes some microseconds a witness, and some fiftieth of a map of the robot's 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from baxter_kin import Baxter, IKService
 from baxter_kin.errors import expect
+from baxter_kin.fields import value
 from baxter_kin.ik.geometry.reach import ReachBound
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, Indices
-from baxter_kin.value_objects import Frozen, OneLine
 from planner.atlas.questions.calibrated.deviation import TipDeviation
 from planner.atlas.reach_map import ReachMap
 from planner.atlas.reach_search import (
@@ -45,8 +43,8 @@ from planner.errors import AtlasError
 EVERYWHERE = (slice(None),) * 3
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class CalibratedCells(Frozen, OneLine):
+@value(error=AtlasError)
+class CalibratedCells:
     """What is known of cells for another robot than the map's.
 
     Attributes:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import member_of
-from baxter_kin.validation import Checked, FloatArray, positive_scalar
+from baxter_kin.fields import scalar, value
+from baxter_kin.validation import FloatArray
 from planner.errors import AtlasError
 
 M_PER_RAD = 0.3
@@ -33,8 +33,8 @@ class Keep(str, Enum):
         return member_of(cls, "part of a pose to keep", keep)
 
 
-@dataclass(frozen=True, slots=True)
-class PoseMeasure(Checked, error=AtlasError):
+@value(error=AtlasError, eq=True)
+class PoseMeasure:
     """A distance of poses: m where the orientation is kept, rad where the position is.
 
     Where nothing is kept, the root of the squares of metres and of `m_per_rad` times radians, m.
@@ -48,10 +48,7 @@ class PoseMeasure(Checked, error=AtlasError):
     """
 
     keep: Keep
-    m_per_rad: float = M_PER_RAD
-
-    def __post_init__(self) -> None:
-        positive_scalar(self.m_per_rad, "m_per_rad", AtlasError)
+    m_per_rad: float = scalar(above=0.0, default=M_PER_RAD)
 
     @property
     def weights(self) -> tuple[float, float]:

@@ -10,19 +10,19 @@ known; the nearest pose may be there.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKService
 from baxter_kin.errors import expect
+from baxter_kin.fields import value
 from baxter_kin.frames import PoseLike, checked_pose
 from baxter_kin.ik.geometry.reach import ReachBound
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M, IKResult
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray
-from baxter_kin.value_objects import Frozen, OneLine, position
+from baxter_kin.value_objects import position
 from planner.atlas.questions.nearest.cells_around import CellsAround, NearerCells
 from planner.atlas.questions.nearest.descent import descended
 from planner.atlas.questions.nearest.measure import M_PER_RAD, Keep, PoseMeasure
@@ -33,8 +33,8 @@ STARTS = 16
 """Cells that are descended from."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class NearestPose(Frozen, OneLine):
+@value(error=AtlasError)
+class NearestPose:
     """What was found nearest to a pose.
 
     Attributes:

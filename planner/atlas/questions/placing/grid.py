@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
+from baxter_kin.fields import field, value
 from baxter_kin.frames import BASE_HEIGHT_M
 from baxter_kin.validation import FloatArray, float_array, positive_scalar
-from baxter_kin.value_objects import OneLine, count
+from baxter_kin.value_objects import count
 from planner.errors import AtlasError
 
 MOST_PLACEMENTS = 1_000_000
@@ -20,8 +21,15 @@ FLOOR_M = (-BASE_HEIGHT_M,)
 """Where a table stands whose origin is on the floor."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class PlacementGrid(OneLine):
+def _numbers(given: ArrayLike) -> tuple[float, ...]:
+    values = float_array(given, "each coordinate of a grid", AtlasError)
+    if values.ndim != 1 or not values.size or not np.isfinite(values).all():
+        raise AtlasError(f"a grid needs one or more finite numbers for each axis, got {values}")
+    return tuple(values.tolist())
+
+
+@value(error=AtlasError)
+class PlacementGrid:
     """All combinations of positions and yaws.
 
     Attributes:
@@ -35,18 +43,13 @@ class PlacementGrid(OneLine):
         AtlasError: when one is empty or not finite, or there are more than `MOST_PLACEMENTS`.
     """
 
-    x_m: tuple[float, ...]
-    y_m: tuple[float, ...]
-    yaw_rad: tuple[float, ...] = (0.0,)
-    z_m: tuple[float, ...] = FLOOR_M
+    x_m: tuple[float, ...] = field(converter=_numbers)
+    y_m: tuple[float, ...] = field(converter=_numbers)
+    yaw_rad: tuple[float, ...] = field(default=(0.0,), converter=_numbers)
+    z_m: tuple[float, ...] = field(default=FLOOR_M, converter=_numbers)
     is_of_base: bool = False
 
-    def __post_init__(self) -> None:
-        for name in ("x_m", "y_m", "yaw_rad", "z_m"):
-            values = float_array(getattr(self, name), name, AtlasError)
-            if values.ndim != 1 or not values.size or not np.isfinite(values).all():
-                raise AtlasError(f"{name} must be finite numbers, one or more, got {values}")
-            object.__setattr__(self, name, tuple(values.tolist()))
+    def __attrs_post_init__(self) -> None:
         if len(self) > MOST_PLACEMENTS:
             raise AtlasError(
                 f"the grid has {len(self):,} placements; up to {MOST_PLACEMENTS:,} are tried; take "

@@ -16,13 +16,14 @@ map dismisses or ranks low may be better. Whether the table is in the way of the
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import IKService
 from baxter_kin.errors import expect
+from baxter_kin.fields import evolve
 from baxter_kin.ik.geometry.reach import ReachBound
 from baxter_kin.validation import FloatArray, Indices, whole_scalar
 from planner.atlas.questions.map_guide import DISMISSED, MapGuide
@@ -167,7 +168,7 @@ class _Search:
             if len(confirmed) == wanted or number == most_planned:
                 return confirmed, list(reachable[number:])
             plans, refusal = self._confirmation.confirm(place)
-            judged = replace(place, plans=plans, refusal=refusal)
+            judged = evolve(place, plans=plans, refusal=refusal)
             (refused if refusal else confirmed).append(judged)
         return confirmed, []
 
@@ -212,7 +213,7 @@ class _Search:
         place = Placement(index, T, float(guide.margins[index]))
         hit = self._confirmation.hit_at_rest(T)
         if hit:
-            return replace(place, refusal=hit)
+            return evolve(place, refusal=hit)
         answers, arms, refusals = list[PoseAnswer](), list[str](), list[str]()
         for j, job in enumerate(self._jobs):
             sides = np.array(self._atlas.arms)[guide.by_arm[:, index, j] >= 0.0]
@@ -223,7 +224,7 @@ class _Search:
             arms.append("" if failed else best[0].side)
             refusals += [f"{failed[0].label}: {failed[0]}"] if failed else []
         refusal = refusals[0] if refusals else ""
-        return replace(place, answers=tuple(answers), arms=tuple(arms), refusal=refusal)
+        return evolve(place, answers=tuple(answers), arms=tuple(arms), refusal=refusal)
 
     def _answers(self, side: str, job: Job, T_base_table: pin.SE3) -> list[PoseAnswer]:
         """Pose by pose, until one is out of reach."""

@@ -6,14 +6,14 @@ one arm; several jobs may be done by either.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import pinocchio as pin
 
-from baxter_kin.errors import expect, expect_all
+from baxter_kin.errors import expect
+from baxter_kin.fields import field, sequence, value
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.value_objects import OneLine, count, phrase, position
+from baxter_kin.value_objects import count, phrase, position
 from planner.errors import TaskError
 from planner.grasping.hand import Hand
 from planner.grasping.overhead import overhead_grasp
@@ -21,8 +21,8 @@ from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M, PickAndPla
 from planner.scene.bodies import Body, Scene
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class TableTransfer(OneLine):
+@value(error=TaskError)
+class TableTransfer:
     """A body is picked and placed.
 
     Attributes:
@@ -38,15 +38,13 @@ class TableTransfer(OneLine):
     """
 
     body: str
-    T_table_pick: pin.SE3
-    T_table_place: pin.SE3
+    T_table_pick: pin.SE3 = field(converter=checked_pose)
+    T_table_place: pin.SE3 = field(converter=checked_pose)
     hover_m: float = DEFAULT_HOVER_M
     clear_m: float = DEFAULT_CLEAR_M
 
-    def __post_init__(self) -> None:
-        seen = self.seen_from_base(pin.SE3.Identity())
-        object.__setattr__(self, "T_table_pick", seen.T_base_pick)
-        object.__setattr__(self, "T_table_place", seen.T_base_place)
+    def __attrs_post_init__(self) -> None:
+        self.seen_from_base(pin.SE3.Identity())  # the checks of a task
 
     @classmethod
     def from_above(
@@ -90,8 +88,8 @@ class TableTransfer(OneLine):
         return phrase(self.body), way, "seen from the table"
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Visit(OneLine):
+@value(error=TaskError)
+class Visit:
     """The tip shall get to a pose, as to look at something or to press a button.
 
     Attributes:
@@ -104,11 +102,7 @@ class Visit(OneLine):
     """
 
     name: str
-    T_table_tip: pin.SE3
-
-    def __post_init__(self) -> None:
-        expect(self.name, str, "name of a visit", TaskError)
-        object.__setattr__(self, "T_table_tip", checked_pose(self.T_table_tip))
+    T_table_tip: pin.SE3 = field(converter=checked_pose)
 
     def _facts(self) -> tuple[str, ...]:
         return phrase(self.name), position(self.T_table_tip), "seen from the table"
@@ -126,8 +120,8 @@ class Job(NamedTuple):
     poses: tuple[tuple[str, pin.SE3], ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class TableTask(OneLine):
+@value(error=TaskError)
+class TableTask:
     """All that shall be done at the table.
 
     Attributes:
@@ -143,20 +137,12 @@ class TableTask(OneLine):
         SceneError: when two bodies share a name.
     """
 
-    transfers: tuple[TableTransfer, ...] = ()
-    visits: tuple[Visit, ...] = ()
-    bodies: tuple[Body, ...] = ()
-    standing: tuple[Body, ...] = ()
+    transfers: tuple[TableTransfer, ...] = sequence(default=())
+    visits: tuple[Visit, ...] = sequence(default=())
+    bodies: tuple[Body, ...] = sequence(default=())
+    standing: tuple[Body, ...] = sequence(default=())
 
-    def __post_init__(self) -> None:
-        for name, kind in (
-            ("transfers", TableTransfer),
-            ("visits", Visit),
-            ("bodies", Body),
-            ("standing", Body),
-        ):
-            values = expect_all(getattr(self, name), kind, name, TaskError)
-            object.__setattr__(self, name, values)
+    def __attrs_post_init__(self) -> None:
         if not self.transfers and not self.visits:
             raise TaskError("a task has a transfer or a visit; give one")
         scene = self.scene(pin.SE3.Identity())

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baxter_kin.validation import Checked, Indices
-from baxter_kin.value_objects import OneLine, clear, phrase
+from baxter_kin.fields import value
+from baxter_kin.validation import Indices
+from baxter_kin.value_objects import clear, phrase
 from planner import Grip, Manipulator, Move, Plan
 from planner.clearance import Clearance, ContinuousProof
 from planner.collision.checker import ClearanceChecker
@@ -37,8 +38,8 @@ FAR_M = 10.0
 """Stands for the clearance where there is nothing to keep clear of."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Room(Checked, OneLine, error=SimulationError):
+@value(error=SimulationError, eq=True)
+class Room:
     """By how much a move is clear.
 
     Attributes:

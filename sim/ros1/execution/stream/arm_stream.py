@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from planner.motion.tracking_tube import SETTLED_RAD
 from sim.ros1.execution.guard.path_guard import PathGuard
@@ -215,7 +215,7 @@ class ArmStream:
         return self._link.joints.arm(self._names)
 
     def _told(self, stop: Stop) -> Stop:
-        return replace(stop, label=self.label, time_s=self.time_s)
+        return evolve(stop, label=self.label, time_s=self.time_s)
 
 
 def _is_settled(reading: ArmReading | None, goal: FloatArray, since_s: float) -> bool:

@@ -10,14 +10,13 @@ limits.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from baxter_kin.errors import expect_all
-from baxter_kin.validation import FloatArray, finite_scalar, positive_scalar
-from baxter_kin.value_objects import OneLine
+from baxter_kin.fields import scalar, value
+from baxter_kin.validation import FloatArray
 from planner import Move, Trajectory
 from planner.motion.response import LONGEST_LEAD_S
 from planner.trajectory import joined
@@ -37,8 +36,8 @@ _LOOK_S = 0.001
 """Step of the search for the greatest speed that is sent."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Pace(OneLine):
+@value(error=SimulationError, eq=True)
+class Pace:
     """How a plan is sent.
 
     Attributes:
@@ -49,15 +48,8 @@ class Pace(OneLine):
         SimulationError: when a value is no number or outside its range.
     """
 
-    speed: float = DEFAULT_SPEED
-    lead_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        if positive_scalar(self.speed, "speed", SimulationError) > 1.0:
-            raise SimulationError(f"speed must be in (0, 1], got {self.speed:g}")
-        lead_s = finite_scalar(self.lead_s, "lead_s", SimulationError)
-        if not 0.0 <= lead_s <= LONGEST_LEAD_S:
-            raise SimulationError(f"lead_s must be from 0 to {LONGEST_LEAD_S:g} s, got {lead_s:g}")
+    speed: float = scalar(above=0.0, most=1.0, default=DEFAULT_SPEED)
+    lead_s: float = scalar(least=0.0, most=LONGEST_LEAD_S, default=0.0)
 
 
 class SetPoint(NamedTuple):

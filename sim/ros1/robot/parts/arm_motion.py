@@ -13,15 +13,14 @@ the time-out; then the arm holds where it is.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baxter_kin.errors import expect
+from baxter_kin.fields import scalar, value
 from baxter_kin.limits import JointLimits
-from baxter_kin.validation import FloatArray, finite_array, positive_scalar
+from baxter_kin.validation import FloatArray, finite_array
 from baxter_kin.value_objects import OneLine, numbers
 from sim.errors import SimulationError
 from sim.ros1.robot.parts.joint_order import BadOrderError, JointMode, JointOrder
@@ -46,8 +45,8 @@ class Follow(str, Enum):
     LAG = "lag"
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Following(OneLine):
+@value(error=SimulationError, eq=True)
+class Following:
     """How joints follow their set-points, and how far behind.
 
     Attributes:
@@ -59,11 +58,7 @@ class Following(OneLine):
     """
 
     kind: Follow = Follow.EXACT
-    lag_s: float = DEFAULT_LAG_S
-
-    def __post_init__(self) -> None:
-        expect(self.kind, Follow, "kind", SimulationError)
-        positive_scalar(self.lag_s, "lag_s", SimulationError)
+    lag_s: float = scalar(above=0.0, default=DEFAULT_LAG_S)
 
     def travel(self, error: FloatArray, speed: FloatArray, dt_s: float) -> FloatArray:
         """How far joints go in a time towards set-points that stand still.
@@ -143,13 +138,13 @@ class ArmMotion(OneLine):
         self, array: FloatArray, order: JointOrder, low: FloatArray, high: FloatArray, unit: str
     ) -> tuple[str, ...]:
         clipped = []
-        for joint, value in order.values:
+        for joint, position in order.values:
             least, most = float(low[joint]), float(high[joint])
-            array[joint] = min(max(value, least), most)
-            if not least <= value <= most:
+            array[joint] = min(max(position, least), most)
+            if not least <= position <= most:
                 name = self._limits.names[joint]
                 clipped.append(
-                    f"{name} = {value:.6g} {unit} is outside {least:.6g} .. {most:.6g}, clipped"
+                    f"{name} = {position:.6g} {unit} is outside {least:.6g} .. {most:.6g}, clipped"
                 )
         return tuple(clipped)
 

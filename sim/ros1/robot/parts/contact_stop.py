@@ -8,10 +8,9 @@ gives way is told of and left where it is.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from sim.grip_steps import GripEvents
 from sim.world.contacts import ContactWatch
@@ -53,7 +52,7 @@ class ContactStop:
         self._is_inside = would_stop and self._watch.is_blocked(self._side, q)
         for contact in contacts:
             stops = contact.stops and not self._is_inside
-            self._events.hit(self._side, replace(contact, stops=stops))
+            self._events.hit(self._side, evolve(contact, stops=stops))
         if would_stop and not self._is_inside:
             return self._slid(q, q_next)
         self.is_stopped, self._steps_near = False, max(self._steps_near - 1, 0)

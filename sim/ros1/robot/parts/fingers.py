@@ -6,8 +6,9 @@ whenever the hand has moved since. What they let go of falls meanwhile.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+from baxter_kin.fields import evolve
 from baxter_kin.value_objects import OneLine, millimetres
 from planner.grasping.finger_travel import FINGER_SPEED_M_S
 from sim.grip_steps import GripEvents
@@ -151,7 +152,7 @@ class Fingers(OneLine):
         """The fingers stop on their way; what they pushed stays there."""
         finger_m = self._world.finger_m(self._side)
         pushes = tuple(
-            replace(push, end_m=max(push.end_m, finger_m))
+            evolve(push, end_m=max(push.end_m, finger_m))
             for push in closing.pushes
             if push.begin_m > finger_m
         )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+from baxter_kin.fields import evolve
 from baxter_kin.value_objects import OneLine
 
 
@@ -40,7 +41,7 @@ class Tally:
         """Count one more of a field of `Counts`."""
         with self._lock:
             grown: dict[str, int] = {name: getattr(self._counts, name) + 1}
-            self._counts = replace(self._counts, **grown)
+            self._counts = evolve(self._counts, **grown)
 
     @property
     def counts(self) -> Counts:

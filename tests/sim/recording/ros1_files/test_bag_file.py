@@ -8,7 +8,6 @@ import subprocess
 import sys
 import tracemalloc
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from rosbags.rosbag1 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from sim import BagRecorder, Recording, Simulation, World, write_bag
 from sim.errors import RecordingError
 from sim.ros1_messages import MessageTypes
@@ -154,7 +154,7 @@ def test_a_disk_that_fills_up_is_said_each_time(
 def test_times_before_zero_are_refused_before_a_file_is_made(
     picked: Recording, tmp_path: Path
 ) -> None:
-    early = replace(picked, times_s=picked.times_s - 1.0)
+    early = evolve(picked, times_s=picked.times_s - 1.0)
     with pytest.raises(RecordingError, match="times from 0"):
         write_bag(early, tmp_path / "run.bag")
     assert not list(tmp_path.iterdir())

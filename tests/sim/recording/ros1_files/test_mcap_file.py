@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap_ros1.decoder import DecoderFactory
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from sim import McapRecorder, Recording, Simulation, World, write_mcap
 from sim.errors import RecordingError
 from sim.recording.recorded_motion import arm_joints
@@ -146,7 +146,7 @@ def test_a_full_disk_is_said_each_time(robot: Baxter, tmp_path: Path) -> None:
 def test_times_before_zero_are_refused_before_a_file_is_made(
     picked: Recording, tmp_path: Path
 ) -> None:
-    early = replace(picked, times_s=picked.times_s - 1.0)
+    early = evolve(picked, times_s=picked.times_s - 1.0)
     with pytest.raises(RecordingError, match="times from 0"):
         write_mcap(early, tmp_path / "run.mcap")
     assert not list(tmp_path.iterdir())
@@ -156,7 +156,7 @@ def test_joints_of_other_names_have_the_velocity_of_their_differences(
     picked: Recording, tmp_path: Path
 ) -> None:
     names = tuple(f"other_{name}" for name in picked.joint_names)
-    write_mcap(replace(picked, joint_names=names), tmp_path / "run.mcap")
+    write_mcap(evolve(picked, joint_names=names), tmp_path / "run.mcap")
     states = messages(tmp_path / "run.mcap", "/joint_states")
     slopes = (picked.q[100] - picked.q[99]) / (picked.times_s[100] - picked.times_s[99])
     assert list(states[100].velocity) == pytest.approx(slopes.tolist())

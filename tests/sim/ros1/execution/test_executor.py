@@ -5,12 +5,13 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import Plan, PlanFailure
 from sim import EventKind, Observer, Recorder, Snapshot
 from sim.errors import RecordingError, SimulationError
@@ -42,7 +43,7 @@ class Samples(SampleObserver):
 
 def first_moves(ready: ReadyPlan, count: int) -> ReadyPlan:
     """Only the first stages, to be quick."""
-    return replace(ready, stages=ready.stages[:count])
+    return evolve(ready, stages=ready.stages[:count])
 
 
 def test_the_plan_is_carried_out_and_told_as_a_simulation_tells_it(
@@ -152,7 +153,7 @@ TROUBLES = [
     Trouble(StopCause.OTHER_STATE, other_node("/robot/joint_states", "sensor_msgs/JointState")),
     Trouble(StopCause.CONNECTION_LOST, lose_robot),
     Trouble(StopCause.NODE_ENDED, end_node),
-    Trouble(StopCause.TIME_OUT, lambda _: None, replace(FAST, timeout_s=1.0)),
+    Trouble(StopCause.TIME_OUT, lambda _: None, evolve(FAST, timeout_s=1.0)),
 ]
 
 
@@ -377,7 +378,7 @@ def test_an_arm_that_was_moved_since_it_was_looked_at_is_not_driven(
 
 
 def test_an_invalid_plan_is_refused(network: Network, demo_plan: Plan) -> None:
-    broken = replace(demo_plan, failure=PlanFailure("pick: approach", "no solution"))
+    broken = evolve(demo_plan, failure=PlanFailure("pick: approach", "no solution"))
     with pytest.raises(SimulationError, match="cannot be executed: pick: approach: no solution"):
         network.executor().execute(broken)
     assert network.robot.commands == []

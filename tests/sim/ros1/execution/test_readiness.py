@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from baxter_kin import Baxter, ElectricGripper
+from baxter_kin.fields import evolve
 from planner import Grip, Move, Plan, verify
 from sim.ros1.execution import readiness
 from sim.ros1.execution.guard.stages import MoveStage
@@ -112,7 +112,7 @@ def test_a_robot_that_does_not_describe_itself_is_refused(
 
 
 def test_what_no_baxter_can_follow_is_refused(network: Network, demo_plan: Plan) -> None:
-    found = looked(network, demo_plan, replace(FAST, pace=Pace(1.0, 1.0)))
+    found = looked(network, demo_plan, evolve(FAST, pace=Pace(1.0, 1.0)))
     assert found.ready is None
     assert "rad/s" in told(found, "speed")
 
@@ -122,7 +122,7 @@ def test_a_plan_that_fails_its_certificate_is_refused_and_nothing_is_sent(
 ) -> None:
     monkeypatch.setattr(readiness, "verify", verify)
     known = demo_plan.start
-    without = replace(demo_plan, start=replace(known, scene=known.scene.without("table")))
+    without = evolve(demo_plan, start=evolve(known, scene=known.scene.without("table")))
     executor = network.executor()
     with pytest.raises(NotReadyError, match="not valid") as refusal:
         executor.execute(without)

@@ -1,12 +1,12 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from sim.recording.recording import Recording
 from sim.view.telemetry.arms import (
@@ -32,7 +32,7 @@ def test_tells_of_the_arms_that_move(executed: Recording, robot: Baxter) -> None
 
 
 def test_tells_of_no_arm_where_none_moves(executed: Recording, robot: Baxter) -> None:
-    still = replace(executed, q=np.tile(executed.q[0], (len(executed.q), 1)), moves=())
+    still = evolve(executed, q=np.tile(executed.q[0], (len(executed.q), 1)), moves=())
     assert recorded_arms(still, robot) == {}
 
 

@@ -1,11 +1,10 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import Body, Plan
 from planner.collision.robot.robot_body import RobotBody
 from sim.events import EventKind
@@ -37,7 +36,7 @@ def shown(plan: Plan, robot: Baxter) -> Recording:
 def cut(recording: Recording, begin: int, end: int) -> Recording:
     """Some of its snapshots, with the events and moves of that time."""
     first_s, last_s = recording.times_s[[begin, end - 1]]
-    return replace(
+    return evolve(
         recording,
         times_s=recording.times_s[begin:end],
         q=recording.q[begin:end],
@@ -74,9 +73,9 @@ def test_a_held_block_counts_against_the_table(shown: Recording, robot: Baxter) 
 
 def test_what_is_carried_off_the_plan_counts(shown: Recording, robot: Baxter, table: Body) -> None:
     """A wall that nobody planned for stands in the hand's way."""
-    wall = replace(table, name="wall", T_base_body=at(1.0, 0.0, -0.83))
+    wall = evolve(table, name="wall", T_base_body=at(1.0, 0.0, -0.83))
     track = np.tile([1.0, 0.0, -0.83, 0.0, 0.0, 0.0, 1.0], (len(shown.times_s), 1))
-    walled = replace(
+    walled = evolve(
         shown,
         bodies={**shown.bodies, "wall": wall},
         body_poses={**shown.body_poses, "wall": track},
@@ -111,19 +110,19 @@ def test_samples_are_regular_and_not_too_many(duration_s: float) -> None:
 def test_a_recording_without_bodies_tells_of_the_robot_alone(
     shown: Recording, robot: Baxter
 ) -> None:
-    bare = replace(shown, bodies={}, body_poses={}, events=())
+    bare = evolve(shown, bodies={}, body_poses={}, events=())
     links = RobotBody.load().links
     for sample in clearance_samples(bare, robot):
         assert {sample.nearest.first, sample.nearest.second} <= links.keys()
 
 
 def test_a_file_without_events_and_moves_works(shown: Recording, robot: Baxter) -> None:
-    told = clearance_samples(replace(shown, events=(), moves=()), robot)
+    told = clearance_samples(evolve(shown, events=(), moves=()), robot)
     assert len(told) == len(clearance_samples(shown, robot))
 
 
 def test_there_is_none_where_nothing_moves(shown: Recording, robot: Baxter) -> None:
-    still = replace(shown, q=np.tile(shown.q[0], (len(shown.q), 1)), moves=())
+    still = evolve(shown, q=np.tile(shown.q[0], (len(shown.q), 1)), moves=())
     assert recorded_clearance(still, robot) is None
     assert why_unmeasured(still, robot) == NO_MOTION
 

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import Body, Plan, Scene
 from planner.state import State
 from sim.errors import ViewerError
@@ -128,7 +128,7 @@ def test_the_clearance_comes_some_ten_times_a_second(page: Page, shown: Recordin
 
 def test_bodies_it_was_not_told_of_are_no_trouble(shown: Recording, robot: Baxter) -> None:
     page = Page(robot)
-    retell(replace(shown, events=shown.events[1:]), page)
+    retell(evolve(shown, events=shown.events[1:]), page)
     page.live.start(State(Scene({}), {}))
     page.on_snapshot(Snapshot(100.0, shown.q[0], {"block": pin.SE3.Identity()}, _grippers(), ""))
     page.on_snapshot(Snapshot(101.0, shown.q[-1], {"block": pin.SE3.Identity()}, _grippers(), ""))
@@ -137,7 +137,7 @@ def test_bodies_it_was_not_told_of_are_no_trouble(shown: Recording, robot: Baxte
 
 def test_what_nobody_commanded_is_told_by_differences(shown: Recording, robot: Baxter) -> None:
     page = Page(robot)
-    retell(replace(shown, moves=(), events=()), page)
+    retell(evolve(shown, moves=(), events=()), page)
     motion = shown.motion("left")
     at = {float(time_s): row for row, time_s in enumerate(motion.times_s)}
     for state in page.all_of("state"):
@@ -152,8 +152,8 @@ def test_a_still_arm_has_no_velocity(shown: Recording, robot: Baxter) -> None:
     retell(shown, page)
     last = page.last("state")["time"]
     after = Snapshot(last + 1.0, shown.q[-1], {}, _grippers(), "")
-    page.on_snapshot(replace(after, time_s=last + 2.0))
-    page.on_snapshot(replace(after, time_s=last + 3.0))
+    page.on_snapshot(evolve(after, time_s=last + 2.0))
+    page.on_snapshot(evolve(after, time_s=last + 3.0))
     state = page.last("state")["arms"]["left"]
     assert not np.any(state["v"])
     assert not np.any(state["a"])

@@ -1,12 +1,11 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from sim.recording.recording import Recording
 from sim.view.telemetry.waypoints import recorded_waypoints
 
@@ -42,7 +41,7 @@ def test_a_move_that_was_cut_off_ends_with_the_recording(
     executed: Recording, robot: Baxter
 ) -> None:
     half = np.flatnonzero(executed.times_s > executed.moves[2].start_s)[1]
-    cut = replace(
+    cut = evolve(
         executed,
         times_s=executed.times_s[:half],
         q=executed.q[:half],

@@ -44,8 +44,8 @@ def test_both_ends_of_a_range_are_tried_where_the_step_fits() -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (((), (0.0,)), "x_m must be finite numbers, one or more"),
-        (((float("nan"),), (0.0,)), "x_m must be finite"),
+        (((), (0.0,)), "one or more finite numbers"),
+        (((float("nan"),), (0.0,)), "one or more finite numbers"),
         ((tuple(range(2000)), tuple(range(2000))), "4,000,000 placements; up to 1,000,000"),
     ],
 )

@@ -59,5 +59,5 @@ def test_tasks_that_make_no_sense_are_refused(task: TableTask) -> None:
         TableTask((TableTransfer("table", HERE, HERE),), bodies=task.bodies)
     with pytest.raises(SceneError, match="already has a body named 'red'"):
         TableTask(task.transfers, bodies=task.bodies, standing=task.bodies[1:])
-    with pytest.raises(TaskError, match="name of a visit"):
+    with pytest.raises(TaskError, match=r"Visit\.name"):
         Visit(3, HERE)  # type: ignore[arg-type]

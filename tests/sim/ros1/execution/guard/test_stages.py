@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import JOINTS
 from planner import Body, Box, Grip, GripperAction, Manipulator, Move, Part, Plan
 from planner.collision.context import CollisionContext
@@ -86,9 +85,9 @@ def test_a_body_in_the_way_is_named(demo_plan: Plan, manipulator: Manipulator) -
     middle = demo_plan.moves[0].trajectory.sample(0.5).q
     where = manipulator.arm.T_base_tip(middle).translation
     pole = Body("pole", (Part(Box((0.02, 0.02, 0.02)), at(0.0, 0.0, 0.0)),), at(*where))
-    changed = replace(known, scene=known.scene.with_body(pole))
+    changed = evolve(known, scene=known.scene.with_body(pole))
     with pytest.raises(NotClearError, match=r"pick: approach.*pole"):
-        stages_for(replace(demo_plan, start=changed), manipulator)
+        stages_for(evolve(demo_plan, start=changed), manipulator)
 
 
 def test_without_a_change_it_is_the_situation_of_the_plan(
@@ -119,12 +118,12 @@ class TestContactsAreThoseOfThePlanner:
         self, demo_plan: Plan, manipulator: Manipulator
     ) -> None:
         wide = tuple(
-            replace(step, opening_m=0.05)
+            evolve(step, opening_m=0.05)
             if isinstance(step, Grip) and step.action is GripperAction.OPEN
             else step
             for step in demo_plan.steps
         )
-        stages = stages_for(replace(demo_plan, steps=wide), manipulator)
+        stages = stages_for(evolve(demo_plan, steps=wide), manipulator)
         opened = [
             stage.finger_m
             for stage in stages
@@ -140,10 +139,10 @@ class TestContactsAreThoseOfThePlanner:
         at_retract = next(i for i, step in enumerate(steps) if step.label == "pick: retract")
         lift = steps[at_retract]
         assert isinstance(lift, Move)
-        back = replace(lift, label="back", trajectory=lift.trajectory.reversed())
-        again = replace(lift, label="again")
+        back = evolve(lift, label="back", trajectory=lift.trajectory.reversed())
+        again = evolve(lift, label="again")
         steps[at_retract : at_retract + 1] = [lift, back, again]
-        touching = replace(demo_plan, steps=tuple(steps))
+        touching = evolve(demo_plan, steps=tuple(steps))
         with pytest.raises(NotClearError, match=r"back: .*block.*table"):
             stages_for(touching, manipulator)
 
