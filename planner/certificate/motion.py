@@ -14,7 +14,7 @@ most k (d + s T) over a time T, so twice that is added to the bound.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import comb, factorial
 from typing import Any
 
@@ -53,14 +53,14 @@ def carried(
     which are perpendicular.
 
     Args:
-        v: greatest speed of each joint, shape (k, 7), rad/s.
-        a: greatest acceleration of each joint, shape (k, 7), rad/s^2.
+        v: greatest speed of each joint, shape (k, n), rad/s.
+        a: greatest acceleration of each joint, shape (k, n), rad/s^2.
         rho: greatest distance of the points from the frame that carries them, shape (k,), m.
-        offsets: lengths between successive joints, shape (7,), m.
-        between: which joints count, shape (k, 7); all when not given.
+        offsets: lengths between successive joints, shape (n,), m.
+        between: which joints count, shape (k, n); all when not given.
     """
     u, w = np.zeros_like(rho), np.zeros_like(rho)
-    for i in range(ARM_JOINTS - 1, -1, -1):
+    for i in range(len(offsets) - 1, -1, -1):
         counts = True if between is None else between[:, i]
         fast, hard = v[:, i], a[:, i]
         w = np.where(counts, w + 2.0 * fast * u + np.sqrt(fast**4 + hard**2) * rho, w)
@@ -70,18 +70,18 @@ def carried(
 
 
 class Polynomials:
-    """A piecewise polynomial motion of seven joints.
+    """A piecewise polynomial motion of some joints, seven of them in plans.
 
     Attributes:
         t: times of the n + 1 knots, from 0, s.
         derivatives: position, velocity, acceleration, jerk and so on at the start of each piece,
-            shape (n, 4 to 6, 7); those that follow are 0.
-        start, end: positions, velocities and accelerations at both ends, shape (3, 7).
+            shape (n, 4 to 6, joints); those that follow are 0.
+        start, end: positions, velocities and accelerations at both ends, shape (3, joints).
         duration_s: the time of the last knot.
-        v_peak, a_peak: upper bounds on |v| and |a| in each piece, shape (n, 7).
+        v_peak, a_peak: upper bounds on |v| and |a| in each piece, shape (n, joints).
         jumps: upper bounds on the jumps of position, velocity and acceleration at any knot.
         kinks_s: times of the kinks, shape (k,), s.
-        kinks: upper bounds on the jumps of velocity there, shape (k, 7), rad/s.
+        kinks: upper bounds on the jumps of velocity there, shape (k, joints), rad/s.
     """
 
     def __init__(self, t: Array, derivatives: Array, label: str, stated: Array) -> None:
@@ -89,10 +89,10 @@ class Polynomials:
 
         Args:
             t: times of the knots.
-            derivatives: at the start of each piece, shape (n, k, 7).
+            derivatives: at the start of each piece, shape (n, k, joints).
             label: what messages call it.
-            stated: positions, velocities and accelerations at the knots, shape (m, 3, 7), m = n + 1
-                where the last knot's are stated, else n.
+            stated: positions, velocities and accelerations at the knots, shape (m, 3, joints),
+                m = n + 1 where the last knot's are stated, else n.
 
         Raises:
             NotCertifiedError: when it is malformed, or its position jumps.
@@ -135,9 +135,23 @@ class Polynomials:
             q, v, a, j = (np.array(data[key], np.float64).reshape(-1, ARM_JOINTS) for key in "qvaj")
         except (KeyError, TypeError, ValueError) as cause:
             raise NotCertifiedError(f"{label}: the trajectory is malformed: {cause!r}") from cause
-        n = len(j)
-        require([len(x) == n + 1 for x in (q, v, a)], f"{label}: knots do not fit the jerks")
-        stated = np.stack([q, v, a], axis=1)
+        return cls.of_knots(t, (q, v, a), j, label)
+
+    @classmethod
+    def of_knots(cls, t: Array, qva: Sequence[Array], j: Array, label: str) -> Polynomials:
+        """A motion of constant jerks, by its state at knots.
+
+        Args:
+            t: times of the knots, shape (n + 1,), s.
+            qva: positions, velocities and accelerations there, each of shape (n + 1, joints).
+            j: jerks between them, shape (n, joints).
+            label: what messages call it.
+
+        Raises:
+            NotCertifiedError: when they do not fit each other, or the motion jumps at a knot.
+        """
+        require([len(x) == len(j) + 1 for x in qva], f"{label}: knots do not fit the jerks")
+        stated = np.stack(qva, axis=1)
         found = cls(t, np.concatenate([stated[:-1], j[:, None]], axis=1), label, stated)
         require(np.array(found.jumps) <= MAX_JUMP, f"{label}: it jumps at a knot")
         return found
@@ -163,7 +177,7 @@ class Polynomials:
         return cls(t, derivatives, label, derivatives[:, :3])
 
     def at(self, times_s: Array) -> Interval:
-        """Positions at exact times, shape (k, 7)."""
+        """Positions at exact times, shape (k, joints)."""
         if not len(self.derivatives):
             return Interval(np.repeat(self.start[:1], len(times_s), axis=0))
         i = self._pieces(times_s, "right")
@@ -172,10 +186,10 @@ class Polynomials:
     def peaks(self, starts_s: Array, ends_s: Array) -> tuple[Array, Array, Array]:
         """Upper bounds on |v| and |a| of each joint in cells, and on what v jumps by in all.
 
-        Each of shape (k, 7); jumps at kinks that are inside of a cell count.
+        Each of shape (k, joints); jumps at kinks that are inside of a cell count.
         """
         if not len(self.derivatives):
-            still = np.zeros((len(starts_s), ARM_JOINTS))
+            still = np.zeros((len(starts_s), self.start.shape[1]))
             return still, still, still
         cells, back = np.unique(starts_s + 1j * ends_s, return_inverse=True)  # many are alike
         starts_s, ends_s = cells.real, cells.imag
@@ -206,16 +220,17 @@ class Polynomials:
     def slack_m(self, reach_m: float) -> float:
         """What is added to every bound on a gap because positions and velocities jump at knots.
 
-        Each joint turns points that are at most `reach_m` away, so a jump of all seven by d moves
-        them by 7 d `reach_m`; their velocities change by 7 s `reach_m`, and by 49 d V `reach_m` as
+        Each joint turns points that are at most `reach_m` away, so a jump of all n by d moves
+        them by n d `reach_m`; their velocities change by n s `reach_m`, and by n^2 d V `reach_m` as
         the joints before turn too. Velocities that jump at kinks count in `peaks`.
         """
         if not len(self.derivatives):
             return 0.0
         d, s = self.jumps[0], self._rounding
         fastest = float(self.v_peak.max())
-        slope = 7.0 * s + 49.0 * fastest * d
-        return 2.1 * len(self.derivatives) * reach_m * (7.0 * d + self.duration_s * slope)
+        joints = float(self.derivatives.shape[2])
+        slope = joints * s + joints**2 * fastest * d
+        return 2.1 * len(self.derivatives) * reach_m * (joints * d + self.duration_s * slope)
 
     def require_limits(self, *bounds: tuple[Array, Array] | None) -> None:
         """Refuse a motion that exceeds a limit.
@@ -276,7 +291,7 @@ class Polynomials:
         return first, last
 
     def _values(self, order: int, i: Indices, since: Interval) -> Interval:
-        """A derivative of pieces at times since their start, by Horner's rule, shape (k, 7)."""
+        """A derivative of pieces at times since their start, by Horner's rule, (k, joints)."""
         *others, last = range(order, self.derivatives.shape[1])
         value = Interval(self.derivatives[i, last])
         for k in reversed(others):
@@ -287,16 +302,16 @@ class Polynomials:
         return value
 
     def _peaks(self, order: int) -> Array:
-        """Upper bounds on the absolute values of a derivative in each piece, shape (n, 7).
+        """Upper bounds on the absolute values of a derivative in each piece, shape (n, joints).
 
         They are the greatest of the coefficients in Bernstein's basis of the two halves of the
         piece: each polynomial is a convex combination of its own. These are computed in doubles.
         Each is a sum of shares of the coefficients of powers, so with less than 60 roundings on the
         way it is wrong by less than 64 units of the sum of their absolute values.
         """
-        n, orders = self.derivatives.shape[:2]
+        n, orders, joints = self.derivatives.shape
         if order >= orders:
-            return np.zeros((n, ARM_JOINTS))
+            return np.zeros((n, joints))
         degree, length = orders - 1 - order, np.diff(self.t)[:, None]
         terms = np.array(
             [self.derivatives[:, order + k] * length**k / factorial(k) for k in range(degree + 1)]

@@ -27,7 +27,6 @@ from planner.certificate.clusters import LEAF, Clusters, Nodes
 from planner.certificate.errors import NotCertifiedError, require
 from planner.certificate.intervals import UNIT, Array, Interval, Pose, norm_bound, product, rotation
 from planner.certificate.motion import Polynomials, carried
-from planner.certificate.robot import ARM_JOINTS
 
 BY_DIRECTION, BY_FINE_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME = range(6)
 """Letters: separated by a stated direction, or by the line between the middles; cut."""
@@ -45,7 +44,7 @@ MIDDLES_SCALE = 100.0
 
 
 class Joints(Protocol):
-    """The joints of the arm that moves; a `planner.certificate.robot.Robot` has them."""
+    """A serial chain of n joints that move; a `planner.certificate.robot.Robot` has an arm's."""
 
     @property
     def spans(self) -> Sequence[Pose]:
@@ -53,7 +52,7 @@ class Joints(Protocol):
 
     @property
     def offsets(self) -> Array:
-        """Upper bounds on the lengths of their translations, shape (7,), m."""
+        """Upper bounds on the lengths of their translations, shape (n,), m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +62,7 @@ class Mover:
     Attributes:
         name: what they are.
         root: number of the root of their tree.
-        level: number of the arm's joint that carries them, 0 for what stands still.
+        level: number of the joint that carries them, 0 for what the chain stands on.
         slide_m: how far they are moved along y of the last joint's frame, at the start and at the
             end of the step, evenly between.
     """
@@ -102,7 +101,7 @@ class Step:
         label: as in the plan.
         pairs: all that must keep apart.
         motion: of the arm, or None.
-        q: where the arm stands when there is none, shape (7,), rad.
+        q: where the joints stand when there is none, shape (n,), rad.
     """
 
     label: str
@@ -238,7 +237,7 @@ class Kinematics:
         turns = rotation(2, q)
         spans = [Pose(product(span.R, turns[:, i]), span.p) for i, span in enumerate(robot.spans)]
         self.error_R = self.error_p = 0.0
-        self._row = np.zeros((ARM_JOINTS + 1, ARM_JOINTS + 1), np.intp)  # 0: the same frame
+        self._row = np.zeros((len(spans) + 1, len(spans) + 1), np.intp)  # 0: the same frame
         all_R, all_p = [np.tile(np.eye(3), (len(turns.low), 1, 1))], [np.zeros((len(turns.low), 3))]
         for m in sorted({m for m, _ in wanted}):
             T = Pose.identity()
@@ -280,7 +279,7 @@ class Judge:
             for p in pairs
             for side in (p.first, p.second)
             for x in side.slide_m
-            if side.level != ARM_JOINTS
+            if side.level != len(robot.spans)
         ]
         require(not any(sliding), f"{step.label}: only what the last joint carries slides")
         self.least_m = np.array([pair.least_m for pair in pairs])
@@ -401,7 +400,7 @@ class Judge:
         k, m = self._k[tasks.pair], self._m[tasks.pair]
         rho = self._clusters.reaches_m(tasks.first)
         rho = rho + np.abs(self._slides[tasks.pair, 0]).max(axis=1)
-        number = np.arange(1, ARM_JOINTS + 1)
+        number = np.arange(1, V.shape[1] + 1)
         between = (number <= k[:, None]) & (number > m[:, None])
         _, w = carried(V, A, rho, self._robot.offsets, between)
         length_s = tasks.end_s - tasks.start_s

@@ -17,7 +17,7 @@ from baxter_kin.value_objects import OneLine, count
 from planner.clearance import Clearance
 from planner.collision.continuous.motion_bounds import MotionBounds
 from planner.collision.distances import UNKNOWN_DEPTH_M
-from planner.collision.mover import Mover
+from planner.collision.mover import Mover, Walk
 from planner.collision.robot.robot_shapes import RobotShapes
 from planner.collision.shape_pairs import ShapePairs
 from planner.errors import SceneError
@@ -115,6 +115,11 @@ class ClearanceChecker(OneLine):
     def mover(self) -> Mover:
         """The arm that moves, as the robot of the shapes has it: they move as theirs does."""
         return Mover.of(self.shapes.robot.arm(self.arm.side))
+
+    @cached_property
+    def walk(self) -> Walk:
+        """The serial chain of the mover."""
+        return Walk.of(self.mover)
 
     @cached_property
     def motion_bounds(self) -> MotionBounds:

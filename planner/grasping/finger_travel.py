@@ -26,7 +26,7 @@ from planner.collision.continuous.proof import Arrangement, Motion
 from planner.collision.shape_pairs import ShapePairs
 from planner.grasping.grasp import Grasp
 from planner.manipulator import Manipulator
-from planner.prover.kernel import JOINTS, Chain
+from planner.prover.kernel import Chain
 from planner.scene.bodies import Scene
 from planner.scene.contact import PartContact, part_contacts
 
@@ -97,7 +97,7 @@ class TravelCheck:
         for number, finger in enumerate(shapes.of_fingers(arm)):
             slides[list(finger)] = number + 1
         slides[pushed] = 1 if travel.pushed_m < 0.0 else 2  # with the finger that pushes it
-        self._levels = np.where(slides > 0, JOINTS, 0)
+        self._levels = np.where(slides > 0, 1, 0)
         self._checked = pairs.built()
         first, second = slides[self._checked.numbers].T
         self._nearing: Indices = np.flatnonzero(first != second)
@@ -142,11 +142,15 @@ class TravelCheck:
             return moved
 
         seen = np.where(self._levels[:, None, None] > 0, np.linalg.inv(T) @ poses, poses)
-        chain = Chain.standing(T)
         arrangement = Arrangement(
-            self._checked, chain, self._levels, seen, slides_m=self._slides_m, thicker_m=thicker_m
+            self._checked,
+            Chain.of_poses(T[None]),
+            self._levels[None],
+            seen[None],
+            slides_m=self._slides_m,
+            thicker_m=thicker_m,
         )
-        return arrangement.prove(Motion(np.zeros(JOINTS), duration_s, at), margin_m, numbers)
+        return arrangement.prove(Motion(np.zeros(1), duration_s, at), margin_m, numbers)
 
     def _poses(self, q: FloatArray) -> FloatArray:
         """Poses of all shapes where the fingers begin, shape (n, 4, 4)."""

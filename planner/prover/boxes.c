@@ -1,4 +1,4 @@
-/* Finds rows over boxes of joint angles; planner.certificate.boxes has the lemma. Compiled together
+/* Finds rows over boxes of the joint angles of one arm; planner.certificate.boxes has the lemma. Compiled together
    with rows.c, whose clusters, views and distances it uses.
 
    A task is a pair of clusters and a box: what a tube allows each joint between two of its instants,
@@ -9,7 +9,7 @@
    As in rows.c, nothing of it is trusted, and any number of threads may search. */
 
 enum { SEPARATED, BOX_CUT_FIRST, BOX_CUT_SECOND, BOX_CUT_TIME, BOX_CUT_JOINT };
-enum { CORNERS = 1 << JOINTS, MOST_BOXES = 60000, LOOKS = 9 };
+enum { JOINTS = 7, SPANS = JOINTS * (JOINTS + 1) / 2, CORNERS = 1 << JOINTS, MOST_BOXES = 60000, LOOKS = 9 };
 
 static const double OF_CLUSTERS = 0.1; /* clusters are cut where their hulls cost so much of what the box does */
 static const double OF_MOTION = 0.7;   /* time is halved where motion is so much of the widest joint */
@@ -28,7 +28,8 @@ typedef struct {
 typedef struct {             /* one call */
     Search s;
     Tube tube;
-    Instant places[2];           /* the middle of a box; any place */
+    double times[2];             /* no time passes in a box */
+    Frame frames[2][SPANS];      /* in the middle of a box; in any place */
     double sagging[JOINTS];      /* what each joint adds to the sag of the box at hand */
     double turned[2][3][CORNERS], offset[2][CORNERS], least[CORNERS];
     uint8_t *is_open;
@@ -46,8 +47,7 @@ static double asked_of_boxes(const Boxes *x) {
 }
 
 static void put_at(Boxes *x, int place, const double *q) {
-    place_at(&x->s.step, q, &x->places[place]);
-    x->places[place].t = 0;
+    place_at(&x->s, q, x->s.frames + (size_t)x->s.spans * place);
 }
 
 /* What a tube allows between two instants. */
@@ -346,8 +346,9 @@ int find_box_rows(const Tree *trees, const Placed *placed, const Pair *pairs, co
     *result = (Result){.nearest = FAR, .proven = FAR, .nearest_pair = -1, .found_pair = -1};
     if (x && tasks) {
         x->s = (Search){.trees = trees, .placed = placed, .pairs = pairs, .step = *step, .result = result};
-        x->s.instants = x->places;
+        x->s.times = x->times, x->s.frames = x->frames[0];
         x->s.step.pieces = 0, x->s.step.duration = 1;
+        number_spans(&x->s);
         x->tube = *tube, x->is_open = is_open, x->place = place;
         code = box_levels(x, tasks, tasks + MOST_BOXES, letters, directions, room);
     }

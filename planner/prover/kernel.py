@@ -27,11 +27,8 @@ from planner.certificate.clusters import Clusters, Shape
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.intervals import Array, Interval, Pose
 from planner.certificate.motion import Polynomials
-from planner.certificate.robot import Robot
+from planner.certificate.robot import ARM_JOINTS, Robot
 from planner.certificate.rows import Step, Trace
-
-JOINTS = 7
-"""Of an arm."""
 
 MOST_LETTERS = 1 << 19
 """Of one step."""
@@ -48,7 +45,7 @@ SPARE_M = 1e-7
 SINGLE = 1.2e-7
 """The same as a share of the size of what is placed: points are in single precision here."""
 
-_VERSION = 3
+_VERSION = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,12 +110,12 @@ class NotShownError(NotCertifiedError):
 
 
 class Chain(NamedTuple):
-    """The seven joints of an arm, which turn about the z axes of their frames.
+    """A serial chain of n joints, each of which turns about the z axis of its frame.
 
     Attributes:
         R, p: poses of each joint at position 0 seen from the one before, the first from base,
-            shapes (7, 3, 3) and (7, 3).
-        offsets: lengths of p, shape (7,), m.
+            shapes (n, 3, 3) and (n, 3).
+        offsets: lengths of p, shape (n,), m.
     """
 
     R: Array
@@ -137,10 +134,9 @@ class Chain(NamedTuple):
         return [Pose(Interval(R), Interval(p)) for R, p in zip(self.R, self.p, strict=True)]
 
     @classmethod
-    def standing(cls, T_base_last: Array) -> Chain:
-        """A chain whose last joint is at a pose, shape (4, 4), while all joints are at 0."""
-        R, p = np.tile(np.eye(3), (JOINTS, 1, 1)), np.zeros((JOINTS, 3))
-        R[0], p[0] = T_base_last[:3, :3], T_base_last[:3, 3]
+    def of_poses(cls, T: Array) -> Chain:
+        """By the pose of each joint at position 0 seen from the one before, shape (n, 4, 4)."""
+        R, p = T[:, :3, :3], T[:, :3, 3]
         return cls(R, p, np.linalg.norm(p, axis=1))
 
 
@@ -195,7 +191,7 @@ class _Tree(ctypes.Structure):
 
 class _Step(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int32) for name in ("pairs", "pieces", "orders", "kinks")),
+        *((name, ctypes.c_int32) for name in ("joints", "pairs", "pieces", "orders", "kinks")),
         *((name, ctypes.c_double) for name in ("duration", "slack", "spare", "margin", "share")),
         *((name, ctypes.c_void_p) for name in ("t", "derivatives", "v_peak", "a_peak")),
         *((name, ctypes.c_void_p) for name in ("kinks_s", "jumps")),
@@ -339,7 +335,7 @@ class Kernel:
             chain: the arm that moves.
             trees: all clusters.
             pairs: of type `PAIR`, shape (n,).
-            motion: of the arm; or where it stands, shape (7,), rad, while some trees slide.
+            motion: of its n joints; or where they stand, shape (n,), rad, while some trees slide.
             margin_m: what counted pairs must keep, where they need not keep more.
             share: how much of the least distance that is met shall be proven.
         """
@@ -356,6 +352,7 @@ class Kernel:
         held = [np.ascontiguousarray(x, np.float64) for x in (*own, *chain)]
         spare_m = SPARE_M + SINGLE * trees.size_m
         request = _Step(
+            len(chain.offsets),
             len(pairs),
             *sizes,
             duration_s,
@@ -426,10 +423,13 @@ class Kernel:
         asked: tuple[float, float],
     ) -> tuple[BoxesFound, NDArray[np.bool_]]:
         tube, shortest = bounds
+        if len(chain.offsets) != ARM_JOINTS:
+            raise ValueError(f"a tube is of one arm; the chain has {len(chain.offsets)} joints")
         spare_m = SPARE_M + SINGLE * trees.size_m
         held = [np.ascontiguousarray(x, np.float64) for x in (*chain, tube.low, tube.high)]
         at = [array.ctypes.data for array in held]
         request = _Step(
+            joints=ARM_JOINTS,
             pairs=len(pairs),
             duration=1.0,
             spare=spare_m,
@@ -441,7 +441,7 @@ class Kernel:
         )
         allowed = _Tube(len(tube.low), shortest, *at[3:])
         letters, directions = np.empty(MOST_BOXES, np.uint8), np.empty((MOST_BOXES, 3))
-        is_open, q, result = np.zeros(len(tube.low) - 1, np.bool_), np.zeros(JOINTS), _Result()
+        is_open, q, result = np.zeros(len(tube.low) - 1, np.bool_), np.zeros(ARM_JOINTS), _Result()
         outcome = self._find_in_boxes(
             trees.array,
             *(ctypes.c_void_p(array.ctypes.data) for array in (trees.placed, pairs)),

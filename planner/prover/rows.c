@@ -13,14 +13,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ROWS_VERSION 3
+#define ROWS_VERSION 4
 
 enum { BY_DIRECTION, BY_FINE_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME, NONE = 255 };
 enum { PROVEN, TOO_NEAR, NOT_SHOWN, TOO_MUCH };
 
 enum {
-    JOINTS = 7,
-    SPANS = 28,         /* pairs m < k of 0..7 */
+    MOST_JOINTS = 21,   /* of a chain: along one arm, back, and along the other */
     LANES = 8,          /* points of a cluster that are handled at once */
     TABLE = 1 << 14,    /* entries of a hash table, of which three quarters are used */
     MOST_TASKS = 50000, /* of a level, as in the checker */
@@ -53,14 +52,14 @@ typedef struct {             /* a tree in the frame of the joint that carries it
 
 typedef struct {
     int32_t first, second;   /* which of the placed trees */
-    int32_t k, m;            /* the joints that carry them, k >= m */
+    int32_t k, m;            /* the joints that carry them, k >= m; 0 for what the chain stands on */
     int32_t is_counted;      /* whether it counts for the least distance */
     double least, begin, end;
     double slides[4];        /* of the first at the start and at the end, then of the second */
 } Pair;
 
 typedef struct {
-    int32_t pairs, pieces, orders, kinks;
+    int32_t joints, pairs, pieces, orders, kinks;
     double duration, slack, spare;
     double margin, share;    /* counted pairs keep the margin, and a share of the least distance */
     const double *t;            /* of the knots */
@@ -80,8 +79,9 @@ typedef struct {
 
 typedef struct { int32_t tree, node; } Cluster;
 typedef struct { int32_t pair, start, end, has_n; Cluster a, b; double n[3]; } Task;
-typedef struct { double t, R[SPANS][9], p[SPANS][3]; } Instant;
-typedef struct { int32_t start, end; double fixed[SPANS], by_reach[SPANS]; } Cell;
+typedef struct { double R[9], p[3]; } Frame; /* one frame seen from another */
+typedef struct { double fixed, by_reach; } Sag; /* fixed + by_reach * reach */
+typedef struct { int32_t start, end; } Cell;
 
 typedef struct {             /* one call */
     const Tree *trees;
@@ -89,8 +89,13 @@ typedef struct {             /* one call */
     const Pair *pairs;
     Step step;
     Result *result;
-    Instant *instants;
+    int spans;               /* how many frames are seen from others by some pair */
+    int16_t span[MOST_JOINTS][MOST_JOINTS + 1]; /* the number of frame k seen from m < k; -1 for none */
+    int8_t farthest[MOST_JOINTS], nearest[MOST_JOINTS + 1]; /* the last k for m, and the first m for k */
+    double *times;           /* of instants */
+    Frame *frames;           /* `spans` of each instant */
     Cell *cells;
+    Sag *sags;               /* `spans` of each cell */
     int instant_count, instant_room, cell_count, cell_room;
     int32_t *instant_table, *cell_table, *measured_table;
 } Search;
@@ -119,7 +124,23 @@ static inline void product(const double *A, const double *B, double *C) {
 
 /* ---- where joints are, and what may happen in a cell; both kept by their times */
 
-static inline int span_of(int m, int k) { return m * (15 - m) / 2 + k - m - 1; }
+/* Number the frames that pairs are seen in. */
+static void number_spans(Search *s) {
+    memset(s->span, 255, sizeof s->span);
+    for (int m = 0; m < MOST_JOINTS; m++) s->farthest[m] = (int8_t)m, s->nearest[m + 1] = (int8_t)(m + 1);
+    for (int i = 0; i < s->step.pairs; i++) {
+        int m = s->pairs[i].m, k = s->pairs[i].k;
+        if (m == k || s->span[m][k] >= 0) continue;
+        s->span[m][k] = (int16_t)s->spans++;
+        if (k > s->farthest[m]) s->farthest[m] = (int8_t)k;
+        if (m < s->nearest[k]) s->nearest[k] = (int8_t)m;
+    }
+}
+
+/* The outer frame of a pair seen from the inner one at an instant. */
+static inline const Frame *frame_of(const Search *s, const Pair *pair, int at) {
+    return s->frames + (size_t)s->spans * at + s->span[pair->m][pair->k];
+}
 
 /* How many of the first `count` of some increasing times are at most t. */
 static int until(const double *times, int count, double t) {
@@ -139,16 +160,16 @@ static int piece_of(const Step *s, double t) {
 
 static void configuration(const Step *s, double t, double *q) {
     if (!s->pieces) {
-        memcpy(q, s->derivatives, JOINTS * sizeof(double));
+        memcpy(q, s->derivatives, s->joints * sizeof(double));
         return;
     }
-    int piece = piece_of(s, t), order = s->orders - 1;
-    const double *own = s->derivatives + JOINTS * s->orders * piece;
+    int piece = piece_of(s, t), order = s->orders - 1, joints = s->joints;
+    const double *own = s->derivatives + joints * s->orders * piece;
     double d = t - s->t[piece];
-    memcpy(q, own + JOINTS * order, JOINTS * sizeof(double));
+    memcpy(q, own + joints * order, joints * sizeof(double));
     while (order > 0) {
         double factor = d / order--;
-        for (int i = 0; i < JOINTS; i++) q[i] = own[JOINTS * order + i] + factor * q[i];
+        for (int i = 0; i < joints; i++) q[i] = own[joints * order + i] + factor * q[i];
     }
 }
 
@@ -163,34 +184,37 @@ static double cut_of(const Step *s, double start, double end) {
     return has_before ? s->kinks_s[after - 1] : has_after ? s->kinks_s[after] : middle;
 }
 
-static void place_at(const Step *s, const double *q, Instant *I) {
-    double turns[JOINTS][9];
-    for (int i = 0; i < JOINTS; i++) {
+/* All frames that are wanted of joints at q. */
+static void place_at(const Search *s, const double *q, Frame *frames) {
+    const Step *step = &s->step;
+    double turns[MOST_JOINTS][9];
+    Frame others[2];
+    for (int i = 0; i < step->joints; i++) {
         double c = cos(q[i]), d = sin(q[i]);
         for (int r = 0; r < 3; r++) {
-            const double *R = s->spans_R + 9 * i + 3 * r;
+            const double *R = step->spans_R + 9 * i + 3 * r;
             double *T = turns[i] + 3 * r;
             T[0] = R[0] * c + R[1] * d;
             T[1] = R[1] * c - R[0] * d;
             T[2] = R[2];
         }
     }
-    for (int m = 0; m < JOINTS; m++) {
-        int at = span_of(m, m + 1);
-        memcpy(I->R[at], turns[m], sizeof turns[m]);
-        copy(s->spans_p + 3 * m, I->p[at]);
-        for (int k = m + 2; k <= JOINTS; k++, at++) {
-            product(I->R[at], turns[k - 1], I->R[at + 1]);
-            turned(I->R[at], s->spans_p + 3 * (k - 1), I->p[at + 1]);
-            for (int r = 0; r < 3; r++) I->p[at + 1][r] += I->p[at][r];
+    for (int m = 0; m < step->joints; m++) {
+        const Frame *before = NULL;
+        for (int k = m + 1; k <= s->farthest[m]; k++) {
+            const double *p = step->spans_p + 3 * (k - 1);
+            Frame *now = s->span[m][k] < 0 ? &others[k & 1] : frames + s->span[m][k];
+            if (before) {
+                product(before->R, turns[k - 1], now->R);
+                turned(before->R, p, now->p);
+                for (int r = 0; r < 3; r++) now->p[r] += before->p[r];
+            } else {
+                memcpy(now->R, turns[m], sizeof turns[m]);
+                copy(p, now->p);
+            }
+            before = now;
         }
     }
-}
-
-static void place(const Step *s, Instant *I) {
-    double q[JOINTS];
-    configuration(s, I->t, q);
-    place_at(s, q, I);
 }
 
 static int32_t *slot(int32_t *table, uint64_t key) { return table + (key * 0x9E3779B97F4A7C15ull >> 50); }
@@ -208,54 +232,60 @@ static int instant(Search *s, double t) {
     memcpy(&bits, &t, sizeof bits);
     int32_t *at = slot(s->instant_table, bits);
     for (; *at >= 0; at = next_slot(s->instant_table, at))
-        if (s->instants[*at].t == t) return *at;
+        if (s->times[*at] == t) return *at;
     if (s->instant_count >= 3 * (TABLE / 4)) return -1;
-    Instant *larger = grown(s->instants, s->instant_count, &s->instant_room, sizeof(Instant));
+    size_t size = (s->spans + 1) * sizeof(Frame); /* + 1: there may be none */
+    Frame *larger = grown(s->frames, s->instant_count, &s->instant_room, size);
     if (!larger) return -1;
-    s->instants = larger;
-    s->instants[s->instant_count].t = t;
-    place(&s->step, &s->instants[s->instant_count]);
+    s->frames = larger;
+    double q[MOST_JOINTS];
+    configuration(&s->step, t, q);
+    place_at(s, q, s->frames + (size_t)s->spans * s->instant_count);
+    s->times[s->instant_count] = t;
     return *at = s->instant_count++;
 }
 
-/* The sag of a cell is fixed + by_reach * reach, for each pair of joints; NULL when there are too many. */
-static const Cell *cell(Search *s, int start, int end) {
+/* How far gaps may sag within a cell, for each pair of frames; NULL when there are too many. */
+static const Sag *cell(Search *s, int start, int end) {
     int32_t *at = slot(s->cell_table, (uint64_t)start << 32 | (uint32_t)end);
     for (; *at >= 0; at = next_slot(s->cell_table, at))
-        if (s->cells[*at].start == start && s->cells[*at].end == end) return &s->cells[*at];
+        if (s->cells[*at].start == start && s->cells[*at].end == end) return s->sags + (size_t)s->spans * *at;
     if (s->cell_count >= 3 * (TABLE / 4)) return NULL;
-    Cell *larger = grown(s->cells, s->cell_count, &s->cell_room, sizeof(Cell));
+    size_t size = (s->spans + 1) * sizeof(Sag);
+    Sag *larger = grown(s->sags, s->cell_count, &s->cell_room, size);
     if (!larger) return NULL;
-    s->cells = larger;
+    s->sags = larger;
     *at = s->cell_count++;
-    Cell *c = &s->cells[*at];
-    c->start = start, c->end = end;
-    double begin = s->instants[start].t, until_s = s->instants[end].t, length = until_s - begin;
+    Sag *sags = s->sags + (size_t)s->spans * *at;
+    s->cells[*at] = (Cell){start, end};
+    const Step *step = &s->step;
+    int joints = step->joints;
+    double begin = s->times[start], until_s = s->times[end], length = until_s - begin;
     double eighth = length * length / 8 * (1 + 1e-8), quarter = length / 4 * (1 + 1e-8);
-    double V[JOINTS] = {0}, A[JOINTS] = {0}, J[JOINTS] = {0}, both[JOINTS];
-    for (int g = piece_of(&s->step, begin); g < s->step.pieces && s->step.t[g] < until_s; g++)
-        for (int i = 0; i < JOINTS; i++) {
-            V[i] = fmax(V[i], s->step.v_peak[JOINTS * g + i]);
-            A[i] = fmax(A[i], s->step.a_peak[JOINTS * g + i]);
+    double V[MOST_JOINTS] = {0}, A[MOST_JOINTS] = {0}, J[MOST_JOINTS] = {0}, both[MOST_JOINTS];
+    for (int g = piece_of(step, begin); g < step->pieces && step->t[g] < until_s; g++)
+        for (int i = 0; i < joints; i++) {
+            V[i] = fmax(V[i], step->v_peak[joints * g + i]);
+            A[i] = fmax(A[i], step->a_peak[joints * g + i]);
         }
-    for (int g = until(s->step.kinks_s, s->step.kinks, begin); g < s->step.kinks && s->step.kinks_s[g] < until_s; g++)
-        for (int i = 0; i < JOINTS; i++) J[i] += s->step.jumps[JOINTS * g + i];
-    for (int i = 0; i < JOINTS; i++) both[i] = sqrt(V[i] * V[i] * V[i] * V[i] + A[i] * A[i]);
-    for (int k = 1; k <= JOINTS; k++) {
+    for (int g = until(step->kinks_s, step->kinks, begin); g < step->kinks && step->kinks_s[g] < until_s; g++)
+        for (int i = 0; i < joints; i++) J[i] += step->jumps[joints * g + i];
+    for (int i = 0; i < joints; i++) both[i] = sqrt(V[i] * V[i] * V[i] * V[i] + A[i] * A[i]);
+    for (int k = 1; k <= joints; k++) {
         double u[2] = {0, 0}, w[2] = {0, 0}, jump[2] = {0, 0}, lever = 0; /* [1]: by reach */
-        for (int i = k - 1; i >= 0; i--) {
+        for (int i = k - 1; i >= s->nearest[k]; i--) {
             w[0] += 2 * V[i] * u[0] + both[i] * lever;
             w[1] += 2 * V[i] * u[1] + both[i];
             u[0] += V[i] * lever;
             u[1] += V[i];
             jump[0] += J[i] * lever;
             jump[1] += J[i];
-            lever += s->step.offsets[i];
-            c->fixed[span_of(i, k)] = w[0] * eighth + jump[0] * quarter;
-            c->by_reach[span_of(i, k)] = w[1] * eighth + jump[1] * quarter;
+            lever += step->offsets[i];
+            if (s->span[i][k] >= 0)
+                sags[s->span[i][k]] = (Sag){w[0] * eighth + jump[0] * quarter, w[1] * eighth + jump[1] * quarter};
         }
     }
-    return c;
+    return sags;
 }
 
 /* ---- clusters */
@@ -356,8 +386,7 @@ typedef struct {
 static void place_first(const Search *s, const Task *task, int at, double *R, double *p) {
     const Pair *pair = &s->pairs[task->pair];
     const Placed *placed = &s->placed[task->a.tree];
-    const Instant *I = &s->instants[at];
-    double share = I->t / s->step.duration, x[3];
+    double share = s->times[at] / s->step.duration, x[3];
     copy(placed->p, x);
     x[1] += pair->slides[0] * (1 - share) + pair->slides[1] * share;
     if (pair->m == pair->k) {
@@ -366,10 +395,10 @@ static void place_first(const Search *s, const Task *task, int at, double *R, do
         copy(x, p);
         return;
     }
-    int span = span_of(pair->m, pair->k);
-    product(I->R[span], placed->R, R);
-    turned(I->R[span], x, p);
-    for (int i = 0; i < 3; i++) p[i] += I->p[span][i];
+    const Frame *T = frame_of(s, pair, at);
+    product(T->R, placed->R, R);
+    turned(T->R, x, p);
+    for (int i = 0; i < 3; i++) p[i] += T->p[i];
 }
 
 static View view_of(const Search *s, const Task *task) {
@@ -526,17 +555,16 @@ static int separated(const Search *s, const View *v, double goal, Found *f) {
 /* From the middle of the second cluster to that of the first, at an instant. */
 static void between(const Search *s, const Task *task, int at, double *x) {
     const Pair *pair = &s->pairs[task->pair];
-    double first[3], second[3], share = s->instants[at].t / s->step.duration;
+    double first[3], second[3], share = s->times[at] / s->step.duration;
     middle_of(s, task->a, first);
     middle_of(s, task->b, second);
     first[1] += pair->slides[0] * (1 - share) + pair->slides[1] * share;
     second[1] += pair->slides[2] * (1 - share) + pair->slides[3] * share;
     copy(first, x);
     if (pair->k > pair->m) {
-        const Instant *I = &s->instants[at];
-        int span = span_of(pair->m, pair->k);
-        turned(I->R[span], first, x);
-        for (int i = 0; i < 3; i++) x[i] += I->p[span][i];
+        const Frame *T = frame_of(s, pair, at);
+        turned(T->R, first, x);
+        for (int i = 0; i < 3; i++) x[i] += T->p[i];
     }
     for (int i = 0; i < 3; i++) x[i] -= second[i];
 }
@@ -676,7 +704,7 @@ static int look_at_ends(Search *s, const Task *tasks, int count) {
     qsort(looks, made, sizeof(Look), by_low);
     for (int j = 0; j < made && code == PROVEN; j++) {
         int pair = looks[j].pair;
-        double need = needed(s, pair), t = s->instants[looks[j].at].t;
+        double need = needed(s, pair), t = s->times[looks[j].at];
         double within = (s->pairs[pair].is_counted ? fmax(need, s->result->nearest) : need) + 1e-9;
         if (looks[j].low >= within) continue;
         double distance = measured(s, pair, looks[j].at, within, looks[j].d);
@@ -719,7 +747,7 @@ static int climbed(const Search *s, const View *v, const double *from, double go
 static int separated_by_axes(const Search *s, const Task *task, const View *v, double goal, Found *f) {
     static const double unturned[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     const Pair *pair = &s->pairs[task->pair];
-    const double *carrier = pair->k > pair->m ? s->instants[task->start].R[span_of(pair->m, pair->k)] : unturned;
+    const double *carrier = pair->k > pair->m ? frame_of(s, pair, task->start)->R : unturned;
     const double *frames[] = {v->Rb, v->Ra[0], v->Ra[v->ends - 1], carrier, unturned};
     Found best = {.kept = -FAR};
     double start[3] = {0, 0, 1}, least = -FAR;
@@ -741,17 +769,17 @@ static double sag_of(Search *s, const Task *task) {
     const Pair *pair = &s->pairs[task->pair];
     if (!s->step.pieces) return 0;
     if (pair->k == pair->m) return s->step.slack;
-    const Cell *c = cell(s, task->start, task->end);
-    if (!c) return -1;
-    int span = span_of(pair->m, pair->k);
+    const Sag *sags = cell(s, task->start, task->end);
+    if (!sags) return -1;
+    const Sag *sag = sags + s->span[pair->m][pair->k];
     double reach = reach_of(s, task->a) + fmax(fabs(pair->slides[0]), fabs(pair->slides[1]));
-    return s->step.slack + c->fixed[span] + c->by_reach[span] * reach;
+    return s->step.slack + sag->fixed + sag->by_reach * reach;
 }
 
 /* A letter for one task; sets *code when the search ends. */
 static int letter_of(Search *s, Task *task, double sag, Found *f, int *code) {
     const Pair *pair = &s->pairs[task->pair];
-    double start = s->instants[task->start].t, end = s->instants[task->end].t, n[3];
+    double start = s->times[task->start], end = s->times[task->end], n[3];
     int is_sure = between_middles(s, task, n);
     if (is_sure) {
         f->kept = fmin(ball_gap(s, task, task->start, n), ball_gap(s, task, task->end, n)) / norm(n);
@@ -777,7 +805,7 @@ static int letter_of(Search *s, Task *task, double sag, Found *f, int *code) {
         task->has_n = 1;
         copy(f->d, task->n);
         if (!is_apart && !may_press(pair) && is_new(s, task->pair, middle)) { /* how near is it really? */
-            double need = needed(s, task->pair), time = s->instants[middle].t, d[3];
+            double need = needed(s, task->pair), time = s->times[middle], d[3];
             double within = (pair->is_counted ? fmax(s->result->nearest, need) : need) + 1e-9;
             now.a = (Cluster){pair->first, 0}, now.b = (Cluster){pair->second, 0};
             between_middles(s, &now, d);
@@ -791,14 +819,14 @@ static int letter_of(Search *s, Task *task, double sag, Found *f, int *code) {
         double first = is_leaf(s, task->a) ? 0 : extent_of(s, task->a), second = is_leaf(s, task->b) ? 0 : extent_of(s, task->b);
         int is_whole = first == 0 && second == 0;
         if (is_whole && may_press(pair) && !is_apart) { /* pressed in too deep, or not by now? */
-            double need = needed(s, task->pair), time = s->instants[middle].t;
+            double need = needed(s, task->pair), time = s->times[middle];
             if (!separates_finely(s, &inside, f->d, need, f) && !separated_by_axes(s, &now, &inside, need, f))
                 return *code = refuse(s, task->pair, time, f->kept, NOT_SHOWN), NONE;
         }
         int is_late = (is_apart && sag > LEAST_SAG_M) || LARGE_SAG * sag > fmax(first, second) || is_whole;
         double shortest = s->step.pieces ? SHORTEST_S : SHORTEST_TRAVEL;
         if (is_late && (sag > s->step.slack || is_whole) && end - start > shortest) return CUT_TIME;
-        if (is_whole) return *code = refuse(s, task->pair, s->instants[middle].t, is_apart ? apart : f->least, NOT_SHOWN), NONE;
+        if (is_whole) return *code = refuse(s, task->pair, s->times[middle], is_apart ? apart : f->least, NOT_SHOWN), NONE;
         return first >= second ? CUT_FIRST : CUT_SECOND;
     }
 }
@@ -815,7 +843,7 @@ static int halves(Search *s, const Task *tasks, const uint8_t *letters, int coun
                 if (letter == CUT_FIRST) task.a = child(s, task.a, side);
                 if (letter == CUT_SECOND) task.b = child(s, task.b, side);
                 if (letter == CUT_TIME) {
-                    int middle = instant(s, cut_of(&s->step, s->instants[task.start].t, s->instants[task.end].t));
+                    int middle = instant(s, cut_of(&s->step, s->times[task.start], s->times[task.end]));
                     if (middle < 0) return -1;
                     if (side) task.start = middle; else task.end = middle;
                 }
@@ -891,13 +919,15 @@ int find_rows(const Tree *trees, const Placed *placed, const Pair *pairs, const 
     *result = (Result){.nearest = FAR, .proven = FAR, .nearest_pair = -1, .found_pair = -1};
     size_t table = TABLE * sizeof(int32_t);
     int32_t *tables = malloc(3 * table);
+    s.times = malloc(TABLE * sizeof(double)), s.cells = malloc(TABLE * sizeof(Cell));
     Task *tasks = malloc(2 * MOST_TASKS * sizeof(Task));
     int code = TOO_MUCH;
-    if (tables && tasks) {
+    if (tables && tasks && s.times && s.cells && step->joints <= MOST_JOINTS) {
         memset(tables, 255, 3 * table);
+        number_spans(&s);
         s.instant_table = tables, s.cell_table = tables + TABLE, s.measured_table = tables + 2 * TABLE;
         code = levels(&s, tasks, tasks + MOST_TASKS, letters, directions, fine, room);
     }
-    free(tables), free(tasks), free(s.instants), free(s.cells);
+    free(tables), free(tasks), free(s.times), free(s.frames), free(s.cells), free(s.sags);
     return code;
 }

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect
-from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.validation import FloatArray, Indices
 from planner.certificate.motion import Polynomials
 from planner.certificate.rows import BY_MIDDLES
@@ -107,19 +106,22 @@ def prove_move(
         number, distance_m = worst_at(checked, poses(0.0), numbers, needed_m)
         near = checked.between(number, distance_m, 0.0)
         return ContinuousContact(near, float(needed_m[number]), trajectory.duration, 0, 0)
-    rows: Polynomials | FloatArray = trajectory.q[0]
+    arrangement, walk = Arrangement.of_mover(checker, full), checker.walk
+    rows: Polynomials | FloatArray = walk.along(trajectory.q[0])
     if trajectory.duration > 0.0:
-        knots = {name: getattr(trajectory, name) for name in ("knots_s", "q", "v", "a", "j")}
-        rows = Polynomials.of_plan(knots, "the motion")
-    motion = Motion(rows, trajectory.duration, poses)
-    return Arrangement.of_arm(checker, full).prove(motion, margin_m, numbers)
+        at_knots = [walk.along(x) for x in (trajectory.q, trajectory.v, trajectory.a)]
+        rows = Polynomials.of_knots(
+            trajectory.knots_s, at_knots, walk.along(trajectory.j), "the motion"
+        )
+    return arrangement.prove(Motion(rows, trajectory.duration, poses), margin_m, numbers)
 
 
 class Motion(NamedTuple):
     """How the shapes of a situation move.
 
     Attributes:
-        rows: the motion of the arm; or where it stands, shape (7,), rad, while shapes slide.
+        rows: the motion of the chain's joints; or where they stand, shape (joints,), rad, while
+            shapes slide.
         duration_s: how long it takes.
         poses: of all shapes in base at a time, shape (n, 4, 4).
     """
@@ -142,7 +144,7 @@ class Arrangement:
     """The clusters of a situation, and what carries them while something moves.
 
     Attributes:
-        chain: the arm that moves.
+        chain: the joints that move.
     """
 
     def __init__(
@@ -159,10 +161,11 @@ class Arrangement:
 
         Args:
             checked: the pairs of the situation, of n shapes.
-            chain: the arm that moves.
+            chain: the joints that move.
             levels: number of its joint that carries each shape, 0 for what stands still, shape
-                (n,).
-            poses: of each shape seen from there, shape (n, 4, 4).
+                (w, n). A chain may meet a shape up to w times; a pair is proven where it meets both
+                first. -1 for a shape that it does not meet.
+            poses: of each shape seen from there, shape (w, n, 4, 4).
             slides_m: how far each has moved along y of the last joint by the end, shape (n,).
             thicker_m: by how much each counts as thicker where it must not touch anything, besides
                 its padding, shape (n,).
@@ -170,16 +173,14 @@ class Arrangement:
         self._checked, self.chain = checked, chain
         self._thicker_m: FloatArray = checked.thicker_m + thicker_m
         self._levels, self._poses = levels, poses
-        self._slides_m = np.zeros(len(levels)) if slides_m is None else slides_m
+        self._slides_m = np.zeros(levels.shape[1]) if slides_m is None else slides_m
 
     @classmethod
-    def of_arm(cls, checker: ClearanceChecker, full: FloatArray) -> Arrangement:
-        """That of a checker's arm that moves, all other joints as in a full configuration."""
-        chain, turned = about_z(checker.motion_bounds.chain)
-        levels, T = checker.motion_bounds.carried(full)
-        T = T.copy()
-        T[:, :3] = turned[levels].swapaxes(1, 2) @ T[:, :3]
-        return cls(checker.checked, chain, levels, T)
+    def of_mover(cls, checker: ClearanceChecker, full: FloatArray) -> Arrangement:
+        """That of a checker's mover, all other joints as in a full configuration."""
+        walk, (carriers, T) = checker.walk, checker.motion_bounds.carried(full)
+        levels, T_level_link = walk.levels[:, carriers], walk.T_level_link[:, carriers]
+        return cls(checker.checked, walk.chain, levels, T_level_link @ T)
 
     def prove(self, motion: Motion, margin_m: float, numbers: Indices) -> ContinuousResult:
         """Prove that pairs keep apart, or say which do not.
@@ -238,22 +239,26 @@ class Arrangement:
     def placed(self, numbers: Indices) -> tuple[PlacedShapes, np.ndarray[Any, Any]]:
         """The trees of pairs that are all different, and the pairs, of type `PAIR`, all counted."""
         checked = self._checked
-        shapes = checked.numbers[numbers]
-        is_swapped = self._levels[shapes[:, 0]] < self._levels[shapes[:, 1]]
-        shapes = np.where(is_swapped[:, None], shapes[:, ::-1], shapes)  # the outer one first
+        shapes, ways = checked.numbers[numbers], len(self._levels)
+        way = (self._levels[:, shapes] >= 0).all(axis=2).argmax(axis=0)[:, None]
+        levels = self._levels[way, shapes]
+        is_swapped = levels[:, :1] < levels[:, 1:]
+        shapes, levels = (np.where(is_swapped, x[:, ::-1], x) for x in (shapes, levels))
         is_contact = checked.is_contact[numbers]
         # padding counts where nothing may touch: a shape may be there with and without it
-        used, place = np.unique(2 * shapes + is_contact[:, None], return_inverse=True)
-        index, is_bare = used // 2, used % 2 == 1
+        used, place = np.unique(
+            2 * (shapes * ways + way) + is_contact[:, None], return_inverse=True
+        )
+        index, way, is_bare = used // 2 // ways, used // 2 % ways, used % 2 == 1
         trees = [checked.tree(shape) for shape in index.tolist()]
-        R, p = self._poses[index, :3, :3], self._poses[index, :3, 3]
+        R, p = self._poses[way, index, :3, :3], self._poses[way, index, :3, 3]
         p = p + (R @ np.array([tree.p for tree in trees])[..., None])[..., 0]
         R = R @ np.array([tree.R for tree in trees])
         thicker_m = np.array([tree.margin_m for tree in trees])
         thicker_m += np.where(is_bare, 0.0, self._thicker_m[index])
         pairs = np.zeros(len(shapes), PAIR)
         pairs["first"], pairs["second"] = place.reshape(shapes.shape).T
-        pairs["k"], pairs["m"] = self._levels[shapes].T
+        pairs["k"], pairs["m"] = levels.T
         pairs["is_counted"] = 1
         pairs["slides"][:, 1], pairs["slides"][:, 3] = self._slides_m[shapes].T
         return PlacedShapes([tree.clusters for tree in trees], R, p, thicker_m), pairs
@@ -288,23 +293,6 @@ def _least(checked: CheckedPairs, motion: Motion, number: int) -> tuple[float, f
         found.append((checked.distances.measure(number), motion.time_s(at)))
     distance_m, time_s = min(found)
     return time_s, distance_m
-
-
-def about_z(chain: JointChain) -> tuple[Chain, FloatArray]:
-    """A chain of joints about the z axes of frames of its own.
-
-    Returns:
-        The chain, and the rotations of these frames seen from those of the joints, base's first,
-        shape (8, 3, 3).
-    """
-    z = chain.axes
-    x = np.cross(z, np.eye(3)[np.abs(z).argmin(axis=1)])
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    turned = np.concatenate([np.eye(3)[None], np.stack([x, np.cross(z, x), z], axis=2)])
-    T = chain.T_parent_joints
-    R = turned[:-1].swapaxes(1, 2) @ T[:, :3, :3] @ turned[1:]
-    p = (turned[:-1].swapaxes(1, 2) @ T[:, :3, 3:])[..., 0]
-    return Chain(R, p, np.linalg.norm(p, axis=1)), turned
 
 
 def is_any_inside(checked: CheckedPairs, poses: FloatArray, numbers: Indices) -> bool:

@@ -66,7 +66,7 @@ class TubeProofs:
     def __init__(self, checker: ClearanceChecker, full: FloatArray) -> None:
         """For a full configuration, shape (19,), that says where all other joints stand."""
         self._checker, self._full = checker, full
-        self._arrangement = Arrangement.of_arm(checker, full)
+        self._arrangement = Arrangement.of_mover(checker, full)
 
     def prove(
         self,

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.errors import ConfigurationError
-from baxter_kin.kinematics.joint_chain import JointChain
 from planner import Body, Box, Part, RobotBody, RobotShapes, Scene, Trajectory, plan_joint_move
 from planner.clearance import ContinuousContact, ContinuousProof, ContinuousResult
 from planner.collision import ClearanceChecker
 from planner.collision.continuous import proof
-from planner.collision.continuous.proof import about_z, prove_clear
+from planner.collision.continuous.proof import prove_clear
 from planner.collision.distances import ACCURACY_M
 from planner.errors import MotionError, SceneError, TrajectoryError
 from planner.prover.kernel import SHARES
@@ -252,23 +251,6 @@ def test_a_contact_is_a_sentence(
     wall = Body("wall", (Part(Box((0.02, 0.02, 0.02)), ORIGIN),), left.T_base_tip(swing.q_goal))
     sentence = str(Stage(robot, left, shapes, wall).prove(swing))
     assert "mm inside wall at 2.710 s (100 % of the motion)" in sentence
-
-
-@given(seeds)
-def test_axes_may_lie_anywhere_in_the_frames_of_joints(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    T = np.array([pin.SE3.Random().homogeneous for _ in range(7)])
-    axes = rng.normal(size=(7, 3))
-    chain = JointChain(T, axes / np.linalg.norm(axes, axis=1, keepdims=True))
-    q = rng.uniform(-3.0, 3.0, 7)
-    found, turned = about_z(chain)
-    there = pin.SE3.Identity()
-    for R, p, angle, turn, expected in zip(
-        found.R, found.p, q, turned[1:], chain.poses(q[None])[0], strict=True
-    ):
-        there = there * pin.SE3(R @ pin.utils.rotate("z", angle), p)
-        own = pin.SE3(turn, np.zeros(3))
-        assert (there * own.inverse()).isApprox(pin.SE3(expected), 1e-9)
 
 
 def test_a_thicker_body_is_nearer(robot: Baxter, left: Arm, swing: Trajectory) -> None:
