@@ -184,11 +184,23 @@ def _with_checks(
 def _with_check(each: attrs.Attribute[Any], error: type[BaxterError]) -> attrs.Attribute[Any]:
     convert = each.metadata.get(_CONVERT)
     if convert is not None:
-        each = each.evolve(converter=lambda given: convert(given, each.name, error))
+        each = each.evolve(converter=_converter(convert, each, error))
     check = partial(_check_type, error=error)
     return each.evolve(
         validator=check if each.validator is None else attrs.validators.and_(check, each.validator)
     )
+
+
+def _converter(
+    convert: Convert, each: attrs.Attribute[Any], error: type[BaxterError]
+) -> Callable[[Any], Any]:
+    """A converter with the annotation of its field, which attrs passes on to the signature."""
+
+    def converter(given: Any) -> Any:
+        return convert(given, each.name, error)
+
+    converter.__annotations__["given"] = each.type
+    return converter
 
 
 def _check_type(

@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from attrs.converters import optional
 from numpy.typing import NDArray
 
 from baxter_kin import IKResult
-from baxter_kin.errors import quoted
+from baxter_kin.errors import expect_all, quoted
 from baxter_kin.fields import array, field, scalar, value
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from baxter_kin.validation import FloatArray
@@ -29,6 +28,10 @@ AGREEMENT_RAD = 1e-6
 
 ROUNDING_S = 1e-9
 """How far a tick may be outside a move by rounding."""
+
+
+def _contacts(given: tuple[Contact, ...] | None) -> tuple[Contact, ...] | None:
+    return None if given is None else expect_all(given, Contact, "contacts", RecordingError)
 
 
 @value(error=RecordingError)
@@ -50,7 +53,7 @@ class RecordedMove:
     label: str
     trajectory: Trajectory
     ik: IKResult | None = None
-    contacts: tuple[Contact, ...] | None = field(default=None, converter=optional(tuple))
+    contacts: tuple[Contact, ...] | None = field(default=None, converter=_contacts)
 
     def __attrs_post_init__(self) -> None:
         if _limb_of(self.trajectory) is None:
