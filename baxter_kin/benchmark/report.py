@@ -201,7 +201,7 @@ def _tables(outcome: BenchmarkOutcome) -> Iterable[str]:
         groups.setdefault((row.limb, row.scenario.caption), []).append(row)
     for (limb, caption), rows in groups.items():
         title = f"**{limb.capitalize()} arm, {caption}** ({len(rows[0].verdicts)} poses)"
-        columns = COLUMNS if outcome.options.engine is None else RATE_COLUMNS
+        columns = COLUMNS if not outcome.options.rates_only else RATE_COLUMNS
         cells = [_cells(row)[: len(columns)] for row in rows]
         yield title + "\n\n" + _table(columns, cells)
 
@@ -243,7 +243,7 @@ def _notes(outcome: BenchmarkOutcome) -> Iterable[str]:
     yield (
         "Times: of every call, solved or not, around the solver's public call only. All solve the "
         "same poses in one process, in turns."
-        if outcome.options.engine is None
+        if not outcome.options.rates_only
         else "No times were measured; poses were spread over workers."
     )
     for key, contestant in outcome.contestants.items():

@@ -14,16 +14,16 @@ from baxter_kin.benchmark.poses import draw_poses
 from baxter_kin.benchmark.report import BenchmarkOutcome, Machine, markdown
 from baxter_kin.benchmark.solve_rates import measure_rates
 from baxter_kin.benchmark.verification import Verifier
-from baxter_kin.command_line import log_told
+from baxter_kin.command_line import log_shown
+from baxter_kin.engine_options import engine_of
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.model import Baxter
 from baxter_kin.parallel import Engine
-from baxter_kin.parallel.engine_options import engine_of
 
 
 def run_benchmark(options: BenchmarkOptions) -> BenchmarkOutcome:
     """Measure, print the table, write what was asked for."""
-    with log_told((lambda _: None) if options.is_quiet else _tell, _tell):
+    with log_shown((lambda _: None) if options.is_quiet else _tell, _tell):
         outcome = _measure(options)
     print(markdown(outcome), end="")
     if options.json is not None:
@@ -41,7 +41,7 @@ def _tell(text: str) -> None:
 
 
 def _measure(options: BenchmarkOptions) -> BenchmarkOutcome:
-    if options.engine is None:
+    if not options.rates_only:
         return _measured(options, None)
     with engine_of(options.engine) as engine:
         return _measured(options, engine)

@@ -20,12 +20,12 @@ if TYPE_CHECKING:  # a headless run needs no web server
 def live_view(
     options: DemoOptions, world: World, narrator: Narrator, cleanup: ExitStack
 ) -> tuple[Viewer, ...]:
-    """The view, once a page watches or the time to wait for one is over; none when headless.
+    """The view, once a page watches or the wait for one is over; empty when headless.
 
     Args:
         options: what the user asked for.
-        world: what is shown first.
-        narrator: tells where to look.
+        world: the scene that is shown first.
+        narrator: reports where it is served.
         cleanup: closes the view.
 
     Raises:
@@ -37,7 +37,7 @@ def live_view(
 
     viewer = cleanup.enter_context(Viewer(world.robot, port=options.port))
     viewer.show(world.q, {}, "ready")
-    is_opened = options.opens_browser and can_open(os.environ, sys.platform)
+    is_opened = not options.no_browser and can_open(os.environ, sys.platform)
     for line in where_to_look(viewer.url, os.environ, is_opened, options.wait_s):
         narrator.say(line)
     if is_opened:
@@ -48,15 +48,15 @@ def live_view(
 
 @contextmanager
 def shown(views: Iterable[Viewer], failure: Callable[[], str | None]) -> Iterator[None]:
-    """Keep pages live within; afterwards they replay what was shown, and say what failed.
+    """Keep pages live inside the block; afterwards they replay what was shown and name the failure.
 
     Args:
         views: the live view, if there is one.
-        failure: asked at the end; None for nothing.
+        failure: returns at the end what failed, or None.
     """
     with ExitStack() as cleanup:
         for viewer in views:
-            cleanup.enter_context(viewer)  # tells what is raised
+            cleanup.enter_context(viewer)  # shows what is raised
         yield
         for viewer in views:
             viewer.close(failure() or "")

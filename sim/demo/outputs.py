@@ -1,4 +1,4 @@
-"""Where the demo is written to, as its options say."""
+"""The files that the demo writes, as its options say."""
 
 from __future__ import annotations
 
@@ -8,36 +8,27 @@ from pathlib import Path
 
 from baxter_kin import Baxter
 from planner import Plan, RobotBody
-from sim import (
-    BagRecorder,
-    CsvRecorder,
-    LogRecorder,
-    McapRecorder,
-    Observer,
-    Recorder,
-    Snapshot,
-    World,
-)
+from sim import CsvRecorder, Observer, Recorder, Snapshot, World
 from sim.demo.interrupt import Interrupt
 from sim.demo.narration import Narrator
 from sim.demo.options import DemoOptions
 from sim.recording.csv_writing import PlanCsvFile, warn_if_as_drawn
-from sim.recording.npz_file import save_recording
+from sim.recording.record_file import recorder_of
 
 REPLAY_SNAPSHOTS = 12_000
-"""The replay shows the last two minutes; only --forever ever has more."""
+"""The replay shows the last two minutes; only --forever has more."""
 
 
 def outputs(
     options: DemoOptions, world: World, narrator: Narrator, cleanup: ExitStack
 ) -> Iterator[Observer]:
-    """Who writes what happens.
+    """The observers that write the files.
 
     Args:
         options: what the user asked for.
         world: what is shown.
-        narrator: tells what was written.
-        cleanup: finishes files.
+        narrator: reports what was written.
+        cleanup: finishes the files.
 
     Raises:
         RecordingError: when a file cannot be written.
@@ -49,7 +40,7 @@ def outputs(
         cleanup.callback(csv.close)
         yield csv
     if options.record is not None:
-        yield _recorder(options.record, robot, cleanup)
+        yield recorder_of(options.record, robot, cleanup)
     if options.html is not None:
         recorder = Recorder(robot, keep=REPLAY_SNAPSHOTS)
         body = world.shapes.body if options.shows_body else None
@@ -58,7 +49,7 @@ def outputs(
 
 
 def playback(options: DemoOptions, cleanup: ExitStack) -> Callable[[Plan], None]:
-    """What takes the plans for the file that a robot is to play back, or nothing.
+    """The function that adds plans to the file for a robot to play back, if there is one.
 
     Raises:
         RecordingError: when the file cannot be written.
@@ -67,24 +58,6 @@ def playback(options: DemoOptions, cleanup: ExitStack) -> Callable[[Plan], None]
         return lambda _: None
     file = cleanup.enter_context(PlanCsvFile(options.csv, dwell_s=options.dwell_s))
     return lambda plan: file.add(plan) if plan.is_valid else None
-
-
-def _recorder(path: Path, robot: Baxter, cleanup: ExitStack) -> Observer:
-    """What writes everything that happens, in the format that the suffix says."""
-    if path.suffix == ".npz":
-        recorder = Recorder(robot)
-        cleanup.callback(_save, recorder, path)
-        return recorder
-    makers: dict[str, Callable[[Path, Baxter], BagRecorder | LogRecorder | McapRecorder]]
-    makers = {".bag": BagRecorder, ".jsonl": LogRecorder, ".mcap": McapRecorder}
-    stream = makers[path.suffix](path, robot)
-    cleanup.callback(stream.close)
-    return stream
-
-
-def _save(recorder: Recorder, path: Path) -> None:
-    if recorder.has_snapshots:
-        save_recording(recorder.recording(), path)
 
 
 def _write_replay(
@@ -98,11 +71,11 @@ def _write_replay(
 
 
 class StopWatch(Observer):
-    """Looks at every tick whether Ctrl-C was pressed."""
+    """Checks at every tick whether Ctrl-C was pressed."""
 
     def __init__(self, interrupt: Interrupt) -> None:
         self._interrupt = interrupt
 
-    def on_snapshot(self, snapshot: Snapshot) -> None:  # noqa: ARG002 - only its coming matters
-        """Look, and raise KeyboardInterrupt if it was."""
+    def on_snapshot(self, snapshot: Snapshot) -> None:  # noqa: ARG002 - a tick is enough
+        """Raise KeyboardInterrupt if Ctrl-C was pressed."""
         self._interrupt.check()

@@ -12,7 +12,7 @@ from itertools import count
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.command_line import log_told
+from baxter_kin.command_line import log_shown
 from baxter_kin.errors import BaxterError
 from baxter_kin.model import Baxter
 from baxter_kin.validation import FloatArray
@@ -55,7 +55,7 @@ def run_demo(options: DemoOptions, interrupt: Interrupt) -> int:
     def complain(text: str) -> None:
         narrator.complain(f"baxter-demo: {text}")
 
-    with log_told(narrator.say, complain, ("baxter_kin", "sim")):
+    with log_shown(narrator.say, complain, ("baxter_kin", "sim")):
         try:
             failure = _Demo(options, interrupt, narrator).run()
         except BaxterError as error:

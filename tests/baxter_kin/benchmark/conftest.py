@@ -34,8 +34,8 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> BenchmarkOutcome:
     folder = tmp_path_factory.mktemp("benchmark")
     return run_benchmark(
         BenchmarkOptions(
-            limbs=("left", "right"),
-            scenarios=(Scenario.NEAR,),
+            limb="both",
+            given_scenarios=("near",),
             solvers=("baxter-kin",),
             count=COUNT,
             seed=1,

@@ -75,7 +75,7 @@ def test_the_table_has_rates_and_no_times(
     [
         ("--jobs 2", "times are measured in one process; give --rates-only for more workers"),
         ("--rates-only --batch", "--batch needs times, which --rates-only does not measure"),
-        ("--rates-only --jobs 0", "'0' is not a whole number from 1 to 1024"),
+        ("--rates-only --jobs 0", "0 is not from 1 to 1024"),
     ],
 )
 def test_what_does_not_fit_together_is_told(

@@ -10,10 +10,11 @@ from typing import Any
 import pytest
 
 from baxter_kin.fields import evolve
+from baxter_kin.command_line import parse
 from planner import Grip, GripperAction, Manipulator, Move, Plan, PlanFailure, plan_joint_move
 from planner.clearance import Clearance
 from sim import Event, EventKind, Outcome
-from sim.demo.arguments import parse_options
+from sim.demo.options import DemoOptions
 from sim.demo.report import KEPT_CYCLES, KEPT_EVENTS, Report, Totals
 from tests.conftest import state_at
 
@@ -37,7 +38,7 @@ def plan(manipulator: Manipulator) -> Plan:
 
 @pytest.fixture
 def report() -> Report:
-    return Report(parse_options([]))
+    return Report(parse(DemoOptions, []))
 
 
 def spoken(entry: Any) -> Any:
@@ -119,8 +120,8 @@ def test_a_report_is_no_success_until_it_is_said(report: Report) -> None:
 
 
 def test_noise_is_told_of_only_where_the_block_is_looked_for() -> None:
-    assert Report(parse_options([])).as_json()["noise"] is None
-    told = Report(parse_options(["--noise-mm", "3", "--retries", "2"])).as_json()["noise"]
+    assert Report(parse(DemoOptions, [])).as_json()["noise"] is None
+    told = Report(parse(DemoOptions, ["--noise-mm", "3", "--retries", "2"])).as_json()["noise"]
     assert told == {"position_m": 0.003, "yaw_rad": 0.0, "retries": 2, "seed": 0}
 
 

@@ -4,22 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from baxter_kin import Baxter
-from planner.atlas import ReachMap, RotationGrid
-from planner.atlas.commands import progress as module
-from planner.atlas.commands.progress import BLOCK_S, BlockCosts, progress
-from planner.atlas.cost import OVERHEAD, estimate
-
-
-def test_the_costs_of_all_blocks_add_up_to_that_of_the_map(
-    robot: Baxter, small_map: ReachMap
-) -> None:
-    grid, arms = small_map.positions, small_map.arms
-    cost = estimate(robot, grid, RotationGrid.hopf(0), arms, measure_s=1e-6)
-    costs = BlockCosts(robot, grid, arms, cost)
-    expected = [costs.expected_s(block) - BLOCK_S for block in small_map.blocks]
-    assert min(expected) > 0.0
-    assert OVERHEAD * sum(expected) == pytest.approx(cost.core_s)
+from planner.atlas.commands import console
+from planner.atlas.commands.console import progress
 
 
 @pytest.fixture
@@ -33,7 +19,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 def test_what_is_left_begins_as_expected_and_ends_as_measured(
     clock: list[float], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "LINE_EVERY_S", 0.0)
+    monkeypatch.setattr(console, "LINE_EVERY_S", 0.0)
     with progress("build", 100.0, expected_s=50.0) as advance:
         advance(0.0, "at the begin")
         clock[0] = 90.0  # a second for each, instead of half of one
