@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from baxter_kin import pose_from_quaternion
 from baxter_kin.frames import T_world_base, checked_pose
+from lessons.answers import Mistake, exercise, instance, shown, stock_robot
 from planner import (
     Manipulator,
     PickAndPlace,
@@ -19,8 +20,6 @@ from planner import (
     make_block,
     plan_pick_and_place,
 )
-from sim.lessons.feedback import Mistake, exercise
-from sim.lessons.reading import instance, shown, stock_robot
 from sim.perception.noisy_poses import Noise
 
 DOWN, UPRIGHT = (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
@@ -118,11 +117,7 @@ def _square_deg(R_base_tip: Any, turn_deg: float) -> float:
 
 
 def _refuse_position(T: pin.SE3) -> None:
-    """Name a typical mistake in a position.
-
-    Raises:
-        Mistake: with its sentence.
-    """
+    """Refuse typical mistakes in a position."""
     centre = np.array(TURNED_BASE)
     if np.allclose(T.translation, 1e3 * centre, atol=1.0):
         raise Mistake("the position is in millimetres; lengths are in metres")
@@ -135,11 +130,7 @@ def _refuse_position(T: pin.SE3) -> None:
 
 
 def _refuse_turn(off_deg: float, from_base_deg: float) -> None:
-    """Name a typical mistake in the turn of the hand.
-
-    Raises:
-        Mistake: with its sentence.
-    """
+    """Refuse typical mistakes in the turn of the hand."""
     if abs(off_deg) <= ASKEW_DEG:
         return
     if abs(from_base_deg) <= ASKEW_DEG:
@@ -156,11 +147,7 @@ def _refuse_turn(off_deg: float, from_base_deg: float) -> None:
 
 
 def _refuse_other_task(plan: Plan) -> None:
-    """Say where a plan brings which block instead.
-
-    Raises:
-        Mistake: unless it brings the block from `FROM_BASE` to `TO_BASE`.
-    """
+    """Refuse a plan that does not bring the block from `FROM_BASE` to `TO_BASE`."""
     if "red" not in plan.start.scene.bodies:
         raise Mistake("the plan has no block named red; plan in the scene `fresh`")
     start = plan.start.scene["red"].centre_base

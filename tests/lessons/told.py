@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from sim.lessons.feedback import Feedback, Verdict
+from lessons.answers import Feedback, Verdict
 
 
 def assert_told(said: Feedback, pattern: str) -> None:

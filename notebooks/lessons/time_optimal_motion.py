@@ -11,9 +11,8 @@ import numpy as np
 from baxter_kin import IKService, JointLimits, pose_from_quaternion
 from baxter_kin.frames import angle_between
 from baxter_kin.validation import FloatArray
+from lessons.answers import Mistake, exercise, instance, number, refuse, shown, stock_robot
 from planner import Trajectory, plan_joint_move
-from sim.lessons.feedback import Mistake, exercise, refuse
-from sim.lessons.reading import instance, number, shown, stock_robot
 
 DOWN = (0.0, 1.0, 0.0, 0.0)
 """Pointing straight down; x, y, z, w."""
@@ -152,11 +151,7 @@ def _tips(trajectory: Trajectory) -> FloatArray:
 def _refuse_other_ends(
     trajectory: Trajectory, ends_base: tuple[tuple[float, ...], ...], wanted: str
 ) -> None:
-    """Say where a trajectory begins and ends instead.
-
-    Raises:
-        Mistake: unless it leads the left tip from one end to the other, pointing down.
-    """
+    """Refuse a trajectory that does not lead the left tip between the ends, pointing down."""
     arm, R_down = stock_robot().arm("left"), pose_from_quaternion(START_BASE, DOWN).rotation
     T_first, T_last = arm.T_base_tip(trajectory.q_start), arm.T_base_tip(trajectory.q_goal)
     for T, end, which in zip((T_first, T_last), ends_base, ("starts", "ends"), strict=True):

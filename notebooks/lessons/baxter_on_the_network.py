@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from baxter_kin.validation import FloatArray
+from lessons.answers import Mistake, exercise, instance, number, numbers, refuse, stock_robot
 from planner import Response
-from sim.lessons.feedback import Mistake, exercise, refuse
-from sim.lessons.reading import instance, number, numbers, stock_robot
 
 LAG_S, SPEED_DEG_S = 0.4, 45.0
 """An arm's lag, and how fast its joint turns."""

@@ -11,8 +11,7 @@ import pinocchio as pin
 from baxter_kin import Arm, IKResult, IKService, pose_from_quaternion
 from baxter_kin.frames import T_world_base, angle_between, read_with_w_first
 from baxter_kin.validation import FloatArray
-from sim.lessons.feedback import Mistake, exercise
-from sim.lessons.reading import joint_angles, number, shown, stock_robot
+from lessons.answers import Mistake, exercise, joint_angles, number, shown, stock_robot
 
 DOWN = (0.0, 1.0, 0.0, 0.0)
 """Pointing straight down; x, y, z, w."""
@@ -115,11 +114,7 @@ def check_edge(answer: Any) -> str:
 
 
 def _refuse_place(q: FloatArray, T: pin.SE3) -> None:
-    """Name a typical mistake.
-
-    Raises:
-        Mistake: with its sentence.
-    """
+    """Refuse typical mistakes."""
     right = stock_robot().arm("right").T_base_tip(q)
     x, y, z = T.translation
     if np.linalg.norm(right.translation - PLACE_BASE) < POSITION_M:

@@ -12,15 +12,7 @@ import pytest
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve
 from baxter_kin.parallel import Serial
-from planner.atlas import (
-    Cell,
-    PositionGrid,
-    ReachMap,
-    RotationGrid,
-    build_reach_map,
-    nearest_reachable,
-)
-from sim.lessons.reach_maps import (
+from lessons.reach_maps import (
     DOWN,
     FAR_BASE,
     HIGH_M,
@@ -31,7 +23,15 @@ from sim.lessons.reach_maps import (
     check_nearest,
     check_widest,
 )
-from tests.sim.lessons.told import assert_told
+from planner.atlas import (
+    Cell,
+    PositionGrid,
+    ReachMap,
+    RotationGrid,
+    build_reach_map,
+    nearest_reachable,
+)
+from tests.lessons.told import assert_told
 
 pytest.importorskip("zarr", reason="maps need zarr, and it Python 3.11", exc_type=ImportError)
 

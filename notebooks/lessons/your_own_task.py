@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from lessons.answers import Mistake, exercise, instance, shown, stock_robot
 from planner import Move, Plan
-from sim.lessons.feedback import Mistake, exercise
-from sim.lessons.reading import instance, shown, stock_robot
 from sim.recording.reading.rsdk_reading import read_rsdk_csv
 from sim.workbench.workbench import Workbench
 
@@ -106,11 +105,7 @@ def check_file(answer: Any) -> str:
 
 
 def _goal(plan: Plan) -> Any:
-    """Where the plan brings the centre of the red block, m in base.
-
-    Raises:
-        Mistake: when it does not carry that.
-    """
+    """Where the plan brings the centre of the red block, m in base."""
     if "red" not in plan.start.scene.bodies:
         raise Mistake("the plan has no block named red; plan in world.scene")
     poses = {step.label: step.T_base_tip for step in plan if isinstance(step, Move)}

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter, IKService, pose_from_quaternion
 from baxter_kin.ik import trace_self_motion
-from sim.lessons.inverse_kinematics import (
+from lessons.inverse_kinematics import (
     DOWN,
     PLACE_BASE,
     POSE_BASE,
@@ -20,7 +20,7 @@ from sim.lessons.inverse_kinematics import (
     check_elbows,
     check_place,
 )
-from tests.sim.lessons.told import assert_told
+from tests.lessons.told import assert_told
 
 ROBOT = Baxter.load()
 ARM = ROBOT.arm("left")

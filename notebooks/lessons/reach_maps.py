@@ -10,10 +10,9 @@ import numpy as np
 from baxter_kin import pose_from_quaternion
 from baxter_kin.frames import angle_between
 from baxter_kin.kinematics.arm import LIMBS
+from lessons.answers import Mistake, exercise, instance, number, refuse, shown, stock_robot
 from planner.atlas import Cell, NearestPose, PositionGrid, RotationGrid
 from planner.atlas.reach_search import RAD_PER_MARGIN, Codes, ReachSearch
-from sim.lessons.feedback import Mistake, exercise, refuse
-from sim.lessons.reading import instance, number, shown, stock_robot
 
 DOWN = np.diag([-1.0, 1.0, -1.0])
 """The tip seen from base, pointing straight down."""

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from baxter_kin import Baxter
 from baxter_kin.frames import T_world_base
-from sim.lessons.meet_baxter import CUP_WORLD, check_bend, check_cup, check_rise
-from tests.sim.lessons.told import assert_told
+from lessons.meet_baxter import CUP_WORLD, check_bend, check_cup, check_rise
+from tests.lessons.told import assert_told
 
 ROBOT = Baxter.load()
 ARM = ROBOT.arm("left")

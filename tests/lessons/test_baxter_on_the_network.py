@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter
-from planner import Response
-from sim.lessons.baxter_on_the_network import (
+from lessons.baxter_on_the_network import (
     NAMES,
     POSITIONS,
     check_lag,
     check_order,
     check_response,
 )
-from tests.sim.lessons.told import assert_told
+from planner import Response
+from tests.lessons.told import assert_told
 
 ORDER = Baxter.load().arm("left").joint_names
 BY_NAME = dict(zip(NAMES, POSITIONS, strict=True))

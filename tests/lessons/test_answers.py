@@ -5,9 +5,19 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Arm, Baxter
+from lessons.answers import (
+    Feedback,
+    Mistake,
+    Verdict,
+    exercise,
+    instance,
+    joint_angles,
+    number,
+    numbers,
+    refuse,
+    shown,
+)
 from planner import Trajectory
-from sim.lessons.feedback import Feedback, Mistake, Verdict, exercise, refuse
-from sim.lessons.reading import instance, joint_angles, number, numbers, shown
 
 
 @exercise("set `answer` to one")

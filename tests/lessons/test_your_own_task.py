@@ -11,6 +11,13 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter, pose_from_quaternion
+from lessons.your_own_task import (
+    BACK_BASE,
+    TOWER,
+    check_file,
+    check_tower,
+    check_way_back,
+)
 from planner import (
     Manipulator,
     PickAndPlace,
@@ -22,14 +29,7 @@ from planner import (
     save_plan,
 )
 from sim import Workbench, write_csv
-from sim.lessons.your_own_task import (
-    BACK_BASE,
-    TOWER,
-    check_file,
-    check_tower,
-    check_way_back,
-)
-from tests.sim.lessons.told import assert_told
+from tests.lessons.told import assert_told
 
 UPRIGHT, DOWN = (0.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 0.0)
 ROBOT = Baxter.load()

@@ -9,8 +9,7 @@ import pytest
 
 from baxter_kin import Baxter, IKService, pose_from_quaternion
 from baxter_kin.fields import evolve
-from planner import Trajectory, plan_joint_move, plan_straight_move
-from sim.lessons.time_optimal_motion import (
+from lessons.time_optimal_motion import (
     DOWN,
     GOAL_BASE,
     START_BASE,
@@ -18,7 +17,8 @@ from sim.lessons.time_optimal_motion import (
     check_slow,
     check_tip_speed,
 )
-from tests.sim.lessons.told import assert_told
+from planner import Trajectory, plan_joint_move, plan_straight_move
+from tests.lessons.told import assert_told
 
 ARM = Baxter.load().arm("left")
 IK, LIMITS = IKService(ARM), ARM.limits

@@ -10,6 +10,16 @@ import pytest
 
 from baxter_kin import Baxter, pose_from_quaternion
 from baxter_kin.frames import T_world_base
+from lessons.pick_and_place import (
+    DOWN,
+    FROM_BASE,
+    TO_BASE,
+    TURNED_BASE,
+    UPRIGHT,
+    check_camera,
+    check_faster_arm,
+    check_grasp,
+)
 from planner import (
     Manipulator,
     PickAndPlace,
@@ -21,17 +31,7 @@ from planner import (
     plan_pick_and_place,
 )
 from sim import Noise
-from sim.lessons.pick_and_place import (
-    DOWN,
-    FROM_BASE,
-    TO_BASE,
-    TURNED_BASE,
-    UPRIGHT,
-    check_camera,
-    check_faster_arm,
-    check_grasp,
-)
-from tests.sim.lessons.told import assert_told
+from tests.lessons.told import assert_told
 
 ROBOT = Baxter.load()
 CENTRE = pin.SE3(np.eye(3), np.array(TURNED_BASE))

@@ -8,8 +8,7 @@ import numpy as np
 
 from baxter_kin.frames import T_world_base
 from baxter_kin.validation import FloatArray
-from sim.lessons.feedback import Mistake, exercise, refuse
-from sim.lessons.reading import number, numbers, stock_robot
+from lessons.answers import Mistake, exercise, number, numbers, refuse, stock_robot
 
 CUP_WORLD = (0.80, 0.20, 0.75)
 """The cup, in world, m."""
