@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from baxter_kin.benchmark.options import BenchmarkOptions
+from baxter_kin.benchmark.command import BenchmarkOptions
 from baxter_kin.command_line import parse
 from planner.atlas.commands.command_line import AtlasOptions
 from planner.verification.command_line import VerificationOptions

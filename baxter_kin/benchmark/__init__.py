@@ -37,8 +37,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the benchmark with those arguments, or the command line's; returns the exit status."""
     try:
         import baxter_kin.kinematics.pinocchio_loading  # noqa: F401, PLC0415 - may be missing
-        from baxter_kin.benchmark.options import BenchmarkOptions  # noqa: PLC0415 - likewise
-        from baxter_kin.benchmark.run import run_benchmark  # noqa: PLC0415 - loads every library
+        from baxter_kin.benchmark.command import (  # noqa: PLC0415 - loads every library
+            BenchmarkOptions,
+            run_benchmark,
+        )
 
         run_benchmark(parse(BenchmarkOptions, argv))
     except BaxterError as error:

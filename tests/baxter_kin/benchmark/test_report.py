@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin.benchmark.entrants import Absence
-from baxter_kin.benchmark.measurement import measure
-from baxter_kin.benchmark.options import BenchmarkOptions
+from baxter_kin.benchmark.command import BenchmarkOptions
+from baxter_kin.benchmark.measurement import Verifier, measure
 from baxter_kin.benchmark.poses import PoseSet
 from baxter_kin.benchmark.report import (
     BATCH_COLUMNS,
@@ -21,7 +20,7 @@ from baxter_kin.benchmark.report import (
     percent,
     three_digits,
 )
-from baxter_kin.benchmark.verification import Verifier
+from baxter_kin.benchmark.solvers import Absence
 from tests.baxter_kin.benchmark.conftest import COUNT
 from tests.baxter_kin.benchmark.test_measurement import fake, raising
 

@@ -1,26 +1,41 @@
-"""The options of the benchmark's command line."""
+"""The command: its options, and one run from options to table, JSON and plot."""
 
 from __future__ import annotations
 
 import importlib.util
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from baxter_kin.benchmark.entrants import ENTRANTS
-from baxter_kin.benchmark.poses import Scenario
+from baxter_kin.benchmark.measurement import (
+    BatchMeasurement,
+    Measurement,
+    Verifier,
+    measure,
+    measure_batch,
+    measure_rates,
+)
+from baxter_kin.benchmark.poses import Scenario, draw_poses
+from baxter_kin.benchmark.report import BenchmarkOutcome, Machine, markdown
+from baxter_kin.benchmark.solvers import ENTRANTS, Absence, Contestant, enter
 from baxter_kin.command_line import (
     UsageError,
     command,
     file_to_write,
     flag,
+    log_shown,
     option,
     part,
     urdf_option,
     whole_number,
 )
 from baxter_kin.distribution.extras import run_to_install_extra
-from baxter_kin.engine_options import EngineOptions
-from baxter_kin.kinematics.arm import LIMBS
+from baxter_kin.engine_options import EngineOptions, engine_of
+from baxter_kin.kinematics.arm import LIMBS, Arm
+from baxter_kin.model import Baxter
+from baxter_kin.parallel import Engine
 
 SCENARIOS = tuple(scenario.value for scenario in Scenario)
 SOLVERS = tuple(entrant.key for entrant in ENTRANTS)
@@ -138,3 +153,93 @@ def _check_plot(path: Path) -> None:
     if path.suffix.lstrip(".").lower() not in formats:
         known = ", ".join(formats)
         raise UsageError(f"--plot cannot draw {path.name!r}; end its name in one of: {known}")
+
+
+def run_benchmark(options: BenchmarkOptions) -> BenchmarkOutcome:
+    """Measure, print the table, write what was asked for."""
+    with log_shown((lambda _: None) if options.is_quiet else _note, _note):
+        if options.rates_only:
+            with engine_of(options.engine) as engine:
+                outcome = _measured(options, engine)
+        else:
+            outcome = _measured(options, None)
+    print(markdown(outcome), end="")
+    if options.json is not None:
+        outcome.write(options.json)
+    if options.plot is not None:
+        from baxter_kin.benchmark.plot import draw  # noqa: PLC0415 - loads matplotlib
+
+        draw(outcome.rows, options.plot)
+    return outcome
+
+
+def _note(text: str) -> None:
+    """Print one line that is not part of the table."""
+    print(f"baxter_kin.benchmark: {text}", file=sys.stderr, flush=True)
+
+
+def _measured(options: BenchmarkOptions, engine: Engine | None) -> BenchmarkOutcome:
+    robot = Baxter.load(options.urdf)
+    contestants: dict[str, Contestant] = {}
+    absences: dict[Absence, None] = {}
+    rows: list[Measurement] = []
+    batches: list[BatchMeasurement] = []
+    for limb in options.limbs:
+        arm, present = robot.arm(limb), dict[str, Contestant]()
+        for entrant in ENTRANTS:
+            if entrant.key in options.solvers:
+                found = enter(entrant, arm)
+                if isinstance(found, Contestant):
+                    present[entrant.key] = found
+                else:
+                    absences[found] = None
+        contestants = present | contestants
+        rows += _rows(options, robot, arm, present, engine)
+        if options.with_batch:
+            poses = draw_poses(arm, options.scenarios[0], count=options.count, seed=options.seed)
+            verifier = Verifier(robot, arm)
+            found_batches = (measure_batch(*each, poses, verifier) for each in present.items())
+            batches += [batch for batch in found_batches if batch is not None]
+    return BenchmarkOutcome(options, Machine.this(), contestants, tuple(absences), rows, batches)
+
+
+def _rows(
+    options: BenchmarkOptions,
+    robot: Baxter,
+    arm: Arm,
+    contestants: dict[str, Contestant],
+    engine: Engine | None,
+) -> list[Measurement]:
+    rows, verifier = [], Verifier(robot, arm)
+    for scenario in options.scenarios:
+        poses = draw_poses(arm, scenario, count=options.count, seed=options.seed)
+        title = f"{arm.side}, {scenario.value}"
+        with _progress(title, len(poses) * len(contestants), options) as tick:
+            if engine is None:
+                rows += measure(contestants, poses, verifier, tick)
+            else:
+                rows += measure_rates(robot, contestants, poses, engine, tick)
+    return rows
+
+
+def _batches(
+    options: BenchmarkOptions, arm: Arm, verifier: Verifier, contestants: dict[str, Contestant]
+) -> list[BatchMeasurement]:
+    poses = draw_poses(arm, options.scenarios[0], count=options.count, seed=options.seed)
+    found = [measure_batch(key, who, poses, verifier) for key, who in contestants.items()]
+    return [batch for batch in found if batch is not None]
+
+
+@contextmanager
+def _progress(
+    title: str, total: int, options: BenchmarkOptions
+) -> Iterator[Callable[[int], object]]:
+    """A bar on stderr, where it is a terminal."""
+    is_terminal = sys.stderr.isatty() and importlib.util.find_spec("tqdm") is not None
+    if options.is_quiet or not is_terminal:
+        yield lambda _: None
+        return
+    from tqdm import tqdm  # noqa: PLC0415 - only when shown
+
+    with tqdm(total=total, desc=title, unit="pose", leave=False, file=sys.stderr) as bar:
+        yield bar.update
