@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from baxter_kin.fields import evolve
 from baxter_kin.command_line import parse
+from baxter_kin.fields import evolve
 from planner import Grip, GripperAction, Manipulator, Move, Plan, PlanFailure, plan_joint_move
 from planner.clearance import Clearance
 from sim import Event, EventKind, Outcome
