@@ -1,7 +1,7 @@
 """The pick-and-place demo: `python -m baxter_kin.demo`.
 
-The composition root: it sees every layer and nobody imports it. Exit status: 0 all picked and
-placed; 1 a pick or place failed; 2 wrong usage; 130 stopped by Ctrl-C.
+The composition root: it may import every layer, and no module imports it. Exit status: 0 all picked
+and placed; 1 a pick or place failed; 2 wrong usage; 130 stopped by Ctrl-C.
 """
 
 from __future__ import annotations
