@@ -114,9 +114,8 @@ class _Demo:
             observers: list[Observer] = [*first, *files]
             self._play_back = playback(self._options, cleanup)
             views = live_view(self._options, self._world, self._narrator, cleanup)
-            simulation = Simulation(
-                self._world, [*observers, *views]
-            )  # the view, which waits, is last
+            observers += views  # last, since it waits
+            simulation = Simulation(self._world, observers)
             with self._scene(simulation), shown(views, lambda: self._report.failure):
                 self._execute(simulation)
             self._report.totals.wall_time_s = time.perf_counter() - self._started_s
