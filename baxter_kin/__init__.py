@@ -9,63 +9,56 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from baxter_kin.lazy import loader
+from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
-    from baxter_kin.description import ElectricGripper, Tool
-    from baxter_kin.errors import BaxterError
-    from baxter_kin.frames import (
-        Frame,
-        NamedFrame,
-        StampedPose,
-        pose_from_quaternion,
-        quaternion_xyzw,
-    )
-    from baxter_kin.ik import IKFailure, IKResult, IKService, SeedMode, SeedType, Tolerance
-    from baxter_kin.kinematics.arm import Arm
-    from baxter_kin.limits import JointLimits
-    from baxter_kin.model import Baxter
+    from baxter_kin.description import ElectricGripper as ElectricGripper
+    from baxter_kin.description import Tool as Tool
+    from baxter_kin.errors import BaxterError as BaxterError
+    from baxter_kin.frames import Frame as Frame
+    from baxter_kin.frames import NamedFrame as NamedFrame
+    from baxter_kin.frames import StampedPose as StampedPose
+    from baxter_kin.frames import pose_from_quaternion as pose_from_quaternion
+    from baxter_kin.frames import quaternion_xyzw as quaternion_xyzw
+    from baxter_kin.ik import IKFailure as IKFailure
+    from baxter_kin.ik import IKResult as IKResult
+    from baxter_kin.ik import IKService as IKService
+    from baxter_kin.ik import SeedMode as SeedMode
+    from baxter_kin.ik import SeedType as SeedType
+    from baxter_kin.ik import Tolerance as Tolerance
+    from baxter_kin.kinematics.arm import Arm as Arm
+    from baxter_kin.limits import JointLimits as JointLimits
+    from baxter_kin.model import Baxter as Baxter
 
     __version__: str
 
-__all__ = [
-    "Arm",
-    "Baxter",
-    "BaxterError",
-    "ElectricGripper",
-    "Frame",
-    "IKFailure",
-    "IKResult",
-    "IKService",
-    "JointLimits",
-    "NamedFrame",
-    "SeedMode",
-    "SeedType",
-    "StampedPose",
-    "Tolerance",
-    "Tool",
-    "pose_from_quaternion",
-    "quaternion_xyzw",
-]
-
-_MODULES = (
-    "errors",
-    "kinematics.pinocchio_loading",
-    "frames",
-    "ik",
-    "limits",
-    "kinematics.arm",
-    "model",
-    "description",
+__all__, _load = lazy(
+    __name__,
+    {
+        "Arm": "baxter_kin.kinematics.arm",
+        "Baxter": "baxter_kin.model",
+        "BaxterError": "baxter_kin.errors",
+        "ElectricGripper": "baxter_kin.description",
+        "Frame": "baxter_kin.frames",
+        "IKFailure": "baxter_kin.ik",
+        "IKResult": "baxter_kin.ik",
+        "IKService": "baxter_kin.ik",
+        "JointLimits": "baxter_kin.limits",
+        "NamedFrame": "baxter_kin.frames",
+        "SeedMode": "baxter_kin.ik",
+        "SeedType": "baxter_kin.ik",
+        "StampedPose": "baxter_kin.frames",
+        "Tolerance": "baxter_kin.ik",
+        "Tool": "baxter_kin.description",
+        "pose_from_quaternion": "baxter_kin.frames",
+        "quaternion_xyzw": "baxter_kin.frames",
+    },
 )
-"""In the order of loading: what is missing is said before it is needed."""
-
-_load = loader(__name__, [f"{__name__}.{module}" for module in _MODULES])
 
 
 def __getattr__(name: str) -> object:
     if name == "__version__":
-        from baxter_kin.distribution.version import version  # noqa: PLC0415 - looks it up
+        from baxter_kin.distribution.version import version  # noqa: PLC0415 - reads files
 
         return version()
     return _load(name)

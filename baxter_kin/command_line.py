@@ -1,11 +1,23 @@
-"""What the command lines share: complaints in one sentence, types of arguments, what is logged.
+"""Command lines: a frozen class of options becomes parser, help and checked values.
 
-Each type is given to argparse as `type=...`; it says what came and what is allowed.
+A command's options are a dataclass whose fields say what each option is; `parse` does the rest:
+
+    @command("python -m tea", "Make tea.", examples=("python -m tea --cups 2",))
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class TeaOptions:
+        kind: str = option(choices=("black", "green"), help="which tea")
+        cups: int = option("--cups", whole_number(1, 10), default=1, help="how many")
+
+    options = parse(TeaOptions)
+
+Wrong usage ends the program with status 2 and one sentence that names what was given and what is
+allowed. Types of arguments, such as `number_within`, are argparse's: functions of the text.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import logging
 import math
 import os
@@ -14,10 +26,12 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from baxter_kin.errors import (
+    BaxterError,
     ConfigurationError,
     DescriptionError,
     FileError,
@@ -30,54 +44,313 @@ from baxter_kin.files import Destination
 if TYPE_CHECKING:
     from baxter_kin.description import HandMount
 
-Options: TypeAlias = argparse._ActionsContainer
-"""A parser, or a group of options of one."""
+T = TypeVar("T")
 
-LONGEST_SHOWN = 200
-"""How much of a file's name a message repeats."""
-
+EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
-"""Status of what Ctrl-C has stopped, as shells have it."""
+"""Status after Ctrl-C, as shells have it."""
 
 EXIT_TERMINATED = 143
-"""The same of SIGTERM."""
+"""Status after SIGTERM."""
 
-ALIKE_OPTIONS = 0.7
-"""How alike options are of which one may have been meant, by difflib's ratio."""
+MAX_PORT = 65_535
+MAX_SHOWN_CHARACTERS = 200
+"""Of a file's name in a message."""
 
-WIDEST = 100
-"""Columns of a help text, however wide the terminal is."""
+OPTION_SIMILARITY = 0.7
+"""From where on an unknown option counts as a misspelt one, by difflib's ratio."""
+
+MAX_HELP_COLUMNS = 100
+
+_SPEC, _COMMAND, _PARSER = "option", "__command__", "_parser"
 
 
-def run_process(main: Callable[[], int], name: str, failed: int) -> NoReturn:
-    """Run a program as a process of its own, and end it with its status.
+class UsageError(BaxterError):
+    """Options that contradict each other, or ask for something that does not exist."""
+
+
+# Options as fields ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Option:
+    """Arguments of argparse's `add_argument`, once for each set of flags."""
+
+    flags: Sequence[tuple[str, ...]]
+    settings: Mapping[str, Any]
+    group: str
+    exclusive: str
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Options of another class, held as one field."""
+
+    options: type[Any]
+    group: str
+
+
+@dataclass(frozen=True)
+class _Subcommands:
+    """A choice between classes of options."""
+
+    options: Mapping[str, type[Any]]
+    title: str | None
+    metavar: str
+
+
+@dataclass(frozen=True)
+class _Command:
+    """The texts around a command's options."""
+
+    prog: str | None
+    about: str
+    epilog: str
+    allow_abbrev: bool
+
+
+def option(
+    *flags: str,
+    help: str,  # noqa: A002 - as argparse calls it
+    type: Callable[[str], Any] | None = None,  # noqa: A002 - likewise
+    default: Any = None,
+    repeats: bool = False,
+    required: bool = False,
+    group: str = "",
+    exclusive: str = "",
+    **settings: Any,
+) -> Any:
+    """A field of a class of options: an option, or a positional argument where no flag is given.
+
+    Several values arrive as a tuple. The help ends with the default where there is one to show and
+    the text does not mention it.
 
     Args:
-        main: the program; gives its exit status.
-        name: what messages call it.
-        failed: the status where its output cannot be written.
+        flags: such as "-q", "--quiet".
+        help: what it does.
+        type: makes a value of the text; raises `argparse.ArgumentTypeError` where it cannot.
+        default: the field's value when the option is not given.
+        repeats: whether it may be given several times; the values arrive as a tuple.
+        required: whether an option must be given; a positional argument always must.
+        group: heading in the help text.
+        exclusive: name of a set of options of which one may be given.
+        settings: further arguments of argparse's `add_argument`: choices, metavar, nargs, const.
     """
+    if type is not None:
+        settings["type"] = type
+    if repeats:
+        settings["action"], default = "append", ()
+    if required:
+        settings["required"] = True
+    has_shown_default = default is not None and default is not False and default != ()
+    if has_shown_default and "default" not in help:
+        shown = f"{default:g}" if isinstance(default, float) else default
+        help = f"{help} (default: {shown})"  # noqa: A001
+    settings["help"] = help.replace("%", "%%")
+    return _field(_Option((flags,), settings, group, exclusive), default, required or not flags)
+
+
+def flag(
+    *flags: str,
+    help: str,  # noqa: A002 - as argparse calls it
+    group: str = "",
+    exclusive: str = "",
+) -> Any:
+    """A field that is True when the option is given; see `option`."""
+    return option(
+        *flags, help=help, default=False, group=group, exclusive=exclusive, action="store_true"
+    )
+
+
+def part(options: type[Any], group: str = "") -> Any:
+    """A field that holds the options of another class, shown under a heading of their own."""
+    return dataclasses.field(default_factory=options, metadata={_SPEC: _Part(options, group)})
+
+
+def subcommands(options: Mapping[str, type[Any]], *, metavar: str, title: str | None = None) -> Any:
+    """A field that holds the options of the sub-command that is given.
+
+    Args:
+        options: classes by the name of the sub-command; `command` gives their texts.
+        metavar: stands for the name in the help text.
+        title: heading in the help text.
+    """
+    return _field(_Subcommands(options, title, metavar), None, is_required=True)
+
+
+def _field(spec: object, default: Any, is_required: bool) -> Any:
+    metadata = {_SPEC: spec}
+    if is_required:
+        return dataclasses.field(metadata=metadata)
+    if isinstance(default, Mapping):
+        return dataclasses.field(default_factory=lambda: dict(default), metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def urdf_option(group: str = "") -> Any:
+    """The field of `--urdf`, the robot's own description."""
+    return option(
+        "--urdf",
+        help="the robot's own description, as it serves it (default: the stock robot)",
+        type=urdf_file,
+        metavar="FILE",
+        group=group,
+    )
+
+
+def hands_option(group: str = "") -> Any:
+    """The field of `--left-hand` and `--right-hand`: hands by side, as far as they are given."""
+    settings = {
+        "action": _StoreHand,
+        "type": _hand,
+        "metavar": "HAND",
+        "help": "what is on that flange: none, or how the gripper is assembled: fingers, slot and "
+        "tips, such as wide, narrow-3 or narrow-2-half_round (default: as the URDF says; the "
+        "stock robot has narrow-2-paddle on both sides)",
+    }
+    flags = (("--left-hand",), ("--right-hand",))
+    return _field(_Option(flags, settings, group, ""), {}, is_required=False)
+
+
+class _StoreHand(argparse.Action):
+    """Adds a hand to those by side."""
+
+    def __call__(
+        self, _: object, namespace: argparse.Namespace, value: object, __: object = None
+    ) -> None:
+        side = self.option_strings[0].removeprefix("--").removesuffix("-hand")
+        setattr(namespace, self.dest, {**getattr(namespace, self.dest, {}), side: value})
+
+
+# From a class of options to a parser, and back ---------------------------------------------------
+
+
+def command(
+    prog: str | None,
+    about: str,
+    *,
+    examples: Sequence[str] = (),
+    end: str = "",
+    allow_abbrev: bool = False,
+) -> Callable[[type[T]], type[T]]:
+    """Give a class of options the texts of its command.
+
+    Args:
+        prog: name in messages; None for that of the process or, of a sub-command, its name.
+        about: what the command does.
+        examples: command lines that work as they stand.
+        end: the last paragraph of the help text, with the exit status.
+        allow_abbrev: whether the first letters of an option are enough.
+    """
+    texts = _Command(prog, about, _epilog(examples, end), allow_abbrev)
+
+    def named(options: type[T]) -> type[T]:
+        setattr(options, _COMMAND, texts)
+        return options
+
+    return named
+
+
+def parse(options: type[T], argv: Sequence[str] | None = None) -> T:
+    """The options of a command line; ends the program with status 2 when they are wrong.
+
+    A class of options may raise `UsageError` in `__post_init__` where options contradict each
+    other.
+
+    Args:
+        options: a class that `command` has named.
+        argv: the arguments; those of the process when None.
+    """
+    raw = parser_of(options).parse_args(argv)
     try:
-        status = main()
-        if sys.stdout is not None:  # as when the caller has closed it
-            sys.stdout.flush()
-    except OSError as cause:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        if not isinstance(cause, BrokenPipeError):  # the reader of a pipe has seen enough
-            print(f"{name}: cannot write: {cause.strerror}", file=sys.stderr)
-        status = failed
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the work is done; leave in peace
-    if status in (EXIT_INTERRUPTED, EXIT_TERMINATED):
-        # CPython remembers a KeyboardInterrupt inside exec(), which every dataclass uses, and would
-        # end by the signal instead of with the status, although it was handled.
-        os._exit(status)
-    sys.exit(status)
+        return _value(options, raw)
+    except UsageError as cause:
+        parser: argparse.ArgumentParser = getattr(raw, _PARSER)
+        parser.error(str(cause))
+
+
+def parser_of(options: type[Any]) -> OneSentenceParser:
+    """The parser of a class of options that `command` has named."""
+    texts: _Command = getattr(options, _COMMAND)
+    parser = OneSentenceParser(prog=texts.prog, **_settings(texts))
+    _add(parser, options)
+    return parser
+
+
+def _settings(texts: _Command) -> dict[str, Any]:
+    return {
+        "description": texts.about,
+        "epilog": texts.epilog,
+        "allow_abbrev": texts.allow_abbrev,
+    }
+
+
+def _add(parser: argparse.ArgumentParser, options: type[Any]) -> None:
+    """Add the options of a class to a parser, which is then the one that reports their misuse."""
+    containers: dict[tuple[str, str], argparse._ActionsContainer] = {("", ""): parser}
+
+    def container(group: str, exclusive: str = "") -> argparse._ActionsContainer:
+        key = group, exclusive
+        if key not in containers:
+            containers[key] = (
+                container(group).add_mutually_exclusive_group()
+                if exclusive
+                else parser.add_argument_group(group)
+            )
+        return containers[key]
+
+    def add(options: type[Any], heading: str) -> None:
+        for field in dataclasses.fields(options):
+            spec = field.metadata[_SPEC]
+            if isinstance(spec, _Part):
+                add(spec.options, spec.group or heading)
+            elif isinstance(spec, _Subcommands):
+                _add_subcommands(parser, field.name, spec)
+            else:
+                target = container(spec.group or heading, spec.exclusive)
+                for flags in spec.flags:
+                    settings = {"default": argparse.SUPPRESS, **spec.settings}
+                    if flags:
+                        settings["dest"] = field.name
+                    target.add_argument(*(flags or (field.name,)), **settings)
+
+    add(options, "")
+    parser.set_defaults(**{_PARSER: parser})
+
+
+def _add_subcommands(parser: argparse.ArgumentParser, name: str, spec: _Subcommands) -> None:
+    titled = {} if spec.title is None else {"title": spec.title}
+    chosen = parser.add_subparsers(dest=name, required=True, metavar=spec.metavar, **titled)
+    for key, options in spec.options.items():
+        texts: _Command = getattr(options, _COMMAND)
+        _add(chosen.add_parser(key, help=texts.about, **_settings(texts)), options)
+
+
+def _value(options: type[T], raw: argparse.Namespace) -> T:
+    """Only what was given is passed on: defaults are those of the class."""
+    values = {}
+    for field in dataclasses.fields(options):  # type: ignore[arg-type]
+        spec = field.metadata[_SPEC]
+        if isinstance(spec, _Part):
+            values[field.name] = _value(spec.options, raw)
+        elif isinstance(spec, _Subcommands):
+            values[field.name] = _value(spec.options[getattr(raw, field.name)], raw)
+        elif hasattr(raw, field.name):
+            values[field.name] = _frozen(getattr(raw, field.name))
+    return options(**values)
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value
+
+
+# Parsing and its messages ------------------------------------------------------------------------
 
 
 class OneSentenceParser(argparse.ArgumentParser):
-    """Says what is wrong in one sentence, and exits with status 2; has `--version`.
+    """Reports wrong usage in one sentence, and exits with status 2; has `--version`.
 
-    An option that does not exist is answered with those whose names are near.
+    An unknown option is answered with the known one that is spelt nearly the same.
     """
 
     def __init__(self, **settings: Any) -> None:
@@ -85,7 +358,7 @@ class OneSentenceParser(argparse.ArgumentParser):
         self.add_argument("--version", action=_Version)
 
     def parse_known_args(self, *given: Any, **named: Any) -> tuple[Any, list[str]]:
-        """As argparse has it, but what is not known ends here."""
+        """Like argparse's, but unknown arguments are an error."""
         texts = sys.argv[1:] if not given or given[0] is None else given[0]
         for text in texts:
             if not text.startswith("--") and f"-{text}" in self._option_string_actions:
@@ -103,23 +376,23 @@ class OneSentenceParser(argparse.ArgumentParser):
             raise
 
     def _near(self, unknown: Sequence[str]) -> str:
-        """Which option may have been meant by each that does not exist."""
+        """The options that may have been meant."""
         known = [name for name in self._option_string_actions if name.startswith("--")]
         asked = [text.partition("=")[0] for text in unknown if text.startswith("--")]
-        near = list(filter(None, (nearest_name(each, known, ALIKE_OPTIONS) for each in asked)))
+        near = list(filter(None, (nearest_name(each, known, OPTION_SIMILARITY) for each in asked)))
         return f"; did you mean {' and '.join(near)}?" if near else ""
 
     def error(self, message: str) -> NoReturn:
-        """End here."""
-        self.exit(2, f"{self.prog}: {message} (--help lists the options)\n")
+        """Exit with status 2 and one sentence."""
+        self.exit(EXIT_USAGE, f"{self.prog}: {message} (--help lists the options)\n")
 
 
 class _HelpFormatter(argparse.HelpFormatter):
-    """Keeps lines that are indented, as examples are, and wraps the others."""
+    """Keeps indented lines, such as examples, as they are, and wraps the others."""
 
     def __init__(self, prog: str, **settings: Any) -> None:
         columns = shutil.get_terminal_size().columns - 2
-        super().__init__(prog, **{"width": min(columns, WIDEST), **settings})
+        super().__init__(prog, **{"width": min(columns, MAX_HELP_COLUMNS), **settings})
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         fill = super()._fill_text
@@ -127,74 +400,26 @@ class _HelpFormatter(argparse.HelpFormatter):
         return "\n".join(s if s.startswith("  ") else fill(s, width, indent) for s in lines)
 
 
-def examples(*lines: str, end: str) -> str:
-    """The end of a help text: command lines that work as they stand, then a paragraph."""
-    return "\n".join(["examples:", *(f"  {line}" for line in lines), "", end])
+def _epilog(examples: Sequence[str], end: str) -> str:
+    heading = ["examples:", *(f"  {line}" for line in examples), ""] if examples else []
+    return "\n".join([*heading, end])
 
 
 class _Version(argparse.Action):
-    """Prints the version, which is looked up only then."""
+    """Prints the version, which is determined only then."""
 
     def __init__(self, option_strings: Sequence[str], dest: str) -> None:
-        told = "print the version of baxter-kin and end"
-        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=told)
+        text = "print the version of baxter-kin and exit"
+        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=text)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        from baxter_kin.distribution.version import NAME, version  # noqa: PLC0415 - looks it up
+        from baxter_kin.distribution.version import NAME, version  # noqa: PLC0415 - reads files
 
         print(NAME, version())
         parser.exit()
 
 
-def add_urdf(parser: Options) -> None:
-    """Add `--urdf`, the robot's own description."""
-    parser.add_argument(
-        "--urdf",
-        type=_urdf_file,
-        metavar="FILE",
-        help="the robot's own description, as it serves it (default: the stock robot)",
-    )
-
-
-def _urdf_file(text: str) -> Path:
-    """The path of a URDF that is a Baxter's."""
-    from baxter_kin.description import RobotDescription  # noqa: PLC0415 - loads Pinocchio
-
-    path = Path(text)
-    try:
-        RobotDescription.of(path)
-    except DescriptionError as cause:
-        raise argparse.ArgumentTypeError(str(cause)) from None
-    return path
-
-
-def add_hands(parser: Options) -> None:
-    """Add `--left-hand` and `--right-hand`, what is on the flanges; `hands_of` reads them."""
-    for side in ("left", "right"):
-        parser.add_argument(
-            f"--{side}-hand",
-            type=_hand,
-            default=argparse.SUPPRESS,
-            metavar="HAND",
-            help="what is on that flange: none, or how the gripper is assembled: fingers, slot and "
-            "tips, such as wide, narrow-3 or narrow-2-half_round (default: as the URDF says; the "
-            "stock robot has narrow-2-paddle on both sides)",
-        )
-
-
-def hands_of(raw: argparse.Namespace) -> Mapping[str, HandMount]:
-    """What `add_hands` has read, by side; sides of which nothing was said are absent."""
-    named = {side: f"{side}_hand" for side in ("left", "right")}
-    return {side: getattr(raw, name) for side, name in named.items() if hasattr(raw, name)}
-
-
-def _hand(text: str) -> HandMount:
-    from baxter_kin.description.hands import hand_of  # noqa: PLC0415 - loads Pinocchio
-
-    try:
-        return hand_of(text)
-    except ConfigurationError as cause:
-        raise argparse.ArgumentTypeError(str(cause)) from None
+# Types of arguments ------------------------------------------------------------------------------
 
 
 def number(text: str) -> float:
@@ -224,7 +449,7 @@ def number_within(least: float, most: float, unit: str) -> Callable[[str], float
 
 
 def _unit_hint(value: float, unit: str, least: float, most: float) -> str:
-    """What a refusal adds where a number makes sense in another unit."""
+    """The end of a message where a number makes sense in another unit."""
     if unit == "m":
         return millimetres_hint(value)
     other, share = {"s": ("milliseconds", 1e-3), "": ("per cent", 1e-2)}.get(unit, ("", 0.0))
@@ -241,21 +466,22 @@ def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
             value = int(text)
         except ValueError:
             raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
-        if value < least:
-            raise argparse.ArgumentTypeError(f"{text} is not at least {least}")
-        if most is not None and value > most:
-            raise argparse.ArgumentTypeError(f"{text} is not at most {most}")
+        if value < least or (most is not None and value > most):
+            allowed = f"at least {least}" if most is None else f"from {least} to {most}"
+            raise argparse.ArgumentTypeError(f"{text} is not {allowed}")
         return value
 
     return checked
 
 
 def file_to_write(text: str) -> Path:
-    """A file that can be written, as far as can be told before it is."""
+    """A file that can be written, as far as this can be known beforehand."""
     if not text:
         raise argparse.ArgumentTypeError("the file name is empty")
     path = Path(text)
-    shown = text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+    shown = text
+    if len(text) > MAX_SHOWN_CHARACTERS:
+        shown = f"{text[:MAX_SHOWN_CHARACTERS]}..."
     try:
         file = Destination.of(path)
     except FileError as cause:
@@ -268,21 +494,85 @@ def file_to_write(text: str) -> Path:
     return path
 
 
-@contextmanager
-def log_told(
-    say: Callable[[str], None],
-    complain: Callable[[str], None],
-    packages: tuple[str, ...] = ("baxter_kin",),
-) -> Iterator[None]:
-    """What packages log in the meantime reaches the user, as when one compiles for seconds.
+def file_of_format(suffixes: Sequence[str]) -> Callable[[str], Path]:
+    """The type of files to write whose suffix is one of these, which stand for formats."""
+
+    def checked(text: str) -> Path:
+        path = file_to_write(text)
+        if path.suffix not in suffixes:
+            known = ", ".join(suffixes)
+            raise argparse.ArgumentTypeError(
+                f"{text} must end in one of {known}, which say the format"
+            )
+        return path
+
+    return checked
+
+
+def urdf_file(text: str) -> Path:
+    """A file with the URDF of a Baxter."""
+    from baxter_kin.description import RobotDescription  # noqa: PLC0415 - loads Pinocchio
+
+    path = Path(text)
+    try:
+        RobotDescription.of(path)
+    except DescriptionError as cause:
+        raise argparse.ArgumentTypeError(str(cause)) from None
+    return path
+
+
+def _hand(text: str) -> HandMount:
+    from baxter_kin.description.hands import hand_of  # noqa: PLC0415 - loads Pinocchio
+
+    try:
+        return hand_of(text)
+    except ConfigurationError as cause:
+        raise argparse.ArgumentTypeError(str(cause)) from None
+
+
+# Running -----------------------------------------------------------------------------------------
+
+
+def run_process(main: Callable[[], int], name: str, failed: int) -> NoReturn:
+    """Run a program as a process of its own, and end it with its status.
 
     Args:
-        say: told what is of interest.
-        complain: told warnings, and what is worse.
-        packages: names of the packages, none inside of another.
+        main: the program; returns its exit status.
+        name: its name in messages.
+        failed: the status where its output cannot be written.
+    """
+    try:
+        status = main()
+        if sys.stdout is not None:  # as when the caller has closed it
+            sys.stdout.flush()
+    except OSError as cause:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        if not isinstance(cause, BrokenPipeError):  # the reader of a pipe has seen enough
+            print(f"{name}: cannot write: {cause.strerror}", file=sys.stderr)
+        status = failed
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the work is done; nothing is left to interrupt
+    if status in (EXIT_INTERRUPTED, EXIT_TERMINATED):
+        # CPython remembers a KeyboardInterrupt inside exec(), which every dataclass uses, and would
+        # end by the signal instead of with the status, although it was handled.
+        os._exit(status)
+    sys.exit(status)
+
+
+@contextmanager
+def log_shown(
+    on_info: Callable[[str], None],
+    on_warning: Callable[[str], None],
+    packages: tuple[str, ...] = ("baxter_kin",),
+) -> Iterator[None]:
+    """Show what packages log inside the block, such as that a compilation takes seconds.
+
+    Args:
+        on_info: receives messages below the level of warnings.
+        on_warning: receives warnings, and errors.
+        packages: their names, none inside of another.
     """
     loggers = [logging.getLogger(name) for name in packages]
-    handler, levels = _Teller(say, complain), [logger.level for logger in loggers]
+    handler, levels = _LogHandler(on_info, on_warning), [logger.level for logger in loggers]
     for logger in loggers:
         logger.addHandler(handler)
         logger.setLevel(logging.INFO)
@@ -294,11 +584,11 @@ def log_told(
             logger.removeHandler(handler)
 
 
-class _Teller(logging.Handler):
-    def __init__(self, say: Callable[[str], None], complain: Callable[[str], None]) -> None:
+class _LogHandler(logging.Handler):
+    def __init__(self, on_info: Callable[[str], None], on_warning: Callable[[str], None]) -> None:
         super().__init__(logging.INFO)
-        self._say, self._complain = say, complain
+        self._on_info, self._on_warning = on_info, on_warning
 
     def emit(self, record: logging.LogRecord) -> None:
-        tell = self._say if record.levelno < logging.WARNING else self._complain
-        tell(record.getMessage())
+        show = self._on_info if record.levelno < logging.WARNING else self._on_warning
+        show(record.getMessage())

@@ -1,28 +1,32 @@
-"""Names of a package that are loaded when they are first used."""
+"""Names of a package that are loaded when they are first used (PEP 562)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from sys import modules
 
 
-def loader(package: str, loaded: Sequence[str]) -> Callable[[str], object]:
-    """What a package has as its `__getattr__`.
+def lazy(package: str, module_of: Mapping[str, str]) -> tuple[list[str], Callable[[str], object]]:
+    """What a package has as its `__all__` and its `__getattr__`.
+
+    Where a module does not load because Pinocchio does not, the error says what the system lacks.
 
     Args:
         package: its name.
-        loaded: its modules, or those of other packages by their full names, in the order of
-            loading: a name is that of the first module that has it.
+        module_of: for each public name, the module that it is loaded from.
     """
 
     def load(name: str) -> object:
-        if name in modules[package].__all__:
-            for module in loaded:
-                found = getattr(import_module(module), name, None)
-                if found is not None:
-                    setattr(modules[package], name, found)
-                    return found
-        raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        if name not in module_of:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        try:
+            found = getattr(import_module(module_of[name]), name)
+        except ImportError:
+            import baxter_kin.kinematics.pinocchio_loading  # noqa: F401, PLC0415 - explains it
 
-    return load
+            raise
+        setattr(modules[package], name, found)
+        return found
+
+    return sorted(module_of), load

@@ -7,18 +7,18 @@ verified.
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter, BaxterError
-from baxter_kin.command_line import OneSentenceParser, examples, whole_number
+from baxter_kin.command_line import command, option, parse, whole_number
 from baxter_kin.parallel import Serial
 from planner import Manipulator, load_object, make_block
 from planner.atlas import (
@@ -38,9 +38,32 @@ TABLE_TOP_M = 0.775
 """Above the floor, where the table's own frame is."""
 
 
+STORY = "python -m examples.where_to_put_the_table"
+
+
+@command(
+    STORY,
+    (__doc__ or "").split("\n", maxsplit=1)[0],
+    examples=(STORY, f"{STORY} --wanted 3"),
+    end="It needs the extra `atlas`, and Python 3.11 or later. Exit status: 0 a place is "
+    "confirmed; 1 none is; 2 wrong usage.",
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableOptions:
+    """How many places are enough."""
+
+    wanted: int = option(
+        "--wanted",
+        type=whole_number(1),
+        default=1,
+        metavar="N",
+        help="confirmed places that are enough",
+    )
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run it; returns the exit status."""
-    options = _options(argv)
+    options = parse(TableOptions, argv)
     try:
         found = places(Baxter.load(), options.wanted)
     except BaxterError as error:
@@ -85,28 +108,6 @@ def on_the_table(x_m: float, y_m: float) -> pin.SE3:
 def told(found: Placements) -> str:
     """What came of it, a line for each place that was confirmed or refused."""
     return "\n".join([*map(str, (*found.confirmed, *found.refused)), found.summary])
-
-
-def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    story = "python -m examples.where_to_put_the_table"
-    parser = OneSentenceParser(
-        prog=story,
-        description=(__doc__ or "").split("\n", maxsplit=1)[0],
-        epilog=examples(
-            story,
-            f"{story} --wanted 3",
-            end="It needs the extra `atlas`, and Python 3.11 or later. Exit status: 0 a place is "
-            "confirmed; 1 none is; 2 wrong usage.",
-        ),
-    )
-    parser.add_argument(
-        "--wanted",
-        type=whole_number(1),
-        default=1,
-        metavar="N",
-        help="confirmed places that are enough (default: 1)",
-    )
-    return parser.parse_args(argv)
 
 
 if __name__ == "__main__":

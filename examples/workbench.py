@@ -6,21 +6,21 @@ measured. What cannot be done is noted with its reason, and the next task goes o
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from baxter_kin import Baxter, BaxterError
 from baxter_kin.command_line import (
-    OneSentenceParser,
-    add_hands,
-    add_urdf,
-    examples,
+    command,
     file_to_write,
-    hands_of,
+    hands_option,
+    option,
+    parse,
+    urdf_option,
     whole_number,
 )
 from baxter_kin.description import HandMount
@@ -30,6 +30,29 @@ CELLS_M = tuple((x, y) for x in (-0.065, 0.065) for y in (-0.13, 0.0, 0.13))
 """Where blocks are scattered, seen from the middle of them: one near each x and y."""
 JITTER_M = 0.015
 """How far from there; so two blocks are at least 0.10 m apart, centre to centre."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoryOptions:
+    """The options of every example."""
+
+    urdf: Path | None = urdf_option()
+    hands: Mapping[str, HandMount] = hands_option()
+    html: Path | None = option(
+        "--html", type=file_to_write, metavar="FILE", help="write a replay to open and send"
+    )
+    record: Path | None = option(
+        "--record", type=file_to_write, metavar="FILE", help="write all that happens, .npz"
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RandomStoryOptions(StoryOptions):
+    """The options of an example that scatters blocks."""
+
+    seed: int = option(
+        "--seed", type=whole_number(0), default=0, metavar="N", help="another arrangement"
+    )
 
 
 def scattered(
@@ -55,9 +78,10 @@ def play(
     """
     options = _options(argv, about, is_random=is_random)
     try:
-        hands = {**(hands or {}), **hands_of(options)}
+        hands = {**(hands or {}), **options.hands}
         bench = Workbench(Baxter.load(options.urdf, hands=hands))
-        story(bench, np.random.default_rng(options.seed))
+        seed = options.seed if isinstance(options, RandomStoryOptions) else 0
+        story(bench, np.random.default_rng(seed))
         recording = bench.recording()
         _tell(bench)
         if options.html is not None:
@@ -82,29 +106,12 @@ def _row(task: TaskResult) -> str:
     return f"{task.block or '-':8} {task.arm or '-':6} {numbers}   {task.verdict}"
 
 
-def _options(argv: Sequence[str] | None, about: str, *, is_random: bool) -> argparse.Namespace:
+def _options(argv: Sequence[str] | None, about: str, *, is_random: bool) -> StoryOptions:
     story = f"python -m examples.{Path(sys.argv[0]).stem}"
-    parser = OneSentenceParser(
-        prog=story,
-        description=about.splitlines()[0],
-        epilog=examples(
-            story,
-            f"{story} --html replay.html",
-            *([f"{story} --seed 1"] if is_random else []),
-            end="Exit status: 0 every task was done; 1 one was not; 2 wrong usage.",
-        ),
+    texts = command(
+        story,
+        about.splitlines()[0],
+        examples=(story, f"{story} --html replay.html", *([f"{story} --seed 1"] * is_random)),
+        end="Exit status: 0 every task was done; 1 one was not; 2 wrong usage.",
     )
-    add_urdf(parser)
-    add_hands(parser)
-    parser.add_argument(
-        "--html", type=file_to_write, metavar="FILE", help="write a replay to open and send"
-    )
-    parser.add_argument(
-        "--record", type=file_to_write, metavar="FILE", help="write all that happens, .npz"
-    )
-    parser.set_defaults(seed=0)
-    if is_random:
-        parser.add_argument(
-            "--seed", type=whole_number(0), metavar="N", help="another arrangement (default 0)"
-        )
-    return parser.parse_args(argv)
+    return parse(texts(RandomStoryOptions if is_random else StoryOptions), argv)

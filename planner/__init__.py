@@ -8,138 +8,116 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from baxter_kin.lazy import loader
+from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
-    from planner.collision.context import CollisionContext
-    from planner.collision.continuous.proof import prove_clear
-    from planner.collision.robot.robot_body import RobotBody
-    from planner.collision.robot.robot_shapes import RobotShapes
-    from planner.completion import complete
-    from planner.errors import PlannerError, StraightMoveError
-    from planner.grasping.hand import Hand
-    from planner.grasping.overhead import overhead_grasp
-    from planner.grasping.tool import tool_of
-    from planner.manipulator import Manipulator
-    from planner.motion.free_move import plan_free_move
-    from planner.motion.joint_move import plan_joint_move
-    from planner.motion.response import Response
-    from planner.motion.response_fit import fit_response
-    from planner.motion.straight_line import LineTolerance, StraightLine
-    from planner.motion.straight_move import plan_straight_move
-    from planner.pick_place.candidates import transfer_bound_s
-    from planner.pick_place.planning import plan_pick_and_place, plan_retract, plan_start_move
-    from planner.pick_place.task import PickAndPlace
-    from planner.pick_place.tracking.proof import prove_tracking
-    from planner.pick_place.tracking.result import TrackingProof
-    from planner.plan import Claim, Grip, GripperAction, Move, Plan, PlanFailure
-    from planner.plan_file import load_plan, save_plan
-    from planner.scene.attachment import Attachment
-    from planner.scene.bodies import Body, Box, Cylinder, Part, Scene, Sphere
-    from planner.scene.contact import Contact
-    from planner.scene.mesh import Mesh
-    from planner.scene.mesh_file import load_mesh
-    from planner.scene.objects import load_object, make_block
-    from planner.state import State
-    from planner.trajectory import Trajectory
-    from planner.verification import (
-        Certificate,
-        MotionCertificate,
-        PolynomialMotion,
-        certify,
-        verify,
-    )
+    from planner.collision.context import CollisionContext as CollisionContext
+    from planner.collision.continuous.proof import prove_clear as prove_clear
+    from planner.collision.robot.robot_body import RobotBody as RobotBody
+    from planner.collision.robot.robot_shapes import RobotShapes as RobotShapes
+    from planner.completion import complete as complete
+    from planner.errors import PlannerError as PlannerError
+    from planner.errors import StraightMoveError as StraightMoveError
+    from planner.grasping.hand import Hand as Hand
+    from planner.grasping.overhead import overhead_grasp as overhead_grasp
+    from planner.grasping.tool import tool_of as tool_of
+    from planner.manipulator import Manipulator as Manipulator
+    from planner.motion.free_move import plan_free_move as plan_free_move
+    from planner.motion.joint_move import plan_joint_move as plan_joint_move
+    from planner.motion.response import Response as Response
+    from planner.motion.response_fit import fit_response as fit_response
+    from planner.motion.straight_line import LineTolerance as LineTolerance
+    from planner.motion.straight_line import StraightLine as StraightLine
+    from planner.motion.straight_move import plan_straight_move as plan_straight_move
+    from planner.pick_place.candidates import transfer_bound_s as transfer_bound_s
+    from planner.pick_place.planning import plan_pick_and_place as plan_pick_and_place
+    from planner.pick_place.planning import plan_retract as plan_retract
+    from planner.pick_place.planning import plan_start_move as plan_start_move
+    from planner.pick_place.task import PickAndPlace as PickAndPlace
+    from planner.pick_place.tracking.proof import prove_tracking as prove_tracking
+    from planner.pick_place.tracking.result import TrackingProof as TrackingProof
+    from planner.plan import Claim as Claim
+    from planner.plan import Grip as Grip
+    from planner.plan import GripperAction as GripperAction
+    from planner.plan import Move as Move
+    from planner.plan import Plan as Plan
+    from planner.plan import PlanFailure as PlanFailure
+    from planner.plan_file import load_plan as load_plan
+    from planner.plan_file import save_plan as save_plan
+    from planner.scene.attachment import Attachment as Attachment
+    from planner.scene.bodies import Body as Body
+    from planner.scene.bodies import Box as Box
+    from planner.scene.bodies import Cylinder as Cylinder
+    from planner.scene.bodies import Part as Part
+    from planner.scene.bodies import Scene as Scene
+    from planner.scene.bodies import Sphere as Sphere
+    from planner.scene.contact import Contact as Contact
+    from planner.scene.mesh import Mesh as Mesh
+    from planner.scene.mesh_file import load_mesh as load_mesh
+    from planner.scene.objects import load_object as load_object
+    from planner.scene.objects import make_block as make_block
+    from planner.state import State as State
+    from planner.trajectory import Trajectory as Trajectory
+    from planner.verification import Certificate as Certificate
+    from planner.verification import MotionCertificate as MotionCertificate
+    from planner.verification import PolynomialMotion as PolynomialMotion
+    from planner.verification import certify as certify
+    from planner.verification import verify as verify
 
-__all__ = [
-    "Attachment",
-    "Body",
-    "Box",
-    "Certificate",
-    "Claim",
-    "CollisionContext",
-    "Contact",
-    "Cylinder",
-    "Grip",
-    "GripperAction",
-    "Hand",
-    "LineTolerance",
-    "Manipulator",
-    "Mesh",
-    "MotionCertificate",
-    "Move",
-    "Part",
-    "PickAndPlace",
-    "Plan",
-    "PlanFailure",
-    "PlannerError",
-    "PolynomialMotion",
-    "Response",
-    "RobotBody",
-    "RobotShapes",
-    "Scene",
-    "Sphere",
-    "State",
-    "StraightLine",
-    "StraightMoveError",
-    "TrackingProof",
-    "Trajectory",
-    "certify",
-    "complete",
-    "fit_response",
-    "load_mesh",
-    "load_object",
-    "load_plan",
-    "make_block",
-    "overhead_grasp",
-    "plan_free_move",
-    "plan_joint_move",
-    "plan_pick_and_place",
-    "plan_retract",
-    "plan_start_move",
-    "plan_straight_move",
-    "prove_clear",
-    "prove_tracking",
-    "save_plan",
-    "tool_of",
-    "transfer_bound_s",
-    "verify",
-]
-
-__getattr__ = loader(
+__all__, __getattr__ = lazy(
     __name__,
-    (
-        "baxter_kin.kinematics.pinocchio_loading",
-        "planner.collision.context",
-        "planner.collision.continuous.proof",
-        "planner.collision.robot.robot_body",
-        "planner.collision.robot.robot_shapes",
-        "planner.completion",
-        "planner.errors",
-        "planner.grasping.hand",
-        "planner.grasping.overhead",
-        "planner.grasping.tool",
-        "planner.manipulator",
-        "planner.motion.free_move",
-        "planner.motion.joint_move",
-        "planner.motion.response",
-        "planner.motion.response_fit",
-        "planner.motion.straight_line",
-        "planner.motion.straight_move",
-        "planner.pick_place.candidates",
-        "planner.pick_place.planning",
-        "planner.pick_place.task",
-        "planner.pick_place.tracking.proof",
-        "planner.pick_place.tracking.result",
-        "planner.plan",
-        "planner.plan_file",
-        "planner.scene.attachment",
-        "planner.scene.bodies",
-        "planner.scene.contact",
-        "planner.scene.mesh",
-        "planner.scene.mesh_file",
-        "planner.scene.objects",
-        "planner.state",
-        "planner.trajectory",
-        "planner.verification",
-    ),
+    {
+        "Attachment": "planner.scene.attachment",
+        "Body": "planner.scene.bodies",
+        "Box": "planner.scene.bodies",
+        "Certificate": "planner.verification",
+        "Claim": "planner.plan",
+        "CollisionContext": "planner.collision.context",
+        "Contact": "planner.scene.contact",
+        "Cylinder": "planner.scene.bodies",
+        "Grip": "planner.plan",
+        "GripperAction": "planner.plan",
+        "Hand": "planner.grasping.hand",
+        "LineTolerance": "planner.motion.straight_line",
+        "Manipulator": "planner.manipulator",
+        "Mesh": "planner.scene.mesh",
+        "MotionCertificate": "planner.verification",
+        "Move": "planner.plan",
+        "Part": "planner.scene.bodies",
+        "PickAndPlace": "planner.pick_place.task",
+        "Plan": "planner.plan",
+        "PlanFailure": "planner.plan",
+        "PlannerError": "planner.errors",
+        "PolynomialMotion": "planner.verification",
+        "Response": "planner.motion.response",
+        "RobotBody": "planner.collision.robot.robot_body",
+        "RobotShapes": "planner.collision.robot.robot_shapes",
+        "Scene": "planner.scene.bodies",
+        "Sphere": "planner.scene.bodies",
+        "State": "planner.state",
+        "StraightLine": "planner.motion.straight_line",
+        "StraightMoveError": "planner.errors",
+        "TrackingProof": "planner.pick_place.tracking.result",
+        "Trajectory": "planner.trajectory",
+        "certify": "planner.verification",
+        "complete": "planner.completion",
+        "fit_response": "planner.motion.response_fit",
+        "load_mesh": "planner.scene.mesh_file",
+        "load_object": "planner.scene.objects",
+        "load_plan": "planner.plan_file",
+        "make_block": "planner.scene.objects",
+        "overhead_grasp": "planner.grasping.overhead",
+        "plan_free_move": "planner.motion.free_move",
+        "plan_joint_move": "planner.motion.joint_move",
+        "plan_pick_and_place": "planner.pick_place.planning",
+        "plan_retract": "planner.pick_place.planning",
+        "plan_start_move": "planner.pick_place.planning",
+        "plan_straight_move": "planner.motion.straight_move",
+        "prove_clear": "planner.collision.continuous.proof",
+        "prove_tracking": "planner.pick_place.tracking.proof",
+        "save_plan": "planner.plan_file",
+        "tool_of": "planner.grasping.tool",
+        "transfer_bound_s": "planner.pick_place.candidates",
+        "verify": "planner.verification",
+    },
 )

@@ -28,7 +28,7 @@ from campaign.killing import with_killed_builds, with_killed_workers
 
 from baxter_kin.command_line import OneSentenceParser, number_within, whole_number
 from baxter_kin.fields import evolve
-from planner.atlas.commands.reports import shown_bytes
+from planner.atlas.commands.console import shown_bytes
 from planner.atlas.map_files import bytes_on_disk
 
 KINDS = REACH, REDUNDANCY = "reach", "redundancy"

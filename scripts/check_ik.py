@@ -23,7 +23,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter, IKResult, IKService
-from baxter_kin.command_line import add_urdf
+from baxter_kin.command_line import urdf_file
 
 FloatArray = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=200_000, help="poses per arm")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--limb", choices=("left", "right"), action="append")
-    add_urdf(parser)
+    parser.add_argument("--urdf", type=urdf_file, metavar="FILE", help="of another Baxter")
     given = parser.parse_args()
     robot, is_right = Baxter.load(given.urdf), True
     print("| arm | poses | count | unsolved | false proofs | wrong | worst m | worst rad | us |")

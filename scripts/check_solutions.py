@@ -25,7 +25,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter, IKService
-from baxter_kin.command_line import add_urdf
+from baxter_kin.command_line import urdf_file
 from baxter_kin.ik import (
     FarthestFromLimits,
     MostManipulable,
@@ -69,7 +69,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--restarts", type=int, default=2_000, help="seeds per pose")
     parser.add_argument("--limb", choices=("left", "right"), action="append")
-    add_urdf(parser)
+    parser.add_argument("--urdf", type=urdf_file, metavar="FILE", help="of another Baxter")
     given = parser.parse_args()
     robot, is_right = Baxter.load(given.urdf), True
     for side in given.limb or ("left", "right"):

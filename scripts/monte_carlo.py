@@ -10,7 +10,6 @@ spread over all cores, or over a Dask cluster; the same seeds give the same tabl
 
 from __future__ import annotations
 
-import argparse
 import io
 import json
 import math
@@ -24,21 +23,56 @@ import numpy as np
 from tqdm import tqdm
 
 from baxter_kin.command_line import (
-    OneSentenceParser,
+    command,
     file_to_write,
     number_within,
+    option,
+    parse,
+    part,
     whole_number,
 )
+from baxter_kin.engine_options import EngineOptions, engine_of
 from baxter_kin.errors import MissingLibraryError
 from baxter_kin.files import replace_file
 from baxter_kin.parallel import Engine, EngineError
-from baxter_kin.parallel.engine_options import add_engine_options, engine_of
 from baxter_kin.value_objects import count
 from sim import Noise
 from sim.demo.noisy_runs import NoisyResult, NoisyRun, result_of
 
 Z_95 = 1.96
 """Of a normal distribution, for intervals of 95 %."""
+
+
+@command(None, "Success against noise, open and closed loop.")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyOptions:
+    """What to run, and what to write."""
+
+    runs: int = option("--runs", type=whole_number(1), default=100, help="at each noise")
+    noise_mm: tuple[float, ...] = option(
+        "--noise-mm",
+        type=number_within(0.0, 100.0, "mm"),
+        nargs="+",
+        default=(1.0, 2.0, 3.0, 4.0, 5.0),
+        metavar="MM",
+        help="standard deviations of the position, along each axis (default: 1 2 3 4 5)",
+    )
+    noise_deg: float = option(
+        "--noise-deg",
+        type=number_within(0.0, 180.0, "deg"),
+        default=0.0,
+        metavar="DEG",
+        help="of the yaw",
+    )
+    retries: int = option("--retries", type=whole_number(0), default=3, help="after a miss")
+    seed: int = option("--seed", type=whole_number(0), default=0, help="of the first run")
+    engine: EngineOptions = part(EngineOptions)
+    plot: Path | None = option(
+        "--plot", type=file_to_write, metavar="FILE", help="draw the success rates"
+    )
+    json: Path | None = option(
+        "--json", type=file_to_write, metavar="FILE", help="write all counts"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +110,10 @@ class Level:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run, count, print, plot."""
-    options = _parser().parse_args(argv)
+    options = parse(StudyOptions, argv)
     started = time.perf_counter()
     try:
-        with engine_of(options) as engine:
+        with engine_of(options.engine) as engine:
             levels, workers = _levels(options, engine), engine.workers
     except (EngineError, MissingLibraryError) as cause:
         print(f"monte_carlo: {cause}", file=sys.stderr)
@@ -95,7 +129,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _levels(options: argparse.Namespace, engine: Engine) -> list[Level]:
+def _levels(options: StudyOptions, engine: Engine) -> list[Level]:
     """What came of all runs, noise by noise; each in the order of its seeds, whoever ran it."""
     noises = [Noise(mm / 1e3, math.radians(options.noise_deg)) for mm in options.noise_mm]
     seeds = range(options.seed, options.seed + options.runs)
@@ -158,28 +192,6 @@ def _plot(levels: Sequence[Level], path: Path, retries: int) -> None:
     picture = io.BytesIO()
     figure.savefig(picture, format=path.suffix[1:] or None, dpi=150)
     replace_file(path, picture.getvalue())
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = OneSentenceParser(description="Success against noise, open and closed loop.")
-    some, any_number = whole_number(1), whole_number(0)
-    millimetres, degrees = number_within(0.0, 100.0, "mm"), number_within(0.0, 180.0, "deg")
-    parser.add_argument("--runs", type=some, default=100, help="at each noise (default 100)")
-    parser.add_argument(
-        "--noise-mm",
-        type=millimetres,
-        nargs="+",
-        default=[1.0, 2.0, 3.0, 4.0, 5.0],
-        metavar="MM",
-        help="standard deviations of the position, along each axis (default 1 2 3 4 5)",
-    )
-    parser.add_argument("--noise-deg", type=degrees, default=0.0, metavar="DEG", help="of the yaw")
-    parser.add_argument("--retries", type=any_number, default=3, help="(default 3)")
-    parser.add_argument("--seed", type=any_number, default=0, help="of the first run (default 0)")
-    add_engine_options(parser, needs="its machines need this toolkit")
-    parser.add_argument("--plot", type=file_to_write, metavar="FILE", help="draw the success rates")
-    parser.add_argument("--json", type=file_to_write, metavar="FILE", help="write all counts")
-    return parser
 
 
 if __name__ == "__main__":

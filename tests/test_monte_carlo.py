@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from baxter_kin.command_line import parse
 from baxter_kin.parallel import Serial
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "monte_carlo.py"
@@ -57,7 +58,7 @@ def test_the_same_seeds_give_the_same_counts_on_any_engine(
     words = ["--runs", "1", "--noise-mm", "4", "0", "--local-cluster", "1"]
     assert script.main([*words, "--json", str(numbers)]) == 0
     assert " on 1 worker" in capsys.readouterr().out
-    alone = script._levels(script._parser().parse_args(words), Serial())
+    alone = script._levels(parse(script.StudyOptions, words), Serial())
     for there, level in zip(json.loads(numbers.read_text()), alone, strict=True):
         here = asdict(level)  # IPOPT's last bits depend on what a process has planned before
         assert there.pop("worst_mm") == pytest.approx(here.pop("worst_mm"), abs=1e-9)

@@ -15,7 +15,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from baxter_kin.command_line import EXIT_INTERRUPTED
+from baxter_kin.command_line import EXIT_INTERRUPTED, parse
 from baxter_kin.errors import BaxterError
 
 __all__ = ["EXIT_INTERRUPTED", "are_threads_limited", "limit_threads", "main"]
@@ -36,11 +36,13 @@ _VARIABLES = (
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the benchmark with those arguments, or the command line's; returns the exit status."""
     try:
-        import baxter_kin.kinematics.pinocchio_loading  # noqa: F401, PLC0415 - may be told as missing
-        from baxter_kin.benchmark.options import parse_options  # noqa: PLC0415 - may be stopped
-        from baxter_kin.benchmark.run import run_benchmark  # noqa: PLC0415 - loads every library
+        import baxter_kin.kinematics.pinocchio_loading  # noqa: F401, PLC0415 - may be missing
+        from baxter_kin.benchmark.command import (  # noqa: PLC0415 - loads every library
+            BenchmarkOptions,
+            run_benchmark,
+        )
 
-        run_benchmark(parse_options(argv))
+        run_benchmark(parse(BenchmarkOptions, argv))
     except BaxterError as error:
         print(f"baxter_kin.benchmark: {error}", file=sys.stderr)
         return EXIT_FAILED

@@ -1,26 +1,129 @@
 """Measuring: every contestant on the same poses, timed around its public call only.
 
-Then, where it has a call for many, poses per second of a whole batch: held to one core, and on all.
+Every answer is checked by Pinocchio on the whole robot's URDF, whatever its solver says. Where a
+contestant has a call for many poses, a whole batch is timed as well: held to one core, and on all.
+Solve rates alone can be measured by the workers of any engine. Solvers that draw random numbers of
+their own, or stop by the clock, may answer differently the next time; ours do neither.
 """
 
 from __future__ import annotations
 
 import gc
+import math
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.benchmark.entrants import BatchCall, Contestant, describe
 from baxter_kin.benchmark.poses import PoseSet, Scenario
-from baxter_kin.benchmark.verification import Verdict, Verifier
+from baxter_kin.benchmark.solvers import ENTRANTS, BatchCall, Contestant, describe, enter
+from baxter_kin.errors import MissingLibraryError
+from baxter_kin.kinematics.arm import Arm
+from baxter_kin.model import Baxter
+from baxter_kin.parallel import Engine
 from baxter_kin.validation import FloatArray
+
+TOLERANCE = 1e-6
+"""Distance in m and angle in rad within which a pose counts as solved."""
+
+LIMIT_ROUNDING_RAD = 1e-9
+"""Overshoot of a joint limit that counts as rounding."""
+
+LOOSE_TOLERANCE = 1e-5
+"""Error along (m) and about (rad) each axis of the tip; what TRAC-IK, and those who compare
+themselves with it, call solved. Its authors: Beeson and Ames, Humanoids 2015."""
+
+LOOSE_LIMIT_RAD = 1e-6
+"""Overshoot of a joint limit allowed with it; some solvers keep limits in single precision."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How far an answer is from the pose; infinitely far when there is none.
+
+    Attributes:
+        position_error_m: distance between requested and reached tip.
+        orientation_error_rad: angle between requested and reached tip.
+        axis_error: greatest error along or about one axis of the requested tip, m or rad.
+        limit_excess_rad: how far the joint farthest outside its limits is outside; 0 inside.
+        is_claimed: whether the solver says that it found an answer.
+    """
+
+    position_error_m: float = math.inf
+    orientation_error_rad: float = math.inf
+    axis_error: float = math.inf
+    limit_excess_rad: float = math.inf
+    is_claimed: bool = False
+
+    @property
+    def is_solved(self) -> bool:
+        """Within 1e-6 m and 1e-6 rad, inside the limits."""
+        return (
+            self.position_error_m <= TOLERANCE
+            and self.orientation_error_rad <= TOLERANCE
+            and self.limit_excess_rad <= LIMIT_ROUNDING_RAD
+        )
+
+    @property
+    def is_solved_loosely(self) -> bool:
+        """Within 1e-5 per axis, and inside the limits within 1e-6 rad."""
+        return self.axis_error <= LOOSE_TOLERANCE and self.limit_excess_rad <= LOOSE_LIMIT_RAD
+
+
+class Verifier:
+    """Measures answers for one arm on the model of the whole robot."""
+
+    def __init__(self, robot: Baxter, arm: Arm) -> None:
+        self._model = robot.model
+        self._data = robot.model.createData()
+        self._neutral = pin.neutral(robot.model)
+        joint_ids = [robot.model.getJointId(name) for name in arm.joint_names]
+        self._indices = [robot.model.joints[joint_id].idx_q for joint_id in joint_ids]
+        self._tip_id = robot.model.getFrameId(arm.tip_frame)
+
+    def T_base_tip(self, q: FloatArray) -> pin.SE3:
+        """Forward kinematics of joint values of shape (7,), rad."""
+        whole = self._neutral.copy()
+        whole[self._indices] = q
+        pin.forwardKinematics(self._model, self._data, whole)
+        return pin.SE3(pin.updateFramePlacement(self._model, self._data, self._tip_id))
+
+    def verdict(self, T_base_tip: pin.SE3, q: object) -> Verdict:
+        """Measure an answer of any kind; None, or no seven finite numbers, is none."""
+        values = _seven_numbers(q)
+        if values is None:
+            return Verdict(is_claimed=q is not None)
+        T_tip_reached = T_base_tip.actInv(self.T_base_tip(values))
+        offset, rotation = T_tip_reached.translation, pin.log3(T_tip_reached.rotation)
+        return Verdict(
+            position_error_m=float(np.linalg.norm(offset)),
+            orientation_error_rad=float(np.linalg.norm(rotation)),
+            axis_error=float(max(np.abs(offset).max(), np.abs(rotation).max())),
+            limit_excess_rad=self._limit_excess(values),
+            is_claimed=True,
+        )
+
+    def _limit_excess(self, q: FloatArray) -> float:
+        below = self._model.lowerPositionLimit[self._indices] - q
+        above = q - self._model.upperPositionLimit[self._indices]
+        return max(0.0, float(below.max()), float(above.max()))
+
+
+def _seven_numbers(q: object) -> FloatArray | None:
+    try:
+        values = np.array(q, dtype=np.float64)
+    except (TypeError, ValueError):
+        return None
+    return values if values.shape == (7,) and np.isfinite(values).all() else None
+
 
 BLOCK = 100
 """Contestants take turns in blocks of so many poses: long enough for warm caches, short enough for
@@ -114,14 +217,12 @@ def measure(
         verifier: checks every answer.
         tick: called with the number of calls done since it was last called.
     """
-    limb, scenario = poses.arm.side, poses.scenario
+    limb, scenario = poses.side, poses.scenario
     rows = [Measurement(key, who, limb, scenario) for key, who in contestants.items()]
-    for start in range(0, len(poses), BLOCK):
-        block = slice(start, start + BLOCK)
-        targets, seeds = poses.T_base_tips[block], poses.q_seeds[block]
+    for block in poses.blocks(BLOCK):
         for row in rows:
-            _measure_block(row, targets, seeds, verifier)
-            tick(len(targets))
+            _measure_block(row, block, verifier)
+            tick(len(block))
     return rows
 
 
@@ -132,15 +233,15 @@ class _Raised:
     text: str
 
 
-def _measure_block(
-    row: Measurement, targets: tuple[pin.SE3, ...], seeds: FloatArray, verifier: Verifier
-) -> None:
-    """Time the calls back to back, then look at the answers."""
-    prepare, call = row.contestant.prepare, row.contestant.call
-    requests = [prepare(target, seed) for target, seed in zip(targets, seeds, strict=True)]
-    warming = [prepare(*pair) for pair in zip(targets, seeds, strict=True)][:WARM_UP]
-    with _no_garbage_collection():  # before which it looks at all objects, and so empties caches
-        for request in warming:
+def _measure_block(row: Measurement, block: PoseSet, verifier: Verifier) -> None:
+    """Time the calls back to back, then check the answers."""
+    call, targets = row.contestant.call, block.T_base_tips
+    warming, requests = (
+        [row.contestant.prepare(*pair) for pair in zip(targets, block.q_seeds, strict=True)]
+        for _ in range(2)
+    )
+    with _no_garbage_collection():  # which has scanned all objects, and so emptied caches
+        for request in warming[:WARM_UP]:
             _timed(call, request)
         timed = [_timed(call, request) for request in requests]
     for target, (time_ns, answer) in zip(targets, timed, strict=True):
@@ -152,7 +253,7 @@ def _timed(call: Callable[..., Any], request: tuple[Any, ...]) -> tuple[int, Any
     started_ns = time.perf_counter_ns()
     try:
         answer = call(*request)
-    except Exception as error:  # a guest may raise anything; the others shall still be measured
+    except Exception as error:  # a peer may raise anything; the others are still measured
         answer = _Raised(describe(error))
     return time.perf_counter_ns() - started_ns, answer
 
@@ -166,7 +267,7 @@ def _verdict(row: Measurement, verifier: Verifier, target: pin.SE3, answer: Any)
 
 @contextmanager
 def _no_garbage_collection() -> Iterator[None]:
-    """A collection would be billed to whoever is being timed."""
+    """Keep garbage collection, which would be part of the measured time, out of the block."""
     gc.collect()
     gc.disable()
     try:
@@ -220,7 +321,7 @@ def measure_batch(
     return BatchMeasurement(
         key=key,
         name=contestant.name,
-        limb=poses.arm.side,
+        limb=poses.side,
         scenario=poses.scenario,
         count=len(poses),
         solve_rate=float(np.mean([verdict.is_solved for verdict in verdicts])),
@@ -275,3 +376,70 @@ def _pin(cores: set[int]) -> None:
     for task in _TASKS.iterdir():
         with suppress(ProcessLookupError):  # the thread has ended meanwhile
             os.sched_setaffinity(int(task.name), cores)
+
+
+class _Piece(NamedTuple):
+    """Some poses for one solver: what a worker gets."""
+
+    key: str
+    urdf: str
+    number: int
+    poses: PoseSet
+
+
+def measure_rates(
+    robot: Baxter,
+    contestants: Mapping[str, Contestant],
+    poses: PoseSet,
+    engine: Engine,
+    tick: Callable[[int], object] = lambda _: None,
+) -> list[Measurement]:
+    """Let every contestant solve the poses on the workers of an engine; nothing is timed.
+
+    Args:
+        robot: whose arm the poses are for.
+        contestants: by key.
+        poses: what to solve.
+        engine: runs the work.
+        tick: called with the number of calls done since it was last called.
+    """
+    urdf, blocks = robot.description.text, list(poses.blocks(BLOCK))
+    pieces = [
+        _Piece(key, urdf, number, block)
+        for key in contestants
+        for number, block in enumerate(blocks)
+    ]
+    answers = dict[tuple[str, int], _Answers]()
+    for piece, answer in engine.run(_answers_to, pieces):
+        answers[piece.key, piece.number] = answer
+        tick(len(answer.verdicts))
+    rows = [Measurement(key, who, poses.side, poses.scenario) for key, who in contestants.items()]
+    for row in rows:
+        parts = [answers[row.key, number] for number in range(len(blocks))]
+        row.verdicts = [verdict for part in parts for verdict in part.verdicts]
+        row.errors = dict(sum((Counter(part.errors) for part in parts), Counter[str]()))
+    return rows
+
+
+class _Answers(NamedTuple):
+    """The verdicts on a piece, and what calls raised."""
+
+    verdicts: list[Verdict]
+    errors: dict[str, int]
+
+
+def _answers_to(piece: _Piece) -> _Answers:
+    """The task of a worker, which sets a solver up once and keeps it."""
+    contestant, verifier = _solver(piece.key, piece.poses.side, piece.urdf)
+    (row,) = measure({piece.key: contestant}, piece.poses, verifier)
+    return _Answers(row.verdicts, row.errors)
+
+
+@lru_cache(maxsize=32)
+def _solver(key: str, side: str, urdf: str) -> tuple[Contestant, Verifier]:
+    robot = Baxter.load(urdf)
+    (entrant,) = (each for each in ENTRANTS if each.key == key)
+    contestant = enter(entrant, robot.arm(side))
+    if not isinstance(contestant, Contestant):
+        raise MissingLibraryError(f"a worker lacks a solver that is here: {contestant.reason}")
+    return contestant, Verifier(robot, robot.arm(side))

@@ -7,7 +7,7 @@ joint angles for it has failed. A scenario is a way to draw configurations, and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -46,7 +46,7 @@ class Scenario(Enum):
 
     @property
     def caption(self) -> str:
-        """What it is, in words."""
+        """The scenario in words."""
         return _CAPTIONS[self]
 
 
@@ -55,14 +55,14 @@ class PoseSet:
     """Poses of one scenario for one arm; n of them.
 
     Attributes:
-        arm: whose tip is to be placed.
+        side: of the arm whose tip is to be placed.
         scenario: how they were drawn.
         q_goals: configurations that reach the poses, shape (n, 7), rad.
         q_seeds: where solvers start, shape (n, 7), rad, inside the limits.
         T_base_tips: the poses, seen from base.
     """
 
-    arm: Arm
+    side: str
     scenario: Scenario
     q_goals: FloatArray
     q_seeds: FloatArray
@@ -70,6 +70,13 @@ class PoseSet:
 
     def __len__(self) -> int:
         return len(self.T_base_tips)
+
+    def blocks(self, size: int) -> Iterator[PoseSet]:
+        """The same poses in sets of so many."""
+        for first in range(0, len(self), size):
+            part = slice(first, first + size)
+            arrays = self.q_goals[part], self.q_seeds[part], self.T_base_tips[part]
+            yield PoseSet(self.side, self.scenario, *arrays)
 
 
 def draw_poses(arm: Arm, scenario: Scenario, *, count: int, seed: int) -> PoseSet:
@@ -84,7 +91,7 @@ def draw_poses(arm: Arm, scenario: Scenario, *, count: int, seed: int) -> PoseSe
     q_goals = np.array([_DRAW[drawn_as](arm, goals_rng) for _ in range(count)])
     q_seeds = _near(arm, q_goals, seeds_rng) if scenario is Scenario.NEAR else _mid(arm, count)
     poses = tuple(arm.T_base_tip(q) for q in q_goals)
-    return PoseSet(arm, scenario, q_goals, q_seeds, poses)
+    return PoseSet(arm.side, scenario, q_goals, q_seeds, poses)
 
 
 def smallest_singular_value(arm: Arm, q: FloatArray) -> float:
@@ -162,8 +169,8 @@ def _singular(
 def _made_singular(arm: Arm, q: FloatArray, joints: tuple[int, int]) -> FloatArray:
     """Gauss-Newton on J(q)^T u = 0 over two joint angles and the unit wrench u.
 
-    A 6 x 7 matrix loses rank on a set of codimension 2, so two joints suffice. It may not converge;
-    the caller looks.
+    A 6 x 7 matrix loses rank on a set of codimension 2, so two joints suffice. It may not converge,
+    which the caller checks.
     """
     q = q.copy()
     for _ in range(8):

@@ -8,16 +8,23 @@ import os
 import platform
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from baxter_kin.benchmark import are_threads_limited
-from baxter_kin.benchmark import verification as limits
-from baxter_kin.benchmark.entrants import Absence, Contestant
-from baxter_kin.benchmark.measurement import BatchMeasurement, Measurement
-from baxter_kin.benchmark.options import BenchmarkOptions
+from baxter_kin.benchmark.measurement import (
+    LIMIT_ROUNDING_RAD,
+    LOOSE_LIMIT_RAD,
+    LOOSE_TOLERANCE,
+    TOLERANCE,
+    BatchMeasurement,
+    Measurement,
+)
+from baxter_kin.benchmark.solvers import Absence, Contestant, version_of
 from baxter_kin.files import replace_file
+
+if TYPE_CHECKING:
+    from baxter_kin.benchmark.command import BenchmarkOptions
 
 _PACKAGES = ("baxter-kin", "numpy", "pin", "casadi")
 
@@ -67,14 +74,6 @@ def _cpu() -> str:
     return next(filter(None, names), platform.processor() or platform.machine())
 
 
-def version_of(package: str) -> str:
-    """The version of an installed package; "unknown" when it runs from its sources."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "unknown"
-
-
 FORMAT_VERSION = 1
 
 
@@ -114,31 +113,21 @@ class BenchmarkOutcome:
             "count": self.options.count,
             "seed": self.options.seed,
             "machine": asdict(self.machine),
-            "tolerances": _tolerances(),
-            "solvers": [_solver(key, who) for key, who in self.contestants.items()],
+            "tolerances": {
+                "solved_position_m": TOLERANCE,
+                "solved_orientation_rad": TOLERANCE,
+                "solved_limit_rad": LIMIT_ROUNDING_RAD,
+                "loose_per_axis": LOOSE_TOLERANCE,
+                "loose_limit_rad": LOOSE_LIMIT_RAD,
+            },
+            "solvers": [
+                {"key": key, "name": who.name, "version": who.version, "settings": who.settings}
+                for key, who in self.contestants.items()
+            ],
             "not_measured": [asdict(absence) for absence in self.absences],
             "measurements": [_measurement(row) for row in self.rows],
             "batches": [{**asdict(row), "scenario": row.scenario.value} for row in self.batches],
         }
-
-
-def _tolerances() -> dict[str, float]:
-    return {
-        "solved_position_m": limits.TOLERANCE,
-        "solved_orientation_rad": limits.TOLERANCE,
-        "solved_limit_rad": limits.LIMIT_ROUNDING_RAD,
-        "loose_per_axis": limits.LOOSE_TOLERANCE,
-        "loose_limit_rad": limits.LOOSE_LIMIT_RAD,
-    }
-
-
-def _solver(key: str, contestant: Contestant) -> dict[str, str]:
-    return {
-        "key": key,
-        "name": contestant.name,
-        "version": contestant.version,
-        "settings": contestant.settings,
-    }
 
 
 def _measurement(row: Measurement) -> dict[str, Any]:
@@ -201,7 +190,7 @@ def _tables(outcome: BenchmarkOutcome) -> Iterable[str]:
         groups.setdefault((row.limb, row.scenario.caption), []).append(row)
     for (limb, caption), rows in groups.items():
         title = f"**{limb.capitalize()} arm, {caption}** ({len(rows[0].verdicts)} poses)"
-        columns = COLUMNS if outcome.options.engine is None else RATE_COLUMNS
+        columns = COLUMNS if not outcome.options.rates_only else RATE_COLUMNS
         cells = [_cells(row)[: len(columns)] for row in rows]
         yield title + "\n\n" + _table(columns, cells)
 
@@ -243,7 +232,7 @@ def _notes(outcome: BenchmarkOutcome) -> Iterable[str]:
     yield (
         "Times: of every call, solved or not, around the solver's public call only. All solve the "
         "same poses in one process, in turns."
-        if outcome.options.engine is None
+        if not outcome.options.rates_only
         else "No times were measured; poses were spread over workers."
     )
     for key, contestant in outcome.contestants.items():

@@ -6,8 +6,7 @@ from typing import NoReturn
 
 from baxter_kin.command_line import run_process
 from planner.atlas.commands.command_line import main
-from planner.atlas.commands.exit_status import EXIT_FAILED
-from planner.atlas.commands.reports import NAME
+from planner.atlas.commands.console import EXIT_FAILED, NAME
 
 
 def run() -> NoReturn:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from baxter_kin.lazy import loader
+from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
-    from planner.clearance import Clearance, ContinuousContact, ContinuousProof
-    from planner.collision.checker import ClearanceChecker
+    from planner.clearance import Clearance as Clearance
+    from planner.clearance import ContinuousContact as ContinuousContact
+    from planner.clearance import ContinuousProof as ContinuousProof
+    from planner.collision.checker import ClearanceChecker as ClearanceChecker
 
-__all__ = ["Clearance", "ClearanceChecker", "ContinuousContact", "ContinuousProof"]
-
-__getattr__ = loader(
+__all__, __getattr__ = lazy(
     __name__,
-    (
-        "baxter_kin.kinematics.pinocchio_loading",
-        "planner.clearance",
-        "planner.collision.checker",
-    ),
+    {
+        "Clearance": "planner.clearance",
+        "ClearanceChecker": "planner.collision.checker",
+        "ContinuousContact": "planner.clearance",
+        "ContinuousProof": "planner.clearance",
+    },
 )

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from baxter_kin.lazy import loader
+from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
-    from planner.grasping.grasp import Grasp, Miss, MissKind
+    from planner.grasping.grasp import Grasp as Grasp
+    from planner.grasping.grasp import Miss as Miss
+    from planner.grasping.grasp import MissKind as MissKind
 
-__all__ = ["Grasp", "Miss", "MissKind"]
-
-__getattr__ = loader(
-    __name__, ("baxter_kin.kinematics.pinocchio_loading", "planner.grasping.grasp")
+__all__, __getattr__ = lazy(
+    __name__,
+    {
+        "Grasp": "planner.grasping.grasp",
+        "Miss": "planner.grasping.grasp",
+        "MissKind": "planner.grasping.grasp",
+    },
 )

@@ -22,6 +22,9 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 from nbformat import NotebookNode
 
+from notebook_runs.notebooks import FOLDER
+
+CHECKOUT = Path(__file__).parents[2]
 LONGEST_CELL_S = 300
 FILL_FONT_CACHE = "from matplotlib import font_manager; font_manager.get_font_names()"
 """Else the first kernel says on stderr that it does."""
@@ -127,12 +130,13 @@ def _specs(settings: Path, python: Path | None) -> KernelSpecManager:
 
 @contextmanager
 def _surroundings(settings: Path, python: Path | None) -> Iterator[None]:
-    """What kernels inherit: this checkout's packages or none, and nobody's settings or history."""
+    """What kernels inherit: the lessons, this checkout without `python`, and no settings."""
+    paths = [FOLDER] if python is not None else [CHECKOUT, FOLDER]
     inherited = {
         "IPYTHONDIR": str(settings / "ipython"),
         "JUPYTER_RUNTIME_DIR": str(settings / "runtime"),
         "JUPYTER_PLATFORM_DIRS": "1",  # or jupyter_core warns that its folders will change
-        "PYTHONPATH": str(Path(__file__).parents[2]) if python is None else "",
+        "PYTHONPATH": os.pathsep.join(map(str, paths)),
     }
     with mock.patch.dict(os.environ, inherited):
         interpreter = sys.executable if python is None else str(python)

@@ -1,7 +1,7 @@
 """The pick-and-place demo: `python -m baxter_kin.demo`.
 
-The composition root: it sees every layer and nobody imports it. Exit status: 0 all picked and
-placed; 1 a pick or place failed; 2 wrong usage; 130 stopped by Ctrl-C.
+The composition root: it may import every layer, and no module imports it. Exit status: 0 all picked
+and placed; 1 a pick or place failed; 2 wrong usage; 130 stopped by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from baxter_kin.command_line import EXIT_INTERRUPTED
+from baxter_kin.command_line import EXIT_INTERRUPTED, parse
 from baxter_kin.errors import MissingLibraryError
-from sim.demo.arguments import parse_options
 from sim.demo.interrupt import interruptible
+from sim.demo.options import DemoOptions
 
 __all__ = ["EXIT_INTERRUPTED", "main"]
 
@@ -23,9 +23,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the demo with those arguments, or the command line's; returns the exit status."""
     try:
         with interruptible() as interrupt:
-            options = parse_options(argv)
-            with interrupt.deferred():  # some libraries crash when they are interrupted loading
-                import baxter_kin.kinematics.pinocchio_loading  # noqa: F401, PLC0415 - may be told as missing
+            options = parse(DemoOptions, argv)
+            with interrupt.deferred():  # some libraries crash when interrupted while loading
+                import baxter_kin.kinematics.pinocchio_loading  # noqa: F401, PLC0415 - may be missing
                 from sim.demo.run import run_demo  # noqa: PLC0415 - loads every library
             return run_demo(options, interrupt)
     except MissingLibraryError as error:

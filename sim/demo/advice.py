@@ -1,4 +1,4 @@
-"""What would work where a cycle of the demo has failed, as far as its poses are the reason."""
+"""Advice where a cycle of the demo has failed because of its poses."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from sim.demo.scene import BLOCK_EDGE_M, demo_bodies, overhead
 STANDS_Z_M = DEFAULT_POSES_M[0][2]
 """Where the tip is when it holds the block that stands on the table."""
 
-LONGEST_DROP_M = 0.01
-STEPS_M = 0.01
-"""Heights are tried so far apart."""
-LEAST_OVERLAP_M = 0.001
-"""Of an obstacle and the block along each axis, from where on they are said to overlap."""
+MAX_DROP_M = 0.01
+STEP_M = 0.01
+"""Between the heights, or positions, that are tried."""
+MIN_OVERLAP_M = 0.001
+"""Overlap of an obstacle and the block along each axis from where on it is reported."""
 
 
 def advice(options: DemoOptions, robot: Baxter, ends_m: Sequence[Point]) -> str:
-    """What to give instead of the poses and the height of a cycle; empty where they are fine.
+    """Poses, or a height, that would work instead of a cycle's; empty where those are fine.
 
     Args:
         options: what the user asked for.
-        robot: with the hands that it has.
+        robot: with its hands.
         ends_m: where the tip picks and places, in base.
     """
     found = [text for end_m in ends_m for text in _of_pose(options, robot, end_m)]
@@ -56,15 +56,15 @@ def _of_pose(options: DemoOptions, robot: Baxter, end_m: Point) -> Iterator[str]
         )
     elif z < STANDS_Z_M:
         yield f"the block would be {1e3 * (STANDS_Z_M - z):.0f} mm inside the table: {_heights()}"
-    elif z > STANDS_Z_M + LONGEST_DROP_M:
+    elif z > STANDS_Z_M + MAX_DROP_M:
         yield f"the block would be {1e3 * (z - STANDS_Z_M):.0f} mm above the table: {_heights()}"
 
 
 def _of_reach(ik: IKService, end_m: Point) -> Iterator[str]:
-    """How far the arm gets towards a position at its height, from above the table's middle."""
+    """How far the arm reaches towards a position, from the table's middle at the same height."""
     x, y, _ = DEFAULT_POSES_M[0]
     begin, end = np.array([x, y if ik.arm.side == "left" else -y, end_m[2]]), np.array(end_m)
-    steps = int(np.linalg.norm(end - begin) / STEPS_M)
+    steps = int(np.linalg.norm(end - begin) / STEP_M)
     for share in np.linspace(1.0, 0.0, steps + 1):
         near: Point = tuple((begin + share * (end - begin)).round(2).tolist())
         if ik.solve(overhead(near)).is_valid:
@@ -73,26 +73,26 @@ def _of_reach(ik: IKService, end_m: Point) -> Iterator[str]:
 
 
 def _of_obstacles(options: DemoOptions, end_m: Point) -> Iterator[str]:
-    """Which obstacles stand where the block is, or shall be."""
+    """Obstacles that stand where the block is, or will be."""
     for number, box_m in enumerate(options.obstacles_m, start=1):
         centre_m, size_m = np.array(box_m[:3]), np.array(box_m[3:])
-        apart_m = np.abs(centre_m - end_m) - (size_m + BLOCK_EDGE_M) / 2.0
-        if apart_m.max() < -LEAST_OVERLAP_M:
+        gap_m = np.abs(centre_m - end_m) - (size_m + BLOCK_EDGE_M) / 2.0
+        if gap_m.max() < -MIN_OVERLAP_M:
             x, y, z = end_m
             yield f"obstacle {number} overlaps the block at ({x:g}, {y:g}, {z:g}): move it"
 
 
 def _heights() -> str:
-    """Where a block stands on the table, or may be let go above it."""
-    return f"give a z from {STANDS_Z_M:g} to {STANDS_Z_M + LONGEST_DROP_M:g} m"
+    """Heights at which a block may be released above the table."""
+    return f"give a z from {STANDS_Z_M:g} to {STANDS_Z_M + MAX_DROP_M:g} m"
 
 
 def _of_hover(options: DemoOptions, robot: Baxter, place_m: Point) -> Iterator[str]:
-    """How high the arm gets above the place, where that is less than what was asked for."""
+    """How high the arm reaches above the place, where that is below the given height."""
     ik, (x, y, z) = IKService(robot.arm(options.limb)), place_m
     if ik.solve(overhead((x, y, z + options.hover_m))).is_valid:
         return
-    heights = np.arange(STEPS_M, options.hover_m, STEPS_M)
+    heights = np.arange(STEP_M, options.hover_m, STEP_M)
     reached = [h for h in heights if ik.solve(overhead((x, y, z + h))).is_valid]
     if reached:
         yield f"the arm reaches up to {max(reached):.2f} m above the place: try a smaller --hover"

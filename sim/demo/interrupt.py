@@ -1,7 +1,7 @@
 """Ctrl-C that cannot get lost.
 
-Compiled libraries may swallow the exception that Ctrl-C raises, and CasADi complains about it. So
-it is put off while they work, and remembered: the demo asks after every plan and at every tick.
+Compiled libraries may swallow the exception that Ctrl-C raises, and CasADi reports it as an error.
+So it is deferred while they run: the demo checks for it after every plan and at every tick.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from types import FrameType
 
 
 class Interrupt:
-    """Remembers that Ctrl-C was pressed."""
+    """Stores that Ctrl-C was pressed."""
 
     def __init__(self) -> None:
         self.is_requested = False
@@ -27,7 +27,7 @@ class Interrupt:
 
     @contextmanager
     def deferred(self) -> Iterator[None]:
-        """Within, Ctrl-C is only remembered; it is raised at the end."""
+        """Defer KeyboardInterrupt until the block exits."""
         self._is_deferred = True
         try:
             yield
@@ -37,7 +37,7 @@ class Interrupt:
 
     def _handle(self, _signal: int, _frame: FrameType | None) -> None:
         if self.is_requested:
-            return  # the first one is being obeyed; impatience must not spoil the cleaning up
+            return  # clean-up after the first one must not be interrupted
         self.is_requested = True
         if not self._is_deferred:
             raise KeyboardInterrupt
@@ -45,7 +45,7 @@ class Interrupt:
 
 @contextmanager
 def interruptible() -> Iterator[Interrupt]:
-    """An `Interrupt` that listens to Ctrl-C; the former handler comes back afterwards."""
+    """Handle Ctrl-C by an `Interrupt` inside the block."""
     interrupt = Interrupt()
     if threading.current_thread() is not threading.main_thread():
         yield interrupt  # only the main thread gets signals

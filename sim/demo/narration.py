@@ -1,4 +1,4 @@
-"""What the demo prints while it works."""
+"""What the demo prints while it runs."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ _LEGEND = (
 
 
 class Narrator(Observer):
-    """Tells the story on standard output, a line for every step as it begins."""
+    """Prints a line for every step as it begins, on standard output."""
 
     def __init__(self, verbosity: int) -> None:
         self._verbosity = verbosity
         self._is_explained = False
 
     def say(self, text: str) -> None:
-        """One line, unless quiet."""
+        """Print one line, unless quiet."""
         if self._verbosity > 0:
             print(text, flush=True)
 
     def complain(self, text: str) -> None:
-        """One line on standard error, always."""
+        """Print one line on standard error, always."""
         print(text, file=sys.stderr, flush=True)
 
     def start_cycle(
         self, number: int, pick_m: tuple[float, ...], place_m: tuple[float, ...]
     ) -> None:
-        """The heading of a cycle and of its table."""
+        """Print the heading of a cycle and of its table."""
         if not self._is_explained:
             self._is_explained = True
             for line in _LEGEND:
@@ -49,14 +49,14 @@ class Narrator(Observer):
         self.say(_TABLE.format(**heading, duration="time"))
 
     def on_event(self, event: Event) -> None:
-        """A line for a move; for other events only when verbose or when something happened."""
+        """Print a line for a move; for other events when verbose, or when a block is concerned."""
         if event.move is not None:
             self.say(_row(event.move))
-        elif event.kind in _TOLD or self._verbosity > 1:
+        elif event.kind in _NOTABLE or self._verbosity > 1:
             self.say(f"  {event.text}")
 
     def finish(self, totals: Totals) -> None:
-        """The summary."""
+        """Print the summary."""
         begin, end = totals.block_start_m, totals.block_final_m
         if begin is not None and end is not None:
             self.say(f"block: from {_point(begin)} to {_point(end)} m in {Frame.BASE.value}")
@@ -78,7 +78,7 @@ class Narrator(Observer):
             )
 
 
-_TOLD = {EventKind.GRASPED, EventKind.RELEASED, EventKind.MISSED, EventKind.HIT}
+_NOTABLE = {EventKind.GRASPED, EventKind.RELEASED, EventKind.MISSED, EventKind.HIT}
 
 
 def _row(move: Move) -> str:
@@ -95,5 +95,5 @@ def _residual(ik: IKResult) -> str:
 
 
 def _point(point_m: tuple[float, ...]) -> str:
-    """Coordinates; what rounds to zero has no sign."""
+    """Coordinates as text; zero has no sign."""
     return f"({', '.join(f'{round(value, 4) + 0.0:.4f}' for value in point_m)})"

@@ -1,4 +1,4 @@
-"""The demo's first cycle with noisy eyes, once for each seed: the runs of a Monte-Carlo study."""
+"""The demo's first cycle with noisy poses, once for each seed: the runs of a Monte-Carlo study."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from sim.simulation import Simulation
 from sim.world.world import World
 
 PLACED_WITHIN_M = 0.010
-"""How far from its place the block may end; errors along the pads, which push nothing, remain."""
+"""Greatest distance of the block from its place; the pads do not correct errors along them."""
 
 
 @dataclass(frozen=True, slots=True)
 class NoisyRun:
-    """What is run.
+    """One run of the study.
 
     Attributes:
         seed: of the noise.
-        noise: of the seen poses.
-        retries: attempts after the first, at most.
+        noise: of the perceived poses.
+        retries: greatest number of attempts after the first.
     """
 
     seed: int
@@ -39,13 +39,13 @@ class NoisyRun:
 
 @dataclass(frozen=True, slots=True)
 class NoisyResult:
-    """What came of one run.
+    """The result of one run.
 
     Attributes:
-        attempts: how many there were.
-        is_placed: whether the block really ends where it should.
-        off_m: how far from there it really ends.
-        failure: why the loop gave up, or None.
+        attempts: their number.
+        is_placed: whether the block truly ends at its place.
+        off_m: its true distance from there.
+        failure: why the loop ended early, or None.
     """
 
     attempts: int
@@ -60,7 +60,7 @@ class NoisyResult:
 
 
 def result_of(run: NoisyRun) -> NoisyResult:
-    """Run it: a true block on the table, and eyes that see it displaced."""
+    """Run one cycle, with a block that is perceived off its true place."""
     manipulator = _manipulator()
     world = World(manipulator.robot)
     world.move_arm("left", manipulator.arm.start)
@@ -71,8 +71,8 @@ def result_of(run: NoisyRun) -> NoisyResult:
     block, (pick, place) = world.body(BLOCK), map(overhead, DEFAULT_POSES_M)
     goal = centred_below(block, place)
     transfer = Transfer(BLOCK, centred_below(block, pick).inverse() * pick, goal)
-    eyes = NoisyPoses(truth, run.noise, np.random.default_rng(run.seed))
-    loop = ClosedLoop(simulation, manipulator, eyes, retries=run.retries)
+    perceived = NoisyPoses(truth, run.noise, np.random.default_rng(run.seed))
+    loop = ClosedLoop(simulation, manipulator, perceived, retries=run.retries)
     result = loop.pick_and_place(transfer)
     off = world.body(BLOCK).centre_base - block.at(goal).centre_base
     off_m = float(np.linalg.norm(off))

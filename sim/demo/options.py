@@ -1,11 +1,30 @@
-"""What the user of the demo asked for."""
+"""The options of the demo's command line."""
 
 from __future__ import annotations
 
+import argparse
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from baxter_kin.command_line import (
+    MAX_PORT,
+    UsageError,
+    command,
+    file_to_write,
+    flag,
+    hands_option,
+    number,
+    number_within,
+    option,
+    urdf_option,
+    whole_number,
+)
+from baxter_kin.errors import millimetres_hint
+from baxter_kin.files import Destination
+from sim.recording.record_file import record_option
 
 if TYPE_CHECKING:
     from baxter_kin.description import HandMount
@@ -13,77 +32,296 @@ if TYPE_CHECKING:
 DEFAULT_POSES_M = ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
 """Block poses of the original demo, for its left arm; y is mirrored for the right one."""
 
+DEFAULT_HOVER_M = 0.15
 LIMITS = ("safe", "torque-control")
-ROBOT_DWELL_S, LONGEST_DWELL_S = 1.0, 60.0
-"""As `baxter_kin.limits.PRESETS` and `sim.outcome` have them, which load NumPy."""
+ROBOT_DWELL_S, MAX_DWELL_S = 1.0, 60.0
+"""As `planner.pick_place.task`, `baxter_kin.limits` and `sim.outcome` have them: repeated, since
+these load NumPy, which `--help` does not need; a test compares them."""
+
+MAX_DISTANCE_M = 10.0
+"""From the robot, of anything in the scene."""
+
+DEFAULT_RETRIES = 3
+DEFAULT_WAIT_S, MAX_WAIT_S = 15.0, 86_400.0
+"""How long the demo waits for a page that watches, and how long it may be asked to."""
+
+TASK, LIVE_VIEW, OUTPUT = "task", "live view", "output"
 
 
-@dataclass(frozen=True, slots=True)
+def _coordinate(text: str) -> float:
+    """A coordinate in base, m."""
+    value = number(text)
+    if abs(value) > MAX_DISTANCE_M:
+        raise argparse.ArgumentTypeError(
+            f"{text} is not within {MAX_DISTANCE_M:g} m of the robot{millimetres_hint(value)}"
+        )
+    return value
+
+
+def _height(text: str) -> float:
+    """A height above zero, m."""
+    value = number(text)
+    if not 0.0 < value <= MAX_DISTANCE_M:
+        allowed = f"above zero and at most {MAX_DISTANCE_M:g} m"
+        raise argparse.ArgumentTypeError(f"{text} is not {allowed}{millimetres_hint(value)}")
+    return value
+
+
+@command(
+    "baxter-demo",
+    "Baxter picks a block up and puts it down: inverse kinematics, time-optimal moves, kinematic "
+    "simulation, live in the browser.",
+    examples=(
+        "python -m baxter_kin.demo",
+        "python -m baxter_kin.demo --headless --html replay.html",
+        "python -m baxter_kin.demo --add-pose 0.72 0.075 -0.129 --limb left",
+        "python -m baxter_kin.demo --headless --noise-mm 3 --cycles 6 --report report.json",
+    ),
+    end="Exit status: 0 all picked and placed; 1 a pick or place failed; 2 wrong usage; 130 "
+    "stopped by Ctrl-C. Positions are metres in the robot's base frame: x forward, y to its left, "
+    "z up from 0.93 m above the floor (docs/concepts/frames.md).",
+    allow_abbrev=True,
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DemoOptions:
-    """What the user asked for.
+    """What the user asked for; one field for each option, and what follows from them."""
 
-    Attributes:
-        urdf: the robot's own description, or None for the stock robot.
-        hands: what is on the flanges, by side; a side that is absent is as the URDF says.
-        limb: "left" or "right".
-        poses_m: block poses: tip positions in base, visited in turn.
-        hover_m: height above the place where a cycle ends; the arm moves sideways above 5 cm, or
-            above this where it is less.
-        obstacles_m: boxes in the way: centre in base and size, x, y, z each.
-        margin_m: distance that is kept from everything, contacts on purpose left out.
-        line_tolerance: how far the tip may be off its straight lines, m and rad.
-        noise_m: standard deviation of where the block is seen, along each axis of base.
-        noise_rad: standard deviation of the yaw that it is seen with.
-        retries: how many attempts follow a missed one; None goes by the scene as it is, in one.
-        seed: of the noise.
-        cycles: number of picks and places; None goes on until stopped.
-        speed_ratio: scale of the velocity limits, in (0, 1].
-        limits: preset of accelerations and jerks.
-        is_headless: without the live view, as fast as possible.
-        opens_browser: whether to open it in a browser, where there is one.
-        wait_s: how long to wait for a page that watches.
-        port: where to serve it; None for any that is free.
-        html: where to write the replay, or None.
-        shows_body: whether the replay can show the body that is planned with, too.
-        csv: where to write the RSDK's CSV, or None.
-        dwell_s: how long that lets the arm stand before and after gripper actions, for a robot to
-            play it back; None for what the simulation did.
-        record: where to write everything that happened, or None; the format by its suffix, one of
-            `RECORD_SUFFIXES`.
-        report: where to write the JSON report, or None.
-        plan: where to save the plan of the first cycle, or None.
-        verbosity: 0 quiet, 1 normal, 2 with every event.
-    """
+    urdf: Path | None = urdf_option(TASK)
+    hands: Mapping[str, HandMount] = hands_option(TASK)
+    limb: str = option(
+        "--limb", choices=("left", "right"), default="left", group=TASK, help="which arm"
+    )
+    added_poses_m: tuple[tuple[float, float, float], ...] = option(
+        "--add-pose",
+        type=_coordinate,
+        nargs=3,
+        repeats=True,
+        metavar=("X", "Y", "Z"),
+        group=TASK,
+        help="one more block pose: where the tip grasps, in m (repeatable)",
+    )
+    hover_m: float = option(
+        "--hover",
+        type=_height,
+        default=DEFAULT_HOVER_M,
+        metavar="M",
+        group=TASK,
+        help=f"height above the place where a cycle ends (default: {DEFAULT_HOVER_M:g} m); the arm "
+        "moves sideways above 5 cm, or above this if it is less",
+    )
+    obstacles_m: tuple[tuple[float, ...], ...] = option(
+        "--obstacle",
+        type=_coordinate,
+        nargs=6,
+        repeats=True,
+        metavar=("X", "Y", "Z", "DX", "DY", "DZ"),
+        group=TASK,
+        help="a box to go around: its centre and its size, in m (repeatable)",
+    )
+    margin_m: float = option(
+        "--margin",
+        type=number_within(0.0, MAX_DISTANCE_M, "m"),
+        default=0.0,
+        metavar="M",
+        group=TASK,
+        help="distance to keep from everything but what is grasped and what it stands on, in m",
+    )
+    line_tolerance_mm_deg: tuple[float, float] = option(
+        "--line-tolerance",
+        type=number_within(1e-3, 100.0, "mm or deg"),
+        nargs=2,
+        default=(0.1, 0.02),
+        metavar=("MM", "DEG"),
+        group=TASK,
+        help="how far the tip may be off its straight lines, and turned (default: 0.1 0.02)",
+    )
+    noise_mm: float = option(
+        "--noise-mm",
+        type=number_within(0.0, 1000.0, "mm"),
+        default=0.0,
+        metavar="MM",
+        group=TASK,
+        help="perceive the block off its place by so much (standard deviation along each axis), "
+        "notice misses by the fingers and try again",
+    )
+    noise_deg: float = option(
+        "--noise-deg",
+        type=number_within(0.0, 180.0, "deg"),
+        default=0.0,
+        metavar="DEG",
+        group=TASK,
+        help="perceive it turned by so much (standard deviation)",
+    )
+    given_retries: int | None = option(
+        "--retries",
+        type=whole_number(0),
+        metavar="N",
+        group=TASK,
+        help=f"attempts after a missed one (default with noise: {DEFAULT_RETRIES})",
+    )
+    seed: int = option(
+        "--seed", type=whole_number(0), default=0, metavar="N", group=TASK, help="of the noise"
+    )
+    given_cycles: int | None = option(
+        "--cycles",
+        type=whole_number(1),
+        metavar="N",
+        group=TASK,
+        help="picks and places (default: one per block pose)",
+    )
+    is_endless: bool = flag("--forever", group=TASK, help="go on until Ctrl-C")
+    speed_ratio: float = option(
+        "--speed",
+        type=number_within(0.001, 1.0, ""),
+        default=1.0,
+        metavar="RATIO",
+        group=TASK,
+        help="scale of the joint velocity limits, from 0.001 to 1",
+    )
+    limits: str = option(
+        "--limits",
+        choices=LIMITS,
+        default=LIMITS[0],
+        group=TASK,
+        help="preset of joint accelerations and jerks",
+    )
+    is_headless: bool = flag("--headless", group=LIVE_VIEW, help="no live view, no real time")
+    no_browser: bool = flag(
+        "--no-browser",
+        group=LIVE_VIEW,
+        help="do not open the live view in a browser, only print its address; this is so over SSH, "
+        "without a display, and where CI is set, too",
+    )
+    given_wait_s: float | None = option(
+        "--wait",
+        type=number_within(0.0, MAX_WAIT_S, "s"),
+        metavar="S",
+        group=LIVE_VIEW,
+        help="how long to wait for a page that watches before it starts (default: "
+        f"{DEFAULT_WAIT_S:g} s)",
+    )
+    port: int | None = option(
+        "--port",
+        type=whole_number(1, MAX_PORT),
+        metavar="N",
+        group=LIVE_VIEW,
+        help="where the live view is served (default: 7000, or the next one that is free)",
+    )
+    html: Path | None = option(
+        "--html", type=file_to_write, metavar="FILE", group=OUTPUT, help="write a replay page"
+    )
+    shows_body: bool = flag(
+        "--show-body",
+        group=OUTPUT,
+        help="let that page show the shapes that are planned with, too (2 MB more)",
+    )
+    csv: Path | None = option(
+        "--csv",
+        type=file_to_write,
+        metavar="FILE",
+        group=OUTPUT,
+        help="write joints as the RSDK does",
+    )
+    dwell_s: float | None = option(
+        "--dwell",
+        type=number_within(0.0, MAX_DWELL_S, "s"),
+        nargs="?",
+        const=ROBOT_DWELL_S,
+        metavar="S",
+        group=OUTPUT,
+        help="let that file be for a robot to play back with joint_trajectory_file_playback.py, at "
+        "--speed 0.25 or less: grippers as commanded, 0 % to close, and the arm standing so long "
+        f"before and after ({ROBOT_DWELL_S:g} s when S is left out); without, it is what the "
+        "simulation did",
+    )
+    record: Path | None = record_option(OUTPUT)
+    report: Path | None = option(
+        "--report", type=file_to_write, metavar="FILE", group=OUTPUT, help="write a JSON report"
+    )
+    plan: Path | None = option(
+        "--plan",
+        type=file_to_write,
+        metavar="FILE",
+        group=OUTPUT,
+        help="save the plan of the first cycle; python -m planner.verification FILE checks it",
+    )
+    is_verbose: bool = flag("-v", "--verbose", exclusive="amount", help="print every event")
+    is_quiet: bool = flag("-q", "--quiet", exclusive="amount", help="print only errors")
 
-    urdf: Path | None
-    hands: Mapping[str, HandMount]
-    limb: str
-    poses_m: tuple[tuple[float, float, float], ...]
-    hover_m: float
-    obstacles_m: tuple[tuple[float, ...], ...]
-    margin_m: float
-    line_tolerance: tuple[float, float]
-    noise_m: float
-    noise_rad: float
-    retries: int | None
-    seed: int
-    cycles: int | None
-    speed_ratio: float
-    limits: str
-    is_headless: bool
-    opens_browser: bool
-    wait_s: float
-    port: int | None
-    html: Path | None
-    shows_body: bool
-    csv: Path | None
-    dwell_s: float | None
-    record: Path | None
-    report: Path | None
-    plan: Path | None
-    verbosity: int
+    def __post_init__(self) -> None:
+        if self.is_endless and self.given_cycles is not None:
+            raise UsageError("--forever and --cycles exclude each other; give one of them")
+        if self.is_endless and self.record is not None and self.record.suffix == ".npz":
+            raise UsageError(
+                "--record keeps .npz in memory until the end; with --forever use .jsonl"
+            )
+        if self.dwell_s is not None and self.csv is None:
+            raise UsageError("--dwell is for the file of --csv; give both")
+        if self.dwell_s is not None and self.is_closed_loop:
+            raise UsageError(
+                "--dwell writes what is played back blindly; leave noise and --retries out"
+            )
+        if self.is_headless and (self.given_wait_s is not None or self.port is not None):
+            raise UsageError("--wait and --port are for the live view, which --headless leaves out")
+        files = self.html, self.csv, self.record, self.report, self.plan
+        targets = [Destination.of(path).identity for path in files if path is not None]
+        if len(set(targets)) < len(targets):
+            raise UsageError(
+                "--html, --csv, --record, --report and --plan must go to different files"
+            )
+        for obstacle in self.obstacles_m:
+            if min(obstacle[3:]) <= 0.0:
+                size = list(obstacle[3:])
+                raise UsageError(f"the size of an obstacle must be above zero, got {size} m")
+
+    @property
+    def poses_m(self) -> tuple[tuple[float, float, float], ...]:
+        """Block poses: tip positions in base, visited in turn."""
+        sign = 1.0 if self.limb == "left" else -1.0
+        return (*((x, sign * y, z) for x, y, z in DEFAULT_POSES_M), *self.added_poses_m)
+
+    @property
+    def cycles(self) -> int | None:
+        """Number of picks and places; None goes on until stopped."""
+        return None if self.is_endless else self.given_cycles or len(self.poses_m)
+
+    @property
+    def line_tolerance(self) -> tuple[float, float]:
+        """How far the tip may be off its straight lines, m and rad."""
+        off_mm, off_deg = self.line_tolerance_mm_deg
+        return off_mm / 1e3, math.radians(off_deg)
+
+    @property
+    def noise_m(self) -> float:
+        """Standard deviation of the perceived block's position, along each axis of base."""
+        return self.noise_mm / 1e3
+
+    @property
+    def noise_rad(self) -> float:
+        """Standard deviation of the perceived block's yaw."""
+        return math.radians(self.noise_deg)
+
+    @property
+    def retries(self) -> int | None:
+        """How many attempts follow a missed one; noise asks for some by itself.
+
+        None executes one attempt by the scene as it is.
+        """
+        if self.given_retries is None and (self.noise_mm > 0.0 or self.noise_deg > 0.0):
+            return DEFAULT_RETRIES
+        return self.given_retries
 
     @property
     def is_closed_loop(self) -> bool:
-        """Whether the block is looked for before every pick, and picked again when missed."""
+        """Whether the block is perceived before every pick, and picked again when missed."""
         return self.retries is not None
+
+    @property
+    def wait_s(self) -> float:
+        """How long to wait for a page that watches."""
+        return DEFAULT_WAIT_S if self.given_wait_s is None else self.given_wait_s
+
+    @property
+    def verbosity(self) -> int:
+        """0 quiet, 1 normal, 2 with every event."""
+        return 2 if self.is_verbose else 0 if self.is_quiet else 1

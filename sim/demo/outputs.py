@@ -1,43 +1,41 @@
-"""Where the demo is written to, as its options say."""
+"""The files that the demo writes and the live view, as its options say."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from baxter_kin import Baxter
 from planner import Plan, RobotBody
-from sim import (
-    BagRecorder,
-    CsvRecorder,
-    LogRecorder,
-    McapRecorder,
-    Observer,
-    Recorder,
-    Snapshot,
-    World,
-)
+from sim import CsvRecorder, Observer, Recorder, Snapshot, World
 from sim.demo.interrupt import Interrupt
 from sim.demo.narration import Narrator
 from sim.demo.options import DemoOptions
 from sim.recording.csv_writing import PlanCsvFile, warn_if_as_drawn
-from sim.recording.npz_file import save_recording
+from sim.recording.record_file import recorder_of
+from sim.view.live.in_browser import can_open, open_page, where_to_look
+
+if TYPE_CHECKING:  # a headless run needs no web server
+    from sim.view.live.viewer import Viewer
 
 REPLAY_SNAPSHOTS = 12_000
-"""The replay shows the last two minutes; only --forever ever has more."""
+"""The replay shows the last two minutes; only --forever has more."""
 
 
 def outputs(
     options: DemoOptions, world: World, narrator: Narrator, cleanup: ExitStack
 ) -> Iterator[Observer]:
-    """Who writes what happens.
+    """The observers that write the files.
 
     Args:
         options: what the user asked for.
         world: what is shown.
-        narrator: tells what was written.
-        cleanup: finishes files.
+        narrator: reports what was written.
+        cleanup: finishes the files.
 
     Raises:
         RecordingError: when a file cannot be written.
@@ -49,7 +47,7 @@ def outputs(
         cleanup.callback(csv.close)
         yield csv
     if options.record is not None:
-        yield _recorder(options.record, robot, cleanup)
+        yield recorder_of(options.record, robot, cleanup)
     if options.html is not None:
         recorder = Recorder(robot, keep=REPLAY_SNAPSHOTS)
         body = world.shapes.body if options.shows_body else None
@@ -58,7 +56,7 @@ def outputs(
 
 
 def playback(options: DemoOptions, cleanup: ExitStack) -> Callable[[Plan], None]:
-    """What takes the plans for the file that a robot is to play back, or nothing.
+    """The function that adds plans to the file for a robot to play back, if there is one.
 
     Raises:
         RecordingError: when the file cannot be written.
@@ -67,24 +65,6 @@ def playback(options: DemoOptions, cleanup: ExitStack) -> Callable[[Plan], None]
         return lambda _: None
     file = cleanup.enter_context(PlanCsvFile(options.csv, dwell_s=options.dwell_s))
     return lambda plan: file.add(plan) if plan.is_valid else None
-
-
-def _recorder(path: Path, robot: Baxter, cleanup: ExitStack) -> Observer:
-    """What writes everything that happens, in the format that the suffix says."""
-    if path.suffix == ".npz":
-        recorder = Recorder(robot)
-        cleanup.callback(_save, recorder, path)
-        return recorder
-    makers: dict[str, Callable[[Path, Baxter], BagRecorder | LogRecorder | McapRecorder]]
-    makers = {".bag": BagRecorder, ".jsonl": LogRecorder, ".mcap": McapRecorder}
-    stream = makers[path.suffix](path, robot)
-    cleanup.callback(stream.close)
-    return stream
-
-
-def _save(recorder: Recorder, path: Path) -> None:
-    if recorder.has_snapshots:
-        save_recording(recorder.recording(), path)
 
 
 def _write_replay(
@@ -98,11 +78,56 @@ def _write_replay(
 
 
 class StopWatch(Observer):
-    """Looks at every tick whether Ctrl-C was pressed."""
+    """Checks at every tick whether Ctrl-C was pressed."""
 
     def __init__(self, interrupt: Interrupt) -> None:
         self._interrupt = interrupt
 
-    def on_snapshot(self, snapshot: Snapshot) -> None:  # noqa: ARG002 - only its coming matters
-        """Look, and raise KeyboardInterrupt if it was."""
+    def on_snapshot(self, snapshot: Snapshot) -> None:  # noqa: ARG002 - a tick is enough
+        """Raise KeyboardInterrupt if Ctrl-C was pressed."""
         self._interrupt.check()
+
+
+def live_view(
+    options: DemoOptions, world: World, narrator: Narrator, cleanup: ExitStack
+) -> tuple[Viewer, ...]:
+    """The view, once a page watches or the wait for one is over; empty when headless.
+
+    Args:
+        options: what the user asked for.
+        world: the scene that is shown first.
+        narrator: reports where it is served.
+        cleanup: closes the view.
+
+    Raises:
+        ViewerError: when it cannot be served.
+    """
+    if options.is_headless:
+        return ()
+    from sim.view.live.viewer import Viewer  # noqa: PLC0415 - a headless run needs no web server
+
+    viewer = cleanup.enter_context(Viewer(world.robot, port=options.port))
+    viewer.show(world.q, {}, "ready")
+    is_opened = not options.no_browser and can_open(os.environ, sys.platform)
+    for line in where_to_look(viewer.url, os.environ, is_opened, options.wait_s):
+        narrator.say(line)
+    if is_opened:
+        open_page(viewer.url)
+    viewer.wait_for_client(options.wait_s)
+    return (viewer,)
+
+
+@contextmanager
+def shown(views: Iterable[Viewer], failure: Callable[[], str | None]) -> Iterator[None]:
+    """Keep pages live inside the block; afterwards they replay what was shown and name the failure.
+
+    Args:
+        views: the live view, if there is one.
+        failure: returns at the end what failed, or None.
+    """
+    with ExitStack() as cleanup:
+        for viewer in views:
+            cleanup.enter_context(viewer)  # shows what is raised
+        yield
+        for viewer in views:
+            viewer.close(failure() or "")

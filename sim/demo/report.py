@@ -1,4 +1,4 @@
-"""The demo's report: everything that was planned and what came of it, as JSON."""
+"""The demo's report: all plans and their outcomes, as JSON."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from planner import GripperAction, Move, Plan
 from sim import Event, Observer, Outcome
 from sim.demo.options import DemoOptions
 
-KEPT_CYCLES, KEPT_EVENTS = 100, 1000
-"""How many of the last ones a report keeps; a run with --forever soon has more."""
+MAX_CYCLES, MAX_EVENTS = 100, 1000
+"""A report keeps the last ones; a run with --forever soon has more."""
 
 Json: TypeAlias = dict[str, Any]
 Point: TypeAlias = tuple[float, ...]
@@ -31,10 +31,10 @@ class Totals:
         motion_time_s: durations of the arm's moves, those to the start pose left out.
         simulated_s: simulated time of all successful cycles, gripper included.
         transfer_s: time of their moves from grasp to release.
-        transfer_bound_s: what these would take at least.
+        transfer_bound_s: least time that these take.
         planning_time_s: wall time spent planning.
         wall_time_s: wall time of the run.
-        min_clearance_m: the least distance of all plans, None before the first.
+        min_clearance_m: smallest clearance of all plans, None before the first.
         block_start_m: centre of the block in base once it had settled.
         block_final_m: the same at the end.
     """
@@ -61,7 +61,7 @@ class Totals:
         return _ratio(self.transfer_s, self.transfer_bound_s)
 
     def add(self, plan: Plan, outcome: Outcome, bound_s: float) -> None:
-        """Count an executed cycle, whose way from grasp to release takes so long at least."""
+        """Add an executed cycle, and the least time from its grasp to its release."""
         self.motion_time_s += plan.motion_time_s
         if plan.clearance is not None:
             least = plan.clearance.distance_m
@@ -76,35 +76,34 @@ class Totals:
 
 @dataclass(slots=True)
 class Report(Observer):
-    """Grows while the demo runs.
+    """An observer that collects the report while the demo runs.
 
     Attributes:
         options: what was asked for.
         totals: sums over the run.
-        failure: None once all is done, else why it ended early.
+        failure: why the run ended early, None once all is done.
     """
 
     options: DemoOptions
     totals: Totals = field(default_factory=Totals)
     failure: str | None = "it did not finish"
-    _cycles: deque[Json] = field(default_factory=lambda: deque(maxlen=KEPT_CYCLES))
-    _events: deque[Event] = field(default_factory=lambda: deque(maxlen=KEPT_EVENTS))
+    _cycles: deque[Json] = field(default_factory=lambda: deque(maxlen=MAX_CYCLES))
+    _events: deque[Event] = field(default_factory=lambda: deque(maxlen=MAX_EVENTS))
 
     def on_event(self, event: Event) -> None:
-        """Keep it."""
+        """Store an event."""
         self._events.append(event)
 
     def add_cycle(
         self, number: int, poses_m: tuple[Point, Point], plan: Plan, bound_s: float
     ) -> Json:
-        """Note a planned cycle; returns its entry, to be completed.
+        """Add a planned cycle; returns its entry, which is completed after its execution.
 
         Args:
-            number: which one.
+            number: counted from 1.
             poses_m: pick and place in base.
             plan: what was planned, or why not.
-            bound_s: what the way from grasp to release takes at least, infinite where there is
-                none.
+            bound_s: least time from grasp to release, infinite where the poses are unreachable.
         """
         entry: Json = {
             "cycle": number,
@@ -123,7 +122,7 @@ class Report(Observer):
         return entry
 
     def as_json(self) -> Json:
-        """All of it, in values that JSON knows."""
+        """JSON-serialisable representation."""
         totals = self.totals
         return {
             "limb": self.options.limb,
@@ -151,7 +150,7 @@ class Report(Observer):
         }
 
     def write(self, path: Path) -> None:
-        """Write it as JSON.
+        """Write the report as JSON.
 
         Raises:
             FileError: when the file cannot be written.
@@ -161,7 +160,7 @@ class Report(Observer):
 
 
 def _noise(options: DemoOptions) -> Json | None:
-    """How badly the block is seen; None when the demo goes by the scene as it is."""
+    """Noise of the perceived poses; None when the demo plans with the true ones."""
     if not options.is_closed_loop:
         return None
     return {
@@ -217,7 +216,7 @@ def _move(move: Move) -> Json:
 
 
 def _transfer(plan: Plan, bound_s: float) -> Json:
-    """How long the way from grasp to release takes, how long at least, and their quotient."""
+    """Time from grasp to release, its lower bound, and their quotient."""
     time_s = _transfer_s(plan) if plan.is_valid else None
     return {
         "transfer_time_s": time_s,
@@ -227,7 +226,7 @@ def _transfer(plan: Plan, bound_s: float) -> Json:
 
 
 def _transfer_s(plan: Plan) -> float:
-    """How long the moves take that are made with closed fingers."""
+    """Duration of the moves with closed fingers."""
     moved_s, is_closed = 0.0, False
     for step in plan:
         if not isinstance(step, Move):
@@ -238,7 +237,7 @@ def _transfer_s(plan: Plan) -> float:
 
 
 def _ratio(time_s: float, bound_s: float) -> float | None:
-    """None for a bound of 0, which is that of a place where the pick was."""
+    """None for a bound of 0, when the place is where the pick was."""
     return time_s / bound_s if bound_s > 0.0 else None
 
 

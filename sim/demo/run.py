@@ -1,4 +1,4 @@
-"""The demo itself: scene, start, picks, places, clean-up; the choices of all layers meet here."""
+"""One run of the demo: scene, start, picks, places, clean-up."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from itertools import count
 import numpy as np
 import pinocchio as pin
 
-from baxter_kin.command_line import log_told
+from baxter_kin.command_line import log_shown
 from baxter_kin.errors import BaxterError
 from baxter_kin.model import Baxter
 from baxter_kin.validation import FloatArray
@@ -40,22 +40,21 @@ from sim import (
 )
 from sim.demo.advice import advice
 from sim.demo.interrupt import Interrupt
-from sim.demo.live import live_view, shown
 from sim.demo.narration import Narrator
 from sim.demo.options import DemoOptions
-from sim.demo.outputs import StopWatch, outputs, playback
+from sim.demo.outputs import StopWatch, live_view, outputs, playback, shown
 from sim.demo.report import Json, Point, Report
 from sim.demo.scene import BLOCK, centred_below, demo_bodies, obstacles, overhead
 
 
 def run_demo(options: DemoOptions, interrupt: Interrupt) -> int:
-    """Run it; returns the exit status, and raises KeyboardInterrupt once all is cleaned up."""
+    """Run the demo; returns the exit status, or raises KeyboardInterrupt once all is cleaned up."""
     narrator = Narrator(options.verbosity)
 
     def complain(text: str) -> None:
         narrator.complain(f"baxter-demo: {text}")
 
-    with log_told(narrator.say, complain, ("baxter_kin", "sim")):
+    with log_shown(narrator.say, complain, ("baxter_kin", "sim")):
         try:
             failure = _Demo(options, interrupt, narrator).run()
         except BaxterError as error:
@@ -66,7 +65,7 @@ def run_demo(options: DemoOptions, interrupt: Interrupt) -> int:
 
 
 class _Demo:
-    """One run: a simulation, those who watch it, and what is reported of it."""
+    """One run: a simulation, its observers, and its report."""
 
     def __init__(self, options: DemoOptions, interrupt: Interrupt, narrator: Narrator) -> None:
         self._options = options
@@ -89,11 +88,11 @@ class _Demo:
         self._truth = TruePoses(self._world)
         rng = np.random.default_rng(options.seed)
         noise = Noise(options.noise_m, options.noise_rad)
-        self._eyes = NoisyPoses(self._truth, noise, rng)
+        self._poses = NoisyPoses(self._truth, noise, rng)
         self._T_block_tip: pin.SE3 | None = None
 
     def run(self) -> str | None:
-        """Everything; returns None, or why it failed. Outputs are written however it ends."""
+        """Run all of it; returns None, or why it failed. Outputs are written in either case."""
         try:
             self._run()
         except KeyboardInterrupt:
@@ -115,13 +114,14 @@ class _Demo:
             observers: list[Observer] = [*first, *files]
             self._play_back = playback(self._options, cleanup)
             views = live_view(self._options, self._world, self._narrator, cleanup)
-            simulation = Simulation(self._world, [*observers, *views])  # last who waits
+            observers += views  # last, since it waits
+            simulation = Simulation(self._world, observers)
             with self._scene(simulation), shown(views, lambda: self._report.failure):
-                self._go(simulation)
+                self._execute(simulation)
             self._report.totals.wall_time_s = time.perf_counter() - self._started_s
             self._narrator.finish(self._report.totals)
 
-    def _go(self, simulation: Simulation) -> None:
+    def _execute(self, simulation: Simulation) -> None:
         """Enable, move to start, then pick and place until done, failed or stopped."""
         simulation.enable()
         start = self._planned(
@@ -157,7 +157,7 @@ class _Demo:
         return f"{failure}; {hint}" if hint else failure
 
     def _open_cycle(self, cycle: _Cycle, simulation: Simulation) -> str | None:
-        """Plan for where everything is, and execute."""
+        """Plan with the true poses, and execute."""
         world = self._world
         plan = self._planned_cycle(cycle, cycle.task, world.scene, self._arm_q())
         if plan.failure is not None:
@@ -166,7 +166,7 @@ class _Demo:
         return self._ended(cycle, plan, outcome)
 
     def _closed_cycle(self, cycle: _Cycle, simulation: Simulation) -> str | None:
-        """Plan for where everything seems to be, execute, and try again after a miss."""
+        """Plan with the perceived poses, execute, and try again after a miss."""
         numbers, most = count(1), 1 + (self._options.retries or 0)
 
         def plan(task: PickAndPlace, _: Manipulator, scene: Scene, q: FloatArray) -> Plan:
@@ -174,7 +174,7 @@ class _Demo:
                 self._narrator.say(f"  looks again, attempt {number} of {most}")
             return self._planned_cycle(cycle, task, scene, q)
 
-        loop = ClosedLoop(simulation, self._manipulator, self._eyes, retries=most - 1, plan=plan)
+        loop = ClosedLoop(simulation, self._manipulator, self._poses, retries=most - 1, plan=plan)
         started_s = simulation.time_s
         result = loop.pick_and_place(self._transfer(cycle), cycle.title)
         last, outcome = result.plan, Outcome(result.failure, simulation.time_s - started_s)
@@ -183,7 +183,7 @@ class _Demo:
         return self._ended(cycle, last, outcome)
 
     def _transfer(self, cycle: _Cycle) -> Transfer:
-        """The cycle's task by the block: grasped at its middle, put down with its middle there."""
+        """The cycle's task relative to the block, which is grasped and put down by its middle."""
         block, task = self._world.body(BLOCK), cycle.task
         if self._T_block_tip is None:
             self._T_block_tip = centred_below(block, task.T_base_pick).inverse() * task.T_base_pick
@@ -194,7 +194,7 @@ class _Demo:
     def _planned_cycle(
         self, cycle: _Cycle, task: PickAndPlace, scene: Scene, q_start: FloatArray
     ) -> Plan:
-        """The plan of a cycle, noted in the report, and saved when it is the first."""
+        """The plan of a cycle, which is added to the report, and saved when it is the first."""
         options = self._options
         plan = self._planned(
             lambda: plan_pick_and_place(
@@ -214,7 +214,7 @@ class _Demo:
         return plan
 
     def _ended(self, cycle: _Cycle, plan: Plan, outcome: Outcome) -> str | None:
-        """Note what came of a cycle; returns why it failed, or None."""
+        """Complete a cycle's entry in the report; returns why it failed, or None."""
         self._report.totals.add(plan, outcome, cycle.bound_s)
         entry = cycle.entry
         entry["success"], entry["failure"] = outcome.is_success, outcome.failure
@@ -230,7 +230,7 @@ class _Demo:
         return plan
 
     def _transfer_bound_s(self, task: PickAndPlace) -> float:
-        """What the way from grasp to release takes at least; the same for the same two poses."""
+        """Least time from grasp to release, cached by the two poses."""
         pick, place = task.T_base_pick, task.T_base_place
         key = pick.homogeneous.tobytes(), place.homogeneous.tobytes()
         if key not in self._bounds_s:
@@ -241,7 +241,7 @@ class _Demo:
 
     @contextmanager
     def _scene(self, simulation: Simulation) -> Iterator[None]:
-        """Table and block are there while the demo runs, and gone when it ends, however it ends."""
+        """Spawn table and block, and delete them when the block exits."""
         try:
             for body in (
                 *obstacles(self._options.obstacles_m),
@@ -275,10 +275,10 @@ class _Cycle:
     """One pick and place of the demo.
 
     Attributes:
-        number: which one.
+        number: counted from 1.
         ends_m: where the tip picks and places, in base.
         hover_m: height above the place where it ends.
-        bound_s: what the way from grasp to release takes at least.
+        bound_s: least time from grasp to release.
         entry: its latest entry in the report.
     """
 
@@ -290,11 +290,11 @@ class _Cycle:
 
     @property
     def title(self) -> str:
-        """Put before captions and failures."""
+        """Prefix of captions and failures."""
         return f"cycle {self.number}, "
 
     @property
     def task(self) -> PickAndPlace:
-        """As the original has it: poses of the tip."""
+        """The original demo's task, by poses of the tip."""
         pick, place = (overhead(position) for position in self.ends_m)
         return PickAndPlace(BLOCK, pick, place, self.hover_m)

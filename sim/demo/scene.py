@@ -1,4 +1,4 @@
-"""What the demo's world holds, and where: the original's table and block, and what is added."""
+"""Bodies of the demo's world: the original's table and block, and obstacles."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def demo_bodies(limb: str) -> tuple[Body, Body]:
 
 
 def obstacles(boxes_m: Sequence[tuple[float, ...]]) -> Iterator[Body]:
-    """Boxes that stand in the way, each given by centre in base and size."""
+    """Boxes in the way, each given by centre in base and size."""
     for number, (x, y, z, dx, dy, dz) in enumerate(boxes_m, start=1):
         centre = pin.SE3(np.eye(3), np.array([x, y, z]))
         part = Part(Box((dx, dy, dz)), pin.SE3.Identity(), OBSTACLE_RGBA)
@@ -48,7 +48,7 @@ def obstacles(boxes_m: Sequence[tuple[float, ...]]) -> Iterator[Body]:
 
 
 def centred_below(body: Body, T_base_tip: pin.SE3) -> pin.SE3:
-    """The pose of a body moved sideways until its centre is below, or above, a tip."""
+    """The pose of a body, moved horizontally until its centre is below, or above, a tip."""
     shift = T_base_tip.translation - body.centre_base
     shift[2] = 0.0
     return pin.SE3(body.T_base_body.rotation, body.T_base_body.translation + shift)

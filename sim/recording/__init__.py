@@ -4,30 +4,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from baxter_kin.lazy import loader
+from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
-    from sim.recording.csv_writing import PlanCsvFile, write_csv
-    from sim.recording.recorded_motion import ArmMotion, RecordedMove
-    from sim.recording.recording import Commands, NotedRecording
-    from sim.recording.response import fit_response
+    from sim.recording.csv_writing import PlanCsvFile as PlanCsvFile
+    from sim.recording.csv_writing import write_csv as write_csv
+    from sim.recording.recorded_motion import ArmMotion as ArmMotion
+    from sim.recording.recorded_motion import RecordedMove as RecordedMove
+    from sim.recording.recording import Commands as Commands
+    from sim.recording.recording import NotedRecording as NotedRecording
+    from sim.recording.response import fit_response as fit_response
 
-__all__ = [
-    "ArmMotion",
-    "Commands",
-    "NotedRecording",
-    "PlanCsvFile",
-    "RecordedMove",
-    "fit_response",
-    "write_csv",
-]
-
-__getattr__ = loader(
+__all__, __getattr__ = lazy(
     __name__,
-    (
-        "sim.recording.response",
-        "sim.recording.csv_writing",
-        "sim.recording.recorded_motion",
-        "sim.recording.recording",
-    ),
+    {
+        "ArmMotion": "sim.recording.recorded_motion",
+        "Commands": "sim.recording.recording",
+        "NotedRecording": "sim.recording.recording",
+        "PlanCsvFile": "sim.recording.csv_writing",
+        "RecordedMove": "sim.recording.recorded_motion",
+        "fit_response": "sim.recording.response",
+        "write_csv": "sim.recording.csv_writing",
+    },
 )

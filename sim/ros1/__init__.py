@@ -4,48 +4,38 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from baxter_kin.lazy import loader
+from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
-    from sim.ros1.execution.executor import RosExecutor
-    from sim.ros1.execution.link.baxter_link import BaxterLink
-    from sim.ros1.execution.ready_plan import ExecutionOptions, NotReadyError
-    from sim.ros1.execution.stops import StopCause
-    from sim.ros1.execution.stream.set_points import Pace
-    from sim.ros1.master import Master
-    from sim.ros1.node import Node
-    from sim.ros1.robot.parts.arm_motion import Follow, Following
-    from sim.ros1.robot.ros_robot import RosRobot
-    from sim.samples import Sample, SampleObserver
+    from sim.ros1.execution.executor import RosExecutor as RosExecutor
+    from sim.ros1.execution.link.baxter_link import BaxterLink as BaxterLink
+    from sim.ros1.execution.ready_plan import ExecutionOptions as ExecutionOptions
+    from sim.ros1.execution.ready_plan import NotReadyError as NotReadyError
+    from sim.ros1.execution.stops import StopCause as StopCause
+    from sim.ros1.execution.stream.set_points import Pace as Pace
+    from sim.ros1.master import Master as Master
+    from sim.ros1.node import Node as Node
+    from sim.ros1.robot.parts.arm_motion import Follow as Follow
+    from sim.ros1.robot.parts.arm_motion import Following as Following
+    from sim.ros1.robot.ros_robot import RosRobot as RosRobot
+    from sim.samples import Sample as Sample
+    from sim.samples import SampleObserver as SampleObserver
 
-__all__ = [
-    "BaxterLink",
-    "ExecutionOptions",
-    "Follow",
-    "Following",
-    "Master",
-    "Node",
-    "NotReadyError",
-    "Pace",
-    "RosExecutor",
-    "RosRobot",
-    "Sample",
-    "SampleObserver",
-    "StopCause",
-]
-
-__getattr__ = loader(
+__all__, __getattr__ = lazy(
     __name__,
-    (
-        "sim.ros1.execution.executor",
-        "sim.ros1.execution.link.baxter_link",
-        "sim.ros1.execution.ready_plan",
-        "sim.samples",
-        "sim.ros1.execution.stops",
-        "sim.ros1.execution.stream.set_points",
-        "sim.ros1.master",
-        "sim.ros1.node",
-        "sim.ros1.robot.parts.arm_motion",
-        "sim.ros1.robot.ros_robot",
-    ),
+    {
+        "BaxterLink": "sim.ros1.execution.link.baxter_link",
+        "ExecutionOptions": "sim.ros1.execution.ready_plan",
+        "Follow": "sim.ros1.robot.parts.arm_motion",
+        "Following": "sim.ros1.robot.parts.arm_motion",
+        "Master": "sim.ros1.master",
+        "Node": "sim.ros1.node",
+        "NotReadyError": "sim.ros1.execution.ready_plan",
+        "Pace": "sim.ros1.execution.stream.set_points",
+        "RosExecutor": "sim.ros1.execution.executor",
+        "RosRobot": "sim.ros1.robot.ros_robot",
+        "Sample": "sim.samples",
+        "SampleObserver": "sim.samples",
+        "StopCause": "sim.ros1.execution.stops",
+    },
 )

@@ -1,4 +1,4 @@
-"""`python -m sim.ros1.check`: look at a Baxter; nothing moves unless `--identify` is asked for.
+"""`python -m sim.ros1.check`: check a Baxter; nothing moves unless `--identify` is given.
 
 Exit status: 0 all is as it must be; 1 not, and what is on stderr; 2 wrong usage; 130 and 143
 stopped by Ctrl-C and by SIGTERM.
@@ -6,11 +6,20 @@ stopped by Ctrl-C and by SIGTERM.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from baxter_kin.command_line import OneSentenceParser, examples, file_to_write, run_process
+from baxter_kin.command_line import (
+    UsageError,
+    command,
+    file_to_write,
+    flag,
+    option,
+    parse,
+    run_process,
+)
 from baxter_kin.errors import FileError
 from sim.ros1.terminal import EXIT_FAILED, EXIT_STATUS, Terminal, signal_status
 
@@ -20,16 +29,65 @@ if TYPE_CHECKING:
 
 TERMINAL = Terminal("baxter-check")
 
+MOVES = "how an arm follows (this moves it)"
+
+
+@command(
+    TERMINAL.name,
+    "Check the Baxter of ROS_MASTER_URI: a line for each condition, the verdict last. Nothing "
+    "moves, unless --identify is given.",
+    examples=(
+        "python -m sim.ros1.check",
+        "python -m sim.ros1.check --limb left --urdf my_baxter.urdf",
+        "python -m sim.ros1.check --identify left --output left.json",
+    ),
+    end=EXIT_STATUS.format(done="0 ready; 1 not"),
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckOptions:
+    """What to check, measure and save."""
+
+    limb: str = option(
+        "--limb", choices=("left", "right", "both"), default="both", help="which arm"
+    )
+    urdf: Path | None = option(
+        "--urdf", type=file_to_write, metavar="FILE", help="save the robot's own description"
+    )
+    identify: str | None = option(
+        "--identify",
+        choices=("left", "right"),
+        metavar="LIMB",
+        group=MOVES,
+        help="measure how much each joint of that arm lags, by a small move and back, after a "
+        "confirmation",
+    )
+    output: Path | None = option(
+        "--output",
+        type=file_to_write,
+        metavar="FILE",
+        group=MOVES,
+        help="where --identify writes its result",
+    )
+    is_confirmed: bool = flag("--yes", group=MOVES, help="with --identify: move without asking")
+
+    def __post_init__(self) -> None:
+        if self.output is not None and self.identify is None:
+            raise UsageError("--output says where --identify writes; give both")
+        if self.is_confirmed and self.identify is None:
+            raise UsageError(
+                "--yes is for --identify, as nothing else moves; give both, or neither"
+            )
+
+    @property
+    def limbs(self) -> tuple[str, ...]:
+        """The arms to check."""
+        return ("left", "right") if self.limb == "both" else (self.limb,)
+
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Look at the robot of ROS_MASTER_URI; returns the exit status."""
-    parser = _parser()
-    options = parser.parse_args(argv)
-    if options.output is not None and options.identify is None:
-        parser.error("--output says where --identify writes; give both")
-    if options.yes and options.identify is None:
-        parser.error("--yes is for --identify, as nothing else moves; give both, or neither")
-    return TERMINAL.ended(lambda signals: _looked(options, signals))
+    """Check the robot of ROS_MASTER_URI; returns the exit status."""
+    options = parse(CheckOptions, argv)
+    return TERMINAL.ended(lambda signals: _checked(options, signals))
 
 
 def run() -> NoReturn:
@@ -37,19 +95,19 @@ def run() -> NoReturn:
     run_process(main, TERMINAL.name, failed=EXIT_FAILED)
 
 
-def _looked(options: argparse.Namespace, signals: Signals) -> int:
+def _checked(options: CheckOptions, signals: Signals) -> int:
     from sim.ros1.execution.link.baxter_link import BaxterLink  # noqa: PLC0415
     from sim.ros1.execution.link.report import lines_of  # noqa: PLC0415
     from sim.ros1.execution.preflight import look_at_robot  # noqa: PLC0415
     from sim.ros1.node import Node  # noqa: PLC0415
 
-    limbs = ("left", "right") if options.limb == "both" else (options.limb,)
+    limbs = options.limbs
     with Node("/baxter_check", takes_over=False) as node, BaxterLink(node) as link:
         failures = TERMINAL.report(look_at_robot(link, limbs, grips=limbs))
         for text in lines_of(link, limbs):
             TERMINAL.say(f"     {text}")
         if options.urdf is not None:
-            _save_description(link, options)
+            _save_description(link, options.urdf)
         if not failures and options.identify is not None:
             return _identified(link, options, signals)
         return _verdict(failures)
@@ -62,7 +120,7 @@ def _verdict(failures: int) -> int:
     return 0
 
 
-def _save_description(link: BaxterLink, options: argparse.Namespace) -> None:
+def _save_description(link: BaxterLink, file: Path) -> None:
     from baxter_kin.files import replace_file  # noqa: PLC0415
     from sim.errors import RosError  # noqa: PLC0415
 
@@ -70,20 +128,21 @@ def _save_description(link: BaxterLink, options: argparse.Namespace) -> None:
     if text is None:
         raise RosError("the robot serves no /robot_description, so there is none to save")
     try:
-        replace_file(options.urdf, text.encode())
+        replace_file(file, text.encode())
     except FileError as cause:
         raise RosError(str(cause)) from cause
-    TERMINAL.say(f"     URDF: {options.urdf}")
+    TERMINAL.say(f"     URDF: {file}")
 
 
-def _identified(link: BaxterLink, options: argparse.Namespace, signals: Signals) -> int:
+def _identified(link: BaxterLink, options: CheckOptions, signals: Signals) -> int:
     from planner.response_file import save_response  # noqa: PLC0415
     from sim.errors import SimulationError  # noqa: PLC0415
     from sim.ros1.execution.identification import Identification  # noqa: PLC0415
 
+    assert options.identify is not None  # --identify was given
     identification = Identification(link, options.identify)
     TERMINAL.say(identification.warning)
-    if not options.yes and not TERMINAL.is_confirmed():
+    if not options.is_confirmed and not TERMINAL.is_confirmed():
         return TERMINAL.complain("not confirmed; nothing was moved")
     try:
         with signals.stopping(identification.stop):
@@ -96,40 +155,6 @@ def _identified(link: BaxterLink, options: argparse.Namespace, signals: Signals)
         save_response(response, options.identify, options.output)
         TERMINAL.say(f"     written: {options.output}")
     return _verdict(0)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = OneSentenceParser(
-        prog=TERMINAL.name,
-        description="Look at the Baxter of ROS_MASTER_URI: a line for each condition, the verdict "
-        "last. Nothing moves, unless --identify is asked for.",
-        epilog=examples(
-            "python -m sim.ros1.check",
-            "python -m sim.ros1.check --limb left --urdf my_baxter.urdf",
-            "python -m sim.ros1.check --identify left --output left.json",
-            end=EXIT_STATUS.format(done="0 ready; 1 not"),
-        ),
-        allow_abbrev=False,
-    )
-    parser.add_argument(
-        "--limb", choices=("left", "right", "both"), default="both", help="which arm (default both)"
-    )
-    parser.add_argument(
-        "--urdf", type=file_to_write, metavar="FILE", help="save the robot's own description"
-    )
-    measured = parser.add_argument_group("how an arm follows (this moves it)")
-    measured.add_argument(
-        "--identify",
-        choices=("left", "right"),
-        metavar="LIMB",
-        help="measure how much each joint of that arm lags, by a small move and back, after a "
-        "confirmation",
-    )
-    measured.add_argument(
-        "--output", type=file_to_write, metavar="FILE", help="where --identify writes what it found"
-    )
-    measured.add_argument("--yes", action="store_true", help="with --identify: move without asking")
-    return parser
 
 
 if __name__ == "__main__":

@@ -7,23 +7,27 @@ after which the arm holds where it is.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
 
 from baxter_kin.command_line import (
-    OneSentenceParser,
-    examples,
+    UsageError,
+    command,
+    flag,
     number_within,
+    option,
+    parse,
+    part,
     run_process,
 )
 from sim.ros1.terminal import (
     EXIT_FAILED,
     EXIT_STATUS,
     EXIT_USAGE,
+    FileOptions,
     Terminal,
-    add_files,
     file_observers,
     signal_status,
 )
@@ -36,14 +40,116 @@ if TYPE_CHECKING:  # --help needs none of them
     from sim.ros1.execution.signals import Signals
 
 TERMINAL = Terminal("baxter-execute")
-LONGEST_S = 86_400.0
+PACE, LAG = "pace", "how the arm follows (see docs/concepts/proofs.md)"
+
+
+def _lag(text: str) -> float:
+    from planner.motion.response import LONGEST_LAG_S  # noqa: PLC0415 - loads NumPy
+
+    return number_within(0.0, LONGEST_LAG_S, "s")(text)
+
+
+@command(
+    TERMINAL.name,
+    "Carry out a saved plan on the Baxter of ROS_MASTER_URI. Nothing is sent before all conditions "
+    "hold; tested against Debian's ROS 1 and the original clients, never on hardware.",
+    examples=(
+        "python -m sim.ros1.execute plan.json --dry-run",
+        "python -m sim.ros1.execute plan.json --speed 0.3 --record run.jsonl",
+        "python -m sim.ros1.execute plan.json --lag-s 0.38 0.42",
+        "python -m sim.ros1.execute plan.json --response left.json",
+    ),
+    end=EXIT_STATUS.format(done="0 done; 1 not").replace("usage", "usage, or no plan"),
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExecuteOptions:
+    """Which plan to carry out, and how."""
+
+    plan: str = option(metavar="PLAN", help="a plan that save_plan or the demo saved")
+    is_confirmed: bool = flag("--yes", help="move without asking")
+    is_dry_run: bool = flag("--dry-run", help="check everything, send nothing")
+    speed: float = option(
+        "--speed",
+        type=number_within(0.01, 1.0, ""),
+        default=0.3,
+        metavar="RATIO",
+        group=PACE,
+        help="of the plan's own",
+    )
+    lead_s: float = option(
+        "--lead-s",
+        type=number_within(0.0, 1.0, "s"),
+        default=0.0,
+        metavar="T",
+        group=PACE,
+        help="send q(t) + T v(t), for an arm that lags by T",
+    )
+    dwell_s: float = option(
+        "--dwell-s",
+        type=number_within(0.0, 60.0, "s"),
+        default=1.0,
+        metavar="S",
+        group=PACE,
+        help="what closing and opening take at least",
+    )
+    timeout_s: float | None = option(
+        "--timeout-s",
+        type=number_within(0.1, 86_400.0, "s"),
+        metavar="S",
+        group=PACE,
+        help="stop after that time",
+    )
+    lag_s: tuple[float, float] | None = option(
+        "--lag-s",
+        type=_lag,
+        nargs=2,
+        metavar=("MIN", "MAX"),
+        group=LAG,
+        exclusive="response",
+        help="how much each joint may lag; the plan is then proven clear wherever that leads",
+    )
+    response: str | None = option(
+        "--response",
+        metavar="FILE",
+        group=LAG,
+        exclusive="response",
+        help="the same as baxter-check --identify has measured it",
+    )
+    settled_error_rad: float | None = option(
+        "--settled-error-rad",
+        type=number_within(0.0, 0.2, "rad"),
+        metavar="E",
+        group=LAG,
+        help="with --lag-s: how far off a joint stays once it has settled (default: 0.001)",
+    )
+    ignores_lag: bool = flag(
+        "--despite-lag",
+        group=LAG,
+        help="carry out what that proof refuses; by a simulated Baxter only",
+    )
+    files: FileOptions = part(FileOptions)
+
+    def __post_init__(self) -> None:
+        if self.lag_s is not None and self.lag_s[0] > self.lag_s[1]:
+            least, most = self.lag_s
+            raise UsageError(
+                f"argument --lag-s: MIN is above MAX, {least:g} s above {most:g} s; swap them"
+            )
+        if self.settled_error_rad is not None and self.lag_s is None:
+            raise UsageError(
+                "--settled-error-rad goes with --lag-s; give both, or --response alone"
+            )
+        if self.ignores_lag and self.lag_s is None and self.response is None:
+            raise UsageError("--despite-lag is for a known lag; give --lag-s or --response, too")
+        if self.is_dry_run and (self.files.record or self.files.csv is not None):
+            raise UsageError(
+                "--dry-run moves nothing, so there is nothing for --record and --csv to write"
+            )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Carry out the plan that the arguments name; returns the exit status."""
-    parser = _parser()
-    options = parser.parse_args(argv)
-    _check_together(parser, options)
+    options = parse(ExecuteOptions, argv)
     return TERMINAL.ended(lambda signals: _loaded(options, signals))
 
 
@@ -52,20 +158,7 @@ def run() -> NoReturn:
     run_process(main, TERMINAL.name, failed=EXIT_FAILED)
 
 
-def _check_together(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """What no option shows alone."""
-    if options.lag_s is not None and options.lag_s[0] > options.lag_s[1]:
-        least, most = options.lag_s
-        parser.error(f"argument --lag-s: MIN is above MAX, {least:g} s above {most:g} s; swap them")
-    if options.settled_error_rad is not None and options.lag_s is None:
-        parser.error("--settled-error-rad goes with --lag-s; give both, or --response alone")
-    if options.despite_lag and options.lag_s is None and options.response is None:
-        parser.error("--despite-lag is for a known lag; give --lag-s or --response, too")
-    if options.dry_run and (options.record or options.csv is not None):
-        parser.error("--dry-run moves nothing, so there is nothing for --record and --csv to write")
-
-
-def _loaded(options: argparse.Namespace, signals: Signals) -> int:
+def _loaded(options: ExecuteOptions, signals: Signals) -> int:
     from planner import load_plan  # noqa: PLC0415
     from planner.errors import PlanFileError, ResponseError  # noqa: PLC0415
 
@@ -76,12 +169,10 @@ def _loaded(options: argparse.Namespace, signals: Signals) -> int:
         return TERMINAL.complain(str(error), EXIT_USAGE)
     if plan.failure is not None:
         return TERMINAL.complain(f"{options.plan} is not valid: {plan.failure}")
-    return _connected(options, plan, _options(options, response), signals)
+    return _connected(options, plan, _settings(options, response), signals)
 
 
-def _connected(
-    options: argparse.Namespace, plan: Plan, how: ExecutionOptions, signals: Signals
-) -> int:
+def _connected(options: ExecuteOptions, plan: Plan, how: ExecutionOptions, signals: Signals) -> int:
     from sim.ros1.execution.executor import RosExecutor  # noqa: PLC0415
     from sim.ros1.execution.link.baxter_link import BaxterLink  # noqa: PLC0415
     from sim.ros1.node import Node  # noqa: PLC0415
@@ -96,23 +187,23 @@ def _connected(
             return TERMINAL.not_ready("nothing was moved", failures)
         for text in ready.guarded():
             TERMINAL.say(f"     {text}")
-        if options.dry_run:
+        if options.is_dry_run:
             if how.response is None:
                 TERMINAL.say("not proven: how the arm lags (--response)")
             TERMINAL.say(f"would move: {ready.summary}")
             return 0
-        observers = file_observers(options, ready.robot, stack)
+        observers = file_observers(options.files, ready.robot, stack)
         executor = RosExecutor(link, observers, options=how)
         return _moved(executor, ready, options, signals)
 
 
 def _moved(
-    executor: RosExecutor, ready: ReadyPlan, options: argparse.Namespace, signals: Signals
+    executor: RosExecutor, ready: ReadyPlan, options: ExecuteOptions, signals: Signals
 ) -> int:
     """Enable, ask, and carry it out."""
     executor.enable(ready.plan.limb)
     TERMINAL.say(ready.summary)
-    if not options.yes and not TERMINAL.is_confirmed():
+    if not options.is_confirmed and not TERMINAL.is_confirmed():
         return TERMINAL.complain("not confirmed; nothing was moved, and the robot stays enabled")
     with signals.stopping(executor.stop):
         outcome = executor.execute(ready)
@@ -144,7 +235,7 @@ def _ms(lateness_s: float) -> str:
     return f"{max(0.0, 1e3 * lateness_s):.1f}"
 
 
-def _options(options: argparse.Namespace, response: Response | None) -> ExecutionOptions:
+def _settings(options: ExecuteOptions, response: Response | None) -> ExecutionOptions:
     from sim.outcome import Dwell  # noqa: PLC0415
     from sim.ros1.execution.ready_plan import ExecutionOptions  # noqa: PLC0415
     from sim.ros1.execution.stream.set_points import Pace  # noqa: PLC0415
@@ -154,11 +245,11 @@ def _options(options: argparse.Namespace, response: Response | None) -> Executio
         Dwell(options.dwell_s, options.dwell_s),
         options.timeout_s,
         response,
-        options.despite_lag,
+        options.ignores_lag,
     )
 
 
-def _response(options: argparse.Namespace, plan: Plan) -> Response | None:
+def _response(options: ExecuteOptions, plan: Plan) -> Response | None:
     from planner import Response  # noqa: PLC0415
     from planner.response_file import load_response  # noqa: PLC0415
 
@@ -167,92 +258,8 @@ def _response(options: argparse.Namespace, plan: Plan) -> Response | None:
     if options.lag_s is None:
         return None
     if options.settled_error_rad is None:
-        return Response(tuple(options.lag_s))
-    return Response(tuple(options.lag_s), options.settled_error_rad)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = OneSentenceParser(
-        prog=TERMINAL.name,
-        description="Carry out a saved plan on the Baxter of ROS_MASTER_URI. Nothing is sent "
-        "before all conditions hold; tested against Debian's ROS 1 and the original clients, never "
-        "on hardware.",
-        epilog=examples(
-            "python -m sim.ros1.execute plan.json --dry-run",
-            "python -m sim.ros1.execute plan.json --speed 0.3 --record run.jsonl",
-            "python -m sim.ros1.execute plan.json --lag-s 0.38 0.42",
-            "python -m sim.ros1.execute plan.json --response left.json",
-            end=EXIT_STATUS.format(done="0 done; 1 not").replace("usage", "usage, or no plan"),
-        ),
-        allow_abbrev=False,
-    )
-    parser.add_argument("plan", metavar="PLAN", help="a plan that save_plan or the demo saved")
-    parser.add_argument("--yes", action="store_true", help="move without asking")
-    parser.add_argument("--dry-run", action="store_true", help="look at everything, send nothing")
-    _add_pace(parser)
-    _add_response(parser)
-    add_files(parser, "what is sent and measured")
-    return parser
-
-
-def _add_pace(parser: argparse.ArgumentParser) -> None:
-    pace = parser.add_argument_group("pace")
-    pace.add_argument(
-        "--speed",
-        type=number_within(0.01, 1.0, ""),
-        default=0.3,
-        metavar="RATIO",
-        help="of the plan's own (default: 0.3)",
-    )
-    pace.add_argument(
-        "--lead-s",
-        type=number_within(0.0, 1.0, "s"),
-        default=0.0,
-        metavar="T",
-        help="send q(t) + T v(t), for an arm that lags by T (default: 0)",
-    )
-    pace.add_argument(
-        "--dwell-s",
-        type=number_within(0.0, 60.0, "s"),
-        default=1.0,
-        metavar="S",
-        help="what closing and opening take at least (default: 1)",
-    )
-    pace.add_argument(
-        "--timeout-s", type=number_within(0.1, LONGEST_S, "s"), metavar="S", help="end it by then"
-    )
-
-
-def _add_response(parser: argparse.ArgumentParser) -> None:
-    lag = parser.add_argument_group("how the arm follows (see docs/concepts/proofs.md)")
-    known = lag.add_mutually_exclusive_group()
-    known.add_argument(
-        "--lag-s",
-        type=_lag,
-        nargs=2,
-        metavar=("MIN", "MAX"),
-        help="how much each joint may lag; the plan is then proven clear wherever that leads",
-    )
-    known.add_argument(
-        "--response", metavar="FILE", help="the same as baxter-check --identify has measured it"
-    )
-    lag.add_argument(
-        "--settled-error-rad",
-        type=number_within(0.0, 0.2, "rad"),
-        metavar="E",
-        help="with --lag-s: how far off a joint stays once it has settled (default: 0.001)",
-    )
-    lag.add_argument(
-        "--despite-lag",
-        action="store_true",
-        help="carry out what that proof refuses; by a simulated Baxter only",
-    )
-
-
-def _lag(text: str) -> float:
-    from planner.motion.response import LONGEST_LAG_S  # noqa: PLC0415
-
-    return number_within(0.0, LONGEST_LAG_S, "s")(text)
+        return Response(options.lag_s)
+    return Response(options.lag_s, options.settled_error_rad)
 
 
 if __name__ == "__main__":

@@ -11,11 +11,14 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
 from types import FrameType
 from typing import Any, TypeAlias
 
-from baxter_kin.command_line import OneSentenceParser, examples, whole_number
+from baxter_kin.command_line import MAX_PORT, command, option, parse, whole_number
 from baxter_kin.errors import expect
 from baxter_kin.value_objects import NotCopied, OneLine
 from sim.errors import RosError, RosMessageError
@@ -29,8 +32,6 @@ from sim.ros1.transport.xmlrpc.server import Method, XmlRpcServer
 
 OK = 1
 DEFAULT_PORT = 11311
-
-LAST_PORT = 65_535
 
 NAME = "/master"
 
@@ -56,8 +57,8 @@ class Master(NotCopied, OneLine):
             RosMessageError: when the port is not a whole number from 0 to 65535.
             RosConnectionError: when it cannot listen there.
         """
-        if not 0 <= expect(port, int, "port", RosMessageError) <= LAST_PORT:
-            raise RosMessageError(f"port must be 0 to {LAST_PORT}, 0 for a free one, got {port}")
+        if not 0 <= expect(port, int, "port", RosMessageError) <= MAX_PORT:
+            raise RosMessageError(f"port must be 0 to {MAX_PORT}, 0 for a free one, got {port}")
         self._directory = Directory()
         self._parameters = Parameters()
         self._watchers: dict[str, dict[str, str]] = {}
@@ -188,38 +189,45 @@ class Master(NotCopied, OneLine):
         return self.uri, "ended" if self._ended.is_set() else ""
 
 
-def main() -> None:
-    """Run a master until it is interrupted."""
-    parser = OneSentenceParser(
-        prog="python -m sim.ros1.master",
-        description="A small ROS 1 master: who publishes, listens and serves, and parameters. It "
-        "runs until Ctrl-C.",
-        epilog=examples(
-            "python -m sim.ros1.master",
-            "python -m sim.ros1.master --port 11312",
-            end="Exit status: 0 ended by Ctrl-C or SIGTERM; 1 it cannot listen there; 2 wrong "
-            "usage.",
-        ),
-    )
-    parser.add_argument(
+PROG = "python -m sim.ros1.master"
+
+
+@command(
+    PROG,
+    "A small ROS 1 master: who publishes, subscribes and serves, and parameters. It runs until "
+    "Ctrl-C.",
+    examples=("python -m sim.ros1.master", "python -m sim.ros1.master --port 11312"),
+    end="Exit status: 0 ended by Ctrl-C or SIGTERM; 1 it cannot listen there; 2 wrong usage.",
+    allow_abbrev=True,
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MasterOptions:
+    """Where a master listens."""
+
+    host: str = option(
         "--host",
         default="127.0.0.1",
         metavar="NAME",
-        help="this computer's name or address, on which it listens (default %(default)s: only "
-        "this computer reaches it)",
+        help="this computer's name or address, on which it listens (default: 127.0.0.1, which only "
+        "this computer reaches)",
     )
-    parser.add_argument(
+    port: int = option(
         "--port",
-        type=whole_number(0),
+        type=whole_number(0, MAX_PORT),
         default=DEFAULT_PORT,
         metavar="N",
-        help="0 takes a free one (default %(default)s)",
+        help="0 takes a free one",
     )
-    options = parser.parse_args()
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a master until it is interrupted; returns the exit status."""
+    options = parse(MasterOptions, argv)
     try:
         master = Master(host=options.host, port=options.port)
     except RosError as error:
-        parser.exit(1, f"{parser.prog}: {error}\n")
+        print(f"{PROG}: {error}", file=sys.stderr)
+        return 1
 
     def end(_: int, __: FrameType | None) -> None:
         threading.Thread(target=master.close).start()
@@ -229,7 +237,8 @@ def main() -> None:
     print(f"export ROS_MASTER_URI={master.uri}", flush=True)
     while not master.wait_closed(1.0):
         pass
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,28 +1,34 @@
 """`python -m sim.ros1.mirror`: a Baxter's joint states in the live view, recorded if asked.
 
-Nothing is sent. Exit status: 0; 1 nothing was heard, and why is on stderr; 2 wrong usage; 130
+Nothing is sent. Exit status: 0; 1 nothing was received, and why is on stderr; 2 wrong usage; 130
 and 143 stopped by Ctrl-C and by SIGTERM.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from baxter_kin.command_line import (
-    OneSentenceParser,
-    add_urdf,
-    examples,
+    MAX_PORT,
+    UsageError,
+    command,
+    flag,
     number_within,
+    option,
+    parse,
+    part,
     run_process,
+    urdf_option,
     whole_number,
 )
-from sim.ros1.terminal import EXIT_FAILED, EXIT_STATUS, Terminal, add_files, file_observers
+from sim.ros1.terminal import EXIT_FAILED, EXIT_STATUS, FileOptions, Terminal, file_observers
 
 if TYPE_CHECKING:
     from baxter_kin import Baxter
@@ -31,19 +37,56 @@ if TYPE_CHECKING:
     from sim.ros1.execution.twin import Twin
 
 TERMINAL = Terminal("baxter-mirror")
-LAST_PORT = 65_535
 FRAME_S = 0.02
 FIRST_S = 5.0
 LOST_S = 3.0
-"""A robot that says nothing for so long is gone."""
+"""A robot that sends nothing for so long is gone."""
+
+
+@command(
+    TERMINAL.name,
+    "Show the joint states of the Baxter of ROS_MASTER_URI in the browser, live. Nothing is sent.",
+    examples=(
+        "python -m sim.ros1.mirror",
+        "python -m sim.ros1.mirror --headless --record seen.jsonl --duration-s 10",
+    ),
+    end=EXIT_STATUS.format(done="0 shown; 1 nothing was received, or no more"),
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MirrorOptions:
+    """How to show and record a Baxter."""
+
+    urdf: Path | None = urdf_option()
+    is_headless: bool = flag("--headless", help="without the view")
+    no_browser: bool = flag(
+        "--no-browser",
+        help="do not open the view in a browser, only print its address; this is so over SSH, "
+        "without a display, and where CI is set, too",
+    )
+    port: int | None = option(
+        "--port",
+        type=whole_number(1, MAX_PORT),
+        metavar="N",
+        help="where the view is served (default: 7000, or the next one that is free)",
+    )
+    duration_s: float | None = option(
+        "--duration-s",
+        type=number_within(0.1, 86_400.0, "s"),
+        metavar="S",
+        help="stop after that time",
+    )
+    files: FileOptions = part(FileOptions)
+
+    def __post_init__(self) -> None:
+        if self.is_headless and (self.port is not None or self.no_browser):
+            raise UsageError(
+                "--port and --no-browser are for the view, which --headless leaves out"
+            )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Show the robot of ROS_MASTER_URI; returns the exit status."""
-    parser = _parser()
-    options = parser.parse_args(argv)
-    if options.headless and (options.port is not None or options.no_browser):
-        parser.error("--port and --no-browser are for the view, which --headless leaves out")
+    options = parse(MirrorOptions, argv)
     return TERMINAL.ended(lambda _: _mirrored(options))
 
 
@@ -52,7 +95,7 @@ def run() -> NoReturn:
     run_process(main, TERMINAL.name, failed=EXIT_FAILED)
 
 
-def _mirrored(options: argparse.Namespace) -> int:
+def _mirrored(options: MirrorOptions) -> int:
     from planner import Scene  # noqa: PLC0415
     from planner.state import State  # noqa: PLC0415
     from sim.errors import RosError  # noqa: PLC0415
@@ -74,21 +117,21 @@ def _mirrored(options: argparse.Namespace) -> int:
     return 0
 
 
-def _robot(options: argparse.Namespace, link: BaxterLink) -> Baxter:
+def _robot(options: MirrorOptions, link: BaxterLink) -> Baxter:
     from baxter_kin import Baxter  # noqa: PLC0415
 
     return Baxter.load(link.description if options.urdf is None else options.urdf)
 
 
-def _observers(options: argparse.Namespace, robot: Baxter, stack: ExitStack) -> list[Observer]:
-    observers = file_observers(options, robot, stack)
-    if not options.headless:
+def _observers(options: MirrorOptions, robot: Baxter, stack: ExitStack) -> list[Observer]:
+    observers = file_observers(options.files, robot, stack)
+    if not options.is_headless:
         observers.append(_view(options, robot, stack))
     return observers
 
 
-def _view(options: argparse.Namespace, robot: Baxter, stack: ExitStack) -> Observer:
-    """The live view, opened in a browser where the user would see it."""
+def _view(options: MirrorOptions, robot: Baxter, stack: ExitStack) -> Observer:
+    """The live view, opened in a browser where there is one."""
     from sim.view.live.in_browser import can_open, open_page, where_to_look  # noqa: PLC0415
     from sim.view.live.viewer import Viewer  # noqa: PLC0415 - needs a web server
 
@@ -115,39 +158,6 @@ def _follow(link: BaxterLink, twin: Twin, duration_s: float | None) -> None:
         caption = "" if link.robot is None else link.robot.text
         twin.see(now_s - begin_s, link.joints.positions(), link.gripper_states(), caption)
         time.sleep(max(0.0, now_s + FRAME_S - time.monotonic()))
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = OneSentenceParser(
-        prog=TERMINAL.name,
-        description="Show the joint states of the Baxter of ROS_MASTER_URI in the browser, live. "
-        "Nothing is sent.",
-        epilog=examples(
-            "python -m sim.ros1.mirror",
-            "python -m sim.ros1.mirror --headless --record seen.jsonl --duration-s 10",
-            end=EXIT_STATUS.format(done="0 seen; 1 nothing was heard, or no more"),
-        ),
-        allow_abbrev=False,
-    )
-    add_urdf(parser)
-    parser.add_argument("--headless", action="store_true", help="without the view")
-    parser.add_argument(
-        "--no-browser",
-        action="store_true",
-        help="do not open the view in a browser, only print its address; so it is over SSH, "
-        "without a display, and where CI is set, too",
-    )
-    parser.add_argument(
-        "--port",
-        type=whole_number(1, LAST_PORT),
-        metavar="N",
-        help="where the view is served (default: 7000, or the next one that is free)",
-    )
-    parser.add_argument(
-        "--duration-s", type=number_within(0.1, 86_400.0, "s"), metavar="S", help="end by then"
-    )
-    add_files(parser, "what is measured")
-    return parser
 
 
 if __name__ == "__main__":

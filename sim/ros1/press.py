@@ -1,4 +1,4 @@
-"""Presses a button of the simulated Baxter: `python -m sim.ros1.press left ok`.
+"""`python -m sim.ros1.press left ok`: press a button of the simulated Baxter.
 
 It publishes once on `/robot/sim/press`, our own topic, which a real Baxter does not have. `ok`,
 `cancel` and `show` of the navigator, and `cuff`, `circle` and `dash` of the cuff are pressed for
@@ -9,13 +9,13 @@ navigator by one notch.
 
 from __future__ import annotations
 
-import argparse
 import os
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NoReturn
 
-from baxter_kin.command_line import OneSentenceParser, examples
+from baxter_kin.command_line import command, option, parse
 from baxter_kin.command_line import run_process as run
 from baxter_kin.kinematics.arm import LIMBS
 from sim.ros1.node import Node
@@ -33,9 +33,29 @@ SENT_S = 0.2
 POLL_S = 0.01
 
 
+@command(
+    TERMINAL.name,
+    "Press a button of the simulated Baxter on the master of ROS_MASTER_URI.",
+    examples=(
+        "python -m sim.ros1.press left ok",
+        "python -m sim.ros1.press left estop",
+        "python -m sim.ros1.press left release",
+        "python -m sim.ros1.press left reset",
+    ),
+    end=EXIT_STATUS.format(done="0 pressed; 1 no robot received it"),
+    allow_abbrev=True,
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressOptions:
+    """Which button to press."""
+
+    side: str = option(choices=LIMBS, help="of which arm; the emergency stop has no side")
+    button: str = option(choices=(*PRESSABLE, "estop", "release", "reset"), help="which button")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Press it; returns the exit status."""
-    options = _parser().parse_args(argv)
+    options = parse(PressOptions, argv)
     return TERMINAL.ended(lambda _: _pressed(f"{options.side} {options.button}"))
 
 
@@ -49,7 +69,7 @@ def _pressed(text: str) -> int:
 
 
 def _press(node: Node, text: str) -> bool:
-    """Whether a simulated Baxter was told."""
+    """Whether a simulated Baxter has received it."""
     publisher = node.advertise(PRESS_TOPIC, "std_msgs/String")
     end_s = time.monotonic() + CONNECTED_S
     while not publisher.readers:
@@ -59,25 +79,6 @@ def _press(node: Node, text: str) -> bool:
     publisher.publish(publisher.type.make(data=text))
     time.sleep(SENT_S)
     return True
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = OneSentenceParser(
-        prog=TERMINAL.name,
-        description="Presses a button of the simulated Baxter on the master of ROS_MASTER_URI.",
-        epilog=examples(
-            "python -m sim.ros1.press left ok",
-            "python -m sim.ros1.press left estop",
-            "python -m sim.ros1.press left release",
-            "python -m sim.ros1.press left reset",
-            end=EXIT_STATUS.format(done="0 pressed; 1 no robot heard it"),
-        ),
-    )
-    parser.add_argument("side", choices=LIMBS, help="of which arm; the emergency stop has no side")
-    parser.add_argument(
-        "button", choices=(*PRESSABLE, "estop", "release", "reset"), help="which button"
-    )
-    return parser
 
 
 def run_process() -> NoReturn:

@@ -4,12 +4,25 @@ import logging
 import re
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 import baxter_kin
-from baxter_kin.command_line import OneSentenceParser, log_told
+from baxter_kin.command_line import (
+    OneSentenceParser,
+    UsageError,
+    command,
+    flag,
+    log_shown,
+    number,
+    option,
+    parse,
+    part,
+    subcommands,
+    whole_number,
+)
 
 SCRIPTS = re.findall(
     r'^baxter-\w+ = "([\w.]+):\w+"$',
@@ -25,10 +38,10 @@ COMMANDS = {name.removesuffix(".__main__") for name in SCRIPTS} | {
 log = logging.getLogger("baxter_kin.somewhere")
 
 
-def test_what_is_logged_in_the_meantime_is_told() -> None:
+def test_what_is_logged_in_the_meantime_is_shown() -> None:
     said: list[str] = []
     complaints: list[str] = []
-    with log_told(said.append, complaints.append):
+    with log_shown(said.append, complaints.append):
         log.debug("a detail")
         log.info("compiling with %s", "cc")
         log.warning("not compiled")
@@ -36,9 +49,9 @@ def test_what_is_logged_in_the_meantime_is_told() -> None:
     assert (said, complaints) == (["compiling with cc"], ["not compiled"])
 
 
-def test_what_others_log_is_not_told() -> None:
+def test_what_others_log_is_not_shown() -> None:
     said: list[str] = []
-    with log_told(said.append, said.append):
+    with log_shown(said.append, said.append):
         logging.getLogger("somebody_else").warning("something")
     assert said == []
 
@@ -46,25 +59,102 @@ def test_what_others_log_is_not_told() -> None:
 def test_the_logger_is_left_as_it_was() -> None:
     logger = logging.getLogger("baxter_kin")
     before = logger.level, list(logger.handlers)
-    with log_told(print, print):
+    with log_shown(print, print):
         pass
     assert (logger.level, logger.handlers) == before
 
 
-def test_several_packages_are_told_where_that_is_asked_for() -> None:
+def test_several_packages_are_shown_where_that_is_asked_for() -> None:
     said: list[str] = []
-    with log_told(said.append, said.append, ("baxter_kin", "sim.ros1")):
+    with log_shown(said.append, said.append, ("baxter_kin", "sim.ros1")):
         log.info("one")
         logging.getLogger("sim.ros1.robot").info("two")
     assert said == ["one", "two"]
 
 
-@pytest.mark.parametrize("command", sorted(COMMANDS))
-def test_every_command_tells_its_version(command: str) -> None:
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_every_command_tells_its_version(name: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", command, "--version"], capture_output=True, text=True, check=True
+        [sys.executable, "-m", name, "--version"], capture_output=True, text=True, check=True
     )
     assert done.stdout == f"baxter-kin {baxter_kin.__version__}\n"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Milk:
+    """Options that several commands share."""
+
+    kind: str | None = option("--milk", choices=("cow", "oat"), help="which milk")
+
+
+@command("tea", "Make tea.", examples=("tea black --cups 2",), end="Exit status: 0 made.")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tea:
+    leaves: str = option(choices=("black", "green"), help="which tea")
+    cups: int = option("--cups", type=whole_number(1, 10), default=1, help="how many")
+    is_iced: bool = flag("--iced", exclusive="heat", help="with ice")
+    is_boiling: bool = flag("--boiling", exclusive="heat", help="very hot")
+    spices_g: tuple[tuple[float, ...], ...] = option(
+        "--spices", type=number, nargs=2, repeats=True, help="50 % of each"
+    )
+    milk: Milk = part(Milk, "milk")
+
+    def __post_init__(self) -> None:
+        if self.is_iced and self.milk.kind is not None:
+            raise UsageError("iced tea takes no milk")
+
+
+@command(None, "Make coffee.")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coffee:
+    shots: int = option("--shots", type=whole_number(1), default=2, help="how many")
+
+
+@command("bar", "Make a drink.")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drink:
+    drink: Tea | Coffee = subcommands({"tea": Tea, "coffee": Coffee}, metavar="DRINK")
+
+
+def test_a_class_of_options_is_what_the_command_line_gives() -> None:
+    assert parse(Tea, ["black"]) == Tea(leaves="black")
+    line = "green --cups 3 --spices 1 2 --spices 3 4 --milk oat"
+    found = parse(Tea, line.split())
+    assert (found.leaves, found.cups, found.milk) == ("green", 3, Milk(kind="oat"))
+    assert found.spices_g == ((1.0, 2.0), (3.0, 4.0))
+    assert parse(Drink, ["coffee", "--shots", "1"]).drink == Coffee(shots=1)
+    assert parse(Drink, ["tea", "black"]).drink == Tea(leaves="black")
+
+
+def test_the_help_shows_defaults_groups_and_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        parse(Tea, ["--help"])
+    text = capsys.readouterr().out
+    assert "how many (default: 1)\n" in text
+    assert "50 % of each\n" in text
+    assert "\nmilk:\n  --milk {cow,oat}" in text
+    assert text.endswith("examples:\n  tea black --cups 2\n\nExit status: 0 made.\n")
+
+
+@pytest.mark.parametrize(
+    ("options", "line", "words"),
+    [
+        (Tea, "", "tea: the following arguments are required: leaves"),
+        (Tea, "black --cups 11", "tea: argument --cups: 11 is not from 1 to 10"),
+        (Tea, "black --iced --boiling", "not allowed with argument --iced"),
+        (Tea, "black --iced --milk oat", "tea: iced tea takes no milk"),
+        (Drink, "tea black --iced --milk oat", "bar tea: iced tea takes no milk"),
+        (Drink, "juice", "bar: argument DRINK: invalid choice: 'juice'"),
+    ],
+)
+def test_wrong_usage_is_one_sentence_and_status_2(
+    options: type, line: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        parse(options, line.split())
+    text = capsys.readouterr().err
+    assert words in text
+    assert text.count("\n") == 1
 
 
 def test_the_version_asks_for_nothing_else(capsys: pytest.CaptureFixture[str]) -> None:

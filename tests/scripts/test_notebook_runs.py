@@ -14,7 +14,7 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_outp
 from tests.notebook_kernel import module
 
 SOLUTION = "<details><summary>Solution</summary>\n\n```python\nanswer = 1.868\n```\n\n</details>"
-BEND = "from sim.lessons.meet_baxter import check_bend\nanswer = ...\ncheck_bend(answer)"
+BEND = "from lessons.meet_baxter import check_bend\nanswer = ...\ncheck_bend(answer)"
 
 
 @pytest.fixture

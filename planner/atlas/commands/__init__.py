@@ -1,5 +1,4 @@
 """Sub-commands of `python -m planner.atlas`, one module each.
 
-Each module has `HELP` (one line), `EXAMPLES` (the end of its help text), `add_arguments(parser)`
-and `run(arguments)`, which returns the exit status.
+Each is a class of options with `run()`, which returns the exit status.
 """

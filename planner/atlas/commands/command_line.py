@@ -2,64 +2,65 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
-from types import ModuleType
+from dataclasses import dataclass
 
 from baxter_kin import BaxterError
-from baxter_kin.command_line import EXIT_INTERRUPTED, OneSentenceParser, examples
-from planner.atlas.commands import build, info, plot, query, redundancy, verify
-from planner.atlas.commands.exit_status import EXIT_FAILED, EXIT_USAGE, TOLD, UsageError
-from planner.atlas.commands.reports import NAME, complain
+from baxter_kin.command_line import (
+    EXIT_INTERRUPTED,
+    EXIT_USAGE,
+    UsageError,
+    command,
+    parse,
+    subcommands,
+)
+from planner.atlas.commands.build import Build
+from planner.atlas.commands.console import EXIT_FAILED, EXIT_STATUS, NAME, complain
+from planner.atlas.commands.info import Info
+from planner.atlas.commands.plot import Plot
+from planner.atlas.commands.query import Query
+from planner.atlas.commands.redundancy import Redundancy
+from planner.atlas.commands.verify import Verify
 
-SUB_COMMANDS: dict[str, ModuleType] = {
-    "build": build,
-    "info": info,
-    "verify": verify,
-    "query": query,
-    "plot": plot,
-    "redundancy": redundancy,
+SUBCOMMANDS = {
+    "build": Build,
+    "info": Info,
+    "verify": Verify,
+    "query": Query,
+    "plot": Plot,
+    "redundancy": Redundancy,
 }
-"""All of them, in the order of the help text: what is added here is wired."""
+"""In the order of the help text."""
+
+
+@command(
+    f"python -m {NAME}",
+    "Maps of what Baxter can reach: a pose is reachable, with a witness (joint angles that reach "
+    "it), or proven out of reach, or undecided.",
+    examples=(
+        "python -m planner.atlas build coarse.zarr --step-m 0.1 --hopf 0",
+        "python -m planner.atlas info coarse.zarr",
+        "python -m planner.atlas verify coarse.zarr",
+    ),
+    end=EXIT_STATUS.format(also=""),
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AtlasOptions:
+    """The sub-command that is given, with its options."""
+
+    command: Build | Info | Verify | Query | Plot | Redundancy = subcommands(
+        SUBCOMMANDS, metavar="COMMAND", title="commands"
+    )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Do what the arguments, or the command line, say; returns the exit status."""
-    arguments = options(argv)
+    """Run the sub-command of the arguments, or the command line; returns the exit status."""
+    options = parse(AtlasOptions, argv)
     try:
-        return int(SUB_COMMANDS[arguments.command].run(arguments))
+        return options.command.run()
     except BaxterError as cause:
         complain(str(cause))
         return EXIT_USAGE if isinstance(cause, UsageError) else EXIT_FAILED
     except KeyboardInterrupt:
         complain("stopped by Ctrl-C")
         return EXIT_INTERRUPTED
-
-
-def options(argv: Sequence[str] | None = None) -> argparse.Namespace:
-    """The arguments, read; ends the program where they are wrong."""
-    parser = OneSentenceParser(
-        prog=f"python -m {NAME}",
-        description="Maps of what Baxter can reach: a pose is reachable, with a witness (joint "
-        "angles that reach it), or proven out of reach, or undecided.",
-        epilog=examples(
-            "python -m planner.atlas build coarse.zarr --step-m 0.1 --hopf 0",
-            "python -m planner.atlas info coarse.zarr",
-            "python -m planner.atlas verify coarse.zarr",
-            end=TOLD.format(also=""),
-        ),
-        allow_abbrev=False,
-    )
-    commands = parser.add_subparsers(
-        title="commands", dest="command", metavar="COMMAND", required=True
-    )
-    for name, module in SUB_COMMANDS.items():
-        command = commands.add_parser(
-            name,
-            help=module.HELP,
-            description=module.HELP,
-            epilog=module.EXAMPLES,
-            allow_abbrev=False,
-        )
-        module.add_arguments(command)
-    return parser.parse_args(argv)

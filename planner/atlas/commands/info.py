@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from baxter_kin import Baxter
-from baxter_kin.command_line import examples
+from baxter_kin.command_line import command, part
 from baxter_kin.json_text import Json
 from baxter_kin.value_objects import count
 from planner.atlas.blocks import REACH_MAP
-from planner.atlas.commands.exit_status import EXIT_DONE, EXIT_FAILED, TOLD
-from planner.atlas.commands.progress import progress
-from planner.atlas.commands.reports import (
-    add_report_options,
+from planner.atlas.commands.console import (
+    EXIT_DONE,
+    EXIT_FAILED,
+    EXIT_STATUS,
+    ReportOptions,
     complain,
+    map_argument,
+    progress,
     say,
     shown_bytes,
     shown_share,
@@ -25,40 +28,42 @@ from planner.atlas.contents import ArmContents, count_contents
 from planner.atlas.map_files import bytes_on_disk
 from planner.atlas.reach_map import ReachMap
 
-HELP = "Tell what a map is of, how much of it is computed, and what is missing."
 
-EXAMPLES = examples(
-    "python -m planner.atlas info coarse.zarr",
-    "python -m planner.atlas info coarse.zarr --json coarse.json",
+@command(
+    None,
+    "Print what a map is of, how much of it is computed, and what is missing.",
+    examples=(
+        "python -m planner.atlas info coarse.zarr",
+        "python -m planner.atlas info coarse.zarr --json coarse.json",
+    ),
     end="It reads the margins of all blocks, one at a time, and no witnesses; verify reads those. "
-    + TOLD.format(also=""),
+    + EXIT_STATUS.format(also=""),
 )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Info:
+    """The sub-command `info`."""
 
+    path: Path = map_argument()
+    report: ReportOptions = part(ReportOptions)
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `info`."""
-    parser.add_argument("path", type=Path, metavar="PATH", help="the map's folder")
-    add_report_options(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Tell it; returns the exit status."""
-    found = ReachMap(arguments.path)
-    computed = len(found.computed_blocks())
-    with progress("info", max(computed, 1), is_quiet=arguments.quiet) as advance:
-        arms = count_contents(found, lambda block: advance(1, f"block {block}"))
-    size = bytes_on_disk(found.path)
-    if not arguments.quiet:
-        say("\n".join(f"{name:<11}{text}" for name, text in _lines(found, arms, size)))
-    write_report(arguments.json, _report(found, arms, size))
-    damaged = [reason for arm in arms for reason in arm.damaged]
-    if not damaged:
-        return EXIT_DONE
-    complain(
-        f"{count(len(damaged), 'block')} cannot be read, such as: {damaged[0]}; "
-        "forget them by verify --discard-damaged, and build computes them again"
-    )
-    return EXIT_FAILED
+    def run(self) -> int:
+        """Print it; returns the exit status."""
+        found = ReachMap(self.path)
+        computed = len(found.computed_blocks())
+        with progress("info", max(computed, 1), is_quiet=self.report.is_quiet) as advance:
+            arms = count_contents(found, lambda block: advance(1, f"block {block}"))
+        size = bytes_on_disk(found.path)
+        if not self.report.is_quiet:
+            say("\n".join(f"{name:<11}{text}" for name, text in _lines(found, arms, size)))
+        write_report(self.report.json, _report(found, arms, size))
+        damaged = [reason for arm in arms for reason in arm.damaged]
+        if not damaged:
+            return EXIT_DONE
+        complain(
+            f"{count(len(damaged), 'block')} cannot be read, such as: {damaged[0]}; "
+            "forget them by verify --discard-damaged, and build computes them again"
+        )
+        return EXIT_FAILED
 
 
 def _lines(found: ReachMap, arms: Sequence[ArmContents], size: int) -> list[tuple[str, str]]:

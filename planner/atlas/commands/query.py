@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-import argparse
 import math
-from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import pinocchio as pin
 
-from baxter_kin.command_line import examples, file_to_write, number, whole_number
+from baxter_kin.command_line import (
+    command,
+    file_to_write,
+    number,
+    option,
+    subcommands,
+    whole_number,
+)
 from baxter_kin.frames import pose_from_quaternion, quaternion_xyzw
 from baxter_kin.kinematics.arm import LIMBS
-from planner.atlas.commands.exit_status import asked_for
-from planner.atlas.commands.reports import say, write_report
+from planner.atlas.commands.console import asked_for, say, write_report
 from planner.atlas.questions.arm_choice import which_arm
 from planner.atlas.questions.nearest.measure import M_PER_RAD, Keep, PoseMeasure
 from planner.atlas.questions.nearest.search import nearest_reachable
@@ -23,96 +29,253 @@ from planner.atlas.questions.placing.task_file import load_task
 from planner.atlas.reach_map import ReachMap
 from planner.manipulator import Manipulator
 
-HELP = "Ask a map: about a pose, the nearest reachable one, which arm, where to put the table."
+EXIT_YES, EXIT_NO = 0, 1
 
-_ASKED = {
+KEEPS = tuple(keep.value for keep in Keep)
+
+MAX_REFUSED = 10
+"""Refused places that are listed one by one."""
+
+_POSE = "A pose is x, y, z of the tip in m and its quaternion x, y, z, w, seen from base."
+_TASK = "What a task's file holds: docs/how_to/where_to_put_the_table.md."
+_STATUS = (
+    "Exit status: 0 a yes; 1 a no, such as a pose that is not reachable or no confirmed place, or "
+    "a map or file that cannot be read; 2 wrong usage; 130 Ctrl-C."
+)
+
+EXAMPLES = {
     "pose": "python -m planner.atlas query map.zarr pose 0.7 0.15 -0.129 0 1 0 0",
     "nearest": "python -m planner.atlas query map.zarr nearest 1.2 0.4 0.1 0 1 0 0 --arm left "
     "--keep position",
     "arm": "python -m planner.atlas query map.zarr arm 0.7 0.15 -0.129 0 1 0 0",
     "where": "python -m planner.atlas query map.zarr where --tasks table.json --json places.json",
 }
-"""An example of each question."""
+"""One of each question."""
 
-_POSE_TOLD = "A pose is x, y, z of the tip in m and its quaternion x, y, z, w, seen from base."
-_TASK_TOLD = "What a task's file holds: docs/how_to/where_to_put_the_table.md."
-_STATUS_TOLD = (
-    "Exit status: 0 a yes; 1 a no, such as a pose that is not reachable or no confirmed place, or "
-    "a map or file that cannot be read; 2 wrong usage; 130 Ctrl-C."
+Answer: TypeAlias = tuple[int, list[str], dict[str, Any]]
+"""Exit status, sentences, and the same as JSON."""
+
+
+def _number(name: str, text: str) -> Any:
+    return option(type=number, metavar=name, help=text)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Question:
+    json: Path | None = option(
+        "--json", type=file_to_write, metavar="FILE", help="write the answer as JSON, too"
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _PoseQuestion(_Question):
+    """A question about a pose."""
+
+    x: float = _number("X", "of the tip in base, m")
+    y: float = _number("Y", "likewise")
+    z: float = _number("Z", "likewise")
+    qx: float = _number("QX", "of its quaternion, x y z w")
+    qy: float = _number("QY", "likewise")
+    qz: float = _number("QZ", "likewise")
+    qw: float = _number("QW", "likewise; a hand pointing down is 0 1 0 0")
+
+    @property
+    def T_base_tip(self) -> pin.SE3:
+        """The pose.
+
+        Raises:
+            UsageError: when the quaternion is zero.
+        """
+        with asked_for():
+            return pose_from_quaternion(
+                (self.x, self.y, self.z), (self.qx, self.qy, self.qz, self.qw), normalise=True
+            )
+
+
+@command(
+    None,
+    "Whether each arm reaches a pose, how far off its joint limits, or why not.",
+    examples=(EXAMPLES["pose"],),
+    end=f"{_POSE} {_STATUS}",
 )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseQuestion(_PoseQuestion):
+    """The question `pose`."""
 
-EXAMPLES = examples(*_ASKED.values(), end=f"{_POSE_TOLD} {_TASK_TOLD} {_STATUS_TOLD}")
-
-EXIT_YES, EXIT_NO = 0, 1
-
-KEEPS = [keep.value for keep in Keep]
-
-MOST_REFUSED = 10
-"""Refused places that are told one by one."""
-
-POSE = {
-    "x": "of the tip in base, m",
-    "y": "likewise",
-    "z": "likewise",
-    "qx": "of its quaternion, x y z w",
-    "qy": "likewise",
-    "qz": "likewise",
-    "qw": "likewise; a hand pointing down is 0 1 0 0",
-}
-"""The numbers of a pose, and what each is."""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What is asked of which map."""
-    parser.add_argument("path", metavar="PATH", help="a reach map")
-    questions = parser.add_subparsers(dest="question", required=True, metavar="QUESTION")
-    for kind, told in (
-        ("pose", "Whether each arm reaches a pose, how far off its joint limits, or why not."),
-        ("arm", "Which arm is better for a pose, and why."),
-        ("nearest", "The nearest pose that an arm reaches."),
-    ):
-        question = _question(questions, kind, told, f"{_POSE_TOLD} {_STATUS_TOLD}")
-        for name, what in POSE.items():
-            question.add_argument(name, type=number, metavar=name.upper(), help=what)
-        _add_json(question)
-    _add_nearest(question)
-    told = "Places of a table at which a task can be done, confirmed by verified plans."
-    _add_where(_question(questions, "where", told, f"{_TASK_TOLD} {_STATUS_TOLD}"))
+    def answer(self, atlas: ReachMap) -> Answer:
+        """Whether each arm reaches it."""
+        T = self.T_base_tip
+        sentences, data = list[str](), dict[str, Any]()
+        is_reached = False
+        for side, (answer,) in which_arm(atlas, T).answers.items():
+            cell = _cell(atlas, side, T)
+            sentences.append(f"{answer}; {cell}")
+            is_reached |= answer.is_reachable
+            data[side] = {
+                "status": answer.status,
+                "margin_rad": answer.margin_rad,
+                "q_rad": None if answer.q is None else answer.q.tolist(),
+                "reason": answer.reason,
+                "nearest_cell": cell,
+            }
+        return EXIT_YES if is_reached else EXIT_NO, sentences, data
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Print the answer; 0 for a yes, 1 for a no.
+@command(
+    None,
+    "Which arm is better for a pose, and why.",
+    examples=(EXAMPLES["arm"],),
+    end=f"{_POSE} {_STATUS}",
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmQuestion(_PoseQuestion):
+    """The question `arm`."""
 
-    Raises:
-        UsageError: when the pose is not a valid one, or the map has no such arm.
-        BaxterError: when the map or the task's file is not valid.
-    """
-    atlas = ReachMap(arguments.path)
-    status, sentences, data = _QUESTIONS[arguments.question](atlas, arguments)
-    write_report(arguments.json, data)
-    say("\n".join(sentences))
-    return status
+    def answer(self, atlas: ReachMap) -> Answer:
+        """The better arm."""
+        choice = which_arm(atlas, self.T_base_tip)
+        margins = {side: answers[0].margin_rad for side, answers in choice.answers.items()}
+        data = {"best": choice.best, "margins_rad": margins, "reason": choice.reason}
+        return EXIT_NO if choice.best is None else EXIT_YES, [choice.reason], data
 
 
-_Answer = tuple[int, list[str], dict[str, Any]]
+@command(
+    None,
+    "The nearest pose that an arm reaches.",
+    examples=(EXAMPLES["nearest"],),
+    end=f"{_POSE} {_STATUS}",
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NearestQuestion(_PoseQuestion):
+    """The question `nearest`."""
+
+    arm: str | None = option("--arm", choices=LIMBS, help="which (default: the map's)")
+    keep: str | None = option(
+        "--keep", choices=KEEPS, help="what of the pose stays as it is (default: each in turn)"
+    )
+    m_per_rad: float = option(
+        "--m-per-rad",
+        type=number,
+        default=M_PER_RAD,
+        metavar="M",
+        help="what a radian counts for where nothing is kept, in m",
+    )
+
+    def answer(self, atlas: ReachMap) -> Answer:
+        """The nearest pose of each arm, in each way."""
+        T, sentences, data = self.T_base_tip, list[str](), dict[str, Any]()
+        keeps = KEEPS if self.keep is None else (self.keep,)
+        sides = atlas.arms if self.arm is None else (self.arm,)
+        with asked_for():
+            PoseMeasure(Keep.NOTHING, self.m_per_rad)
+            for side in sides:
+                atlas.check_arm(side)
+        is_found = False
+        for side in sides:
+            for keep in keeps:
+                found = nearest_reachable(atlas, T, side, keep=keep, m_per_rad=self.m_per_rad)
+                sentences.append(str(found))
+                is_found |= found.q is not None
+                data.setdefault(side, {})[keep] = {
+                    "unit": found.measure.unit,
+                    "distance": _or_none(found.distance),
+                    "proven": _or_none(found.proven),
+                    "pose": None if found.T_base_tip is None else _seven(found.T_base_tip),
+                    "q_rad": None if found.q is None else found.q.tolist(),
+                }
+        return EXIT_YES if is_found else EXIT_NO, sentences, data
 
 
-def _pose(atlas: ReachMap, arguments: argparse.Namespace) -> _Answer:
-    T = _given(arguments)
-    sentences, data = list[str](), dict[str, Any]()
-    is_reached = False
-    for side, (answer,) in which_arm(atlas, T).answers.items():
-        cell = _cell(atlas, side, T)
-        sentences.append(f"{answer}; {cell}")
-        is_reached |= answer.is_reachable
-        data[side] = {
-            "status": answer.status,
-            "margin_rad": answer.margin_rad,
-            "q_rad": None if answer.q is None else answer.q.tolist(),
-            "reason": answer.reason,
-            "nearest_cell": cell,
+@command(
+    None,
+    "Places of a table at which a task can be done, confirmed by verified plans.",
+    examples=(EXAMPLES["where"],),
+    end=f"{_TASK} {_STATUS}",
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WhereQuestion(_Question):
+    """The question `where`."""
+
+    tasks: str = option("--tasks", metavar="FILE", required=True, help="the task, in JSON")
+    wanted: int = option(
+        "--wanted",
+        type=whole_number(1, MOST_PLACEMENTS),
+        default=3,
+        metavar="N",
+        help="confirmed places that are enough",
+    )
+    max_examined: int = option(
+        "--looked-at",
+        type=whole_number(1, MOST_PLACEMENTS),
+        default=24,
+        metavar="N",
+        help="candidates of the map that are examined exactly, at most",
+    )
+    max_planned: int = option(
+        "--planned",
+        type=whole_number(1, MOST_PLACEMENTS),
+        default=8,
+        metavar="N",
+        help="of those, places that are planned at most",
+    )
+
+    def answer(self, atlas: ReachMap) -> Answer:
+        """The places."""
+        hand = Manipulator.of(atlas.robot, atlas.arms[0]).hand
+        task, grid = load_task(self.tasks, hand)
+        found = where(
+            atlas,
+            task,
+            grid,
+            wanted=self.wanted,
+            most_looked_at=self.max_examined,
+            most_planned=self.max_planned,
+        )
+        kinds = {
+            "confirmed": found.confirmed,
+            "refused": found.refused,
+            "not_planned": found.not_planned,
         }
-    return EXIT_YES if is_reached else EXIT_NO, sentences, data
+        data: dict[str, Any] = {name: [_place(p) for p in places] for name, places in kinds.items()}
+        data["counts"] = {status.name.lower(): found.number(status) for status in PlacementStatus}
+        sentences = [str(place) for place in (*found.confirmed, *found.refused[:MAX_REFUSED])]
+        if len(found.refused) > MAX_REFUSED:
+            sentences.append(f"and {len(found.refused) - MAX_REFUSED} more that are refused")
+        return EXIT_YES if found.confirmed else EXIT_NO, [*sentences, found.summary], data
+
+
+@command(
+    None,
+    "Ask a map: about a pose, the nearest reachable one, which arm, where to put the table.",
+    examples=tuple(EXAMPLES.values()),
+    end=f"{_POSE} {_TASK} {_STATUS}",
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Query:
+    """The sub-command `query`."""
+
+    path: str = option(metavar="PATH", help="a reach map")
+    question: PoseQuestion | ArmQuestion | NearestQuestion | WhereQuestion = subcommands(
+        {
+            "pose": PoseQuestion,
+            "arm": ArmQuestion,
+            "nearest": NearestQuestion,
+            "where": WhereQuestion,
+        },
+        metavar="QUESTION",
+    )
+
+    def run(self) -> int:
+        """Print the answer; returns 0 for a yes, 1 for a no.
+
+        Raises:
+            UsageError: when the pose is not a valid one, or the map has no such arm.
+            BaxterError: when the map or the task's file is not valid.
+        """
+        status, sentences, data = self.question.answer(ReachMap(self.path))
+        write_report(self.question.json, data)
+        say("\n".join(sentences))
+        return status
 
 
 def _cell(atlas: ReachMap, side: str, T: pin.SE3) -> str:
@@ -127,62 +290,7 @@ def _cell(atlas: ReachMap, side: str, T: pin.SE3) -> str:
     return f"the map's nearest cell, {offset_mm:.0f} mm and {turned:.0f} deg off, is {cell.status}"
 
 
-def _arm(atlas: ReachMap, arguments: argparse.Namespace) -> _Answer:
-    choice = which_arm(atlas, _given(arguments))
-    margins = {side: answers[0].margin_rad for side, answers in choice.answers.items()}
-    data = {"best": choice.best, "margins_rad": margins, "reason": choice.reason}
-    return EXIT_NO if choice.best is None else EXIT_YES, [choice.reason], data
-
-
-def _nearest(atlas: ReachMap, arguments: argparse.Namespace) -> _Answer:
-    T, sentences, data = _given(arguments), list[str](), dict[str, Any]()
-    keeps = KEEPS if arguments.keep is None else [arguments.keep]
-    sides = atlas.arms if arguments.arm is None else (arguments.arm,)
-    with asked_for():
-        PoseMeasure(Keep.NOTHING, arguments.m_per_rad)
-        for side in sides:
-            atlas.check_arm(side)
-    is_found = False
-    for side in sides:
-        for keep in keeps:
-            found = nearest_reachable(atlas, T, side, keep=keep, m_per_rad=arguments.m_per_rad)
-            sentences.append(str(found))
-            is_found |= found.q is not None
-            data.setdefault(side, {})[keep] = {
-                "unit": found.measure.unit,
-                "distance": _or_none(found.distance),
-                "proven": _or_none(found.proven),
-                "pose": None if found.T_base_tip is None else _seven(found.T_base_tip),
-                "q_rad": None if found.q is None else found.q.tolist(),
-            }
-    return EXIT_YES if is_found else EXIT_NO, sentences, data
-
-
-def _where(atlas: ReachMap, arguments: argparse.Namespace) -> _Answer:
-    hand = Manipulator.of(atlas.robot, atlas.arms[0]).hand
-    task, grid = load_task(arguments.tasks, hand)
-    found = where(
-        atlas,
-        task,
-        grid,
-        wanted=arguments.wanted,
-        most_looked_at=arguments.looked_at,
-        most_planned=arguments.planned,
-    )
-    kinds = {
-        "confirmed": found.confirmed,
-        "refused": found.refused,
-        "not_planned": found.not_planned,
-    }
-    data: dict[str, Any] = {name: [_told(p) for p in places] for name, places in kinds.items()}
-    data["counts"] = {status.name.lower(): found.number(status) for status in PlacementStatus}
-    sentences = [str(place) for place in (*found.confirmed, *found.refused[:MOST_REFUSED])]
-    if len(found.refused) > MOST_REFUSED:
-        sentences.append(f"and {len(found.refused) - MOST_REFUSED} more that are refused")
-    return EXIT_YES if found.confirmed else EXIT_NO, [*sentences, found.summary], data
-
-
-def _told(place: Placement) -> dict[str, Any]:
+def _place(place: Placement) -> dict[str, Any]:
     return {
         "table": _seven(place.T_base_table),
         "yaw_rad": place.yaw_rad,
@@ -203,20 +311,6 @@ def _told(place: Placement) -> dict[str, Any]:
     }
 
 
-_QUESTIONS: dict[str, Callable[[ReachMap, argparse.Namespace], _Answer]] = {
-    "pose": _pose,
-    "arm": _arm,
-    "nearest": _nearest,
-    "where": _where,
-}
-
-
-def _given(arguments: argparse.Namespace) -> pin.SE3:
-    given = [getattr(arguments, name) for name in POSE]
-    with asked_for():
-        return pose_from_quaternion(given[:3], given[3:], normalise=True)
-
-
 def _seven(T: pin.SE3) -> list[float]:
     numbers: list[float] = [*T.translation.tolist(), *quaternion_xyzw(T).tolist()]
     return numbers
@@ -224,51 +318,3 @@ def _seven(T: pin.SE3) -> list[float]:
 
 def _or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _question(questions: Any, kind: str, told: str, end: str) -> argparse.ArgumentParser:
-    """The parser of one question, with an example."""
-    epilog = examples(_ASKED[kind], end=end)
-    parser: argparse.ArgumentParser = questions.add_parser(
-        kind, help=told, description=told, epilog=epilog, allow_abbrev=False
-    )
-    return parser
-
-
-def _add_json(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--json", type=file_to_write, metavar="FILE", help="write the answer as JSON, too"
-    )
-
-
-def _add_nearest(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--arm", choices=LIMBS, help="which (default: the map's)")
-    parser.add_argument(
-        "--keep",
-        choices=KEEPS,
-        help="what of the pose stays as it is (default: each in turn)",
-    )
-    parser.add_argument(
-        "--m-per-rad",
-        type=number,
-        default=M_PER_RAD,
-        metavar="M",
-        help=f"what a radian counts for where nothing is kept (default: {M_PER_RAD:g} m)",
-    )
-
-
-def _add_where(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--tasks", metavar="FILE", required=True, help="the task, in JSON")
-    for name, default, told in (
-        ("wanted", 3, "confirmed places that are enough"),
-        ("looked-at", 24, "candidates of the map that are asked exactly, at most"),
-        ("planned", 8, "of those, places that are planned at most"),
-    ):
-        parser.add_argument(
-            f"--{name}",
-            type=whole_number(1, MOST_PLACEMENTS),
-            default=default,
-            metavar="N",
-            help=f"{told} (default: {default})",
-        )
-    _add_json(parser)

@@ -1,8 +1,8 @@
 """Files of rotations: quaternions, one for each rotation of a map.
 
-Text or CSV: a line has the four numbers x, y, z, w, separated by commas or spaces; empty lines and
-what follows a `#` do not count, nor does a first line of words. NumPy's `.npy`: an array (n, 4) of
-the same. A quaternion may be off from length one by `MOST_OFF`, and is made that long.
+Text or CSV: a line has the four numbers x, y, z, w, separated by commas or spaces; empty lines,
+comments after `#` and a first line of words are skipped. NumPy's `.npy`: an array (n, 4) of
+the same. The length of a quaternion may differ from one by `MAX_LENGTH_ERROR`; it is normalised.
 """
 
 from __future__ import annotations
@@ -18,35 +18,35 @@ from baxter_kin.validation import FloatArray
 from planner.atlas.rotations import MOST_ROTATIONS, RotationGrid
 from planner.errors import AtlasError
 
-MOST_OFF = 1e-3
+MAX_LENGTH_ERROR = 1e-3
 
-MOST_BYTES = 300 * MOST_ROTATIONS
-"""Of a file; more cannot be so many rotations."""
+MAX_BYTES = 300 * MOST_ROTATIONS
+"""Size of a file with the greatest number of rotations."""
 
 
 def read_rotations(path: Path) -> RotationGrid:
     """The rotations of a file, in their order.
 
     Raises:
-        AtlasError: when it cannot be read, or has no rotation, too many, or what is none.
+        AtlasError: when it cannot be read, or has no rotation, too many, or invalid ones.
     """
     try:
         with open_to_read(path) as file:
-            content = file.read(MOST_BYTES + 1)
+            content = file.read(MAX_BYTES + 1)
     except FileError as cause:
         raise AtlasError(f"cannot read {shown_path(path)}: {cause.reason}") from cause
-    if len(content) > MOST_BYTES:
+    if len(content) > MAX_BYTES:
         raise AtlasError(f"{shown_path(path)} is too large; a map has {MOST_ROTATIONS:,} rotations")
     quats = _of_array(path) if content.startswith(b"\x93NUMPY") else _of_text(path, content)
     if not len(quats):
         raise AtlasError(f"{shown_path(path)} has no rotation; write x, y, z, w on each line")
     lengths = np.linalg.norm(quats, axis=1)
-    off = ~(np.abs(lengths - 1.0) <= MOST_OFF)
+    off = ~(np.abs(lengths - 1.0) <= MAX_LENGTH_ERROR)
     if off.any():
         at = int(np.argmax(off))
         raise AtlasError(
             f"quaternion {at + 1} of {shown_path(path)} is {lengths[at]:.6g} long, and must be 1 "
-            f"within {MOST_OFF:g}: {quats[at].tolist()}"
+            f"within {MAX_LENGTH_ERROR:g}: {quats[at].tolist()}"
         )
     xyzw = quats / lengths[:, None]
     return RotationGrid.of([pin.Quaternion(w, x, y, z).matrix() for x, y, z, w in xyzw.tolist()])

@@ -2,89 +2,94 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
-from baxter_kin.command_line import examples, whole_number
+from baxter_kin.command_line import command, flag, option, part, whole_number
+from baxter_kin.engine_options import EngineOptions, engine_of
 from baxter_kin.json_text import Json
-from baxter_kin.parallel.engine_options import add_engine_options, engine_of
 from baxter_kin.value_objects import count
 from planner.atlas.checking import CELLS, MOST_CELLS, NEAR_LIMITS_RAD, MapCheck, check_map
-from planner.atlas.commands.exit_status import EXIT_DONE, EXIT_FAILED, TOLD
-from planner.atlas.commands.progress import Advance, progress, quietly
-from planner.atlas.commands.reports import (
-    SAME_PATH,
-    add_report_options,
+from planner.atlas.commands.console import (
+    EXIT_DONE,
+    EXIT_FAILED,
+    EXIT_STATUS,
+    Advance,
+    ReportOptions,
     complain,
+    map_argument,
+    progress,
+    quietly,
     say,
     write_report,
 )
 from planner.atlas.reach_map import ReachMap
 
-HELP = "Check a map by other code: all checksums, and randomly chosen witnesses and proofs."
+CONFIDENCE = 0.95
 
-EXAMPLES = examples(
-    "python -m planner.atlas verify coarse.zarr",
-    "python -m planner.atlas verify coarse.zarr --cells 2000 --seed 7",
-    "python -m planner.atlas verify coarse.zarr --discard-damaged",
+MAX_NAMED = 5
+"""Cells that are named on stderr; the report names all."""
+
+
+@command(
+    None,
+    "Check a map by other code: all checksums, and randomly chosen witnesses and proofs.",
+    examples=(
+        "python -m planner.atlas verify coarse.zarr",
+        "python -m planner.atlas verify coarse.zarr --cells 2000 --seed 7",
+        "python -m planner.atlas verify coarse.zarr --discard-damaged",
+    ),
     end="The model is read from the URDF by Pinocchio. Every chosen witness must reach its pose "
     "within 1e-6 m and rad; a least-squares solver with many restarts, which knows neither "
     "witnesses nor proofs, must reach no pose that is said to be unreachable. How many of the "
     "reachable poses it reaches is its power: what the check is worth. "
-    + TOLD.format(also="nothing is wrong; "),
+    + EXIT_STATUS.format(also="nothing is wrong; "),
 )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verify:
+    """The sub-command `verify`."""
 
-CONFIDENCE = 0.95
-
-MOST_NAMED = 5
-"""Cells that are named on stderr; the report names all."""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `verify`."""
-    parser.add_argument("path", type=Path, metavar="PATH", help="the map's folder")
-    parser.add_argument(
+    path: Path = map_argument()
+    cells: int = option(
         "--cells",
         type=whole_number(1, MOST_CELLS),
         default=CELLS,
         metavar="N",
-        help=f"how many to check, half of them next to the boundary (default: {CELLS})",
+        help="how many to check, half of them next to the boundary",
     )
-    parser.add_argument(
-        "--seed", type=whole_number(0), default=0, metavar="N", help="which cells (default: 0)"
+    seed: int = option(
+        "--seed", type=whole_number(0), default=0, metavar="N", help="of the choice of cells"
     )
-    parser.add_argument(
+    discards_damaged: bool = flag(
         "--discard-damaged",
-        action="store_true",
         help="forget blocks that cannot be read, so that build computes them again",
     )
-    add_engine_options(parser.add_argument_group("where it is computed"), needs=SAME_PATH)
-    add_report_options(parser)
+    engine: EngineOptions = part(EngineOptions, "where it is computed")
+    report: ReportOptions = part(ReportOptions)
+
+    def run(self) -> int:
+        """Check; returns the exit status."""
+        found, is_quiet = ReachMap(self.path), self.report.is_quiet
+        with engine_of(self.engine) as engine, _Progress(is_quiet=is_quiet) as progress:
+            check = check_map(
+                found, cells=self.cells, seed=self.seed, engine=engine, progress=progress.show
+            )
+        if self.discards_damaged:
+            for block in check.damaged_blocks:
+                found.discard_block(block)
+        if not is_quiet:
+            say("\n".join(sentences(check)))
+        write_report(self.report.json, _report(found, check, self.seed))
+        if check.is_valid:
+            return EXIT_DONE
+        complain(_wrong(check, is_discarded=self.discards_damaged))
+        return EXIT_FAILED
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Check; returns the exit status."""
-    found = ReachMap(arguments.path)
-    with engine_of(arguments) as engine, _Shown(is_quiet=arguments.quiet) as shown:
-        check = check_map(
-            found, cells=arguments.cells, seed=arguments.seed, engine=engine, progress=shown.tell
-        )
-    if arguments.discard_damaged:
-        for block in check.damaged_blocks:
-            found.discard_block(block)
-    if not arguments.quiet:
-        say("\n".join(told(check)))
-    write_report(arguments.json, _report(found, check, arguments.seed))
-    if check.is_valid:
-        return EXIT_DONE
-    complain(_wrong(check, is_discarded=arguments.discard_damaged))
-    return EXIT_FAILED
-
-
-def told(check: MapCheck) -> Iterator[str]:
+def sentences(check: MapCheck) -> Iterator[str]:
     """The verdict and what it is worth, in a few sentences."""
     yield (
         f"checked {check.cells:,} cells: {check.witnesses:,} witnesses, "
@@ -126,7 +131,7 @@ def _least_share_found(check: MapCheck) -> float | None:
     return min(share / min(power for power in powers if power), 1.0)
 
 
-class _Shown(ExitStack):
+class _Progress(ExitStack):
     """Progress of the parts of a check, one after the other."""
 
     def __init__(self, *, is_quiet: bool) -> None:
@@ -135,8 +140,8 @@ class _Shown(ExitStack):
         self._advance: Advance = quietly
         self._done = 0
 
-    def tell(self, done: int, total: int, part: str) -> None:
-        """Say how much of a part is done."""
+    def show(self, done: int, total: int, part: str) -> None:
+        """Show how much of a part is done."""
         if part != self._part:
             self.close()
             shown = progress(part, total, is_quiet=self._is_quiet)
@@ -149,7 +154,7 @@ def _wrong(check: MapCheck, *, is_discarded: bool) -> str:
     """What is wrong, in one sentence."""
     damaged = len(check.damaged)
     parts = [
-        f"{count(len(names), what)}: {', '.join(names[:MOST_NAMED])}"
+        f"{count(len(names), what)}: {', '.join(names[:MAX_NAMED])}"
         for names, what in (
             (check.wrong_witnesses, "wrong witness"),
             (check.false_proofs, "false proof"),

@@ -7,20 +7,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from baxter_kin.lazy import loader
+from baxter_kin.lazy import lazy
 
 if TYPE_CHECKING:
-    from sim.ros1.robot.baxter import SimulatedBaxter
-    from sim.ros1.robot.parts.arm_motion import Follow, Following
-    from sim.ros1.robot.ros_robot import RosRobot
+    from sim.ros1.robot.baxter import SimulatedBaxter as SimulatedBaxter
+    from sim.ros1.robot.parts.arm_motion import Follow as Follow
+    from sim.ros1.robot.parts.arm_motion import Following as Following
+    from sim.ros1.robot.ros_robot import RosRobot as RosRobot
 
-__all__ = ["Follow", "Following", "RosRobot", "SimulatedBaxter"]
-
-__getattr__ = loader(
+__all__, __getattr__ = lazy(
     __name__,
-    (
-        "sim.ros1.robot.baxter",
-        "sim.ros1.robot.parts.arm_motion",
-        "sim.ros1.robot.ros_robot",
-    ),
+    {
+        "Follow": "sim.ros1.robot.parts.arm_motion",
+        "Following": "sim.ros1.robot.parts.arm_motion",
+        "RosRobot": "sim.ros1.robot.ros_robot",
+        "SimulatedBaxter": "sim.ros1.robot.baxter",
+    },
 )

@@ -10,32 +10,32 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from types import FrameType
 
-from baxter_kin.command_line import log_told
+from baxter_kin.command_line import log_shown, parse
 from baxter_kin.errors import BaxterError
 from baxter_kin.model import Baxter
-from sim import World
+from sim import Observer, World
+from sim.recording.record_file import recorder_of
 from sim.ros1.master import Master
-from sim.ros1.robot.arguments import PROG, RobotOptions, parse_options
 from sim.ros1.robot.beginning import furniture, start_rad
-from sim.ros1.robot.outputs import outputs
+from sim.ros1.robot.options import PROG, RobotOptions
 from sim.ros1.robot.parts.arm_motion import Follow, Following
 from sim.ros1.robot.ros_robot import RosRobot
 
 FAILED = 1
 SIGNALLED = 128
-"""Added to a signal's number it is the exit status, as shells have it."""
+"""The exit status is this plus the signal's number, as shells have it."""
 
-LOOK_S = 0.1
-"""How often it is seen whether it is to end."""
+POLL_S = 0.1
+"""How often a request to end is checked."""
 
-TOLD = ("baxter_kin", "sim.ros1")
-"""Whose log is shown."""
+LOGGED = ("baxter_kin", "sim.ros1")
+"""Packages whose log is shown."""
 
 LOOPBACK = "127.0.0.1"
 
 
 class _Ending:
-    """Remembers the first signal that asks for an end; later ones change nothing."""
+    """Keeps the first signal that requests the end; later ones are ignored."""
 
     def __init__(self) -> None:
         self.number = 0
@@ -43,18 +43,18 @@ class _Ending:
 
     @property
     def is_asked(self) -> bool:
-        """Whether there was one."""
+        """Whether a signal has come."""
         return self._asked.is_set()
 
     def handle(self, number: int, _: FrameType | None) -> None:
-        """Be a signal's handler."""
+        """Handle a signal."""
         self.number = self.number or number
         self._asked.set()
 
 
 @contextmanager
 def _ended_by_signals() -> Iterator[_Ending]:
-    """Listens to SIGINT and SIGTERM with handlers of its own.
+    """Handle SIGINT and SIGTERM inside the block.
 
     A job that a shell starts in the background ignores SIGINT unless it sets a handler.
     """
@@ -69,8 +69,8 @@ def _ended_by_signals() -> Iterator[_Ending]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run it with those arguments, or the command line's; returns the exit status."""
-    options = parse_options(argv)
-    with _ended_by_signals() as ending, log_told(_say, _complain, TOLD):
+    options = parse(RobotOptions, argv)
+    with _ended_by_signals() as ending, log_shown(_say, _complain, LOGGED):
         try:
             reason = _run(options, ending)
         except BaxterError as error:
@@ -93,11 +93,11 @@ def _run(options: RobotOptions, ending: _Ending) -> str | None:
         for body in furniture(has_table=options.has_table, has_block=options.has_block):
             robot.spawn(body)
         gc.collect()
-        gc.freeze()  # what was loaded stays, and need not be looked through every few seconds
+        gc.freeze()  # what was loaded stays; scanning it every few seconds would be in vain
         _say(_status(options, robot))
         try:
             while not ending.is_asked:
-                reason = robot.wait_ended(LOOK_S)
+                reason = robot.wait_ended(POLL_S)
                 if reason is not None:
                     return reason
         finally:
@@ -109,14 +109,27 @@ def _robot(options: RobotOptions, uri: str | None, cleanup: ExitStack) -> RosRob
     world = World(Baxter.load(options.urdf, hands=options.hands))
     return RosRobot(
         world,
-        observers=tuple(outputs(options, world, _say, cleanup)),
+        observers=tuple(_observers(options, world, cleanup)),
         following=Following(Follow.LAG if options.lags else Follow.EXACT, options.lag_s),
         q_start=start_rad(is_tucked=options.is_tucked),
-        is_calibrated=options.is_calibrated,
+        is_calibrated=not options.is_uncalibrated,
         has_side_effects=options.has_side_effects,
         master_uri=uri,
         host=options.host or (LOOPBACK if options.has_own_master else None),
     )
+
+
+def _observers(options: RobotOptions, world: World, cleanup: ExitStack) -> Iterator[Observer]:
+    """What writes the file that was asked for, and the live view."""
+    if options.record is not None:
+        yield recorder_of(options.record, world.robot, cleanup)
+    if options.is_shown:
+        from sim.view.live.viewer import Viewer  # noqa: PLC0415 - without it, no web server
+
+        viewer = cleanup.enter_context(Viewer(world.robot, keeps_time=False))
+        viewer.show(world.q, {}, "ready")
+        _say(f"open {viewer.url} in a browser to watch")
+        yield viewer
 
 
 def _remedy(error: BaxterError, options: RobotOptions) -> str:
@@ -126,7 +139,7 @@ def _remedy(error: BaxterError, options: RobotOptions) -> str:
 
 
 def _status(options: RobotOptions, robot: RosRobot) -> str:
-    """One line that says what stands where."""
+    """One line on the robot, its master and what is around it."""
     arms = f"lag {options.lag_s:g} s" if options.lags else "exact"
     services = "with Gazebo's services" if options.has_side_effects else "no Gazebo's services"
     bodies = ", ".join(robot.baxter.world.scene.bodies) or "nothing around it"

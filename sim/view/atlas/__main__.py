@@ -4,20 +4,45 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 from baxter_kin import BaxterError
-from baxter_kin.command_line import OneSentenceParser, examples, file_to_write, run_process
+from baxter_kin.command_line import (
+    EXIT_USAGE,
+    command,
+    file_to_write,
+    option,
+    parse,
+    run_process,
+)
 from planner.atlas import ReachMap
 from sim.view.atlas.page import TITLE, write_atlas_page
-
-EXIT_USAGE = 2
 
 NAME = "sim.view.atlas"
 
 
+@command(
+    f"python -m {NAME}",
+    "Write a reach map as one HTML page: the robot, the cells, their witnesses.",
+    examples=(
+        "python -m sim.view.atlas coarse.zarr reach.html",
+        "python -m sim.view.atlas mine.zarr mine.html --title 'Our left arm'",
+    ),
+    end="Exit status: 0 written; 2 wrong usage, no map, or the file cannot be written.",
+)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageOptions:
+    """Which page to write."""
+
+    map: str = option(metavar="MAP", help="a folder that build_reach_map made")
+    file: Path = option(metavar="FILE", type=file_to_write, help="the page")
+    title: str = option("--title", default=TITLE, help="shown on the page")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the page that the arguments, or the command line, name; returns the exit status."""
-    options = _parser().parse_args(argv)
+    options = parse(PageOptions, argv)
     try:
         every = write_atlas_page(options.file, ReachMap(options.map), title=options.title)
     except BaxterError as cause:
@@ -27,23 +52,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     size_mb = options.file.stat().st_size / 1e6
     sys.stdout.write(f"{options.file}: {size_mb:.1f} MB{thinned if every > 1 else ''}\n")
     return 0
-
-
-def _parser() -> OneSentenceParser:
-    parser = OneSentenceParser(
-        prog=f"python -m {NAME}",
-        description="Write a reach map as one HTML page: the robot, the cells, their witnesses.",
-        epilog=examples(
-            "python -m sim.view.atlas coarse.zarr reach.html",
-            "python -m sim.view.atlas mine.zarr mine.html --title 'Our left arm'",
-            end="Exit status: 0 written; 2 wrong usage, no map, or the file cannot be written.",
-        ),
-        allow_abbrev=False,
-    )
-    parser.add_argument("map", metavar="MAP", help="a folder that build_reach_map made")
-    parser.add_argument("file", metavar="FILE", type=file_to_write, help="the page")
-    parser.add_argument("--title", default=TITLE, help="shown on the page (default: %(default)s)")
-    return parser
 
 
 if __name__ == "__main__":

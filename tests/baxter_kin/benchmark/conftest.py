@@ -8,11 +8,10 @@ from typing import Any
 import pytest
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.benchmark.options import BenchmarkOptions
+from baxter_kin.benchmark.command import BenchmarkOptions, run_benchmark
+from baxter_kin.benchmark.measurement import Verifier
 from baxter_kin.benchmark.poses import PoseSet, Scenario, draw_poses
 from baxter_kin.benchmark.report import BenchmarkOutcome
-from baxter_kin.benchmark.run import run_benchmark
-from baxter_kin.benchmark.verification import Verifier
 
 COUNT = 20
 """Poses of the run."""
@@ -34,8 +33,8 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> BenchmarkOutcome:
     folder = tmp_path_factory.mktemp("benchmark")
     return run_benchmark(
         BenchmarkOptions(
-            limbs=("left", "right"),
-            scenarios=(Scenario.NEAR,),
+            limb="both",
+            given_scenarios=("near",),
             solvers=("baxter-kin",),
             count=COUNT,
             seed=1,

@@ -1,30 +1,42 @@
-"""Measuring: what counts as solved, and what a solver may do wrong."""
+"""Measuring: what counts as solved, what a solver may do wrong, and rates on any engine."""
 
 from __future__ import annotations
 
 import gc
+import json
+import math
 import os
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from baxter_kin import Arm
-from baxter_kin.benchmark.entrants import PEERS, Contestant, Entrant, enter
+from baxter_kin import Arm, Baxter
+from baxter_kin.benchmark import main
 from baxter_kin.benchmark.measurement import (
     BLOCK,
+    LIMIT_ROUNDING_RAD,
+    LOOSE_LIMIT_RAD,
+    TOLERANCE,
     Measurement,
+    Verdict,
+    Verifier,
     measure,
     measure_batch,
+    measure_rates,
     usable_cores,
 )
 from baxter_kin.benchmark.poses import PoseSet, Scenario, draw_poses
-from baxter_kin.benchmark.verification import Verifier
+from baxter_kin.benchmark.solvers import OURS, PEERS, SAME_CHAIN, Contestant, Entrant, enter
+from baxter_kin.parallel import LocalPool, Serial
 from baxter_kin.validation import FloatArray
+
+RATES = ["--rates-only", "--scenario", "near", "mid-range", "--solvers", "baxter-kin", "--quiet"]
 
 
 def fake(poses: PoseSet, answer: Callable[[FloatArray], Any]) -> Contestant:
@@ -190,3 +202,125 @@ def test_threads_cannot_be_limited_after_numpy_was_loaded() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
     assert "threads must be limited before NumPy is imported" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("excess_rad", "is_solved", "is_solved_loosely"),
+    [
+        (0.5 * LIMIT_ROUNDING_RAD, True, True),
+        (0.5 * LOOSE_LIMIT_RAD, False, True),
+        (2.0 * LOOSE_LIMIT_RAD, False, False),
+    ],
+)
+def test_answer_outside_the_limits_is_unsolved(
+    left: Arm, verifier: Verifier, excess_rad: float, is_solved: bool, is_solved_loosely: bool
+) -> None:
+    q = left.neutral.copy()
+    q[3] = left.limits.q_max[3] + excess_rad
+    verdict = verifier.verdict(left.T_base_tip(q), q)
+    assert verdict.position_error_m <= TOLERANCE
+    assert (verdict.is_solved, verdict.is_solved_loosely) == (is_solved, is_solved_loosely)
+
+
+def test_verifier_measures_a_known_displacement(left: Arm, verifier: Verifier) -> None:
+    target = left.T_base_tip(left.neutral)
+    moved = left.neutral.copy()
+    moved[6] += 0.25  # the tip lies on the axis of the last joint
+    verdict = verifier.verdict(target, moved)
+    assert verdict.orientation_error_rad == pytest.approx(0.25, abs=1e-12)
+    assert verdict.position_error_m == pytest.approx(0.0, abs=1e-12)
+    assert verdict.axis_error == pytest.approx(0.25, abs=1e-12)
+
+
+def test_verifier_has_the_tip_where_the_arm_has_it(robot: Baxter, arm: Arm) -> None:
+    verifier, rng = Verifier(robot, arm), np.random.default_rng(4)
+    for _ in range(20):
+        q = arm.random_configuration(rng)
+        difference = verifier.T_base_tip(q).homogeneous - arm.T_base_tip(q).homogeneous
+        assert np.abs(difference).max() < SAME_CHAIN
+
+
+@pytest.mark.parametrize(
+    ("answer", "is_claimed"), [(None, False), ("seven", True), (np.full(7, np.nan), True)]
+)
+def test_what_is_no_answer_is_infinitely_far_away(
+    left: Arm, verifier: Verifier, answer: object, is_claimed: bool
+) -> None:
+    verdict = verifier.verdict(left.T_base_tip(left.neutral), answer)
+    assert verdict == Verdict(is_claimed=is_claimed)
+    assert (verdict.position_error_m, verdict.limit_excess_rad) == (math.inf, math.inf)
+    assert not verdict.is_solved
+    assert not verdict.is_solved_loosely
+
+
+@pytest.fixture
+def ours(left: Arm) -> dict[str, Contestant]:
+    contestant = enter(OURS[0], left)
+    assert isinstance(contestant, Contestant)
+    return {OURS[0].key: contestant}
+
+
+def test_every_engine_gives_the_verdicts_of_one_process(
+    robot: Baxter, left: Arm, ours: dict[str, Contestant]
+) -> None:
+    poses = draw_poses(left, Scenario.MID_RANGE, count=BLOCK + 7, seed=4)
+    (timed,) = measure(ours, poses, Verifier(robot, left))
+    ticks: list[int] = []
+    for engine in (Serial(), LocalPool(2)):
+        (row,) = measure_rates(robot, ours, poses, engine, ticks.append)
+        assert [asdict(v) for v in row.verdicts] == [asdict(v) for v in timed.verdicts]
+        assert (row.times_ns, row.errors) == ([], {})
+    assert sorted(ticks) == [7, 7, BLOCK, BLOCK]
+
+
+def test_what_a_solver_raises_is_counted_over_all_pieces(
+    robot: Baxter, left: Arm, ours: dict[str, Contestant], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("no luck")
+
+    solver = "baxter_kin.benchmark.measurement._solver"
+    bad = Contestant("bad", "1", "none", lambda *_: (), fail, lambda _: None)
+    monkeypatch.setattr(solver, lambda *_: (bad, Verifier(robot, left)))
+    poses = draw_poses(left, Scenario.NEAR, count=BLOCK + 7, seed=4)
+    (row,) = measure_rates(robot, ours, poses, Serial())
+    assert row.errors == {"ZeroDivisionError: no luck": BLOCK + 7}
+    assert row.solve_rate == 0.0
+
+
+def test_the_table_has_rates_and_no_times(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    numbers = tmp_path / "numbers.json"
+    assert main([*RATES, "--count", "20", "--jobs", "1", "--json", str(numbers)]) == 0
+    said = capsys.readouterr().out
+    assert "| solver | solved (1e-6) | solved (1e-5) |\n| --- | ---: | ---: |\n" in said
+    assert "No times were measured" in said
+    assert " ms" not in said
+    rows: list[dict[str, Any]] = json.loads(numbers.read_text())["measurements"]
+    assert [row["solve_rate"] for row in rows] == [1.0, 1.0]
+    assert not any(name.endswith("_ms") for row in rows for name in row)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("--jobs 2", "times are measured in one process; give --rates-only for more workers"),
+        ("--rates-only --batch", "--batch needs times, which --rates-only does not measure"),
+        ("--rates-only --jobs 0", "0 is not from 1 to 1024"),
+    ],
+)
+def test_what_does_not_fit_together_is_told(
+    words: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words.split())
+    assert ended.value.code == 2
+    assert told in capsys.readouterr().err
+
+
+def test_a_lost_engine_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*RATES, "--scheduler", "nonsense"]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("baxter_kin.benchmark: no scheduler answers at 'nonsense'")
+    assert said.count("\n") == 1

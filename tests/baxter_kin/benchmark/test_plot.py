@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from baxter_kin.benchmark.measurement import Measurement
+from baxter_kin.benchmark.measurement import Measurement, Verdict
 from baxter_kin.benchmark.plot import draw, solved_over_time, supported_formats
 from baxter_kin.benchmark.poses import PoseSet, Scenario
 from baxter_kin.benchmark.report import BenchmarkOutcome
-from baxter_kin.benchmark.verification import Verdict
 from tests.baxter_kin.benchmark.test_measurement import fake
 
 SOLVED, UNSOLVED = Verdict(0.0, 0.0, 0.0, 0.0, True), Verdict()

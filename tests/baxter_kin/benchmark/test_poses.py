@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Arm, Baxter
+from baxter_kin.benchmark.measurement import Verifier
 from baxter_kin.benchmark.poses import (
     E1,
     NEAR_RAD,
@@ -19,7 +20,6 @@ from baxter_kin.benchmark.poses import (
     draw_poses,
     smallest_singular_value,
 )
-from baxter_kin.benchmark.verification import Verifier
 
 COUNT = 25
 FULL_RANK = 1e-4

@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baxter_kin.benchmark.entrants import Absence
-from baxter_kin.benchmark.measurement import measure
-from baxter_kin.benchmark.options import BenchmarkOptions
-from baxter_kin.benchmark.poses import PoseSet, Scenario
+from baxter_kin.benchmark.command import BenchmarkOptions
+from baxter_kin.benchmark.measurement import Verifier, measure
+from baxter_kin.benchmark.poses import PoseSet
 from baxter_kin.benchmark.report import (
     BATCH_COLUMNS,
     COLUMNS,
@@ -21,7 +20,7 @@ from baxter_kin.benchmark.report import (
     percent,
     three_digits,
 )
-from baxter_kin.benchmark.verification import Verifier
+from baxter_kin.benchmark.solvers import Absence
 from tests.baxter_kin.benchmark.conftest import COUNT
 from tests.baxter_kin.benchmark.test_measurement import fake, raising
 
@@ -102,7 +101,7 @@ def test_table_lists_an_absent_package_once_and_every_complaint(
 ) -> None:
     bad = fake(poses, raising)
     absences = [Absence("a", "x is not installed"), Absence("b", "x is not installed")]
-    options = BenchmarkOptions(("left",), (Scenario.MID_RANGE,), ("bad",), len(poses), 0)
+    options = BenchmarkOptions(solvers=("bad",), count=len(poses))
     rows = measure({"bad": bad}, poses, verifier)
     text = markdown(BenchmarkOutcome(options, Machine.this(), {"bad": bad}, absences, rows, []))
     assert text.count("Not measured: x is not installed.") == 1
@@ -113,7 +112,7 @@ def test_what_is_infinite_is_null_in_json(
     poses: PoseSet, verifier: Verifier, tmp_path: Path
 ) -> None:
     bad = fake(poses, lambda _: None)
-    options = BenchmarkOptions(("left",), (Scenario.MID_RANGE,), ("bad",), len(poses), 0)
+    options = BenchmarkOptions(solvers=("bad",), count=len(poses))
     rows = measure({"bad": bad}, poses, verifier)
     BenchmarkOutcome(options, Machine.this(), {"bad": bad}, [], rows, []).write(tmp_path / "a.json")
     (row,) = json.loads((tmp_path / "a.json").read_text("utf-8"))["measurements"]

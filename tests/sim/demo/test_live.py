@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from sim.demo import live, main
+from sim.demo import main, outputs
 from tests.sim.conftest import Watched
 from tests.sim.view.live.websocket import DEADLINE_S, Page
 from tests.sim.view.replay_decoding import decoded
@@ -35,7 +35,7 @@ def test_it_opens_the_page_once(
     for name, value in environ.items():
         monkeypatch.setenv(name, value)
     found: list[str] = []
-    monkeypatch.setattr(live, "open_page", found.append)
+    monkeypatch.setattr(outputs, "open_page", found.append)
     monkeypatch.setattr(sys, "platform", "linux")
     port = free_port()
     obstacle = ["--obstacle", "0.6", "0.3", "0", "1", "1", "1"]

@@ -1,29 +1,189 @@
-"""What was asked for decides whether the demo looks for the block."""
-
 from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from inspect import signature
+from pathlib import Path
 
 import pytest
 
+from baxter_kin.command_line import parse
 from baxter_kin.limits import PRESETS
-from sim import outcome
-from sim.demo import options
-from sim.demo.arguments import parse_options
-from sim.demo.options import DEFAULT_POSES_M
+from planner import PickAndPlace
+from planner.atlas.questions.placing.task import TableTransfer
+from planner.pick_place.task import DEFAULT_CLEAR_M, DEFAULT_HOVER_M
+from sim import Transfer, outcome
+from sim.demo import options as demo_options
+from sim.demo.options import DEFAULT_POSES_M, DEFAULT_RETRIES, DemoOptions
+
+
+def parse_options(line: Sequence[str]) -> DemoOptions:
+    return parse(DemoOptions, line)
+
+
+def test_default_is_the_original_demo() -> None:
+    options = parse_options([])
+    assert options.limb == "left"
+    assert options.hover_m == DEFAULT_HOVER_M
+    assert options.poses_m == ((0.70, 0.15, -0.129), (0.75, 0.00, -0.129))
+    assert options.cycles == 2
+    assert options.speed_ratio == 1.0
+    assert not options.is_headless
+    assert options.poses_m == DEFAULT_POSES_M
+
+
+def test_the_hover_distance_is_the_same_for_whoever_does_not_give_one(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert demo_options.DEFAULT_HOVER_M == DEFAULT_HOVER_M
+    with pytest.raises(SystemExit):
+        parse_options(["--help"])
+    assert f"sideways above {100.0 * DEFAULT_CLEAR_M:g} cm" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    for maker in (PickAndPlace, Transfer, TableTransfer, TableTransfer.from_above):
+        defaults = {name: p.default for name, p in signature(maker).parameters.items()}
+        assert defaults["hover_m"] == DEFAULT_HOVER_M
+        assert defaults["clear_m"] == DEFAULT_CLEAR_M
+
+
+def test_a_dwell_is_that_of_a_robot_unless_it_is_said(tmp_path: Path) -> None:
+    csv = ["--csv", str(tmp_path / "x.csv")]
+    found = [parse_options([*csv, *more]).dwell_s for more in ([], ["--dwell"], ["--dwell", "0"])]
+    assert found == [None, 1.0, 0.0]
+
+
+def test_poses_are_mirrored_for_the_right_arm() -> None:
+    assert parse_options(["--limb", "right"]).poses_m[0] == (0.70, -0.15, -0.129)
+
+
+def test_added_poses_follow_the_default_ones_and_add_cycles() -> None:
+    options = parse_options(
+        ["--add-pose", "0.72", "0.075", "-0.129", "--add-pose", "0.7", "0", "-.13"]
+    )
+    assert options.poses_m[2:] == ((0.72, 0.075, -0.129), (0.7, 0.0, -0.13))
+    assert options.cycles == 4
+
+
+def test_forever_has_no_number_of_cycles() -> None:
+    assert parse_options(["--forever"]).cycles is None
 
 
 @pytest.mark.parametrize(
-    ("line", "looks"),
+    ("line", "words"),
+    [
+        ("--limb up", "--limb: invalid choice: 'up'"),
+        ("--hover 0", "--hover: 0 is not above zero"),
+        ("--hover nan", "--hover: 'nan' is not a finite number"),
+        ("--speed 1.5", "--speed: 1.5 is not from 0.001 to 1"),
+        ("--speed 0", "--speed: 0 is not from 0.001 to 1"),
+        ("--cycles 0", "--cycles: 0 is not at least 1"),
+        ("--cycles two", "--cycles: 'two' is not a whole number"),
+        ("--add-pose 1 2", "--add-pose: expected 3 arguments"),
+        ("--add-pose 1 2 inf", "--add-pose: 'inf' is not a finite number"),
+        ("--add-pose 1 2 here", "--add-pose: 'here' is not a number"),
+        ("--forever --cycles 3", "exclude each other"),
+        ("--csv /no/such/folder/x.csv", "the folder of /no/such/folder/x.csv does not exist"),
+        ("--html /", "cannot write /: it is a folder, no regular file"),
+        ("--html /dev/null", "cannot write /dev/null: it is a device, no regular file"),
+        (f"--html {'a' * 300}", f"cannot write {'a' * 200}...: File name too long"),
+        ("--dwell 1", "--dwell is for the file of --csv; give both"),
+        ("--csv x --dwell -1", "-1"),
+        ("--csv x --dwell 61", "--dwell: 61 is not from 0 to 60 s"),
+        ("--csv x --dwell --retries 1", "leave noise and --retries out"),
+        ("--csv x --dwell --noise-mm 1", "leave noise and --retries out"),
+        ("--limits fast", "--limits: invalid choice: 'fast'"),
+        ("--csv x --report x", "must go to different files"),
+        ("--csv x.npz --record x.npz", "must go to different files"),
+        ("--record run.txt", "--record: run.txt must end in one of .bag, .jsonl, .mcap, .npz"),
+        ("--record run.npz --forever", "with --forever use .jsonl"),
+        ("--add-pose 1e308 0 0", "--add-pose: 1e308 is not within 10 m of the robot"),
+        (
+            "--add-pose 700 150 -129",
+            "--add-pose: 700 is not within 10 m of the robot; are these mil",
+        ),
+        ("--hover 150", "are these millimetres? Lengths are in metres: 150 mm is 0.15 m"),
+        ("--margin 12", "are these millimetres? Lengths are in metres: 12 mm is 0.012 m"),
+        ("-v -q", "not allowed with"),
+        ("--obstacle 0 0 0 1 1", "--obstacle: expected 6 arguments"),
+        ("--obstacle 0 0 0 1 1 0", "the size of an obstacle must be above zero"),
+        ("--obstacle 0 0 0 1 1 nan", "'nan' is not a finite number"),
+        ("--line-tolerance 0 1", "--line-tolerance: 0 is not from 0.001 to 100 mm or deg"),
+        ("--line-tolerance 1", "--line-tolerance: expected 2 arguments"),
+        ("--margin -0.01", "--margin: -0.01 is not from 0 to 10 m"),
+        ("--noise-mm -1", "--noise-mm: -1 is not from 0 to 1000 mm"),
+        ("--noise-deg 181", "--noise-deg: 181 is not from 0 to 180 deg"),
+        ("--retries -1", "--retries: -1 is not at least 0"),
+        ("--seed 0.5", "--seed: '0.5' is not a whole number"),
+        ("--plan /no/such/folder/x", "the folder of /no/such/folder/x does not exist"),
+        ("--gazebo", "unrecognized arguments: --gazebo"),
+    ],
+)
+def test_wrong_usage_is_one_sentence_and_status_2(
+    line: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        parse_options(line.split())
+    said = capsys.readouterr().err
+    assert stopped.value.code == 2
+    assert words in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("suffix", [".jsonl", ".mcap", ".npz"])
+def test_a_recording_may_have_any_known_format(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run{suffix}"
+    assert parse_options(["--record", str(path)]).record == path
+
+
+def test_output_may_go_to_a_new_file(tmp_path: Path) -> None:
+    assert parse_options(["--csv", str(tmp_path / "x.csv")]).csv == tmp_path / "x.csv"
+
+
+@pytest.mark.parametrize("option", ["--html", "--csv", "--record", "--report", "--plan"])
+def test_links_that_form_a_loop_are_no_output(
+    tmp_path: Path, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    loop = tmp_path / "loop.npz"
+    loop.symlink_to(loop)
+    with pytest.raises(SystemExit) as stopped:
+        parse_options([option, str(loop)])
+    said = capsys.readouterr().err
+    assert stopped.value.code == 2
+    assert f"{option}: cannot write {loop}: its symbolic links form a loop" in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("link", [os.symlink, os.link])
+def test_two_names_of_one_file_are_one_output(
+    tmp_path: Path, link: Callable[[Path, Path], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, other = tmp_path / "x.csv", tmp_path / "x.json"
+    file.write_text("kept")
+    link(file, other)
+    with pytest.raises(SystemExit) as stopped:
+        parse_options(["--csv", str(file), "--report", str(other)])
+    assert stopped.value.code == 2
+    assert "must go to different files" in capsys.readouterr().err
+    assert file.read_text() == "kept"
+
+
+def test_noise_asks_for_retries_by_itself() -> None:
+    assert not parse_options([]).is_closed_loop
+    assert parse_options(["--noise-mm", "1"]).retries == DEFAULT_RETRIES
+    assert parse_options(["--noise-deg", "1", "--retries", "0"]).retries == 0
+    assert parse_options(["--retries", "2"]).is_closed_loop
+
+
+@pytest.mark.parametrize(
+    ("line", "is_closed"),
     [("", False), ("--retries 0", True), ("--retries 3", True), ("--noise-mm 1", True)],
 )
-def test_the_loop_is_closed_as_soon_as_attempts_are_counted(line: str, *, looks: bool) -> None:
-    assert parse_options(line.split()).is_closed_loop is looks
+def test_the_loop_is_closed_as_soon_as_attempts_are_counted(line: str, *, is_closed: bool) -> None:
+    assert parse_options(line.split()).is_closed_loop is is_closed
 
 
-def test_what_is_said_twice_is_the_same() -> None:
-    assert options.LIMITS == PRESETS
-    dwells = options.ROBOT_DWELL_S, options.LONGEST_DWELL_S
+def test_values_that_are_repeated_are_the_same() -> None:
+    assert demo_options.LIMITS == PRESETS
+    dwells = demo_options.ROBOT_DWELL_S, demo_options.MAX_DWELL_S
     assert dwells == (outcome.ROBOT_DWELL_S, outcome.LONGEST_DWELL_S)
-
-
-def test_the_block_poses_are_the_originals() -> None:
-    assert parse_options([]).poses_m == DEFAULT_POSES_M

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.command_line import parse
 from planner import Body
 from sim import (
     BagRecorder,
@@ -20,9 +21,9 @@ from sim import (
     load_recording,
     read_log,
 )
-from sim.demo.arguments import parse_options
 from sim.demo.interrupt import Interrupt
 from sim.demo.narration import Narrator
+from sim.demo.options import DemoOptions
 from sim.demo.outputs import StopWatch, outputs
 
 
@@ -35,7 +36,7 @@ def world(robot: Baxter, table: Body) -> World:
 
 def recorded(world: World, line: list[str], wait_s: float = 0.1) -> list[type]:
     """The classes of what records, after it has seen some time pass."""
-    options = parse_options(["--headless", *line])
+    options = parse(DemoOptions, ["--headless", *line])
     with ExitStack() as cleanup:
         observers = list(outputs(options, world, Narrator(0), cleanup))
         if wait_s:

@@ -9,12 +9,13 @@ from typing import Any
 
 import pytest
 
+from baxter_kin.command_line import parse
 from baxter_kin.fields import evolve
 from planner import Grip, GripperAction, Manipulator, Move, Plan, PlanFailure, plan_joint_move
 from planner.clearance import Clearance
 from sim import Event, EventKind, Outcome
-from sim.demo.arguments import parse_options
-from sim.demo.report import KEPT_CYCLES, KEPT_EVENTS, Report, Totals
+from sim.demo.options import DemoOptions
+from sim.demo.report import MAX_CYCLES, MAX_EVENTS, Report, Totals
 from tests.conftest import state_at
 
 POSES_M = ((0.7, 0.15, -0.129), (0.75, 0.0, -0.129))
@@ -37,7 +38,7 @@ def plan(manipulator: Manipulator) -> Plan:
 
 @pytest.fixture
 def report() -> Report:
-    return Report(parse_options([]))
+    return Report(parse(DemoOptions, []))
 
 
 def spoken(entry: Any) -> Any:
@@ -99,14 +100,14 @@ def test_a_plan_that_failed_has_its_reason_and_no_transfer(report: Report, plan:
 
 def test_only_the_last_cycles_and_events_are_kept(report: Report, manipulator: Manipulator) -> None:
     nothing = Plan(state_at(manipulator.arm.neutral), (), limb="left")
-    for number in range(KEPT_CYCLES + 3):
+    for number in range(MAX_CYCLES + 3):
         report.add_cycle(number, POSES_M, nothing, 0.0)
-    for number in range(KEPT_EVENTS + 5):
+    for number in range(MAX_EVENTS + 5):
         report.on_event(Event(float(number), EventKind.ENABLED, "robot enabled"))
     data = report.as_json()
-    assert [entry["cycle"] for entry in data["cycles"]] == [*range(3, KEPT_CYCLES + 3)]
+    assert [entry["cycle"] for entry in data["cycles"]] == [*range(3, MAX_CYCLES + 3)]
     assert data["events"][0]["time_s"] == 5.0
-    assert len(data["events"]) == KEPT_EVENTS
+    assert len(data["events"]) == MAX_EVENTS
 
 
 def test_a_report_is_no_success_until_it_is_said(report: Report) -> None:
@@ -119,8 +120,8 @@ def test_a_report_is_no_success_until_it_is_said(report: Report) -> None:
 
 
 def test_noise_is_told_of_only_where_the_block_is_looked_for() -> None:
-    assert Report(parse_options([])).as_json()["noise"] is None
-    told = Report(parse_options(["--noise-mm", "3", "--retries", "2"])).as_json()["noise"]
+    assert Report(parse(DemoOptions, [])).as_json()["noise"] is None
+    told = Report(parse(DemoOptions, ["--noise-mm", "3", "--retries", "2"])).as_json()["noise"]
     assert told == {"position_m": 0.003, "yaw_rad": 0.0, "retries": 2, "seed": 0}
 
 

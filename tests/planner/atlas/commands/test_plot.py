@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import shlex
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
 
-from baxter_kin.command_line import OneSentenceParser
+from baxter_kin.command_line import UsageError, parse
 from planner.atlas import ReachMap
-from planner.atlas.commands import plot
-from planner.atlas.commands.exit_status import UsageError
+from planner.atlas.commands.plot import Plot
 from planner.errors import AtlasError
 
 pytest.importorskip("matplotlib", exc_type=ImportError)
 
 
 def run(*arguments: str) -> int:
-    parser = OneSentenceParser(prog="plot")
-    plot.add_arguments(parser)
-    return plot.run(parser.parse_args(arguments))
+    return parse(Plot, arguments).run()
 
 
 @pytest.mark.parametrize(
@@ -59,25 +55,37 @@ def test_a_page_is_written_by_what_knows_viewers(
     ("options", "words"),
     [
         ("", "say what to write: --out FILE for a figure, --html FILE for a page"),
-        ("--out a.svg --height 5", "a height of 5 m lies outside of the map"),
-        ("--out a.svg --arm mid", "unknown arm of this map 'mid'; use one of: left, right"),
         ("--out a.svg --show profile --height 1", "a profile is of all heights"),
         ("--out a.svg --show margin --compare x", "--compare is of shares"),
-        ("--out a.svg --pointing 0 0 0", "the direction (0, 0, 0) points nowhere"),
         ("--html a.html --height 0.1", "--height is of a figure; say where to write one by --out"),
         ("--html a.html --show margin", "--show is of a figure; say where to write one by --out"),
+        ("--out reach.gif", "reach.gif must end in one of .svg, .pdf, .png"),
     ],
 )
-def test_what_makes_no_sense_is_answered_in_one_sentence(
-    small_map: ReachMap,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    options: str,
-    words: str,
+def test_options_that_contradict_each_other_are_refused_in_one_sentence(
+    options: str, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        parse(Plot, ["map.zarr", *options.split()])
+    assert ended.value.code == 2
+    text = capsys.readouterr().err
+    assert words in text
+    assert text.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("--height 5", "a height of 5 m lies outside of the map"),
+        ("--arm mid", "unknown arm of this map 'mid'; use one of: left, right"),
+        ("--pointing 0 0 0", "the direction (0, 0, 0) points nowhere"),
+    ],
+)
+def test_what_the_map_does_not_have_is_wrong_usage(
+    small_map: ReachMap, tmp_path: Path, options: str, words: str
+) -> None:
     with pytest.raises(UsageError) as refused:
-        run(str(small_map.path), *options.split())
+        run(str(small_map.path), "--out", str(tmp_path / "a.svg"), *options.split())
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
     assert list(tmp_path.iterdir()) == []
@@ -88,22 +96,3 @@ def test_a_map_to_compare_with_that_is_not_there_is_told(
 ) -> None:
     with pytest.raises(AtlasError, match="there is no map at nowhere"):
         run(str(small_map.path), "--out", str(tmp_path / "a.svg"), "--compare", "nowhere")
-
-
-def test_another_kind_of_file_is_refused(
-    small_map: ReachMap, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit):
-        run(str(small_map.path), "--out", "reach.gif")
-    assert "reach.gif ends in none of .svg, .pdf, .png" in capsys.readouterr().err
-
-
-def test_examples_parse(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    parser = OneSentenceParser(prog="plot")
-    plot.add_arguments(parser)
-    lines = [line for line in plot.EXAMPLES.splitlines() if line.startswith("  ")]
-    assert len(lines) >= 2
-    for line in lines:
-        assert shlex.split(line)[:4] == ["python", "-m", "planner.atlas", "plot"]
-        parser.parse_args(shlex.split(line)[4:])

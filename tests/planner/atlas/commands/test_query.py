@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import shlex
 from pathlib import Path
@@ -12,21 +11,18 @@ import numpy as np
 import pytest
 
 from baxter_kin import Baxter
-from baxter_kin.command_line import OneSentenceParser
+from baxter_kin.command_line import UsageError, parse
 from planner.atlas import ReachMap
 from planner.atlas.checking.pose_finder import PoseFinder
-from planner.atlas.commands import query
-from planner.atlas.commands.exit_status import UsageError
+from planner.atlas.commands.query import EXAMPLES, PoseQuestion, Query
 from planner.errors import AtlasError
 
 NEAR = "0.7 0.2 0.03 0 1 0 0"
 FAR = "0.7 0.9 0.9 0 1 0 0"
 
 
-def parsed(line: str) -> argparse.Namespace:
-    parser = OneSentenceParser(prog="query")
-    query.add_arguments(parser)
-    return parser.parse_args(shlex.split(line))
+def parsed(line: str) -> Query:
+    return parse(Query, shlex.split(line))
 
 
 def answer(
@@ -34,7 +30,7 @@ def answer(
 ) -> tuple[int, str, dict[str, Any]]:
     """Status, what was printed, and what was written."""
     file = folder / "answer.json"
-    status = query.run(parsed(f"{line} --json {file}"))
+    status = parsed(f"{line} --json {file}").run()
     return status, capsys.readouterr().out, json.loads(file.read_text())
 
 
@@ -46,11 +42,13 @@ def test_a_pose_is_answered_for_each_arm(
     assert said.count("\n") == 2
     assert "the left arm reaches it, " in said
     assert "the map's nearest cell, " in said
-    cell = small_map.nearest_cell("left", query._given(parsed(f"map pose {NEAR}")))
+    question = parsed(f"map pose {NEAR}").question
+    assert isinstance(question, PoseQuestion)
+    cell = small_map.nearest_cell("left", question.T_base_tip)
     assert data["left"]["nearest_cell"].endswith(f"is {cell.status}")
     finder = PoseFinder(robot, "left")
     q = np.array(data["left"]["q_rad"])
-    assert finder.holds(query._given(parsed(f"map pose {NEAR}")), q)
+    assert finder.holds(question.T_base_tip, q)
 
 
 def test_a_pose_out_of_reach_and_of_the_map_is_a_no(
@@ -69,7 +67,7 @@ def test_which_arm(small_map: ReachMap, tmp_path: Path, capsys: pytest.CaptureFi
     assert status == 0
     assert said.startswith("the left arm: it reaches the pose, ")
     assert data["best"] == "left"
-    assert query.run(parsed(f"{small_map.path} arm {FAR}")) == 1
+    assert parsed(f"{small_map.path} arm {FAR}").run() == 1
 
 
 def test_the_nearest_pose_in_all_three_ways(
@@ -104,11 +102,9 @@ def test_where_reads_a_task_and_tells_every_place(
 
 
 def test_examples_parse() -> None:
-    lines = [line for line in query.EXAMPLES.splitlines() if line.startswith("  python")]
-    assert len(lines) == 4
-    for line in lines:
+    for line in EXAMPLES.values():
         parsed(line.partition(" query ")[2])
-    assert max(map(len, lines)) <= 100
+        assert len(line) <= 98
 
 
 @pytest.mark.parametrize(
@@ -152,15 +148,15 @@ def test_what_no_map_can_answer_is_wrong_usage(
         backend="any",
     )
     with pytest.raises(UsageError, match=said):
-        query.run(parsed(f"{left.path} {question}"))
+        parsed(f"{left.path} {question}").run()
 
 
 def test_a_map_that_is_not_there_is_told(tmp_path: Path) -> None:
     with pytest.raises(AtlasError, match="there is no map at"):
-        query.run(parsed(f"{tmp_path / 'none'} pose {NEAR}"))
+        parsed(f"{tmp_path / 'none'} pose {NEAR}").run()
 
 
-@pytest.mark.parametrize("question", query._ASKED)
+@pytest.mark.parametrize("question", EXAMPLES)
 def test_the_help_of_a_question_has_its_example(
     question: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -168,5 +164,5 @@ def test_the_help_of_a_question_has_its_example(
         parsed(f"map {question} --help")
     assert ended.value.code == 0
     said = capsys.readouterr().out
-    assert f"examples:\n  {query._ASKED[question]}\n" in said
+    assert f"examples:\n  {EXAMPLES[question]}\n" in said
     assert "xit status" in " ".join(said.split())

@@ -7,18 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from baxter_kin.command_line import OneSentenceParser
-from baxter_kin.parallel import Serial, engine_options
+from baxter_kin import engine_options
+from baxter_kin.command_line import UsageError, parse
+from baxter_kin.parallel import Serial
 from planner.atlas import ReachMap
-from planner.atlas.commands import redundancy
-from planner.atlas.commands.exit_status import UsageError
+from planner.atlas.commands.redundancy import Redundancy
 from planner.atlas.redundancy import RedundancyMap, Subset, checking
-
-
-def parser() -> OneSentenceParser:
-    parser = OneSentenceParser(prog="redundancy", description=redundancy.HELP)
-    redundancy.add_arguments(parser)
-    return parser
 
 
 @pytest.fixture(autouse=True)
@@ -29,7 +23,7 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(*arguments: object) -> int:
-    return redundancy.run(parser().parse_args(list(map(str, arguments))))
+    return parse(Redundancy, list(map(str, arguments))).run()
 
 
 CHOICE = ("--arm", "left", "--x", "0.7", "--y", "0.2", "0.4", "--z", "0.1", "--rotations", 0, 2)
@@ -70,13 +64,14 @@ def test_the_cost_is_told_and_nothing_computed(
         (["a", "b", "--rotations", "1", "--tool-axis", "0", "0", "1"], "not allowed with"),
         (["a", "b", "--cost", "--check", "1"], "not allowed with argument --cost"),
         (["a"], "MAP"),
+        (["a", "b", "--z", "1", "2", "3"], "--z takes one coordinate or two, got 3"),
     ],
 )
 def test_wrong_usage_gets_one_sentence(
     arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
-        parser().parse_args(arguments)
+        parse(Redundancy, arguments)
     assert ended.value.code == 2
     assert said in capsys.readouterr().err
 
@@ -84,7 +79,6 @@ def test_wrong_usage_gets_one_sentence(
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("--z 1 2 3", "--z takes one coordinate or two, got 3"),
         ("--z 9", "no point of the map lies within z_m = 9"),
         ("--rotations 72", "rotations must be a whole number from 0 to 71, got 72"),
         ("--tool-axis 0 0 0", "tool_axis must be a direction"),

@@ -16,12 +16,12 @@ from pathlib import Path
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.command_line import parse
 from sim import read_log, read_recording
 from sim.ros1 import press
 from sim.ros1.master import Master
 from sim.ros1.node import Node
-from sim.ros1.robot import arguments
-from sim.ros1.robot.arguments import parse_options
+from sim.ros1.robot.options import PROG, RobotOptions
 from sim.ros1.robot.ros_robot import NAME
 from tests.sim.ros1.processes import until
 from tests.sim.ros1.robot.client import CORE, Client
@@ -189,7 +189,7 @@ def test_wrong_usage_is_one_sentence_and_status_2(
     options: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
-        parse_options(options)
+        parse(RobotOptions, options)
     assert ended.value.code == 2
     error = capsys.readouterr().err
     assert said in error
@@ -197,10 +197,10 @@ def test_wrong_usage_is_one_sentence_and_status_2(
 
 
 def test_its_defaults(capsys: pytest.CaptureFixture[str]) -> None:
-    options = parse_options([])
+    options = parse(RobotOptions, [])
     assert (options.lags, options.lag_s, options.has_side_effects) == (False, 0.4, True)
     assert (options.has_own_master, options.port, options.host) == (False, 11311, None)
-    assert options.is_calibrated
+    assert not options.is_uncalibrated
     with pytest.raises(SystemExit):
-        parse_options(["--help"])
-    assert arguments.PROG in capsys.readouterr().out
+        parse(RobotOptions, ["--help"])
+    assert PROG in capsys.readouterr().out

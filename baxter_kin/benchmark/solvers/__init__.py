@@ -1,1 +1,0 @@
-"""Other IK solvers, one module each, which is the only place that imports them."""
