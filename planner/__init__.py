@@ -23,15 +23,13 @@ if TYPE_CHECKING:
     from planner.manipulator import Manipulator
     from planner.motion.free_move import plan_free_move
     from planner.motion.joint_move import plan_joint_move
-    from planner.motion.response import Response
-    from planner.motion.response_fit import fit_response
+    from planner.motion.response import Response, fit_response
     from planner.motion.straight_line import LineTolerance, StraightLine
     from planner.motion.straight_move import plan_straight_move
     from planner.pick_place.candidates import transfer_bound_s
     from planner.pick_place.planning import plan_pick_and_place, plan_retract, plan_start_move
     from planner.pick_place.task import PickAndPlace
-    from planner.pick_place.tracking.proof import prove_tracking
-    from planner.pick_place.tracking.result import TrackingProof
+    from planner.pick_place.tracking import TrackingProof, prove_tracking
     from planner.plan import Claim, Grip, GripperAction, Move, Plan, PlanFailure
     from planner.plan_file import load_plan, save_plan
     from planner.scene.attachment import Attachment
@@ -122,14 +120,12 @@ __getattr__ = loader(
         "planner.motion.free_move",
         "planner.motion.joint_move",
         "planner.motion.response",
-        "planner.motion.response_fit",
         "planner.motion.straight_line",
         "planner.motion.straight_move",
         "planner.pick_place.candidates",
         "planner.pick_place.planning",
         "planner.pick_place.task",
-        "planner.pick_place.tracking.proof",
-        "planner.pick_place.tracking.result",
+        "planner.pick_place.tracking",
         "planner.plan",
         "planner.plan_file",
         "planner.scene.attachment",

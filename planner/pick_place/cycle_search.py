@@ -22,12 +22,10 @@ import pinocchio as pin
 
 from planner.clearance import ContinuousProof
 from planner.pick_place.candidates import CandidatePair, Candidates, Solutions
-from planner.pick_place.cycle import MOVES, SIDEWAYS, STAGES, Cycle, StoppingCycles
-from planner.pick_place.cycle_program import CycleProgram
-from planner.pick_place.hand_lines import refuse_blocked_hand
-from planner.pick_place.phases import PhaseMaker
+from planner.pick_place.cycles import Cycle, CycleProgram, StoppingCycles
+from planner.pick_place.phases import PhaseMaker, refuse_blocked_hand
 from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder, proven, refuse_blocked
-from planner.pick_place.task import PickAndPlace, PlanRequest
+from planner.pick_place.task import MOVES, SIDEWAYS, STAGES, PickAndPlace, PlanRequest
 from planner.plan import GripperAction, Plan, PlanFailure
 from planner.trajectory import Trajectory
 

@@ -35,7 +35,7 @@ from planner.motion.straight_line import STRICT, LineTolerance
 from planner.pick_place.cycle_search import CycleSearch
 from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder
 from planner.pick_place.task import PickAndPlace, PlanRequest, checked_height_m
-from planner.pick_place.tracking.proof import planned_for
+from planner.pick_place.tracking import planned_for
 from planner.plan import Plan, PlanFailure
 from planner.scene.attachment import Attachment
 from planner.scene.bodies import Scene

@@ -1,4 +1,10 @@
-"""PickAndPlace, what goes where, and PlanRequest, the arm, the scene and the promises of a plan."""
+"""PickAndPlace, what goes where; PlanRequest, the arm, the scene and what a plan must keep.
+
+```
+pick    open - approach - descend - close - retract
+place   approach - descend - open - retract
+```
+"""
 
 from __future__ import annotations
 
@@ -19,6 +25,19 @@ from planner.motion.joint_move import checked_start
 from planner.motion.straight_line import STRICT, LineTolerance
 from planner.scene.attachment import Attachment
 from planner.scene.bodies import FARTHEST_M, Scene
+
+PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
+
+PLACE_LINES = ("place: descend", "place: open", "place: retract")
+
+SIDEWAYS = ("pick: approach", "place: approach")
+"""Stages in which the tip is free; the other moves are along lines."""
+
+STAGES = ("pick: open", SIDEWAYS[0], *PICK_LINES, SIDEWAYS[1], *PLACE_LINES)
+"""All of them, in order."""
+
+MOVES = tuple(each for each in STAGES if each not in ("pick: open", "pick: close", "place: open"))
+"""Those in which the arm moves."""
 
 DEFAULT_HOVER_M = 0.15
 """Height above the place where the arm ends; the original demo's hover distance."""

@@ -77,7 +77,7 @@ def _save_description(link: BaxterLink, options: argparse.Namespace) -> None:
 
 
 def _identified(link: BaxterLink, options: argparse.Namespace, signals: Signals) -> int:
-    from planner.response_file import save_response  # noqa: PLC0415
+    from planner.motion.response import save_response  # noqa: PLC0415
     from sim.errors import SimulationError  # noqa: PLC0415
     from sim.ros1.execution.identification import Identification  # noqa: PLC0415
 

@@ -160,7 +160,7 @@ def _options(options: argparse.Namespace, response: Response | None) -> Executio
 
 def _response(options: argparse.Namespace, plan: Plan) -> Response | None:
     from planner import Response  # noqa: PLC0415
-    from planner.response_file import load_response  # noqa: PLC0415
+    from planner.motion.response import load_response  # noqa: PLC0415
 
     if options.response is not None:
         return load_response(options.response, plan.limb)

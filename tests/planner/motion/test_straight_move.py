@@ -27,8 +27,8 @@ from planner import (
 )
 from planner.errors import MotionError
 from planner.motion import straight_move
-from planner.motion.guess import Followed, Way, along
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
+from planner.motion.program.guess import Followed, Way, along
 from planner.splines import Sketch
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.planner.lines import (

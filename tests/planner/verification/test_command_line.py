@@ -25,7 +25,7 @@ from planner import (
     verify,
 )
 from planner.errors import TaskError
-from planner.response_file import save_response
+from planner.motion.response import save_response
 from planner.verification import command_line
 from planner.verification.command_line import main
 

@@ -1,24 +1,63 @@
-"""Runs: moves of a plan without a rest in between, tracked by an arm of a stated response."""
+"""Runs: moves of a plan without a rest in between, on an arm of a given response."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
-from baxter_kin.validation import FloatArray, Indices
+from baxter_kin.validation import Checked, FloatArray, Indices
+from baxter_kin.value_objects import OneLine, clear, millimetres, phrase, sentence
+from planner.clearance import Clearance
 from planner.collision.context import CollisionContext
 from planner.collision.continuous.joint_tube import JointTube
 from planner.collision.continuous.tube_proof import TubeClearance, TubeProofs
-from planner.errors import TrajectoryError
+from planner.errors import TaskError, TrajectoryError
 from planner.motion.off_path import CELLS, OffPath
 from planner.motion.response import Response
 from planner.motion.tracking_tube import JointRange, SettlingTube, tracking_tube
-from planner.pick_place.tracking.result import MoveTracking
 from planner.plan import Move, Step
 from planner.trajectory import Trajectory, joined
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class MoveTracking(Checked, OneLine, error=TaskError):
+    """What is proven of one move, wherever in its tube the joints are.
+
+    Attributes:
+        label: of the move.
+        clearance_m: nothing comes nearer to the arm, or to what it carries, than this, but for what
+            is touched on purpose; not above zero where that could not be proven.
+        nearest: the least distance that was found where the arm may be, and when from the first
+            set-point since it rested; None where there is nothing to come near.
+        deviation_rad: how far any joint may be from where the plan has it then.
+        tip_m: how far the tip may be off its path.
+        allowance_m: how far the hand, and what it holds, may be off their path while what they
+            touch on purpose is not proven to be apart from them; zero where it always is.
+        settled_tip_m: how far the tip may be from its goal when all joints are measured as settled,
+            and so when fingers close or open; None where the arm does not rest then.
+        failure: why the move is not proven; None where it is.
+    """
+
+    label: str
+    clearance_m: float
+    nearest: Clearance | None
+    deviation_rad: float
+    tip_m: float
+    allowance_m: float
+    settled_tip_m: float | None = None
+    failure: str | None = None
+
+    def _facts(self) -> tuple[str, ...]:
+        if self.failure is not None:
+            return phrase(self.label), sentence(self.failure)
+        allowance = f"{millimetres(self.allowance_m)} allowed" if self.allowance_m else ""
+        off = f"tip up to {millimetres(self.tip_m)} off"
+        return phrase(self.label), clear(self.clearance_m), off, allowance
+
 
 REST_RAD_S = 1e-6
 """A move that ends slower than this ends at rest."""

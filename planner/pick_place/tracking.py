@@ -25,20 +25,26 @@ have the arm at its goal.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from baxter_kin.errors import expect
-from baxter_kin.validation import finite_scalar
+from baxter_kin.validation import FloatArray, check_fields, finite_scalar, float_array
+from baxter_kin.value_objects import Frozen, OneLine, clear, count, millimetres, sentence
 from planner.clearance import checked_margin_m
 from planner.completion import manipulator_for, move_contexts
 from planner.errors import ResponseError, TaskError
 from planner.manipulator import Manipulator
 from planner.motion.response import Response
 from planner.motion.tracking_tube import JointRange
-from planner.pick_place.tracking.result import TrackingProof
-from planner.pick_place.tracking.runs import RunFound, TrackingDemands, check_rests, runs_of
+from planner.pick_place.tracked_runs import (
+    MoveTracking,
+    RunFound,
+    TrackingDemands,
+    check_rests,
+    runs_of,
+)
 from planner.plan import Plan, PlanFailure
 
 MOST_OFF_M = 0.04
@@ -210,3 +216,76 @@ def _amount(given: object, name: str) -> float:
     if value < 0.0:
         raise ResponseError(f"{name} must not be negative, got {value:g}")
     return value
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class TrackingProof(Frozen, OneLine):
+    """Whether a plan stays clear on an arm that follows its set-points so.
+
+    Attributes:
+        response: of the arm, and how set-points are sent.
+        moves: what is proven of each move, in order; none of a plan that is invalid itself.
+        margin_m: the distance that was asked for.
+        most_off_m: how far the hand may be off its path in moves in which it may touch something.
+        start_rad: how far each joint may be from the plan's start, as it is measured.
+        rate_rad_s: greatest speed of each joint on the way, shape (7,), rad/s: the robot's own cap
+            must be above it. Infinite for a joint that may catch up at once.
+        greatest_speed: the greatest speed that is known to pass with all else as it is: that of the
+            response where it passes, else one that was searched for; None where none was found.
+        failure: why it is not proven, in a sentence; None where it is.
+
+    Raises:
+        TaskError: when a value is of another class.
+    """
+
+    response: Response
+    moves: tuple[MoveTracking, ...]
+    margin_m: float
+    most_off_m: float
+    start_rad: float
+    rate_rad_s: FloatArray
+    greatest_speed: float | None
+    failure: str | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self, TaskError)
+        rates = float_array(self.rate_rad_s, "rate_rad_s", TaskError)
+        expected = self.response.settled_error_rad.shape
+        if rates.shape != expected:
+            raise TaskError(f"rate_rad_s has shape {rates.shape}; it must have shape {expected}")
+        rates.setflags(write=False)
+        object.__setattr__(self, "rate_rad_s", rates)
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether every path that the joints may take is proven."""
+        return self.failure is None
+
+    @property
+    def clearance_m(self) -> float:
+        """The least that is proven of all moves, contacts on purpose left out."""
+        return min((move.clearance_m for move in self.moves), default=float("inf"))
+
+    def __str__(self) -> str:
+        verdict = "every path that the joints may take is clear"
+        lines = [self.failure or verdict, *map(_told, self.moves)]
+        return "\n".join(lines)
+
+    def _facts(self) -> tuple[str, ...]:
+        if self.failure is not None:
+            return count(len(self.moves), "move"), sentence(self.failure)
+        return count(len(self.moves), "move"), f"valid, {clear(self.clearance_m)}"
+
+
+def _told(move: MoveTracking) -> str:
+    """A move in a line."""
+    parts = [
+        clear(move.clearance_m),
+        f"joints within {move.deviation_rad:.3f} rad",
+        f"tip within {millimetres(move.tip_m)} of its path",
+    ]
+    if move.allowance_m:
+        parts.append(f"{millimetres(move.allowance_m)} where it touches on purpose")
+    if move.settled_tip_m is not None:
+        parts.append(f"{millimetres(move.settled_tip_m)} from its goal when settled")
+    return f"  {move.label}: {', '.join(parts)}"

@@ -11,7 +11,7 @@ from baxter_kin import Arm
 from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray
 from planner import StraightLine
-from planner.motion.guess import (
+from planner.motion.program.guess import (
     ACCURACY,
     STRIDE_RAD,
     Followed,
