@@ -20,7 +20,7 @@ from planner.motion.joint_move import (
     rest_to_rest_s,
     stopping_at,
 )
-from planner.motion.program.guess import Followed, Way, along, drawn_to
+from planner.motion.program.guess import Followed, along, drawn_to
 from planner.motion.program.motion_program import MotionProgram
 from planner.motion.program.unknowns import MotionTask, Phase
 from planner.motion.straight_line import (
@@ -170,7 +170,7 @@ def _near(
     intervals, is_at_rest = fineness * intervals_on(line, tolerance, FEWEST), not any(rates)
     enters, leaves = any(rates[:2]), any(rates[2:])
     for _ in range(1 + HALVINGS):
-        guess = along(arm, limits, task.q_start, Way(line, intervals, ends_at_rest=True))
+        guess = along(arm, limits, task.q_start, line, intervals, ends_at_rest=True)
         if isinstance(guess, Followed):
             if other is not None:
                 return None

@@ -13,14 +13,14 @@ import pinocchio as pin
 from baxter_kin.validation import FloatArray
 from planner.collision.context import CollisionContext
 from planner.errors import MotionError
-from planner.motion.program.guess import Followed, Way, along, backwards, between
+from planner.motion.program.guess import Followed, along, backwards, between
 from planner.motion.program.motion_program import LED_CLEAR_M, MotionProgram, Motions, led_around
 from planner.motion.program.rows import Clearances
 from planner.motion.program.unknowns import MotionTask, Phase
 from planner.motion.straight_line import StraightLine, at_knots, intervals_on, is_on_line
 from planner.motion.straight_move import plan_straight_move
 from planner.pick_place.candidates import CandidatePair
-from planner.pick_place.plan_builder import NoSolutionError, free_motion, proven
+from planner.pick_place.plan_builder import NoSolutionError, ProvenMotion, free_motion, proven
 from planner.pick_place.task import MOVES, SIDEWAYS, PickAndPlace, PlanRequest
 from planner.splines import Sketch
 from planner.trajectory import Trajectory
@@ -144,9 +144,9 @@ class CycleProgram:
         pick, place, end = self._task.lines
         entry, at_pick, _, across, at_place, at_end = self._intervals
         arm, limits = self._manipulator.arm, self._manipulator.limits
-        up_pick = along(arm, limits, pair.q_pick, Way(pick, at_pick))
-        up_place = along(arm, limits, pair.q_place, Way(place, at_place))
-        up_end = along(arm, limits, pair.q_place, Way(end, at_end, ends_at_rest=True))
+        up_pick = along(arm, limits, pair.q_pick, pick, at_pick)
+        up_place = along(arm, limits, pair.q_place, place, at_place)
+        up_end = along(arm, limits, pair.q_place, end, at_end, ends_at_rest=True)
         if isinstance(up_pick, Followed) or isinstance(up_place, Followed):
             return None
         if isinstance(up_end, Followed):
@@ -229,8 +229,10 @@ class StoppingCycles:
         self._request, self._task, self._contexts = request, task, contexts
         self._planned: dict[tuple[str, bytes], Trajectory | NoSolutionError] = {}
 
-    def of(self, q_pick: FloatArray, q_place: FloatArray) -> Cycle:
-        """The motions for a pair of solutions, those between the lines around what is there.
+    def of(self, q_pick: FloatArray, q_place: FloatArray) -> tuple[Cycle, dict[str, ProvenMotion]]:
+        """The motions for a pair of solutions, and those of them that are proven, by stage.
+
+        Between the lines the arm goes around obstacles.
 
         Raises:
             NoSolutionError: when the arm cannot follow a line from one of them, a line collides, or
@@ -241,20 +243,22 @@ class StoppingCycles:
         up_place = self._line("place: descend", q_place, task.T_base_above_place)
         up_end = self._line("place: retract", q_place, task.T_base_end)
         down_pick, down_place = up_pick.reversed(), up_place.reversed()
-        for stage, motion in (
-            ("pick: descend", down_pick),
-            ("place: descend", down_place),
-            ("place: retract", up_end),
-        ):
-            proven(stage, motion, contexts[stage])
-        to_pick, to_place = (
-            free_motion(stage, ends, self._request.manipulator, contexts[stage], TIMEOUT_S)
-            for stage, ends in (
-                ("pick: approach", (q_start, down_pick.q_start)),
-                ("place: approach", (up_pick.q_goal, down_place.q_start)),
+        found = {
+            stage: proven(stage, motion, contexts[stage])
+            for stage, motion in (
+                ("pick: descend", down_pick),
+                ("place: descend", down_place),
+                ("place: retract", up_end),
             )
-        )
-        return Cycle(to_pick, down_pick, up_pick, to_place, down_place, up_end)
+        }
+        for stage, ends in (
+            ("pick: approach", (q_start, down_pick.q_start)),
+            ("place: approach", (up_pick.q_goal, down_place.q_start)),
+        ):
+            manipulator, context = self._request.manipulator, contexts[stage]
+            found[stage] = free_motion(stage, ends, manipulator, context, TIMEOUT_S)
+        to_pick, to_place = (found[stage].trajectory for stage in SIDEWAYS)
+        return Cycle(to_pick, down_pick, up_pick, to_place, down_place, up_end), found
 
     def _line(self, stage: str, q: FloatArray, T_base_top: pin.SE3) -> Trajectory:
         key = stage, q.tobytes()

@@ -77,18 +77,6 @@ class TrackingDemands(NamedTuple):
     start_rad: float
 
 
-class RunFound(NamedTuple):
-    """What is known of a run.
-
-    Attributes:
-        moves: what is proven of each.
-        rates: greatest speed of each joint, shape (7,), rad/s.
-    """
-
-    moves: tuple[MoveTracking, ...]
-    rates: FloatArray
-
-
 class RunTubes(NamedTuple):
     """Where the joints of an arm may be during a run.
 
@@ -158,9 +146,8 @@ class TrackedRun:
         several = (tracking_tube(self._trajectory, response, start) for start in starts)
         return RunTubes(response, whole, tuple(several))
 
-    def found(self, tracked: RunTubes, asked: TrackingDemands) -> RunFound:
-        """What is proven of it."""
-        found: list[MoveTracking] = []
+    def found(self, tracked: RunTubes, asked: TrackingDemands) -> Iterator[MoveTracking]:
+        """What is proven of each move."""
         for number, (move, (around, tubes)) in enumerate(
             zip(self._moves, self._tubes(tracked), strict=True)
         ):
@@ -168,8 +155,7 @@ class TrackedRun:
             settled_m = self._settled_m(tracked) if is_last else None
             tip_m = max(float(self._tip.over(tube).max()) for tube in tubes)
             off_rad = max(self._deviation_rad(tube, tracked.response.speed) for tube in tubes)
-            found.append(move.found(around, tubes, asked, (off_rad, tip_m, settled_m)))
-        return RunFound(tuple(found), tracked.whole.rates)
+            yield move.found(around, tubes, asked, (off_rad, tip_m, settled_m))
 
     def keeps(self, tracked: RunTubes, asked: TrackingDemands) -> bool:
         """Whether no move fails, and no more than that."""

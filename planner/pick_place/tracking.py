@@ -40,7 +40,8 @@ from planner.motion.response import Response
 from planner.motion.tracking_tube import JointRange
 from planner.pick_place.tracked_runs import (
     MoveTracking,
-    RunFound,
+    RunTubes,
+    TrackedRun,
     TrackingDemands,
     check_rests,
     runs_of,
@@ -149,9 +150,9 @@ class _PlanTracking:
 
     def proof(self, response: Response, *, seek_speed: bool = True) -> TrackingProof:
         """What is proven of every move, and the greatest speed that would pass."""
-        runs = list(self._found(response))
-        moves = [move for run in runs for move in run.moves]
-        rates = np.max([np.zeros(7), *(run.rates for run in runs)], axis=0)
+        tracked = list(self._tracked(response))
+        moves = [move for run, tubes in tracked for move in run.found(tubes, self._asked)]
+        rates = np.max([np.zeros(7), *(tubes.whole.rates for _, tubes in tracked)], axis=0)
         failure = next((move.failure for move in moves if move.failure is not None), None)
         speed: float | None = response.speed
         if failure is not None:
@@ -168,33 +169,21 @@ class _PlanTracking:
         passes, fails = 0, int(np.ceil(response.speed / SPEED_STEP - 1e-9))
         while fails - passes > 1:
             middle = (passes + fails) // 2
-            if self._passes(response.at_speed(middle * SPEED_STEP)):
+            tracked = self._tracked(response.at_speed(middle * SPEED_STEP))
+            if all(run.keeps(tubes, self._asked) for run, tubes in tracked):
                 passes = middle
             else:
                 fails = middle
         return round(passes * SPEED_STEP, 2) if passes else None
 
-    def _passes(self, response: Response) -> bool:
-        starts = self._starts(response)
+    def _tracked(self, response: Response) -> Iterator[tuple[TrackedRun, RunTubes]]:
+        """The runs in order, each with the tubes of the joints during it."""
+        off_rad = self._asked.start_rad + response.settled_error_rad  # measurements have errors
+        starts: tuple[JointRange, ...] = ((self._q_start - off_rad, self._q_start + off_rad),)
         for run in self._runs:
-            tracked = run.tracked(response, starts)
-            if not run.keeps(tracked, self._asked):
-                return False
-            starts = tracked.starts
-        return True
-
-    def _found(self, response: Response) -> Iterator[RunFound]:
-        """Run after run."""
-        starts = self._starts(response)
-        for run in self._runs:
-            tracked = run.tracked(response, starts)
-            yield run.found(tracked, self._asked)
-            starts = tracked.starts
-
-    def _starts(self, response: Response) -> tuple[JointRange, ...]:
-        """Where joints may be before the first run."""
-        off_rad = self._asked.start_rad + response.settled_error_rad  # what is measured has errors
-        return ((self._q_start - off_rad, self._q_start + off_rad),)
+            tubes = run.tracked(response, starts)
+            yield run, tubes
+            starts = tubes.starts
 
 
 def _advice(response: Response, speed: float | None) -> str:

@@ -28,7 +28,7 @@ from planner import (
 from planner.errors import MotionError
 from planner.motion import straight_move
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
-from planner.motion.program.guess import Followed, Way, along
+from planner.motion.program.guess import Followed, along
 from planner.splines import Sketch
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.planner.lines import (
@@ -126,9 +126,19 @@ def test_what_is_known_stays_where_another_guess_cannot_be_followed(
     monkeypatch.setattr(straight_move, "is_on_line", lambda *_: next(looks, False))
     asked = list[int]()
 
-    def stuck(arm: Arm, limits: JointLimits, q: FloatArray, way: Way) -> Sketch | Followed:
-        asked.append(way.intervals)
-        return Followed([], 0.2, q) if len(asked) > 2 else along(arm, limits, q, way)
+    def stuck(
+        arm: Arm,
+        limits: JointLimits,
+        q: FloatArray,
+        line: StraightLine,
+        intervals: int,
+        *,
+        ends_at_rest: bool,
+    ) -> Sketch | Followed:
+        asked.append(intervals)
+        if len(asked) > 2:
+            return Followed([], 0.2, q)
+        return along(arm, limits, q, line, intervals, ends_at_rest=ends_at_rest)
 
     monkeypatch.setattr(straight_move, "along", stuck)
     found = drawn_move(left, 354)[0]

@@ -15,7 +15,7 @@ from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray
 from planner import StraightLine, Trajectory, plan_joint_move
 from planner.motion.program import tip_rows
-from planner.motion.program.guess import Way, along
+from planner.motion.program.guess import along
 from planner.motion.program.motion_program import (
     BY_ROUND,
     LESS_TRUST,
@@ -106,7 +106,7 @@ def straight(
     """A rise, with limits as for that share of all speeds."""
     T, limits = arm.T_base_tip(q), arm.limits.scaled(speed)
     line = StraightLine(T, raised(T, height_m))
-    guess = along(arm, limits, q, Way(line, intervals, ends_at_rest=True))
+    guess = along(arm, limits, q, line, intervals, ends_at_rest=True)
     assert isinstance(guess, Sketch)
     program = MotionProgram([Phase(intervals, 0, rests=True)], 7)
     found = program.solve([guess], MotionTask(q, (line,), TOLERANCE), arm, limits)
