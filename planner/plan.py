@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TypeAlias
 
@@ -13,20 +12,17 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import IKResult
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import ConfigurationError, UnknownNameError, expect, expect_all
+from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
+from baxter_kin.fields import evolve, field, sequence, value
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
 from baxter_kin.validation import (
-    Checked,
     FloatArray,
-    check_fields,
     finite_array,
     finite_scalar,
     float_array,
 )
 from baxter_kin.value_objects import (
-    Frozen,
     FrozenMapping,
-    OneLine,
     clear,
     count,
     millimetres,
@@ -38,7 +34,7 @@ from planner.clearance import SHOWN_M, Clearance, ContinuousContact, ContinuousP
 from planner.collision.context import CollisionContext
 from planner.errors import TaskError
 from planner.motion.response import Response
-from planner.motion.straight_line import LineTolerance
+from planner.motion.straight_line import STRICT, LineTolerance
 from planner.scene.contact import Contact
 from planner.state import State
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
@@ -47,8 +43,19 @@ SHOWN_RAD = 0.005
 """A move that ends nearer to the answer of inverse kinematics than this ends there."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Claim(Frozen, OneLine):
+def _finite_numbers(given: object) -> FrozenMapping[str, float]:
+    """A read-only copy of a mapping of names to finite numbers."""
+    numbers = expect(given, Mapping, "the values of a claim", TaskError)  # type: ignore[type-abstract]
+    return FrozenMapping(
+        {
+            expect(name, str, "the name of a value", TaskError): finite_scalar(x, name, TaskError)
+            for name, x in numbers.items()
+        }
+    )
+
+
+@value(error=TaskError)
+class Claim:
     """A property that a move is stated to have, for which `Move` has no field.
 
     Plan files keep claims of every kind. `verify` certifies no plan with a claim of a kind that it
@@ -63,24 +70,14 @@ class Claim(Frozen, OneLine):
     """
 
     kind: str
-    values: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        check_fields(self, TaskError)
-        values = {
-            expect(name, str, "the name of a value", TaskError): finite_scalar(
-                value, f"{self.kind}: {name}", TaskError
-            )
-            for name, value in self.values.items()
-        }
-        object.__setattr__(self, "values", FrozenMapping(values))
+    values: Mapping[str, float] = field(factory=dict, converter=_finite_numbers)
 
     def _facts(self) -> tuple[str, ...]:
         return phrase(self.kind), *(f"{name} {value:g}" for name, value in self.values.items())
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Move(Checked, OneLine, error=TaskError):
+@value(error=TaskError)
+class Move:
     """The arm goes to a waypoint.
 
     Attributes:
@@ -144,8 +141,8 @@ class GripperAction(str, Enum):
     CLOSE = "close"
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Grip(OneLine):
+@value(error=TaskError, eq=True)
+class Grip:
     """The gripper opens or closes.
 
     Attributes:
@@ -172,8 +169,7 @@ class Grip(OneLine):
     contacts: tuple[Contact, ...] = ()
     limb: str = ""
 
-    def __post_init__(self) -> None:
-        check_fields(self, TaskError)
+    def __attrs_post_init__(self) -> None:
         if self.opening_m is None:
             return
         opening = finite_scalar(self.opening_m, f"{self.label}: opening_m", TaskError)
@@ -193,8 +189,8 @@ class Grip(OneLine):
 Step: TypeAlias = Move | Grip
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class PlanFailure(Checked, OneLine, error=TaskError):
+@value(error=TaskError, eq=True)
+class PlanFailure:
     """Why there is no plan; `str()` of it is one sentence.
 
     Attributes:
@@ -233,8 +229,8 @@ class PlanFailure(Checked, OneLine, error=TaskError):
         return (sentence(self),)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Plan(Frozen, OneLine):
+@value(error=TaskError)
+class Plan:
     """Steps in order. An invalid plan says why and must not be executed.
 
     In a complete plan every step has its state, and each follows from the one before, the first
@@ -260,28 +256,26 @@ class Plan(Frozen, OneLine):
     """
 
     start: State
-    steps: tuple[Step, ...]
+    steps: tuple[Step, ...] = sequence()
     failure: PlanFailure | None = None
     robot: RobotIdentity | None = None
-    line_tolerance: LineTolerance = field(default_factory=LineTolerance)
+    line_tolerance: LineTolerance = STRICT
     response: Response | None = None
     limb: str = ""
 
-    def __post_init__(self) -> None:
-        steps = expect_all(self.steps, object, "the steps of a plan", TaskError)
-        object.__setattr__(self, "steps", steps)
-        check_fields(self, TaskError)
-        object.__setattr__(self, "limb", self.limb or self._limb_of_moves())
-        if self.limb not in LIMBS:
-            raise UnknownNameError("limb", self.limb, LIMBS)
-        own = (
-            replace(step, limb=self.limb) if isinstance(step, Grip) and not step.limb else step
+    def __attrs_post_init__(self) -> None:
+        limb = self.limb or self._limb_of_moves()
+        if limb not in LIMBS:
+            raise UnknownNameError("limb", limb, LIMBS)
+        object.__setattr__(self, "limb", limb)
+        steps = tuple(
+            evolve(step, limb=limb) if isinstance(step, Grip) and not step.limb else step
             for step in self
         )
-        object.__setattr__(self, "steps", tuple(own))
+        object.__setattr__(self, "steps", steps)
         self._check_steps()
         if not self._states_follow():
-            bare = (replace(step, state=None, contacts=()) for step in self)
+            bare = (evolve(step, state=None, contacts=()) for step in steps)
             object.__setattr__(self, "steps", tuple(bare))
 
     @property
@@ -382,8 +376,8 @@ MOST_NAMED = 3
 """Pairs that are named in the sentence; the data has all."""
 
 
-@dataclass(frozen=True, slots=True)
-class CollisionCount(Checked, error=TaskError):
+@value(error=TaskError, eq=True)
+class CollisionCount:
     """How often two things collide.
 
     Attributes:
@@ -412,8 +406,8 @@ class CollisionCount(Checked, error=TaskError):
         return f"{self.first} with {self.second}, at best {gap}"
 
 
-@dataclass(frozen=True, slots=True)
-class CollisionSummary(Checked, error=TaskError):
+@value(error=TaskError, eq=True)
+class CollisionSummary:
     """How many solutions of a waypoint collide; `str()` of it is one sentence.
 
     Attributes:

@@ -38,20 +38,21 @@ with a load, only other data can show.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baxter_kin.errors import FileError, expect, shown_path
+from baxter_kin.fields import evolve, field, scalar, value
 from baxter_kin.files import PathLike, open_to_read, replace_file
 from baxter_kin.json_data import from_json, shown, to_json
 from baxter_kin.json_text import as_lines, from_text
 from baxter_kin.kinematics.arm import JOINTS
-from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
-from baxter_kin.value_objects import Frozen, OneLine, seconds
+from baxter_kin.validation import FloatArray, finite_array, float_array
+from baxter_kin.value_objects import seconds
 from planner.errors import ResponseError
 from planner.trajectory import Trajectory
 
@@ -80,8 +81,34 @@ class Command(NamedTuple):
     v: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
-class Response(Frozen, OneLine):
+def _lags(given: ArrayLike) -> FloatArray:
+    lags = float_array(given, "lag_s", ResponseError)
+    if lags.shape == (2,):
+        lags = np.tile(lags, (len(JOINTS), 1))
+    lags = finite_array(lags, (len(JOINTS), 2), "lag_s", ResponseError)
+    for number, (least, most) in enumerate(lags.tolist()):
+        if not 0.0 <= least <= most <= LONGEST_LAG_S:
+            raise ResponseError(
+                f"lag_s of joint {number} must be least and greatest, from 0 to "
+                f"{LONGEST_LAG_S:g} s, got {least:g} and {most:g}"
+            )
+    return lags
+
+
+def _errors(given: ArrayLike) -> FloatArray:
+    errors = float_array(given, "settled_error_rad", ResponseError)
+    if errors.ndim == 0:
+        errors = np.full(len(JOINTS), errors)
+    errors = finite_array(errors, (len(JOINTS),), "settled_error_rad", ResponseError)
+    if not ((errors >= 0.0) & (errors <= LARGEST_ERROR_RAD)).all():
+        raise ResponseError(
+            f"settled_error_rad must be from 0 to {LARGEST_ERROR_RAD:g} rad, got {errors.tolist()}"
+        )
+    return errors
+
+
+@value(error=ResponseError)
+class Response:
     """How an arm follows its set-points, as bounds; and how these are sent.
 
     Attributes:
@@ -96,37 +123,22 @@ class Response(Frozen, OneLine):
             rested. What comes later is not covered.
     """
 
-    lag_s: FloatArray
-    settled_error_rad: FloatArray
-    speed: float
-    lead_s: float
-    late_s: float
+    lag_s: FloatArray = field(converter=_lags)
+    settled_error_rad: FloatArray = field(default=0.0, converter=_errors)
+    speed: float = scalar(above=0.0, most=1.0, default=1.0)
+    lead_s: float = scalar(least=0.0, most=LONGEST_LEAD_S, default=0.0)
+    late_s: float = scalar(least=0.0, most=LONGEST_LATE_S, default=LATE_S)
 
-    def __init__(
-        self,
-        lag_s: ArrayLike,
-        settled_error_rad: ArrayLike = 0.0,
-        speed: float = 1.0,
-        lead_s: float = 0.0,
-        late_s: float = LATE_S,
-    ) -> None:
-        """Check what is said of the arm.
+    if TYPE_CHECKING:  # converters take more than the fields hold
 
-        Args:
-            lag_s: shape (7, 2), s; one pair of shape (2,) stands for all joints.
-            settled_error_rad: shape (7,), rad; one number stands for all joints.
-            speed: of plan time to time, in (0, 1].
-            lead_s: how far set-points lead, 0 .. `LONGEST_LEAD_S`.
-            late_s: how late the stream may be, 0 .. `LONGEST_LATE_S`.
-
-        Raises:
-            ResponseError: when a number is none, or outside its range; names the range.
-        """
-        object.__setattr__(self, "lag_s", _lags(lag_s))
-        object.__setattr__(self, "settled_error_rad", _errors(settled_error_rad))
-        object.__setattr__(self, "speed", _speed(speed))
-        object.__setattr__(self, "lead_s", _time(lead_s, "lead_s", LONGEST_LEAD_S))
-        object.__setattr__(self, "late_s", _time(late_s, "late_s", LONGEST_LATE_S))
+        def __init__(
+            self,
+            lag_s: ArrayLike,
+            settled_error_rad: ArrayLike = 0.0,
+            speed: float = 1.0,
+            lead_s: float = 0.0,
+            late_s: float = LATE_S,
+        ) -> None: ...
 
     @property
     def window_s(self) -> float:
@@ -147,7 +159,7 @@ class Response(Frozen, OneLine):
         Raises:
             ResponseError: when it is not above 0 and at most 1.
         """
-        return replace(self, speed=speed)
+        return evolve(self, speed=speed)
 
     def command(self, trajectory: Trajectory, t_s: ArrayLike) -> Command:
         """What is sent at a time, or at many, from the begin of a motion on.
@@ -181,46 +193,6 @@ def left_over(time_s: float | FloatArray, lag_s: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # lags of 0, or near it
         share = np.exp(-np.divide(time_s, lag_s))
     return np.where((lag_s > 0.0) | (np.asarray(time_s) <= 0.0), np.nan_to_num(share, nan=1.0), 0.0)
-
-
-def _lags(given: ArrayLike) -> FloatArray:
-    lags = float_array(given, "lag_s", ResponseError)
-    if lags.shape == (2,):
-        lags = np.tile(lags, (len(JOINTS), 1))
-    lags = finite_array(lags, (len(JOINTS), 2), "lag_s", ResponseError)
-    for number, (least, most) in enumerate(lags.tolist()):
-        if not 0.0 <= least <= most <= LONGEST_LAG_S:
-            raise ResponseError(
-                f"lag_s of joint {number} must be least and greatest, from 0 to "
-                f"{LONGEST_LAG_S:g} s, got {least:g} and {most:g}"
-            )
-    return lags
-
-
-def _errors(given: ArrayLike) -> FloatArray:
-    errors = float_array(given, "settled_error_rad", ResponseError)
-    if errors.ndim == 0:
-        errors = np.full(len(JOINTS), errors)
-    errors = finite_array(errors, (len(JOINTS),), "settled_error_rad", ResponseError)
-    if not ((errors >= 0.0) & (errors <= LARGEST_ERROR_RAD)).all():
-        raise ResponseError(
-            f"settled_error_rad must be from 0 to {LARGEST_ERROR_RAD:g} rad, got {errors.tolist()}"
-        )
-    return errors
-
-
-def _speed(given: object) -> float:
-    speed = finite_scalar(given, "speed", ResponseError)
-    if not 0.0 < speed <= 1.0:
-        raise ResponseError(f"speed must be above 0 and at most 1, got {speed:g}")
-    return speed
-
-
-def _time(given: object, name: str, most: float) -> float:
-    value = finite_scalar(given, name, ResponseError)
-    if not 0.0 <= value <= most:
-        raise ResponseError(f"{name} must be from 0 to {most:g} s, got {value:g}")
-    return value
 
 
 LEAST_SAMPLES, LONGEST_GAP_S = 50, 0.25

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
+from attrs import Factory
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect, millimetres_hint
+from baxter_kin.fields import field, scalar, value
 from baxter_kin.frames import PoseLike, angle_between, checked_pose, nearest_rotation
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
-from baxter_kin.value_objects import Frozen, OneLine, millimetres, position
+from baxter_kin.value_objects import millimetres, position
 from planner.errors import MotionError, StraightMoveError
 from planner.scene.bodies import FARTHEST_M
 from planner.trajectory import Trajectory
@@ -43,8 +44,8 @@ STRICT_M, STRICT_RAD = 1e-4, math.radians(0.02)
 """How far a tip may be off its line unless said otherwise."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class LineTolerance(OneLine):
+@value(error=MotionError, eq=True)
+class LineTolerance:
     """How far a tip may be off its line: 0.1 mm and 0.02 deg unless said otherwise.
 
     Attributes:
@@ -56,18 +57,18 @@ class LineTolerance(OneLine):
         MotionError: when one is no such number.
     """
 
-    position_m: float = STRICT_M
-    rotation_rad: float = STRICT_RAD
+    position_m: float = scalar(default=STRICT_M, what="line tolerance position_m")
+    rotation_rad: float = scalar(default=STRICT_RAD, what="line tolerance rotation_rad")
 
-    def __post_init__(self) -> None:
-        ranges = ("position_m", LEAST_M, FARTHEST_M), ("rotation_rad", LEAST_RAD, math.pi)
-        for name, least, most in ranges:
-            value = finite_scalar(getattr(self, name), f"line tolerance {name}", MotionError)
-            if not least <= value < most:
+    def __attrs_post_init__(self) -> None:
+        for name, given, low, high in (
+            ("position_m", self.position_m, LEAST_M, FARTHEST_M),
+            ("rotation_rad", self.rotation_rad, LEAST_RAD, math.pi),
+        ):
+            if not low <= given < high:
                 raise MotionError(
-                    f"line tolerance {name} must be from {least:g} to below {most:g}, got {value:g}"
+                    f"line tolerance {name} must be from {low:g} to below {high:g}, got {given:g}"
                 )
-            object.__setattr__(self, name, value)
 
     def _facts(self) -> tuple[str, ...]:
         return f"{1e3 * self.position_m:g} mm", f"{math.degrees(self.rotation_rad):g} deg"
@@ -77,8 +78,35 @@ STRICT = LineTolerance()
 """What is kept unless said otherwise."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class StraightLine(Frozen, OneLine):
+def _orthonormal(pose: PoseLike) -> pin.SE3:
+    """The pose with the rotation nearest to its own, which may be off by rounded digits."""
+    T = checked_pose(pose)
+    farthest = float(np.abs(T.translation).max())
+    if farthest > FARTHEST_M:
+        raise MotionError(
+            f"a line leads to {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
+            f"{millimetres_hint(farthest)}"
+        )
+    return pin.SE3(nearest_rotation(T.rotation), T.translation)
+
+
+def _twist_of(line: StraightLine) -> FloatArray:
+    start, goal = line.T_base_start, line.T_base_goal
+    angle = angle_between(start.rotation, goal.rotation)
+    if angle > math.pi - HALF_TURN_MARGIN_RAD:
+        raise StraightMoveError(
+            0.0,
+            f"the goal is turned by {math.degrees(angle):.6f} deg, half a turn, which has two "
+            "shortest ways: go by an orientation between",
+        )
+    turn = start.rotation @ pin.log3(start.rotation.T @ goal.rotation)
+    twist = np.concatenate([goal.translation - start.translation, turn])
+    twist.setflags(write=False)
+    return twist
+
+
+@value(error=MotionError)
+class StraightLine:
     """The poses between two, by the fraction s of the way, 0..1.
 
     The position is on the line between both, the orientation on the shortest rotation between them
@@ -89,33 +117,16 @@ class StraightLine(Frozen, OneLine):
         T_base_goal: the last one.
         twist: of the tip per unit of s, shape (6,): m, then rad, along the axes of base. It is the
             same all along.
+
+    Raises:
+        PoseError: when a pose is invalid.
+        MotionError: when a pose is farther away than `FARTHEST_M`.
+        StraightMoveError: when the rotation is half a turn.
     """
 
-    T_base_start: pin.SE3
-    T_base_goal: pin.SE3
-    twist: FloatArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Check both poses and compute the twist.
-
-        Raises:
-            PoseError: when one is no pose.
-            MotionError: when one is farther away than `FARTHEST_M`.
-            StraightMoveError: when the rotation is half a turn.
-        """
-        start, goal = (_orthonormal(T) for T in (self.T_base_start, self.T_base_goal))
-        angle = angle_between(start.rotation, goal.rotation)
-        if angle > math.pi - HALF_TURN_MARGIN_RAD:
-            raise StraightMoveError(
-                0.0,
-                f"the goal is turned by {math.degrees(angle):.6f} deg, half a turn, which has two "
-                "shortest ways: go by an orientation between",
-            )
-        turn = start.rotation @ pin.log3(start.rotation.T @ goal.rotation)
-        twist = np.concatenate([goal.translation - start.translation, turn])
-        twist.setflags(write=False)
-        for name, value in (("T_base_start", start), ("T_base_goal", goal), ("twist", twist)):
-            object.__setattr__(self, name, value)
+    T_base_start: pin.SE3 = field(converter=_orthonormal)
+    T_base_goal: pin.SE3 = field(converter=_orthonormal)
+    twist: FloatArray = field(init=False, default=Factory(_twist_of, takes_self=True))
 
     @property
     def length_m(self) -> float:
@@ -192,18 +203,6 @@ class StraightLine(Frozen, OneLine):
     def _facts(self) -> tuple[str, ...]:
         way = f"from {position(self.T_base_start)} to {position(self.T_base_goal)}"
         return way, millimetres(self.length_m), f"{round(self.angle_rad, 6):g} rad"
-
-
-def _orthonormal(pose: PoseLike) -> pin.SE3:
-    """The pose with the rotation nearest to its own, which may be off by rounded digits."""
-    T = checked_pose(pose)
-    farthest = float(np.abs(T.translation).max())
-    if farthest > FARTHEST_M:
-        raise MotionError(
-            f"a line leads to {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
-            f"{millimetres_hint(farthest)}"
-        )
-    return pin.SE3(nearest_rotation(T.rotation), T.translation)
 
 
 INTERVAL_M, INTERVAL_RAD = 0.011, 0.05

@@ -13,13 +13,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from functools import cached_property
 from itertools import islice
 
 import numpy as np
 import pinocchio as pin
 
+from baxter_kin.fields import evolve
 from planner.pick_place.candidates import CandidatePair, Candidates, Solutions
 from planner.pick_place.cycles import Cycle, CycleProgram, StoppingCycles
 from planner.pick_place.phases import PhaseMaker, refuse_blocked_hand
@@ -142,7 +142,7 @@ class CycleSearch:
         self._places = Solutions("place: descend", found.places, contexts["place: descend"])
         taken = self._phases.taken
         if taken is not None and len(found.places):
-            raise NoSolutionError(replace(taken, tallies=(self._places.summary(),)))
+            raise NoSolutionError(evolve(taken, tallies=(self._places.summary(),)))
         self._places.refuse_none_free()
         self._phases.refuse_impossible()
 
@@ -267,8 +267,8 @@ class CycleSearch:
         )
         told = [_told(failures), *(f"{tally.stage}: {tally}" for tally in tallies)]
         reason = f"{nearest.reason} ({'; '.join(told)})"
-        failure = replace(nearest, reason=reason, tried=failures, tallies=tallies)
-        return replace(best, failure=failure)
+        failure = evolve(nearest, reason=reason, tried=failures, tallies=tallies)
+        return evolve(best, failure=failure)
 
 
 def _nearness(failure: PlanFailure) -> tuple[int, float]:

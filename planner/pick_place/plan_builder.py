@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import pinocchio as pin
 
+from baxter_kin.fields import evolve
 from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray
 from planner.clearance import ContinuousContact, ContinuousProof
@@ -162,7 +162,7 @@ class PlanBuilder:
             raise NoSolutionError.at(step.label, str(cause)) from cause
         if isinstance(step, Grip):
             contacts = of_grip(step, state, self._state, self._manipulator)
-            step = replace(step, contacts=contacts)
+            step = evolve(step, contacts=contacts)
         self.steps.append(step)
 
 

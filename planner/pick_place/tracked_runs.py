@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
-from baxter_kin.validation import Checked, FloatArray, Indices
-from baxter_kin.value_objects import OneLine, clear, millimetres, phrase, sentence
+from baxter_kin.fields import value
+from baxter_kin.validation import FloatArray, Indices
+from baxter_kin.value_objects import clear, millimetres, phrase, sentence
 from planner.clearance import Clearance
 from planner.collision.context import CollisionContext
 from planner.collision.continuous.joint_tube import JointTube
@@ -23,8 +23,8 @@ from planner.plan import Move, Step
 from planner.trajectory import Trajectory, joined
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class MoveTracking(Checked, OneLine, error=TaskError):
+@value(error=TaskError, eq=True)
+class MoveTracking:
     """What is proven of one move, wherever in its tube the joints are.
 
     Attributes:

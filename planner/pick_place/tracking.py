@@ -25,13 +25,14 @@ have the arm at its goal.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect
-from baxter_kin.validation import FloatArray, check_fields, finite_scalar, float_array
-from baxter_kin.value_objects import Frozen, OneLine, clear, count, millimetres, sentence
+from baxter_kin.fields import evolve, field, value
+from baxter_kin.validation import FloatArray, finite_scalar, float_array
+from baxter_kin.value_objects import clear, count, millimetres, sentence
 from planner.clearance import checked_margin_m
 from planner.completion import manipulator_for, move_contexts
 from planner.errors import ResponseError, TaskError
@@ -126,10 +127,10 @@ def planned_for(
     tracking = _PlanTracking(plan, manipulator, asked)
     proof = tracking.proof(response)
     if proof.greatest_speed is not None:
-        return replace(plan, response=response.at_speed(proof.greatest_speed))
+        return evolve(plan, response=response.at_speed(proof.greatest_speed))
     failed = next(move for move in proof.moves if move.failure is not None)
     reason = str(proof.failure).removeprefix(f"{failed.label}: ")
-    return replace(plan, failure=PlanFailure(failed.label, reason))
+    return evolve(plan, failure=PlanFailure(failed.label, reason))
 
 
 class _PlanTracking:
@@ -207,8 +208,15 @@ def _amount(given: object, name: str) -> float:
     return value
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class TrackingProof(Frozen, OneLine):
+def _rates(given: ArrayLike) -> FloatArray:
+    """A read-only copy of speeds, which may be infinite."""
+    rates = float_array(given, "rate_rad_s", TaskError)
+    rates.setflags(write=False)
+    return rates
+
+
+@value(error=TaskError)
+class TrackingProof:
     """Whether a plan stays clear on an arm that follows its set-points so.
 
     Attributes:
@@ -232,18 +240,9 @@ class TrackingProof(Frozen, OneLine):
     margin_m: float
     most_off_m: float
     start_rad: float
-    rate_rad_s: FloatArray
+    rate_rad_s: FloatArray = field(converter=_rates)
     greatest_speed: float | None
     failure: str | None = None
-
-    def __post_init__(self) -> None:
-        check_fields(self, TaskError)
-        rates = float_array(self.rate_rad_s, "rate_rad_s", TaskError)
-        expected = self.response.settled_error_rad.shape
-        if rates.shape != expected:
-            raise TaskError(f"rate_rad_s has shape {rates.shape}; it must have shape {expected}")
-        rates.setflags(write=False)
-        object.__setattr__(self, "rate_rad_s", rates)
 
     @property
     def is_valid(self) -> bool:

@@ -13,11 +13,12 @@ one surface in the other solid, so never more than it takes to part the two.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from baxter_kin.fields import evolve
 from referee.clearance import Track
 from referee.findings import Finding
 from referee.fingers import Closing, Travel, closing, line_travel
@@ -198,7 +199,7 @@ class _Check:
         first, last = len(states[0].t), len(q) - len(states[-1].t)
         run = _Run(q, labels, np.concatenate([found.t for found in states]), 0, len(q))
         tips = self._tips(q)
-        return replace(
+        return evolve(
             run,
             line_out=first if _is_straight(tips[:first]) else 0,
             line_in=last if _is_straight(tips[last:]) else len(q),

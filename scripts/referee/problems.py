@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import (
     Attachment,
     Body,
@@ -119,7 +120,7 @@ def _bins(rng: np.random.Generator) -> Problem:
     ends = (problem.task.T_base_pick, problem.task.T_base_place)
     chosen = [ends[:1], ends[1:], ends][int(rng.integers(3))]
     walls = [wall for i, T in enumerate(chosen) for wall in _bin(rng, f"bin{i}", T.translation[:2])]
-    return replace(problem, scene=_with(problem.scene, walls))
+    return evolve(problem, scene=_with(problem.scene, walls))
 
 
 def _margins(rng: np.random.Generator) -> Problem:
@@ -127,9 +128,9 @@ def _margins(rng: np.random.Generator) -> Problem:
     problem = _transfer(rng, m, _block(rng, m, lowest=0.06), highest_m=0.0)
     assert problem.task is not None
     # fingers may come near the body only where the tip goes straight, so from above it
-    task = replace(problem.task, clear_m=0.13, hover_m=max(0.13, problem.task.hover_m))
+    task = evolve(problem.task, clear_m=0.13, hover_m=max(0.13, problem.task.hover_m))
     margin_m = float(rng.uniform(0.002, 0.020))
-    problem = replace(problem, task=task, margin_m=margin_m)
+    problem = evolve(problem, task=task, margin_m=margin_m)
     return _among(rng, problem, int(rng.integers(0, 3)))
 
 
@@ -141,7 +142,7 @@ def _rods(rng: np.random.Generator) -> Problem:
     assert problem.task is not None
     ends = (problem.task.T_base_pick, problem.task.T_base_place)
     T = ends[int(rng.integers(2))]
-    return replace(problem, scene=_with(problem.scene, [_rod(rng, m, T, width)]))
+    return evolve(problem, scene=_with(problem.scene, [_rod(rng, m, T, width)]))
 
 
 def _other_hand(rng: np.random.Generator) -> Problem:
@@ -159,9 +160,9 @@ def _other_hand(rng: np.random.Generator) -> Problem:
     world.set_fingers(other, (width - holder.hand.closed_gap_m) / 2 + 2e-4)
     down_m = float(rng.uniform(0.0, size[2] / 2 - 0.008)) if size[2] > 0.05 else 0.0
     world.attach(other, "held", _at(0.0, 0.0, down_m))
-    manipulator = replace(base, q_others=world.q)
+    manipulator = evolve(base, q_others=world.q)
     held = tuple(found for found in [world.holding(other)] if found is not None)
-    return replace(problem, manipulator=manipulator, scene=world.scene, held=held)
+    return evolve(problem, manipulator=manipulator, scene=world.scene, held=held)
 
 
 def _free(rng: np.random.Generator) -> Problem:
@@ -187,13 +188,13 @@ def _several_parts(rng: np.random.Generator) -> Problem:
     if rng.random() < 0.4:  # off the middle, so that a finger pushes the body along its support
         aside = _at(0.0, float(rng.uniform(-0.004, 0.004)), 0.0)
         ends = problem.task.T_base_pick * aside, problem.task.T_base_place * aside
-        problem = replace(
-            problem, task=replace(problem.task, T_base_pick=ends[0], T_base_place=ends[1])
+        problem = evolve(
+            problem, task=evolve(problem.task, T_base_pick=ends[0], T_base_place=ends[1])
         )
     if rng.random() < 0.5:
         problem = _on_a_step(rng, problem)
     if rng.random() < 0.3:
-        problem = replace(problem, margin_m=float(rng.uniform(0.0, 0.003)))
+        problem = evolve(problem, margin_m=float(rng.uniform(0.0, 0.003)))
     return problem
 
 
@@ -216,8 +217,8 @@ def _on_meshes(rng: np.random.Generator) -> Problem:
     )
     T_pick = rested.T_base_body * T_body_pick
     T_place = _at(0.0, 0.0, lift_m) * placed.T_base_body * T_body_pick
-    task = replace(task, T_base_pick=T_pick, T_base_place=T_place)
-    return replace(problem, scene=scene.with_body(rested), task=task)
+    task = evolve(task, T_base_pick=T_pick, T_base_place=T_place)
+    return evolve(problem, scene=scene.with_body(rested), task=task)
 
 
 FAMILIES: dict[str, Callable[[np.random.Generator], Problem]] = {
@@ -329,7 +330,7 @@ def _on_a_step(rng: np.random.Generator, problem: Problem) -> Problem:
     step = Body("step", parts, T_step, is_movable=bool(rng.integers(2)))
     raised = _at(0.0, 0.0, height) * task.T_base_place
     scene = _with(problem.scene, [step])
-    return replace(problem, scene=scene, task=replace(task, T_base_place=raised))
+    return evolve(problem, scene=scene, task=evolve(task, T_base_place=raised))
 
 
 def _dumbbell(rng: np.random.Generator, m: Manipulator) -> tuple[list[Part], float]:
@@ -461,7 +462,7 @@ def _among(rng: np.random.Generator, problem: Problem, count: int) -> Problem:
     scene = problem.scene
     for number in range(count):
         scene = _with(scene, _obstacle(rng, f"obstacle{number}", ends, problem.manipulator))
-    return replace(problem, scene=scene)
+    return evolve(problem, scene=scene)
 
 
 def _crowded(rng: np.random.Generator, problem: Problem, count: int) -> Problem:
@@ -482,7 +483,7 @@ def _crowded(rng: np.random.Generator, problem: Problem, count: int) -> Problem:
             if centre[2] > TABLE_Z_M + 0.15 and NEAREST_M < near_m < NEAR_M:
                 cubes.append(cube)
                 break
-    return replace(problem, scene=_with(problem.scene, cubes))
+    return evolve(problem, scene=_with(problem.scene, cubes))
 
 
 def _ends(problem: Problem) -> list[Array]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from baxter_kin.fields import evolve
 from referee.clearance import Track, distance_m, inverse
 from referee.motion import arm_joints
 from referee.solids import Array, Solid, box_solid, solid_of
@@ -40,7 +41,7 @@ class Thing:
 
     def at(self, T: Array) -> Thing:
         """The same body elsewhere."""
-        return replace(self, T=T)
+        return evolve(self, T=T)
 
     def raised(self, height_m: float) -> Thing:
         """The same body higher up."""
@@ -137,7 +138,7 @@ class Stage:
 
     def moved(self, q: Array) -> Stage:
         """The arm elsewhere; what it holds comes along."""
-        return replace(
+        return evolve(
             self,
             joints={
                 **self.joints,
@@ -148,22 +149,22 @@ class Stage:
     def opened(self, opening_m: float) -> Stage:
         """The fingers elsewhere."""
         first, second = self.finger_names
-        return replace(self, joints={**self.joints, first: opening_m, second: -opening_m})
+        return evolve(self, joints={**self.joints, first: opening_m, second: -opening_m})
 
     def with_thing(self, thing: Thing) -> Stage:
         """A body put somewhere."""
-        return replace(self, things={**self.things, thing.name: thing})
+        return evolve(self, things={**self.things, thing.name: thing})
 
     def holding(self, name: str, T_tip_held: Array) -> Stage:
         """A body taken into the hand."""
         others = {key: thing for key, thing in self.things.items() if key != name}
-        return replace(self, things=others, held=self.things[name], T_tip_held=np.array(T_tip_held))
+        return evolve(self, things=others, held=self.things[name], T_tip_held=np.array(T_tip_held))
 
     def released(self) -> Stage:
         """What is held, left where it is."""
         thing = self.in_hand
         assert thing is not None
-        return replace(self.with_thing(thing), held=None, T_tip_held=None)
+        return evolve(self.with_thing(thing), held=None, T_tip_held=None)
 
     def links(self, joints: Mapping[str, Array | float]) -> dict[str, list[Track]]:
         """Every solid of every link where some joints, shape (n,) or (), put it."""

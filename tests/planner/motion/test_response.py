@@ -51,11 +51,11 @@ def test_each_joint_may_have_its_own() -> None:
         ({"settled_error_rad": -1e-3}, "from 0 to 0.2 rad"),
         ({"settled_error_rad": 1.0}, "from 0 to 0.2 rad"),
         ({"settled_error_rad": [0.0] * 6}, "shape"),
-        ({"speed": 0.0}, "above 0"),
+        ({"speed": 0.0}, "above zero"),
         ({"speed": 1.1}, "at most 1"),
         ({"speed": True}, "speed"),
-        ({"lead_s": -0.1}, "from 0 to 1 s"),
-        ({"late_s": 20.0}, "from 0 to 1 s"),
+        ({"lead_s": -0.1}, "negative"),
+        ({"late_s": 20.0}, "at most 1"),
     ],
 )
 def test_refuses_what_no_arm_does(given: dict[str, Any], said: str) -> None:

@@ -183,7 +183,6 @@ def test_numbers_that_are_none_raise(bad: Any) -> None:
 
 FEWEST = 4
 
-ROUNDING = 1e-9
 
 tolerances = st.builds(LineTolerance, st.floats(LEAST_M, 0.01), st.floats(LEAST_RAD, 0.1))
 

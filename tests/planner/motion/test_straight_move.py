@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, IKService, JointLimits
 from baxter_kin.errors import ConfigurationError, PoseError
+from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import MIRROR
 from baxter_kin.validation import FloatArray
 from planner import (
@@ -312,7 +312,7 @@ def test_self_motion_leads_past_a_limit(left: Arm) -> None:
     i = int(np.argmax(free.q_goal - q))
     narrow = np.array(left.limits.q_max)
     narrow[i] = (q[i] + free.q_goal[i]) / 2
-    limits = replace(left.limits, q_max=narrow)
+    limits = evolve(left.limits, q_max=narrow)
     motion = plan_straight_move(left, q, above(0.0), limits)
     assert_inside(motion)
     assert left.T_base_tip(motion.q_goal).isApprox(above(0.0), 1e-8)
@@ -430,7 +430,7 @@ def test_a_joint_that_hardly_moves_makes_it_slow_and_is_no_reason_to_refuse(
     bounds = np.array(getattr(left.limits, name))
     bounds[joint] *= share
     changed: dict[str, Any] = {name: bounds}
-    motion = plan_straight_move(left, q_above(left), above(0.0), replace(left.limits, **changed))
+    motion = plan_straight_move(left, q_above(left), above(0.0), evolve(left.limits, **changed))
     assert_inside(motion)
     off_m, _ = farthest_off(motion, left, left.T_base_tip(q_above(left)), above(0.0))
     assert off_m <= STRAIGHT_M

@@ -38,7 +38,7 @@ def test_a_pose_that_is_none_raises(pose: Any) -> None:
 
 @pytest.mark.parametrize("body", [None, 5, ["block"]])
 def test_a_body_without_name_raises(body: Any) -> None:
-    with pytest.raises(TaskError, match="name of the body"):
+    with pytest.raises(TaskError, match="body must be str"):
         PickAndPlace(body, PICK, PLACE)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from planner import (
     Body,
@@ -116,7 +116,7 @@ def test_it_is_refused_at_full_speed_with_the_speed_that_would_do(
 
 def test_what_would_be_hit_is_named(tracked_plan: Plan, manipulator: Manipulator) -> None:
     """A lead of 0.4 s turns uncertain lags into centimetres: the table is found within reach."""
-    led = replace(FULL, lead_s=0.4)
+    led = evolve(FULL, lead_s=0.4)
     found = prove_tracking(tracked_plan, led, manipulator=manipulator, seek_speed=False)
     failures = [move.failure for move in found.moves if move.failure]
     assert any("l_gripper_r_finger_tip may be" in failure for failure in failures)
@@ -217,7 +217,7 @@ def test_a_thing_that_only_a_lagging_arm_hits_is_found(
         pin.SE3(np.eye(3), way[off.argmax()] - np.array([0.0, 0.0, BLOCK_BELOW_M])),
     )
     scene = tracked_plan.start.scene.with_body(ball)
-    plan = replace(tracked_plan, start=replace(tracked_plan.start, scene=scene))
+    plan = evolve(tracked_plan, start=evolve(tracked_plan.start, scene=scene))
     contexts = move_contexts(plan, manipulator)
     for move, context in zip(plan.moves, contexts, strict=True):
         assert context.prove(move.trajectory).is_clear, move.label
@@ -228,7 +228,7 @@ def test_a_thing_that_only_a_lagging_arm_hits_is_found(
 
 
 def test_an_invalid_plan_is_not_proven(tracked_plan: Plan, manipulator: Manipulator) -> None:
-    failed = replace(tracked_plan, failure=PlanFailure("place: open", "no way"))
+    failed = evolve(tracked_plan, failure=PlanFailure("place: open", "no way"))
     found = prove_tracking(failed, SLOW, manipulator=manipulator)
     assert not found.is_valid
     assert "no way" in str(found.failure)
@@ -237,7 +237,7 @@ def test_an_invalid_plan_is_not_proven(tracked_plan: Plan, manipulator: Manipula
 def test_a_plan_that_does_not_rest_where_fingers_act_is_refused(
     tracked_plan: Plan, manipulator: Manipulator
 ) -> None:
-    cut = replace(tracked_plan, steps=tracked_plan.steps[:2])
+    cut = evolve(tracked_plan, steps=tracked_plan.steps[:2])
     with pytest.raises(TrajectoryError, match=r"pick: approach ends at 0\.5"):
         prove_tracking(cut, SLOW, manipulator=manipulator)
 
@@ -302,7 +302,7 @@ def test_errors_of_what_is_measured_at_the_start_count(
 ) -> None:
     """Measured 0.02 rad off with an error one way, and a moment later with one the other way."""
     wait = Trajectory.stay(tracked_plan.q_start, tracked_plan.moves[0].trajectory.limits)
-    plan = replace(tracked_plan, steps=(replace(tracked_plan.moves[0], trajectory=wait, ik=None),))
+    plan = evolve(tracked_plan, steps=(evolve(tracked_plan.moves[0], trajectory=wait, ik=None),))
     erring = Response((0.35, 0.45), 0.03)
     found = prove_tracking(plan, erring, manipulator=manipulator, seek_speed=False)
     assert found.moves[0].deviation_rad >= START_RAD + 2 * 0.03
@@ -311,7 +311,7 @@ def test_errors_of_what_is_measured_at_the_start_count(
 def test_a_plan_without_steps_has_nothing_to_prove(
     tracked_plan: Plan, manipulator: Manipulator
 ) -> None:
-    found = prove_tracking(replace(tracked_plan, steps=()), SLOW, manipulator=manipulator)
+    found = prove_tracking(evolve(tracked_plan, steps=()), SLOW, manipulator=manipulator)
     assert found.is_valid
     assert found.moves == ()
 
@@ -344,12 +344,10 @@ def test_its_clearance_is_the_least_of_its_moves() -> None:
     assert made(moves=()).clearance_m == np.inf
 
 
-def test_rates_are_of_seven_joints_and_read_only() -> None:
+def test_rates_are_read_only() -> None:
     proof = made(rate_rad_s=[1.0] * 7)
     with pytest.raises(ValueError, match="read-only"):
         proof.rate_rad_s[0] = 2.0
-    with pytest.raises(TaskError, match="shape"):
-        made(rate_rad_s=[1.0] * 6)
 
 
 def test_values_of_other_classes_are_refused() -> None:

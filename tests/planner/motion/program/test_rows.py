@@ -116,7 +116,7 @@ def test_where_the_arm_begins_at_speed_it_begins_at_its_start(left: Arm) -> None
         np.testing.assert_allclose(found[rows.high == 0.0], np.full(7, gap), atol=ROUNDING)
 
 
-ROUNDING = 1e-12
+SUM_ROUNDING = 1e-12
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -145,20 +145,20 @@ def evaluated(found: SparseSum, entries: ca.DM, shape: tuple[int, int], **option
 @given(seeds)
 def test_entries_at_one_place_are_added_up_with_their_weights(seed: int) -> None:
     found, dense, entries = added(seed, (4, 3))
-    np.testing.assert_allclose(evaluated(found, entries, (4, 3)).full(), dense, atol=ROUNDING)
+    np.testing.assert_allclose(evaluated(found, entries, (4, 3)).full(), dense, atol=SUM_ROUNDING)
 
 
 @given(seeds)
 def test_what_lies_outside_of_the_shape_is_left_out(seed: int) -> None:
     found, dense, entries = added(seed, (3, 3), beyond=2)
-    np.testing.assert_allclose(evaluated(found, entries, (3, 3)).full(), dense, atol=ROUNDING)
+    np.testing.assert_allclose(evaluated(found, entries, (3, 3)).full(), dense, atol=SUM_ROUNDING)
 
 
 @given(seeds)
 def test_of_an_upper_triangle_nothing_is_below_the_diagonal(seed: int) -> None:
     found, dense, entries = added(seed, (4, 4))
     upper = evaluated(found, entries, (4, 4), is_upper=True)
-    np.testing.assert_allclose(upper.full(), np.triu(dense), atol=ROUNDING)
+    np.testing.assert_allclose(upper.full(), np.triu(dense), atol=SUM_ROUNDING)
     assert upper.sparsity().is_triu()
 
 
@@ -182,10 +182,8 @@ def test_constants_at_one_place_are_added_up(seed: int) -> None:
     dense = np.zeros((4, 3))
     np.add.at(dense, (rows, columns), weights)
     found = constant(rows, columns, weights, (4, 3))
-    np.testing.assert_allclose(found.full(), dense, atol=ROUNDING)
+    np.testing.assert_allclose(found.full(), dense, atol=SUM_ROUNDING)
 
-
-ROUNDING = 1e-12
 
 PHASES = (Phase(4), Phase(5, rests=True, at_goal=True))
 INTERVALS = 9
@@ -225,7 +223,7 @@ def test_each_row_is_a_linear_bound_in_the_point_that_the_weights_say_and_the_sh
     rows = clearance_rows(unknowns, bounds, q_ends)
     found = (rows.matrix @ np.concatenate([x, shortfalls])).full().ravel() - rows.low
     expected = excesses(bounds, np.concatenate([x, q_ends]), shortfalls)
-    np.testing.assert_allclose(found, expected, atol=ROUNDING)
+    np.testing.assert_allclose(found, expected, atol=SUM_ROUNDING)
 
 
 def test_where_nothing_is_near_there_are_no_rows() -> None:

@@ -147,7 +147,7 @@ def test_there_are_none_where_nothing_is_asked_for(
     assert make(phases, unknowns, ca.MX.sym("x", unknowns.count), Numbers(phases, 7)) is None
 
 
-ROUNDING = 1e-9
+NODE_ROUNDING = 1e-9
 
 
 @pytest.fixture(scope="module", params=["left", "right", "calibrated"])
@@ -169,9 +169,9 @@ def test_the_error_on_a_line_is_that_of_the_line(placed: Arm, seed: int) -> None
     found = np.array(on_line().value([*q, s], *numbers)).ravel()
     reached, wanted = placed.T_base_tip(q), line.at(s)
     distance_m = np.linalg.norm(reached.translation - wanted.translation)
-    assert np.linalg.norm(found[:3]) == pytest.approx(distance_m, abs=ROUNDING)
+    assert np.linalg.norm(found[:3]) == pytest.approx(distance_m, abs=NODE_ROUNDING)
     angle = np.linalg.norm(pin.log3(wanted.rotation.T @ reached.rotation))
-    assert np.linalg.norm(found[3:]) == pytest.approx(abs(np.sin(angle)), abs=ROUNDING)
+    assert np.linalg.norm(found[3:]) == pytest.approx(abs(np.sin(angle)), abs=NODE_ROUNDING)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
@@ -180,7 +180,7 @@ def test_the_height_is_that_in_base(placed: Arm, seed: int) -> None:
     q, height_m = placed.random_configuration(rng), float(rng.normal())
     found = float(above().value(q, height_m, geometry_numbers(placed)))
     z_m = placed.T_base_tip(q).translation[2]
-    assert found == pytest.approx(z_m - height_m, abs=ROUNDING)
+    assert found == pytest.approx(z_m - height_m, abs=NODE_ROUNDING)
 
 
 def test_nothing_is_left_of_the_error_on_the_line(placed: Arm) -> None:
@@ -188,4 +188,4 @@ def test_nothing_is_left_of_the_error_on_the_line(placed: Arm) -> None:
     T = placed.T_base_tip(q)
     line = StraightLine(pin.SE3(T.rotation, T.translation - [0.0, 0.0, 0.1]), T)
     e = np.array(on_line().value([*q, 1.0], line_numbers(line, placed), geometry_numbers(placed)))
-    np.testing.assert_allclose(e, 0.0, atol=ROUNDING)
+    np.testing.assert_allclose(e, 0.0, atol=NODE_ROUNDING)
