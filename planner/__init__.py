@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from planner.motion.free_move import plan_free_move as plan_free_move
     from planner.motion.joint_move import plan_joint_move as plan_joint_move
     from planner.motion.response import Response as Response
-    from planner.motion.response_fit import fit_response as fit_response
+    from planner.motion.response import fit_response as fit_response
     from planner.motion.straight_line import LineTolerance as LineTolerance
     from planner.motion.straight_line import StraightLine as StraightLine
     from planner.motion.straight_move import plan_straight_move as plan_straight_move
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from planner.pick_place.planning import plan_retract as plan_retract
     from planner.pick_place.planning import plan_start_move as plan_start_move
     from planner.pick_place.task import PickAndPlace as PickAndPlace
-    from planner.pick_place.tracking.proof import prove_tracking as prove_tracking
-    from planner.pick_place.tracking.result import TrackingProof as TrackingProof
+    from planner.pick_place.tracking import TrackingProof as TrackingProof
+    from planner.pick_place.tracking import prove_tracking as prove_tracking
     from planner.plan import Claim as Claim
     from planner.plan import Grip as Grip
     from planner.plan import GripperAction as GripperAction
@@ -97,11 +97,11 @@ __all__, __getattr__ = lazy(
         "State": "planner.state",
         "StraightLine": "planner.motion.straight_line",
         "StraightMoveError": "planner.errors",
-        "TrackingProof": "planner.pick_place.tracking.result",
+        "TrackingProof": "planner.pick_place.tracking",
         "Trajectory": "planner.trajectory",
         "certify": "planner.verification",
         "complete": "planner.completion",
-        "fit_response": "planner.motion.response_fit",
+        "fit_response": "planner.motion.response",
         "load_mesh": "planner.scene.mesh_file",
         "load_object": "planner.scene.objects",
         "load_plan": "planner.plan_file",
@@ -114,7 +114,7 @@ __all__, __getattr__ = lazy(
         "plan_start_move": "planner.pick_place.planning",
         "plan_straight_move": "planner.motion.straight_move",
         "prove_clear": "planner.collision.continuous.proof",
-        "prove_tracking": "planner.pick_place.tracking.proof",
+        "prove_tracking": "planner.pick_place.tracking",
         "save_plan": "planner.plan_file",
         "tool_of": "planner.grasping.tool",
         "transfer_bound_s": "planner.pick_place.candidates",

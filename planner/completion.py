@@ -11,13 +11,13 @@ by hand, or read from a file of version 3, gets them here, from its start and it
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from typing import TypeGuard
 
 import numpy as np
 
 from baxter_kin import Baxter
 from baxter_kin.errors import expect
+from baxter_kin.fields import evolve
 from planner.collision.context import CollisionContext
 from planner.collision.distances import RESOLUTION_M
 from planner.errors import TaskError
@@ -46,8 +46,8 @@ def complete(
     """
     start = expect(plan, Plan, "plan", TaskError).start if state is None else state
     arm = manipulator_for(plan, manipulator)
-    started = replace(plan, start=expect(start, State, "state", TaskError))
-    return replace(started, steps=tuple(_completed(started, arm)))
+    started = evolve(plan, start=expect(start, State, "state", TaskError))
+    return evolve(started, steps=tuple(_completed(started, arm)))
 
 
 def manipulator_for(plan: Plan, manipulator: Manipulator | None) -> Manipulator:
@@ -111,7 +111,7 @@ def after(step: Step, state: State, manipulator: Manipulator) -> State:
 
 def during(contacts: Iterable[Contact], duration_s: float) -> tuple[Contact, ...]:
     """Contacts of a whole step."""
-    return tuple(replace(each, end_s=duration_s) for each in contacts)
+    return tuple(evolve(each, end_s=duration_s) for each in contacts)
 
 
 def of_grip(grip: Grip, state: State, end: State, manipulator: Manipulator) -> tuple[Contact, ...]:
@@ -155,7 +155,7 @@ def _completed(plan: Plan, manipulator: Manipulator) -> Iterator[Step]:
                 found = _of_hand(released if step.is_straight else None, state, manipulator)
             contacts = during(found, step.trajectory.duration)
             taken = released = None
-        yield replace(step, state=state, contacts=contacts)
+        yield evolve(step, state=state, contacts=contacts)
         state = end
 
 

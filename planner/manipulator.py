@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +10,9 @@ from numpy.typing import ArrayLike
 from baxter_kin import Arm, Baxter, IKService, JointLimits
 from baxter_kin.description import RobotIdentity
 from baxter_kin.errors import ConfigurationError, LimitsError, expect
-from baxter_kin.validation import FloatArray, check_fields, finite_array, float_array
-from baxter_kin.value_objects import Frozen, OneLine, millimetres
+from baxter_kin.fields import evolve, field, value
+from baxter_kin.validation import FloatArray, finite_array, float_array, read_only
+from baxter_kin.value_objects import millimetres
 from planner.collision.checker import ClearanceChecker
 from planner.collision.context import CollisionContext
 from planner.collision.robot.robot_body import RobotBody, identity_of
@@ -25,8 +25,14 @@ from planner.scene.contact import Contact, PartContact
 from planner.state import State
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Manipulator(Frozen, OneLine):
+def _finite(given: ArrayLike) -> FloatArray:
+    """A read-only copy of a full configuration."""
+    q_others = float_array(given, "q_others", ConfigurationError)
+    return read_only(q_others, "q_others", ConfigurationError)
+
+
+@value(error=TaskError)
+class Manipulator:
     """What planning for one arm needs to know.
 
     Attributes:
@@ -49,13 +55,14 @@ class Manipulator(Frozen, OneLine):
     hand: Hand
     shapes: RobotShapes
     limits: JointLimits
-    q_others: FloatArray = field(repr=False)
+    q_others: FloatArray = field(converter=_finite)
 
-    def __post_init__(self) -> None:
-        check_fields(self, TaskError)
-        joints = (len(self.robot.joint_names),)
-        q_others = finite_array(self.q_others, joints, "q_others", ConfigurationError)
-        object.__setattr__(self, "q_others", q_others)
+    def __attrs_post_init__(self) -> None:
+        expected = (len(self.robot.joint_names),)
+        if self.q_others.shape != expected:
+            raise ConfigurationError(
+                f"q_others has shape {self.q_others.shape}; it must have shape {expected}"
+            )
 
     @classmethod
     def of(
@@ -179,7 +186,7 @@ class Manipulator(Frozen, OneLine):
         """
         side, touched = self.arm.side, tuple(contacts)
         near = [each.body for each in touched if each.other == f"{side} hand"]
-        here = replace(self, q_others=self.robot.configuration(dict(state.joints)))
+        here = evolve(self, q_others=self.robot.configuration(dict(state.joints)))
         return here.context(
             state.scene,
             touchable=near[0] if near else None,

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
 from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from baxter_kin import IKResult
 from baxter_kin.description import RobotIdentity
-from baxter_kin.errors import ConfigurationError, UnknownNameError, expect, expect_all
+from baxter_kin.errors import ConfigurationError, UnknownNameError, expect
+from baxter_kin.fields import evolve, field, sequence, value
 from baxter_kin.kinematics.arm import JOINTS, LIMBS
-from baxter_kin.validation import Checked, FloatArray, check_fields, finite_array, finite_scalar
+from baxter_kin.validation import (
+    FloatArray,
+    finite_array,
+    finite_scalar,
+    float_array,
+)
 from baxter_kin.value_objects import (
-    Frozen,
     FrozenMapping,
-    OneLine,
     clear,
     count,
     millimetres,
@@ -26,11 +30,11 @@ from baxter_kin.value_objects import (
     seconds,
     sentence,
 )
-from planner.clearance import Clearance, ContinuousContact, ContinuousProof, least
+from planner.clearance import SHOWN_M, Clearance, ContinuousContact, ContinuousProof, least
+from planner.collision.context import CollisionContext
 from planner.errors import TaskError
 from planner.motion.response import Response
-from planner.motion.straight_line import LineTolerance
-from planner.pick_place.summary import CollisionSummary
+from planner.motion.straight_line import STRICT, LineTolerance
 from planner.scene.contact import Contact
 from planner.state import State
 from planner.trajectory import CONTINUITY_TOLERANCE, Trajectory
@@ -39,8 +43,19 @@ SHOWN_RAD = 0.005
 """A move that ends nearer to the answer of inverse kinematics than this ends there."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Claim(Frozen, OneLine):
+def _finite_numbers(given: object) -> FrozenMapping[str, float]:
+    """A read-only copy of a mapping of names to finite numbers."""
+    numbers = expect(given, Mapping, "the values of a claim", TaskError)  # type: ignore[type-abstract]
+    return FrozenMapping(
+        {
+            expect(name, str, "the name of a value", TaskError): finite_scalar(x, name, TaskError)
+            for name, x in numbers.items()
+        }
+    )
+
+
+@value(error=TaskError)
+class Claim:
     """A property that a move is stated to have, for which `Move` has no field.
 
     Plan files keep claims of every kind. `verify` certifies no plan with a claim of a kind that it
@@ -55,24 +70,14 @@ class Claim(Frozen, OneLine):
     """
 
     kind: str
-    values: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        check_fields(self, TaskError)
-        values = {
-            expect(name, str, "the name of a value", TaskError): finite_scalar(
-                value, f"{self.kind}: {name}", TaskError
-            )
-            for name, value in self.values.items()
-        }
-        object.__setattr__(self, "values", FrozenMapping(values))
+    values: Mapping[str, float] = field(factory=dict, converter=_finite_numbers)
 
     def _facts(self) -> tuple[str, ...]:
         return phrase(self.kind), *(f"{name} {value:g}" for name, value in self.values.items())
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Move(Checked, OneLine, error=TaskError):
+@value(error=TaskError)
+class Move:
     """The arm goes to a waypoint.
 
     Attributes:
@@ -136,8 +141,8 @@ class GripperAction(str, Enum):
     CLOSE = "close"
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Grip(OneLine):
+@value(error=TaskError, eq=True)
+class Grip:
     """The gripper opens or closes.
 
     Attributes:
@@ -164,8 +169,7 @@ class Grip(OneLine):
     contacts: tuple[Contact, ...] = ()
     limb: str = ""
 
-    def __post_init__(self) -> None:
-        check_fields(self, TaskError)
+    def __attrs_post_init__(self) -> None:
         if self.opening_m is None:
             return
         opening = finite_scalar(self.opening_m, f"{self.label}: opening_m", TaskError)
@@ -185,8 +189,8 @@ class Grip(OneLine):
 Step: TypeAlias = Move | Grip
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class PlanFailure(Checked, OneLine, error=TaskError):
+@value(error=TaskError, eq=True)
+class PlanFailure:
     """Why there is no plan; `str()` of it is one sentence.
 
     Attributes:
@@ -225,8 +229,8 @@ class PlanFailure(Checked, OneLine, error=TaskError):
         return (sentence(self),)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Plan(Frozen, OneLine):
+@value(error=TaskError)
+class Plan:
     """Steps in order. An invalid plan says why and must not be executed.
 
     In a complete plan every step has its state, and each follows from the one before, the first
@@ -252,28 +256,26 @@ class Plan(Frozen, OneLine):
     """
 
     start: State
-    steps: tuple[Step, ...]
+    steps: tuple[Step, ...] = sequence()
     failure: PlanFailure | None = None
     robot: RobotIdentity | None = None
-    line_tolerance: LineTolerance = field(default_factory=LineTolerance)
+    line_tolerance: LineTolerance = STRICT
     response: Response | None = None
     limb: str = ""
 
-    def __post_init__(self) -> None:
-        steps = expect_all(self.steps, object, "the steps of a plan", TaskError)
-        object.__setattr__(self, "steps", steps)
-        check_fields(self, TaskError)
-        object.__setattr__(self, "limb", self.limb or self._limb_of_moves())
-        if self.limb not in LIMBS:
-            raise UnknownNameError("limb", self.limb, LIMBS)
-        own = (
-            replace(step, limb=self.limb) if isinstance(step, Grip) and not step.limb else step
+    def __attrs_post_init__(self) -> None:
+        limb = self.limb or self._limb_of_moves()
+        if limb not in LIMBS:
+            raise UnknownNameError("limb", limb, LIMBS)
+        object.__setattr__(self, "limb", limb)
+        steps = tuple(
+            evolve(step, limb=limb) if isinstance(step, Grip) and not step.limb else step
             for step in self
         )
-        object.__setattr__(self, "steps", tuple(own))
+        object.__setattr__(self, "steps", steps)
         self._check_steps()
         if not self._states_follow():
-            bare = (replace(step, state=None, contacts=()) for step in self)
+            bare = (evolve(step, state=None, contacts=()) for step in steps)
             object.__setattr__(self, "steps", tuple(bare))
 
     @property
@@ -365,3 +367,110 @@ def _is_after(step: Step, state: State, following: State) -> bool:
     grasped = len(following.attachments) - len(state.attachments)
     is_close = step.action is GripperAction.CLOSE and step.body is not None
     return all("gripper" in name for name in moved) and (grasped == 1) is is_close
+
+
+MOST_MEASURED = 64
+"""Solutions whose collisions are measured, which takes 1.6 ms each."""
+
+MOST_NAMED = 3
+"""Pairs that are named in the sentence; the data has all."""
+
+
+@value(error=TaskError, eq=True)
+class CollisionCount:
+    """How often two things collide.
+
+    Attributes:
+        first: link or body.
+        second: link or body.
+        count: in how many solutions these two come closest.
+        distance_m: the greatest of their distances there: how near a miss it was. Negative when
+            they are inside each other.
+    """
+
+    first: str
+    second: str
+    count: int
+    distance_m: float
+
+    @property
+    def nearest(self) -> str:
+        """Who, and how deep or how far apart at best."""
+        distance_mm = 1e3 * self.distance_m
+        if abs(self.distance_m) < SHOWN_M:
+            gap = "touching"
+        elif distance_mm > 0.0:
+            gap = f"{distance_mm:.1f} mm apart"
+        else:
+            gap = f"{-distance_mm:.1f} mm deep"
+        return f"{self.first} with {self.second}, at best {gap}"
+
+
+@value(error=TaskError, eq=True)
+class CollisionSummary:
+    """How many solutions of a waypoint collide; `str()` of it is one sentence.
+
+    Attributes:
+        stage: label of the move that would end there.
+        solutions: how many were looked at, evenly chosen from all samples.
+        collisions: what collides in the others, or is nearer than the margin, the most frequent
+            first.
+        margin_m: the distance that was asked for.
+    """
+
+    stage: str
+    solutions: int
+    collisions: tuple[CollisionCount, ...]
+    margin_m: float = 0.0
+
+    @classmethod
+    def of(cls, stage: str, qs: ArrayLike, around: CollisionContext) -> CollisionSummary:
+        """Look at solutions in a situation.
+
+        Args:
+            stage: label of the move that would end there.
+            qs: the solutions, shape (n, 7), rad.
+            around: the situation there.
+
+        Raises:
+            ConfigurationError: when a solution is malformed.
+        """
+        given = float_array(qs, "qs", ConfigurationError)
+        solutions = given[
+            np.linspace(0, len(given) - 1, min(len(given), MOST_MEASURED)).round().astype(int)
+        ]
+        blocked = [around.clearance(q) for q in solutions if not around.is_free(q)]
+        return cls(stage, len(solutions), _counts(blocked), around.margin_m)
+
+    @property
+    def colliding(self) -> int:
+        """How many of them collide."""
+        return sum(collision.count for collision in self.collisions)
+
+    def __str__(self) -> str:
+        is_all = self.colliding == self.solutions
+        share = f"all {self.solutions}" if is_all else f"{self.colliding} of {self.solutions}"
+        named = [
+            f"{collision.nearest} ({collision.count})"
+            if len(self.collisions) > 1
+            else collision.nearest
+            for collision in self.collisions[:MOST_NAMED]
+        ]
+        if len(self.collisions) > MOST_NAMED:
+            named.append(f"{len(self.collisions) - MOST_NAMED} other pairs")
+        return f"{share} IK solutions {self._verb}: {'; '.join(named)}"
+
+    @property
+    def _verb(self) -> str:
+        closer = f"come closer than the {1e3 * self.margin_m:.1f} mm asked for"
+        if not any(collision.distance_m < SHOWN_M for collision in self.collisions):
+            return closer
+        return "collide" if self.margin_m == 0.0 else f"collide or {closer}"
+
+
+def _counts(clearances: Iterable[Clearance]) -> tuple[CollisionCount, ...]:
+    distances: dict[tuple[str, str], list[float]] = {}
+    for found in clearances:
+        distances.setdefault((found.first, found.second), []).append(found.distance_m)
+    counts = (CollisionCount(*pair, len(each), max(each)) for pair, each in distances.items())
+    return tuple(sorted(counts, key=lambda count: (-count.count, -count.distance_m)))

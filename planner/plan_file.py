@@ -24,12 +24,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import pinocchio as pin
 
 from baxter_kin.errors import FileError, shown_path
+from baxter_kin.fields import evolve
 from baxter_kin.files import PathLike, open_to_read, replace_file
 from baxter_kin.json_data import from_json, shown, to_json
 from baxter_kin.json_text import Json, as_lines, from_text
@@ -132,7 +133,7 @@ def plan_document(plan: Plan) -> dict[str, Json]:
     check_size(plan, plan.start, PlanFileError)
     states = [step.state for step in plan if step.state is not None]
     changes = tuple(map(_Change.between, (plan.start, *states), states))
-    bare = replace(plan, steps=tuple(replace(step, state=None) for step in plan))
+    bare = evolve(plan, steps=tuple(evolve(step, state=None) for step in plan))
     data = to_json(bare, Plan, "plan", PlanFileError)
     followed = to_json(changes, _Changes, "states", PlanFileError)
     entries = (FORMAT, VERSION, _NO_CHECKSUM, data, followed)
@@ -214,7 +215,7 @@ def _followed(plan: Plan, changes: _Changes) -> Plan:
     except PlannerError as cause:
         raise PlanFileError(f"states: {cause}") from cause
     steps = zip(plan.steps, states, strict=True)
-    return replace(plan, steps=tuple(replace(step, state=state) for step, state in steps))
+    return evolve(plan, steps=tuple(evolve(step, state=state) for step, state in steps))
 
 
 def _of_version_3(data: Any) -> Plan:

@@ -7,7 +7,6 @@ polynomials and their extrema are known in closed form; nothing here is sampled 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +14,9 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import JointLimits
 from baxter_kin.errors import expect, expect_all, quoted
+from baxter_kin.fields import array, value
 from baxter_kin.validation import FloatArray, Indices, finite_array, float_array
-from baxter_kin.value_objects import Frozen, OneLine, count, line, seconds, shown, side_of
+from baxter_kin.value_objects import count, line, seconds, shown, side_of
 from planner.errors import TrajectoryError
 
 CONTINUITY_TOLERANCE = 1e-8
@@ -45,8 +45,8 @@ class PeakRatios(NamedTuple):
     jerk: float
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Trajectory(Frozen, OneLine):
+@value(error=TrajectoryError)
+class Trajectory:
     """A motion of n joints over m segments of constant jerk.
 
     Attributes:
@@ -59,25 +59,23 @@ class Trajectory(Frozen, OneLine):
         j: jerks of the segments, shape (m, n), rad/s^3.
 
     Raises:
-        TrajectoryError: when shapes do not fit, a number is not finite, knots do not increase from
-            zero, or q, v or a jump by more than `CONTINUITY_TOLERANCE`.
+        TrajectoryError: when shapes do not match, a number is not finite, the knots do not increase
+            from zero, or q, v or a jump by more than `CONTINUITY_TOLERANCE`.
     """
 
     limits: JointLimits
-    knots_s: FloatArray
-    q: FloatArray
-    v: FloatArray
-    a: FloatArray
-    j: FloatArray
+    knots_s: FloatArray = array(None)
+    q: FloatArray = array(None, None)
+    v: FloatArray = array(None, None)
+    a: FloatArray = array(None, None)
+    j: FloatArray = array(None, None)
 
-    def __post_init__(self) -> None:
-        joints = len(expect(self.limits, JointLimits, "limits", TrajectoryError).names)
-        knots = float_array(self.knots_s, "knots_s", TrajectoryError).size
-        shapes: dict[str, tuple[int, ...]] = dict.fromkeys("qva", (knots, joints))
-        shapes |= {"knots_s": (knots,), "j": (max(knots - 1, 0), joints)}
-        for name, shape in shapes.items():
-            array = finite_array(getattr(self, name), shape, name, TrajectoryError)
-            object.__setattr__(self, name, array)
+    def __attrs_post_init__(self) -> None:
+        knots, joints = len(self.knots_s), len(self.limits.names)
+        for name in "qvaj":
+            shape, expected = getattr(self, name).shape, (knots - (name == "j"), joints)
+            if knots and shape != expected:
+                raise TrajectoryError(f"{name} has shape {shape}; it must have shape {expected}")
         self._check_knots()
         self._check_continuity()
 

@@ -48,7 +48,7 @@ from baxter_kin import Baxter
 from baxter_kin.description.hands import ElectricGripper
 from baxter_kin.fields import evolve, field_names
 from planner import Manipulator, Plan, Response, verify
-from planner.pick_place.tracking.proof import prove_tracking
+from planner.pick_place.tracking import prove_tracking
 from planner.plan import Move
 from sim import Recorder, Recording, Simulation, World
 from sim.ros1.execution.guard.stages import MoveStage, NotClearError, guarded

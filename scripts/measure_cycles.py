@@ -32,7 +32,7 @@ from planner import (
     verify,
 )
 from planner.pick_place.candidates import Candidates
-from planner.pick_place.cycle_program import CycleProgram
+from planner.pick_place.cycles import CycleProgram
 from planner.pick_place.task import PlanRequest
 from sim.demo.options import DEFAULT_POSES_M
 from sim.demo.scene import OVERHEAD_XYZW, demo_bodies, obstacles

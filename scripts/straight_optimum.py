@@ -25,7 +25,7 @@ from numpy.polynomial import chebyshev
 from baxter_kin import Arm, Baxter, IKService, JointLimits, pose_from_quaternion
 from baxter_kin.command_line import OneSentenceParser, whole_number
 from baxter_kin.validation import FloatArray
-from planner.motion.guess import followed
+from planner.motion.program.guess import followed
 from planner.motion.straight_line import LEAST_LENGTH, StraightLine
 from planner.motion.straight_move import plan_straight_move
 from planner.trajectory import Trajectory

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from baxter_kin import IKService, JointLimits, pose_from_quaternion
+from baxter_kin.fields import evolve
 from baxter_kin.frames import angle_between
 from baxter_kin.validation import FloatArray
 from lessons.answers import Mistake, exercise, instance, number, refuse, shown, stock_robot
@@ -129,7 +129,7 @@ def check_tip_speed(answer: Any) -> str:
 
 
 def _slow(limits: JointLimits) -> JointLimits:
-    return replace(limits, v_max=np.minimum(limits.v_max, np.radians(SLOW_DEG_S)))
+    return evolve(limits, v_max=np.minimum(limits.v_max, np.radians(SLOW_DEG_S)))
 
 
 @cache

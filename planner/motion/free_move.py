@@ -25,7 +25,6 @@ from planner.collision.context import CollisionContext
 from planner.collision.obstacles import Obstacles
 from planner.collision.sampling import SCREENING_STEP_RAD, IsFree, looks_clear
 from planner.errors import FreeMoveError, MotionError
-from planner.motion.avoidance import led_around
 from planner.motion.joint_move import (
     ROUNDING_RAD,
     checked_start,
@@ -33,9 +32,9 @@ from planner.motion.joint_move import (
     rest_to_rest_s,
     stopping_at,
 )
-from planner.motion.program.motion_program import MotionProgram
-from planner.motion.program.phases import MotionTask, Phase
-from planner.paths.rrt import EDGE_STEP_RAD, search_corners
+from planner.motion.program.motion_program import MotionProgram, led_around
+from planner.motion.program.unknowns import MotionTask, Phase
+from planner.motion.rrt import EDGE_STEP_RAD, search_corners
 from planner.splines import Sketch
 from planner.trajectory import Trajectory
 

@@ -1,30 +1,58 @@
-"""Response: how a real arm follows the set-points that it is sent, and how these are sent.
+"""Response: how a real arm follows the set-points that it is sent, and how they are sent.
 
-A Baxter in position mode follows late. Each joint is taken to be of first order,
+A Baxter in position mode follows its set-points with a lag. Each joint is modelled as a first-order
+system,
 
     T(t) y'(t) = u(t) - y(t),        |q(t) - y(t)| <= e,
 
-with the set-point u that is in force, a lag T(t) that may change at any time within an interval,
-and a joint q that is off that by an error of e at most, at any time: gravity, friction, backlash,
-calibration. What is sent is the plan q(t) slowed down, and led along its velocity:
+where u is the set-point in force, T(t) is a lag that may change at any time within an interval, and
+e bounds the distance of the joint position q from y: gravity, friction, backlash, calibration. What
+is sent is the plan q(t) slowed down, with a lead along its velocity:
 
     u(t) = q(s t) + L s q'(s t), within the joint limits,        s the speed, L the lead.
 
-A joint that has just the lag L follows a led plan without any: u = q + L q' is solved by y = q.
+A joint whose lag is exactly L follows a plan with that lead without any lag: u = q + L q' is solved
+by y = q.
+
+**From a recording.** `fit_response` estimates these bounds. For each joint it fits a lag T and an
+offset b, so that the answer y of T y' = u - y to the commands, each held until the next, is nearest
+to the measurements less b in the least-squares sense: T on a grid, then by golden-section search.
+As the answer starts where the joint is measured, less b, an offset appears as b (1 - exp(-t / T)).
+A joint that moves at one constant speed only lags by the same course, so its lag cannot be told
+from an offset, and it is refused. No single number describes a joint at all times. The interval of
+the lag is therefore the hull of
+
+- T, plus and minus its uncertainty due to noise: `SIGMAS` standard deviations of a least-squares
+  estimate (Seber and Wild, "Nonlinear Regression", 1989, ch. 2), where the derivative of y by T is
+  about minus its speed, less what an offset explains as well;
+- the lags that fit best in pieces of `PIECE_S` of the motion, where the joint moves enough.
+
+The settled error is the largest distance of a measurement from the tube of that interval
+(`planner.motion.tracking_tube`, for the recorded commands), times `RESERVE`. The response thus
+describes the data that it was estimated from; how well it describes other motions, faster ones or
+with a load, only other data can show.
+
+**Files.** `python -m sim.ros1.check --identify` writes a response to a JSON file (`save_response`);
+`--response FILE` of `sim.ros1.execute` and of `planner.verification` reads it (`load_response`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from baxter_kin.errors import expect
+from baxter_kin.errors import FileError, expect, shown_path
+from baxter_kin.fields import evolve, field, scalar, value
+from baxter_kin.files import PathLike, open_to_read, replace_file
+from baxter_kin.json_data import from_json, shown, to_json
+from baxter_kin.json_text import as_lines, from_text
 from baxter_kin.kinematics.arm import JOINTS
-from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
-from baxter_kin.value_objects import Frozen, OneLine, seconds
+from baxter_kin.validation import FloatArray, finite_array, float_array
+from baxter_kin.value_objects import seconds
 from planner.errors import ResponseError
 from planner.trajectory import Trajectory
 
@@ -53,8 +81,34 @@ class Command(NamedTuple):
     v: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
-class Response(Frozen, OneLine):
+def _lags(given: ArrayLike) -> FloatArray:
+    lags = float_array(given, "lag_s", ResponseError)
+    if lags.shape == (2,):
+        lags = np.tile(lags, (len(JOINTS), 1))
+    lags = finite_array(lags, (len(JOINTS), 2), "lag_s", ResponseError)
+    for number, (least, most) in enumerate(lags.tolist()):
+        if not 0.0 <= least <= most <= LONGEST_LAG_S:
+            raise ResponseError(
+                f"lag_s of joint {number} must be least and greatest, from 0 to "
+                f"{LONGEST_LAG_S:g} s, got {least:g} and {most:g}"
+            )
+    return lags
+
+
+def _errors(given: ArrayLike) -> FloatArray:
+    errors = float_array(given, "settled_error_rad", ResponseError)
+    if errors.ndim == 0:
+        errors = np.full(len(JOINTS), errors)
+    errors = finite_array(errors, (len(JOINTS),), "settled_error_rad", ResponseError)
+    if not ((errors >= 0.0) & (errors <= LARGEST_ERROR_RAD)).all():
+        raise ResponseError(
+            f"settled_error_rad must be from 0 to {LARGEST_ERROR_RAD:g} rad, got {errors.tolist()}"
+        )
+    return errors
+
+
+@value(error=ResponseError)
+class Response:
     """How an arm follows its set-points, as bounds; and how these are sent.
 
     Attributes:
@@ -69,37 +123,22 @@ class Response(Frozen, OneLine):
             rested. What comes later is not covered.
     """
 
-    lag_s: FloatArray
-    settled_error_rad: FloatArray
-    speed: float
-    lead_s: float
-    late_s: float
+    lag_s: FloatArray = field(converter=_lags)
+    settled_error_rad: FloatArray = field(default=0.0, converter=_errors)
+    speed: float = scalar(above=0.0, most=1.0, default=1.0)
+    lead_s: float = scalar(least=0.0, most=LONGEST_LEAD_S, default=0.0)
+    late_s: float = scalar(least=0.0, most=LONGEST_LATE_S, default=LATE_S)
 
-    def __init__(
-        self,
-        lag_s: ArrayLike,
-        settled_error_rad: ArrayLike = 0.0,
-        speed: float = 1.0,
-        lead_s: float = 0.0,
-        late_s: float = LATE_S,
-    ) -> None:
-        """Check what is said of the arm.
+    if TYPE_CHECKING:  # converters take more than the fields hold
 
-        Args:
-            lag_s: shape (7, 2), s; one pair of shape (2,) stands for all joints.
-            settled_error_rad: shape (7,), rad; one number stands for all joints.
-            speed: of plan time to time, in (0, 1].
-            lead_s: how far set-points lead, 0 .. `LONGEST_LEAD_S`.
-            late_s: how late the stream may be, 0 .. `LONGEST_LATE_S`.
-
-        Raises:
-            ResponseError: when a number is none, or outside its range; names the range.
-        """
-        object.__setattr__(self, "lag_s", _lags(lag_s))
-        object.__setattr__(self, "settled_error_rad", _errors(settled_error_rad))
-        object.__setattr__(self, "speed", _speed(speed))
-        object.__setattr__(self, "lead_s", _time(lead_s, "lead_s", LONGEST_LEAD_S))
-        object.__setattr__(self, "late_s", _time(late_s, "late_s", LONGEST_LATE_S))
+        def __init__(
+            self,
+            lag_s: ArrayLike,
+            settled_error_rad: ArrayLike = 0.0,
+            speed: float = 1.0,
+            lead_s: float = 0.0,
+            late_s: float = LATE_S,
+        ) -> None: ...
 
     @property
     def window_s(self) -> float:
@@ -120,7 +159,7 @@ class Response(Frozen, OneLine):
         Raises:
             ResponseError: when it is not above 0 and at most 1.
         """
-        return replace(self, speed=speed)
+        return evolve(self, speed=speed)
 
     def command(self, trajectory: Trajectory, t_s: ArrayLike) -> Command:
         """What is sent at a time, or at many, from the begin of a motion on.
@@ -156,41 +195,340 @@ def left_over(time_s: float | FloatArray, lag_s: FloatArray) -> FloatArray:
     return np.where((lag_s > 0.0) | (np.asarray(time_s) <= 0.0), np.nan_to_num(share, nan=1.0), 0.0)
 
 
-def _lags(given: ArrayLike) -> FloatArray:
-    lags = float_array(given, "lag_s", ResponseError)
-    if lags.shape == (2,):
-        lags = np.tile(lags, (len(JOINTS), 1))
-    lags = finite_array(lags, (len(JOINTS), 2), "lag_s", ResponseError)
-    for number, (least, most) in enumerate(lags.tolist()):
-        if not 0.0 <= least <= most <= LONGEST_LAG_S:
-            raise ResponseError(
-                f"lag_s of joint {number} must be least and greatest, from 0 to "
-                f"{LONGEST_LAG_S:g} s, got {least:g} and {most:g}"
-            )
-    return lags
+LEAST_SAMPLES, LONGEST_GAP_S = 50, 0.25
+"""Of a recording: set-points come at 100 Hz; longer gaps leave open what was sent and done."""
+
+LEAST_RECORDED = 0.5
+"""Share of the time that a recording must tell of."""
+
+LEAST_TRAVEL_RAD = 0.02
+"""Joints that were commanded to go less far say nothing of their lag."""
+
+LEAST_SPEED = 0.05
+"""Pieces of a joint's motion that are slower on average (RMS) say nothing either, rad/s."""
+
+LEAST_SHARE = 0.3
+"""Nor do joints of whose speed an offset explains all but less than this share."""
+
+SAME_RAD = 1e-9
+"""Set-points this near to what was measured are not what was sent: no arm is there at once."""
+
+GRID_S = np.concatenate([[0.0], np.geomspace(2e-3, LONGEST_LAG_S, 80)])
+
+SLOWEST = 0.99
+"""A lag nearer to the longest than this was not found but cut off."""
+
+REFINEMENTS = 40
+"""Golden sections: an interval of the grid is cut to 1e-8 of it."""
+
+SIGMAS, PIECE_S, RESERVE = 3.0, 1.0, 1.25
+
+_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
-def _errors(given: ArrayLike) -> FloatArray:
-    errors = float_array(given, "settled_error_rad", ResponseError)
-    if errors.ndim == 0:
-        errors = np.full(len(JOINTS), errors)
-    errors = finite_array(errors, (len(JOINTS),), "settled_error_rad", ResponseError)
-    if not ((errors >= 0.0) & (errors <= LARGEST_ERROR_RAD)).all():
+def fit_response(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) -> Response:
+    """Bounds on how an arm follows, from a recording of what it was sent and what it did.
+
+    Args:
+        t: times, shape (k,), s, increasing.
+        q_commanded: set-points as they were sent, in force from each time to the next, shape
+            (k, 7), rad; what they led by belongs to them.
+        q_measured: positions measured at these times, shape (k, 7), rad.
+
+    Returns:
+        A response at speed 1 without lead, whose tube holds what was measured.
+
+    Raises:
+        ResponseError: when arrays do not fit, a number is not finite, times do not increase or
+            are mostly gaps, or a joint did not move enough, or not as one that follows; says which.
+    """
+    data = _checked(t, q_commanded, q_measured)
+    lag_s = _fitted_lags(data)
+    low, high = _intervals(data, lag_s)
+    errors = RESERVE * _outside(data, low, high, _offsets(data, lag_s))
+    if float(errors.max()) > LARGEST_ERROR_RAD:
+        joint = int(errors.argmax())
         raise ResponseError(
-            f"settled_error_rad must be from 0 to {LARGEST_ERROR_RAD:g} rad, got {errors.tolist()}"
+            f"{_named(joint)} is measured {_rounded(errors[joint], up=True)} rad from any lag's "
+            f"answer to its commands; up to {LARGEST_ERROR_RAD:g} rad can be stated: was it "
+            "pushed, or are these columns of other joints?"
         )
-    return errors
+    return Response(np.column_stack([low, high]), errors)
 
 
-def _speed(given: object) -> float:
-    speed = finite_scalar(given, "speed", ResponseError)
-    if not 0.0 < speed <= 1.0:
-        raise ResponseError(f"speed must be above 0 and at most 1, got {speed:g}")
-    return speed
+class _Data(NamedTuple):
+    """A recording: times (k,), commands and measurements (k, 7); whether a part begins there."""
+
+    t: FloatArray
+    u: FloatArray
+    q: FloatArray
+    begins: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, t: FloatArray, u: FloatArray, q: FloatArray) -> _Data:
+        """Parts are what lies between gaps."""
+        return cls(t, u, q, np.diff(t, prepend=-np.inf) > LONGEST_GAP_S)
+
+    @property
+    def since_s(self) -> FloatArray:
+        """Time since its part began, shape (k,)."""
+        first = np.flatnonzero(self.begins)
+        since_s: FloatArray = self.t - self.t[first[np.cumsum(self.begins) - 1]]
+        return since_s
 
 
-def _time(given: object, name: str, most: float) -> float:
-    value = finite_scalar(given, name, ResponseError)
-    if not 0.0 <= value <= most:
-        raise ResponseError(f"{name} must be from 0 to {most:g} s, got {value:g}")
-    return value
+def _checked(t: ArrayLike, q_commanded: ArrayLike, q_measured: ArrayLike) -> _Data:
+    times = float_array(t, "t", ResponseError)
+    times = finite_array(times, (times.size,), "t", ResponseError)
+    u = finite_array(q_commanded, (times.size, len(JOINTS)), "q_commanded", ResponseError)
+    q = finite_array(q_measured, (times.size, len(JOINTS)), "q_measured", ResponseError)
+    _check_times(times)
+    if np.abs(u - q).max() <= SAME_RAD:
+        raise ResponseError(
+            "q_commanded is q_measured: give the set-points that were sent, such as "
+            "`recording.commands[limb]` has them; `recording.motion` has what was measured"
+        )
+    for what, values in (("commanded", u), ("measured", q)):
+        travel = np.ptp(values, axis=0)
+        if float(travel.min()) < LEAST_TRAVEL_RAD:
+            raise ResponseError(
+                f"{_named(int(travel.argmin()))} was {what} over {_rounded(travel.min())} rad "
+                f"only; every joint must go {LEAST_TRAVEL_RAD:g} rad to tell its lag"
+            )
+    return _Data.of(times, u, q)
+
+
+def _check_times(times: FloatArray) -> None:
+    if len(times) < LEAST_SAMPLES:
+        raise ResponseError(f"{len(times)} samples tell no response; give {LEAST_SAMPLES} or more")
+    gaps = np.diff(times)
+    if not (gaps > 0.0).all():
+        at = int(gaps.argmin())
+        raise ResponseError(
+            f"times must increase, but {times[at]:g} s comes before {times[at + 1]:g} s"
+        )
+    missing_s = float(gaps[gaps > LONGEST_GAP_S].sum())
+    if missing_s > (1.0 - LEAST_RECORDED) * float(gaps.sum()):
+        raise ResponseError(
+            f"nothing is recorded for {missing_s:.3g} of {gaps.sum():.3g} s, in gaps longer than "
+            f"{LONGEST_GAP_S:g} s; record at 100 Hz, and give times in seconds"
+        )
+
+
+def _answers(data: _Data, lags_s: FloatArray) -> FloatArray:
+    """Answers with lags of shape (..., 7), from the start of each part on: shape (k, ..., 7)."""
+    found = np.empty((len(data.t), *lags_s.shape))
+    found[0] = y = np.broadcast_to(data.q[0], lags_s.shape)
+    for number, step_s in enumerate(np.diff(data.t).tolist()):
+        if data.begins[number + 1]:
+            y = np.broadcast_to(data.q[number + 1], lags_s.shape)
+        else:
+            y = data.u[number] + (y - data.u[number]) * left_over(step_s, lags_s)
+        found[number + 1] = y
+    return found
+
+
+def _speeds(data: _Data, lags_s: FloatArray) -> FloatArray:
+    """Of these answers, shape (k, 7), rad/s; zero on both sides of a gap."""
+    speeds = np.gradient(_answers(data, lags_s), data.t, axis=0)
+    gaps = data.begins[1:]
+    speeds[1:][gaps] = speeds[:-1][gaps] = 0.0
+    return speeds
+
+
+def _off(data: _Data, lags_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Measured less answered, and how an offset of 1 shows there, shape (k, ..., 7) both."""
+    since_s = data.since_s.reshape(-1, *(1,) * lags_s.ndim)
+    measured = data.q.reshape(len(data.t), *(1,) * (lags_s.ndim - 1), data.q.shape[1])
+    return measured - _answers(data, lags_s), 1.0 - left_over(since_s, lags_s)
+
+
+def _misfit(data: _Data, lags_s: FloatArray, *, has_offset: bool) -> FloatArray:
+    """Sum of squares of each lag with its best offset, or with none, shape as theirs."""
+    off, course = _off(data, lags_s)
+    if has_offset:
+        off = off - course * _best_offset(off, course)
+    squares: FloatArray = (off**2).sum(axis=0)
+    return squares
+
+
+def _best_offset(off: FloatArray, course: FloatArray) -> FloatArray:
+    best: FloatArray = (off * course).sum(axis=0) / (course**2).sum(axis=0)
+    return best
+
+
+def _best(data: _Data, *, has_offset: bool) -> FloatArray:
+    """The lag of each joint that fits best, shape (7,), s; the longest where none does."""
+    grid = np.repeat(GRID_S[:, None], data.q.shape[1], axis=1)
+    best = _misfit(data, grid, has_offset=has_offset).argmin(axis=0)
+    low, high = GRID_S[np.maximum(best - 1, 0)], GRID_S[np.minimum(best + 1, len(GRID_S) - 1)]
+    for _ in range(REFINEMENTS):
+        inner = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+        first, second = _misfit(data, np.array(inner), has_offset=has_offset)
+        is_first = first < second
+        low, high = np.where(is_first, low, inner[0]), np.where(is_first, inner[1], high)
+    middle = (low + high) / 2
+    none, some = _misfit(data, np.array([np.zeros_like(middle), middle]), has_offset=has_offset)
+    lags_s: FloatArray = np.where(none <= some, 0.0, middle)
+    return lags_s
+
+
+def _fitted_lags(data: _Data) -> FloatArray:
+    """The best lag of each joint, shape (7,), s.
+
+    Raises:
+        ResponseError: when a joint does not follow.
+    """
+    lag_s = _best(data, has_offset=True)
+    if float(lag_s.max()) > SLOWEST * LONGEST_LAG_S:
+        raise ResponseError(
+            f"{_named(int(lag_s.argmax()))} does not follow its commands within "
+            f"{LONGEST_LAG_S:g} s; was the arm enabled, and are these columns of the same joints?"
+        )
+    return lag_s
+
+
+def _offsets(data: _Data, lag_s: FloatArray) -> FloatArray:
+    """How far joints are measured off where their lag has them, always, shape (7,), rad."""
+    return _best_offset(*_off(data, lag_s))
+
+
+def _intervals(data: _Data, lag_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least and greatest lag of each joint, shape (7,) both, s."""
+    speeds = _speeds(data, lag_s)
+    fastest = np.max([_rms(speeds[piece]) for piece in _parts(data)], axis=0)
+    if float(fastest.min()) < LEAST_SPEED:
+        raise ResponseError(
+            f"{_named(int(fastest.argmin()))} went at {_rounded(fastest.min())} rad/s in its "
+            "fastest second, which does not tell its lag; every joint must go at "
+            f"{LEAST_SPEED:g} rad/s or more, if only for a second"
+        )
+    usual = _rms(speeds)
+    off, course = _off(data, lag_s)
+    offsets = _best_offset(off, course)
+    telling = speeds - course * _best_offset(speeds, course)
+    share = _rms(telling) / usual
+    if float(share.min()) < LEAST_SHARE:
+        raise ResponseError(
+            f"{_named(int(share.argmin()))} went at one speed nearly all the time, so its lag "
+            "cannot be told from an offset; let it go there and back"
+        )
+    noise = (off - course * offsets).std(axis=0)
+    spread = SIGMAS * noise / (share * usual * np.sqrt(len(data.t)))
+    pieces = _pieces(data._replace(q=data.q - offsets), lag_s, speeds)
+    low, high = np.minimum(lag_s - spread, pieces.min(axis=0)), lag_s + spread
+    return np.maximum(low, 0.0), np.minimum(np.maximum(high, pieces.max(axis=0)), LONGEST_LAG_S)
+
+
+def _pieces(data: _Data, lag_s: FloatArray, speeds: FloatArray) -> FloatArray:
+    """The lags that fit best in each piece, shape (pieces, 7), s; those of the whole otherwise."""
+    found = []
+    for part in _parts(data):
+        piece = _Data.of(*(values[part] for values in (data.t, data.u, data.q)))
+        tells = _rms(speeds[part]) >= LEAST_SPEED
+        found.append(np.where(tells, _best(piece, has_offset=False), lag_s))
+    return np.array(found)
+
+
+def _parts(data: _Data) -> list[slice]:
+    """The samples of each piece of `PIECE_S`."""
+    count = max(1, int((data.t[-1] - data.t[0]) / PIECE_S))
+    ends = np.linspace(0, len(data.t), count + 1).astype(np.intp)
+    return [slice(first, last) for first, last in pairwise(ends.tolist())]
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    """Root mean square over the samples."""
+    rms: FloatArray = np.sqrt((values**2).mean(axis=0))
+    return rms
+
+
+def _outside(data: _Data, low_s: FloatArray, high_s: FloatArray, offsets: FloatArray) -> FloatArray:
+    """How far measurements are outside the tube of an interval of lags, at most, shape (7,)."""
+    high = low = data.q[0] - offsets
+    farthest = np.abs(offsets)
+    for number, step_s in enumerate(np.diff(data.t).tolist()):
+        measured = data.q[number + 1]
+        if data.begins[number + 1]:
+            high = low = measured - offsets
+            continue
+        least, most = left_over(step_s, low_s), left_over(step_s, high_s)
+        aim = data.u[number]
+        high = aim + (high - aim) * np.where(high < aim, least, most)
+        low = aim + (low - aim) * np.where(low > aim, least, most)
+        farthest = np.maximum(farthest, np.maximum(measured - high, low - measured))
+    return farthest
+
+
+def _named(joint: int) -> str:
+    """A column as a joint of the arm."""
+    return f"joint {joint} ({JOINTS[joint]})"
+
+
+def _rounded(value: float, *, up: bool = False) -> str:
+    """A number beyond a limit, rounded so that it reads as one: 0.04998 is not 0.05."""
+    steps = value * 1e4
+    return f"{1e-4 * (np.ceil(steps) if up else np.floor(steps)):.4f}".rstrip("0").rstrip(".")
+
+
+FORMAT = "baxter-kin response"
+VERSION = 1
+LARGEST_BYTES = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Document:
+    format: str
+    version: int
+    limb: str
+    lag_s: tuple[tuple[float, float], ...]
+    settled_error_rad: tuple[float, ...]
+
+
+def save_response(response: Response, limb: str, path: PathLike) -> None:
+    """Write how an arm follows; speed and lead are not kept.
+
+    Raises:
+        ResponseError: when the file cannot be written.
+    """
+    lags = tuple((float(least), float(most)) for least, most in response.lag_s)
+    errors = tuple(response.settled_error_rad.tolist())
+    document = _Document(FORMAT, VERSION, limb, lags, errors)
+    data = to_json(document, _Document, "response", ResponseError)
+    try:
+        replace_file(path, as_lines(data).encode() + b"\n")
+    except FileError as cause:
+        raise ResponseError(f"{shown_path(path)} cannot be written: {cause.reason}") from cause
+
+
+def load_response(path: PathLike, limb: str) -> Response:
+    """How an arm follows its set-points.
+
+    Raises:
+        ResponseError: when the file cannot be read, holds something else, is of the other arm, or a
+            number in it makes no sense.
+    """
+    try:
+        with open_to_read(path) as stream:
+            content = stream.read(LARGEST_BYTES)
+    except (FileError, OSError) as cause:
+        raise ResponseError(f"the response cannot be read: {cause}") from cause
+    try:
+        return _read(content, limb)
+    except ResponseError as cause:
+        raise ResponseError(f"{shown_path(path)} {cause}") from cause
+
+
+def _read(content: bytes, limb: str) -> Response:
+    data = from_text(content, ResponseError)
+    stated = data.get("format") if isinstance(data, dict) else None
+    if stated != FORMAT:
+        said = "not stated" if stated is None else shown(stated)
+        raise ResponseError(
+            f"holds no response, as its format is {said}; python -m sim.ros1.check "
+            "--identify left --output FILE writes one"
+        )
+    document: _Document = from_json(data, _Document, "response", ResponseError)
+    if document.limb != limb:
+        raise ResponseError(f"is of the {document.limb} arm, not of the {limb} one")
+    return Response(document.lag_s, document.settled_error_rad)

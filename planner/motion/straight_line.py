@@ -1,24 +1,29 @@
 """StraightLine: poses from one to another, along a line and the shortest rotation.
 
-And LineTolerance: how far a tip that follows one may be off it.
+`LineTolerance` bounds the distance of a tip from its line. A motion program keeps lines at its
+knots, with a tolerance and so many intervals that the tip keeps to them in between as well.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
+from attrs import Factory
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect, millimetres_hint
+from baxter_kin.fields import field, scalar, value
 from baxter_kin.frames import PoseLike, angle_between, checked_pose, nearest_rotation
+from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.joint_chain import JointChain
 from baxter_kin.validation import FloatArray, finite_array, finite_scalar, float_array
-from baxter_kin.value_objects import Frozen, OneLine, millimetres, position
+from baxter_kin.value_objects import millimetres, position
 from planner.errors import MotionError, StraightMoveError
 from planner.scene.bodies import FARTHEST_M
+from planner.trajectory import Trajectory
 
 LEAST_LENGTH = 1e-9
 """A line shorter than this, in m and rad together, is a point: positions are known no better."""
@@ -39,8 +44,8 @@ STRICT_M, STRICT_RAD = 1e-4, math.radians(0.02)
 """How far a tip may be off its line unless said otherwise."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class LineTolerance(OneLine):
+@value(error=MotionError, eq=True)
+class LineTolerance:
     """How far a tip may be off its line: 0.1 mm and 0.02 deg unless said otherwise.
 
     Attributes:
@@ -52,18 +57,18 @@ class LineTolerance(OneLine):
         MotionError: when one is no such number.
     """
 
-    position_m: float = STRICT_M
-    rotation_rad: float = STRICT_RAD
+    position_m: float = scalar(default=STRICT_M, what="line tolerance position_m")
+    rotation_rad: float = scalar(default=STRICT_RAD, what="line tolerance rotation_rad")
 
-    def __post_init__(self) -> None:
-        ranges = ("position_m", LEAST_M, FARTHEST_M), ("rotation_rad", LEAST_RAD, math.pi)
-        for name, least, most in ranges:
-            value = finite_scalar(getattr(self, name), f"line tolerance {name}", MotionError)
-            if not least <= value < most:
+    def __attrs_post_init__(self) -> None:
+        for name, given, low, high in (
+            ("position_m", self.position_m, LEAST_M, FARTHEST_M),
+            ("rotation_rad", self.rotation_rad, LEAST_RAD, math.pi),
+        ):
+            if not low <= given < high:
                 raise MotionError(
-                    f"line tolerance {name} must be from {least:g} to below {most:g}, got {value:g}"
+                    f"line tolerance {name} must be from {low:g} to below {high:g}, got {given:g}"
                 )
-            object.__setattr__(self, name, value)
 
     def _facts(self) -> tuple[str, ...]:
         return f"{1e3 * self.position_m:g} mm", f"{math.degrees(self.rotation_rad):g} deg"
@@ -73,8 +78,35 @@ STRICT = LineTolerance()
 """What is kept unless said otherwise."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class StraightLine(Frozen, OneLine):
+def _orthonormal(pose: PoseLike) -> pin.SE3:
+    """The pose with the rotation nearest to its own, which may be off by rounded digits."""
+    T = checked_pose(pose)
+    farthest = float(np.abs(T.translation).max())
+    if farthest > FARTHEST_M:
+        raise MotionError(
+            f"a line leads to {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
+            f"{millimetres_hint(farthest)}"
+        )
+    return pin.SE3(nearest_rotation(T.rotation), T.translation)
+
+
+def _twist_of(line: StraightLine) -> FloatArray:
+    start, goal = line.T_base_start, line.T_base_goal
+    angle = angle_between(start.rotation, goal.rotation)
+    if angle > math.pi - HALF_TURN_MARGIN_RAD:
+        raise StraightMoveError(
+            0.0,
+            f"the goal is turned by {math.degrees(angle):.6f} deg, half a turn, which has two "
+            "shortest ways: go by an orientation between",
+        )
+    turn = start.rotation @ pin.log3(start.rotation.T @ goal.rotation)
+    twist = np.concatenate([goal.translation - start.translation, turn])
+    twist.setflags(write=False)
+    return twist
+
+
+@value(error=MotionError)
+class StraightLine:
     """The poses between two, by the fraction s of the way, 0..1.
 
     The position is on the line between both, the orientation on the shortest rotation between them
@@ -85,33 +117,16 @@ class StraightLine(Frozen, OneLine):
         T_base_goal: the last one.
         twist: of the tip per unit of s, shape (6,): m, then rad, along the axes of base. It is the
             same all along.
+
+    Raises:
+        PoseError: when a pose is invalid.
+        MotionError: when a pose is farther away than `FARTHEST_M`.
+        StraightMoveError: when the rotation is half a turn.
     """
 
-    T_base_start: pin.SE3
-    T_base_goal: pin.SE3
-    twist: FloatArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Check both poses and compute the twist.
-
-        Raises:
-            PoseError: when one is no pose.
-            MotionError: when one is farther away than `FARTHEST_M`.
-            StraightMoveError: when the rotation is half a turn.
-        """
-        start, goal = (_orthonormal(T) for T in (self.T_base_start, self.T_base_goal))
-        angle = angle_between(start.rotation, goal.rotation)
-        if angle > math.pi - HALF_TURN_MARGIN_RAD:
-            raise StraightMoveError(
-                0.0,
-                f"the goal is turned by {math.degrees(angle):.6f} deg, half a turn, which has two "
-                "shortest ways: go by an orientation between",
-            )
-        turn = start.rotation @ pin.log3(start.rotation.T @ goal.rotation)
-        twist = np.concatenate([goal.translation - start.translation, turn])
-        twist.setflags(write=False)
-        for name, value in (("T_base_start", start), ("T_base_goal", goal), ("twist", twist)):
-            object.__setattr__(self, name, value)
+    T_base_start: pin.SE3 = field(converter=_orthonormal)
+    T_base_goal: pin.SE3 = field(converter=_orthonormal)
+    twist: FloatArray = field(init=False, default=Factory(_twist_of, takes_self=True))
 
     @property
     def length_m(self) -> float:
@@ -190,13 +205,53 @@ class StraightLine(Frozen, OneLine):
         return way, millimetres(self.length_m), f"{round(self.angle_rad, 6):g} rad"
 
 
-def _orthonormal(pose: PoseLike) -> pin.SE3:
-    """The pose with the rotation nearest to its own, which may be off by rounded digits."""
-    T = checked_pose(pose)
-    farthest = float(np.abs(T.translation).max())
-    if farthest > FARTHEST_M:
-        raise MotionError(
-            f"a line leads to {farthest:g} m away; up to {FARTHEST_M:g} m can be measured"
-            f"{millimetres_hint(farthest)}"
-        )
-    return pin.SE3(nearest_rotation(T.rotation), T.translation)
+INTERVAL_M, INTERVAL_RAD = 0.011, 0.05
+"""How far the tip goes and turns in an interval of a line on average, at most, lest it leaves the
+line in between."""
+
+LOOKS, SHARE = 4, 0.9
+"""How often the tip is looked at in an interval, and the share of a tolerance that it may be off
+there, for what is between two looks."""
+
+BETWEEN = np.array([0.55 * 1e-4, 0.65 * math.radians(0.02)])
+"""What is left of a tolerance for what is between two knots, m and rad, but not more than these
+shares of it."""
+
+TINY = 1e-7
+"""Tolerances at knots, m, are no less, and turns, rad, count as no less."""
+
+
+def is_on_line(arm: Arm, line: StraightLine, motion: Trajectory, tolerance: LineTolerance) -> bool:
+    """Whether the tip keeps to a line, looked at between the knots too."""
+    looks = np.linspace(0.0, motion.duration, LOOKS * (len(motion.knots_s) - 1) + 1)
+    off_m, off_rad = line.off(arm.T_base_tips(motion.sample(looks).q))
+    is_near = (off_m <= SHARE * tolerance.position_m) & (off_rad <= SHARE * tolerance.rotation_rad)
+    return bool(is_near.all())
+
+
+def at_knots(tolerance: LineTolerance, lines: Sequence[StraightLine] = ()) -> tuple[float, float]:
+    """How far the tip may be off lines at knots, along and about each axis, m and rad.
+
+    Less where a tip that is ahead of its turn on the line would be turned by more.
+    """
+    most = SHARE * np.array([tolerance.position_m, tolerance.rotation_rad])
+    between = np.minimum(BETWEEN, 0.65 * most / SHARE)
+    position_m, rotation_rad = ((most - between) / math.sqrt(3.0)).tolist()
+    for line in lines:
+        position_m = min(position_m, rotation_rad * line.length_m / max(line.angle_rad, TINY))
+    return max(position_m, TINY), rotation_rad
+
+
+def intervals_on(line: StraightLine, tolerance: LineTolerance, fewest: int) -> int:
+    """How many a line has, so many at least; in steps, so that there are few programs.
+
+    What a spline leaves between knots goes with the fourth power of their distance.
+    """
+    needed = max(line.length_m / INTERVAL_M, line.angle_rad / INTERVAL_RAD, fewest)
+    tighter = (
+        STRICT.position_m / tolerance.position_m,
+        STRICT.rotation_rad / tolerance.rotation_rad,
+    )
+    needed *= math.sqrt(math.sqrt(max(1.0, *tighter)))
+    step = 2 if needed <= 20 else 10
+    return step * math.ceil(needed / step)

@@ -14,17 +14,23 @@ from baxter_kin.ik import sample_solutions
 from baxter_kin.ik.geometry.reach import ReachBound
 from baxter_kin.validation import FloatArray, finite_scalar, whole_scalar
 from planner.errors import MotionError, StraightMoveError
-from planner.motion.guess import Followed, Way, along, drawn_to
 from planner.motion.joint_move import (
     checked_start,
     plan_joint_move,
     rest_to_rest_s,
     stopping_at,
 )
-from planner.motion.line_knots import at_knots, intervals_on, is_on_line
+from planner.motion.program.guess import Followed, along, drawn_to
 from planner.motion.program.motion_program import MotionProgram
-from planner.motion.program.phases import MotionTask, Phase
-from planner.motion.straight_line import STRICT, LineTolerance, StraightLine
+from planner.motion.program.unknowns import MotionTask, Phase
+from planner.motion.straight_line import (
+    STRICT,
+    LineTolerance,
+    StraightLine,
+    at_knots,
+    intervals_on,
+    is_on_line,
+)
 from planner.trajectory import Trajectory
 
 FEWEST = 20
@@ -164,7 +170,7 @@ def _near(
     intervals, is_at_rest = fineness * intervals_on(line, tolerance, FEWEST), not any(rates)
     enters, leaves = any(rates[:2]), any(rates[2:])
     for _ in range(1 + HALVINGS):
-        guess = along(arm, limits, task.q_start, Way(line, intervals, ends_at_rest=True))
+        guess = along(arm, limits, task.q_start, line, intervals, ends_at_rest=True)
         if isinstance(guess, Followed):
             if other is not None:
                 return None

@@ -22,11 +22,9 @@ from planner.collision.context import CollisionContext
 from planner.errors import MotionError
 from planner.motion.free_move import DEFAULT_MARGIN_M
 from planner.motion.joint_move import rest_to_rest_s
-from planner.pick_place.cycle import PICK_LINES, PLACE_LINES
 from planner.pick_place.plan_builder import NoSolutionError
-from planner.pick_place.summary import CollisionSummary
-from planner.pick_place.task import PickAndPlace, PlanRequest
-from planner.plan import PlanFailure
+from planner.pick_place.task import PICK_LINES, PLACE_LINES, PickAndPlace, PlanRequest
+from planner.plan import CollisionSummary, PlanFailure
 
 BOUND_TURNS = 192
 """Angles of s0 for a bound: four times as many as for a choice, 0.02 rad apart."""

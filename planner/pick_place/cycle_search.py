@@ -13,23 +13,25 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 
 import numpy as np
 import pinocchio as pin
 
-from planner.clearance import ContinuousProof
+from baxter_kin.fields import evolve
 from planner.pick_place.candidates import CandidatePair, Candidates, Solutions
-from planner.pick_place.cycle import MOVES, SIDEWAYS, STAGES, Cycle, StoppingCycles
-from planner.pick_place.cycle_program import CycleProgram
-from planner.pick_place.hand_lines import refuse_blocked_hand
-from planner.pick_place.phases import PhaseMaker
-from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder, proven, refuse_blocked
-from planner.pick_place.task import PickAndPlace, PlanRequest
+from planner.pick_place.cycles import Cycle, CycleProgram, StoppingCycles
+from planner.pick_place.phases import PhaseMaker, refuse_blocked_hand
+from planner.pick_place.plan_builder import (
+    NoSolutionError,
+    PlanBuilder,
+    ProvenMotion,
+    proven,
+    refuse_blocked,
+)
+from planner.pick_place.task import MOVES, SIDEWAYS, STAGES, PickAndPlace, PlanRequest
 from planner.plan import GripperAction, Plan, PlanFailure
-from planner.trajectory import Trajectory
 
 MOST_OPTIMISED = 4
 """Pairs whose cycles are planned as one program, before others are tried."""
@@ -58,7 +60,7 @@ class CycleSearch:
 
     def __init__(self, request: PlanRequest, task: PickAndPlace) -> None:
         self._request, self._task = request, task
-        self._missed: list[_Miss] = []
+        self._missed: list[Plan] = []
 
     @cached_property
     def _program(self) -> CycleProgram:
@@ -140,7 +142,7 @@ class CycleSearch:
         self._places = Solutions("place: descend", found.places, contexts["place: descend"])
         taken = self._phases.taken
         if taken is not None and len(found.places):
-            raise NoSolutionError(replace(taken, tallies=(self._places.summary(),)))
+            raise NoSolutionError(evolve(taken, tallies=(self._places.summary(),)))
         self._places.refuse_none_free()
         self._phases.refuse_impossible()
 
@@ -203,7 +205,7 @@ class CycleSearch:
         sideways = 0
         for i, j in islice(self._candidates.open_ones(self._picks, self._places), MOST_TRIED):
             try:
-                plan = self._along(cycles.of(*self._candidates.pair(i, j)))
+                plan = self._along(*cycles.of(*self._candidates.pair(i, j)))
             except NoSolutionError as stop:
                 plan = self._missing(PlanBuilder(self._request), stop.failure)
             yield plan
@@ -213,77 +215,67 @@ class CycleSearch:
             if sideways == MOST_SIDEWAYS:
                 break
 
-    def _along(self, cycle: Cycle) -> Plan:
-        """The plan of a cycle up to the stage that fails; no steps where a move does."""
+    def _along(self, cycle: Cycle, known: Mapping[str, ProvenMotion] | None = None) -> Plan:
+        """The plan of a cycle up to the stage that fails; no steps where a move does.
+
+        Args:
+            cycle: the motions.
+            known: those that are proven already, by stage.
+        """
         builder = PlanBuilder(self._request)
         try:
-            proofs = {
-                stage: proven(stage, cycle.by_stage[stage], self._contexts[stage])
-                for stage in PROVEN_FIRST
-            }
-            self._add(cycle, builder, proofs)
+            found = dict(known or {})
+            for stage in PROVEN_FIRST:
+                if stage not in found:
+                    found[stage] = proven(stage, cycle.by_stage[stage], self._contexts[stage])
+            self._add(cycle, builder, found)
         except NoSolutionError as stop:
             return self._missing(builder, stop.failure)
         return builder.plan()
 
-    def _add(
-        self, cycle: Cycle, builder: PlanBuilder, proofs: Mapping[str, ContinuousProof]
-    ) -> None:
-        """Add every step, each proven clear; the moves of some stages are so already.
-
-        Raises:
-            NoSolutionError: when one is not.
-        """
+    def _add(self, cycle: Cycle, builder: PlanBuilder, known: Mapping[str, ProvenMotion]) -> None:
+        """Add every step; motions that are not proven yet are proven here."""
         phases, task = self._phases, self._task
 
-        def move(label: str, trajectory: Trajectory, T_base_tip: pin.SE3) -> None:
+        def move(label: str, T_base_tip: pin.SE3) -> None:
             context, is_straight = self._contexts[label], label not in SIDEWAYS
-            proof = proofs.get(label) or proven(label, trajectory, context)
-            builder.add_move(
-                label, trajectory, context, T_base_tip, proof=proof, is_straight=is_straight
-            )
+            motion = known.get(label) or proven(label, cycle.by_stage[label], context)
+            builder.add_move(label, motion, context, T_base_tip, is_straight=is_straight)
 
         builder.add_open("pick: open", phases.opening_m)
-        move("pick: approach", cycle.to_pick, task.T_base_above_pick)
-        move("pick: descend", cycle.down_to_pick, task.T_base_pick)
+        move("pick: approach", task.T_base_above_pick)
+        move("pick: descend", task.T_base_pick)
         builder.add_grip("pick: close", GripperAction.CLOSE, phases.closing, task.body)
-        move("pick: retract", cycle.up_from_pick, task.T_base_above_pick)
-        move("place: approach", cycle.to_place, task.T_base_above_place)
-        move("place: descend", cycle.down_to_place, task.T_base_place)
+        move("pick: retract", task.T_base_above_pick)
+        move("place: approach", task.T_base_above_place)
+        move("place: descend", task.T_base_place)
         builder.add_grip("place: open", GripperAction.OPEN, phases.releasing, task.body)
-        move("place: retract", cycle.up_from_place, task.T_base_end)
+        move("place: retract", task.T_base_end)
 
     def _missing(self, builder: PlanBuilder, failure: PlanFailure) -> Plan:
-        """The plan of what there is, which is remembered as a miss."""
-        plan = builder.plan(failure)
-        self._missed.append(_Miss(plan, failure))
-        return plan
+        """The incomplete plan, recorded as a miss."""
+        self._missed.append(builder.plan(failure))
+        return self._missed[-1]
 
     def _nearest_miss(self) -> Plan:
         """What there is of the plan that gets farthest, with what came of the others."""
-        best = max(self._missed, key=_Miss.nearness)
-        failures = tuple(miss.failure for miss in self._missed)
+        missed = [(plan, plan.failure) for plan in self._missed if plan.failure is not None]
+        best, nearest = max(missed, key=lambda each: _nearness(each[1]))
+        failures = tuple(failure for _, failure in missed)
         tallies = tuple(
             tally for tally in (self._picks.summary(), self._places.summary()) if tally.colliding
         )
         told = [_told(failures), *(f"{tally.stage}: {tally}" for tally in tallies)]
-        reason = f"{best.failure.reason} ({'; '.join(told)})"
-        failure = replace(best.failure, reason=reason, tried=failures, tallies=tallies)
-        return replace(best.plan, failure=failure)
+        reason = f"{nearest.reason} ({'; '.join(told)})"
+        failure = evolve(nearest, reason=reason, tried=failures, tallies=tallies)
+        return evolve(best, failure=failure)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Miss:
-    """What there is of a plan that failed, and why."""
-
-    plan: Plan
-    failure: PlanFailure
-
-    def nearness(self) -> tuple[int, float]:
-        """How far it got, and how little was missing: greater is nearer to a plan."""
-        contact = self.failure.contact
-        distance_m = -np.inf if contact is None else contact.nearest.distance_m
-        return STAGES.index(self.failure.stage), distance_m
+def _nearness(failure: PlanFailure) -> tuple[int, float]:
+    """How far a plan got, and by how little it failed; greater is better."""
+    contact = failure.contact
+    distance_m = -np.inf if contact is None else contact.nearest.distance_m
+    return STAGES.index(failure.stage), distance_m
 
 
 def _told(failures: tuple[PlanFailure, ...]) -> str:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from typing import NamedTuple
 
 import pinocchio as pin
 
+from baxter_kin.fields import evolve
 from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray
 from planner.clearance import ContinuousContact, ContinuousProof
 from planner.collision.context import CollisionContext
+from planner.collision.sampling import SCREENING_STEP_RAD, looks_clear
 from planner.completion import after, during, of_grip
 from planner.errors import MotionError, TaskError
 from planner.grasping.finger_travel import FingerTravel, prove_travel
@@ -69,31 +71,26 @@ class PlanBuilder:
     def add_move(
         self,
         label: str,
-        trajectory: Trajectory,
+        motion: ProvenMotion,
         context: CollisionContext,
         T_base_tip: pin.SE3 | None = None,
         *,
-        proof: ContinuousProof | None = None,
         is_straight: bool = False,
     ) -> None:
-        """Add a move that is proven clear.
+        """Add a move.
 
         Args:
             label: stage and waypoint.
-            trajectory: from where the arm stands.
-            context: the situation meanwhile.
+            motion: from the arm's current configuration.
+            context: the situation during the move.
             T_base_tip: the pose that it ends at; None for a move in joint angles.
-            proof: that it is clear; found when not given.
             is_straight: whether the tip moves along a straight line.
-
-        Raises:
-            NoSolutionError: when it is not proven clear.
         """
-        found, ik = proof or proven(label, trajectory, context), None
+        (trajectory, proof), ik = motion, None
         if T_base_tip is not None:
             ik = self._manipulator.ik.solve(T_base_tip, current=trajectory.q_start)
         contacts = during(context.checker.contacts, trajectory.duration)
-        known = found.nearest, found, is_straight, self._state, contacts
+        known = proof.nearest, proof, is_straight, self._state, contacts
         self._add(Move(label, trajectory, T_base_tip, ik, *known))
 
     def add_free_move(self, label: str, q_goal: FloatArray, context: CollisionContext) -> None:
@@ -104,9 +101,8 @@ class PlanBuilder:
         """
         refuse_blocked(label, self.q, context, "where it stands")
         refuse_blocked(label, q_goal, context, "where it shall go")
-        self.add_move(
-            label, free_motion(label, (self.q, q_goal), self._manipulator, context), context
-        )
+        motion = free_motion(label, (self.q, q_goal), self._manipulator, context)
+        self.add_move(label, motion, context)
 
     def add_rise(self, label: str, height_m: float, context: CollisionContext) -> None:
         """Add a straight move up from where the arm stands.
@@ -123,10 +119,11 @@ class PlanBuilder:
             )
         except MotionError as cause:
             raise NoSolutionError.at(label, str(cause)) from cause
-        self.add_move(label, trajectory, context, T_base_goal, is_straight=True)
+        motion = proven(label, trajectory, context)
+        self.add_move(label, motion, context, T_base_goal, is_straight=True)
 
     def add_grip(
-        self, label: str, action: GripperAction, travels: Sequence[FingerTravel], body: str
+        self, label: str, action: GripperAction, travels: Sequence[FingerTravel], body: str | None
     ) -> None:
         """Add the closing of the fingers on a body, or their opening around it.
 
@@ -139,9 +136,13 @@ class PlanBuilder:
         Raises:
             NoSolutionError: when the way is not proven clear.
         """
-        proof = self._proven(label, action, travels)
-        opening_m = self._told(travels[-1].end_m) if action is GripperAction.OPEN else None
-        self._add(Grip(label, action, body, opening_m, proof, self._state))
+        margin_m, opening_m = self._request.margin_m, travels[-1].end_m
+        proof = prove_travel(self._manipulator, travels, self.q, margin_m=margin_m)
+        if isinstance(proof, ContinuousContact):
+            raise NoSolutionError(blocked_fingers(label, action, proof))
+        is_partly = action is GripperAction.OPEN and opening_m < self._manipulator.hand.stroke_m
+        step = Grip(label, action, body, opening_m if is_partly else None, proof, self._state)
+        self._add(step)
 
     def add_open(self, label: str, opening_m: float) -> None:
         """Add the opening of the empty hand before anything else has moved a body.
@@ -150,9 +151,7 @@ class PlanBuilder:
             NoSolutionError: when something stands in the way of the fingers.
         """
         travel = FingerTravel(self._start.scene, self._manipulator.finger_m, opening_m)
-        proof = self._proven(label, GripperAction.OPEN, (travel,))
-        told = self._told(opening_m)
-        self._add(Grip(label, GripperAction.OPEN, None, told, proof, self._state))
+        self.add_grip(label, GripperAction.OPEN, (travel,), None)
 
     def _add(self, step: Step) -> None:
         """Add a step, and take note of how it leaves robot and bodies."""
@@ -163,24 +162,19 @@ class PlanBuilder:
             raise NoSolutionError.at(step.label, str(cause)) from cause
         if isinstance(step, Grip):
             contacts = of_grip(step, state, self._state, self._manipulator)
-            step = replace(step, contacts=contacts)
+            step = evolve(step, contacts=contacts)
         self.steps.append(step)
 
-    def _told(self, opening_m: float) -> float | None:
-        """A finger position as a step says it: None for all the way."""
-        return opening_m if opening_m < self._manipulator.hand.stroke_m else None
 
-    def _proven(
-        self, label: str, action: GripperAction, travels: Sequence[FingerTravel]
-    ) -> ContinuousProof:
-        result = prove_travel(self._manipulator, travels, self.q, margin_m=self._request.margin_m)
-        if isinstance(result, ContinuousContact):
-            raise NoSolutionError(blocked_fingers(label, action, result))
-        return result
+class ProvenMotion(NamedTuple):
+    """A motion, and the proof that it is clear."""
+
+    trajectory: Trajectory
+    proof: ContinuousProof
 
 
-def proven(label: str, motion: Trajectory, context: CollisionContext) -> ContinuousProof:
-    """The proof that a motion is clear.
+def proven(label: str, motion: Trajectory, context: CollisionContext) -> ProvenMotion:
+    """A motion with the proof that it is clear.
 
     Raises:
         NoSolutionError: when there is none; says what is in its way.
@@ -188,7 +182,7 @@ def proven(label: str, motion: Trajectory, context: CollisionContext) -> Continu
     result = context.prove(motion)
     if isinstance(result, ContinuousContact):
         raise NoSolutionError(PlanFailure(label, str(result), contact=result))
-    return result
+    return ProvenMotion(motion, result)
 
 
 def free_motion(
@@ -197,22 +191,35 @@ def free_motion(
     manipulator: Manipulator,
     context: CollisionContext,
     timeout_s: float = TIMEOUT_S,
-) -> Trajectory:
+) -> ProvenMotion:
     """A motion from one configuration to another around what is in the way, proven clear.
 
     Raises:
         NoSolutionError: when there is none.
     """
+    found: list[ProvenMotion] = []
+
+    def is_clear(motion: Trajectory) -> bool:
+        if not looks_clear(motion, context.is_free, SCREENING_STEP_RAD):
+            return False
+        result = context.prove(motion)
+        if isinstance(result, ContinuousContact):
+            return False
+        found.append(ProvenMotion(motion, result))
+        return True
+
     try:
-        return plan_free_move(
+        fastest = plan_free_move(
             *ends,
             manipulator.limits,
             context,
+            is_clear,
             timeout_s=timeout_s,
             margin_m=context.margin_m + DEFAULT_MARGIN_M,
         )
     except MotionError as cause:
         raise NoSolutionError.at(label, str(cause)) from cause
+    return next(each for each in found if each.trajectory is fastest)
 
 
 def refuse_blocked(label: str, q: FloatArray, context: CollisionContext, where: str) -> None:

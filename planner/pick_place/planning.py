@@ -20,13 +20,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect
+from baxter_kin.fields import evolve
 from planner.errors import ResponseError, SceneError, TaskError
 from planner.manipulator import Manipulator
 from planner.motion.joint_move import ROUNDING_RAD
@@ -35,7 +35,7 @@ from planner.motion.straight_line import STRICT, LineTolerance
 from planner.pick_place.cycle_search import CycleSearch
 from planner.pick_place.plan_builder import NoSolutionError, PlanBuilder
 from planner.pick_place.task import PickAndPlace, PlanRequest, checked_height_m
-from planner.pick_place.tracking.proof import planned_for
+from planner.pick_place.tracking import planned_for
 from planner.plan import Plan, PlanFailure
 from planner.scene.attachment import Attachment
 from planner.scene.bodies import Scene
@@ -231,7 +231,7 @@ def _begun(
     if scene is not None or q is not None or held:
         raise TaskError("give state= alone, or the scene, where the arm stands and what is held")
     others = manipulator.robot.configuration(dict(state.joints))
-    there = replace(manipulator, q_others=others)
+    there = evolve(manipulator, q_others=others)
     return there, state.scene, state.q(manipulator.arm.joint_names), state.attachments
 
 

@@ -1,17 +1,26 @@
-"""PickAndPlace, what goes where, and PlanRequest, the arm, the scene and the promises of a plan."""
+"""PickAndPlace, what goes where; PlanRequest, the arm, the scene and what a plan must keep.
+
+```
+pick    open - approach - descend - close - retract
+place   approach - descend - open - retract
+```
+"""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
-from dataclasses import InitVar, dataclass, field
+from dataclasses import InitVar, dataclass
+from functools import partial
 
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import BaxterError, expect, expect_all, millimetres_hint
+from baxter_kin.fields import field, value
 from baxter_kin.frames import checked_pose, raised
 from baxter_kin.validation import FloatArray, positive_scalar
-from baxter_kin.value_objects import OneLine, phrase, position
+from baxter_kin.value_objects import phrase, position
 from planner.clearance import checked_margin_m
 from planner.errors import MotionError, SceneError, TaskError
 from planner.manipulator import Manipulator
@@ -20,6 +29,19 @@ from planner.motion.straight_line import STRICT, LineTolerance
 from planner.scene.attachment import Attachment
 from planner.scene.bodies import FARTHEST_M, Scene
 
+PICK_LINES = ("pick: descend", "pick: close", "pick: retract")
+
+PLACE_LINES = ("place: descend", "place: open", "place: retract")
+
+SIDEWAYS = ("pick: approach", "place: approach")
+"""Stages in which the tip is free; the other moves are along lines."""
+
+STAGES = ("pick: open", SIDEWAYS[0], *PICK_LINES, SIDEWAYS[1], *PLACE_LINES)
+"""All of them, in order."""
+
+MOVES = tuple(each for each in STAGES if each not in ("pick: open", "pick: close", "place: open"))
+"""Those in which the arm moves."""
+
 DEFAULT_HOVER_M = 0.15
 """Height above the place where the arm ends; the original demo's hover distance."""
 
@@ -27,8 +49,21 @@ DEFAULT_CLEAR_M = 0.05
 """Height above pick and place from which the arm may move sideways: a third of that."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class PickAndPlace(OneLine):
+def checked_height_m(value: object, what: str, error: type[BaxterError]) -> float:
+    """How far the tip is to rise, if that can be: above zero, and not beyond `FARTHEST_M`.
+
+    Raises:
+        BaxterError: of class `error`, when it is not.
+    """
+    height_m = positive_scalar(value, what, error)
+    if height_m > FARTHEST_M:
+        hint = millimetres_hint(height_m)
+        raise error(f"{what} must be at most {FARTHEST_M:g} m, got {height_m:g}{hint}")
+    return height_m
+
+
+@value(error=TaskError)
+class PickAndPlace:
     """One pick and one place.
 
     Attributes:
@@ -46,17 +81,16 @@ class PickAndPlace(OneLine):
     """
 
     body: str
-    T_base_pick: pin.SE3
-    T_base_place: pin.SE3
-    hover_m: float = DEFAULT_HOVER_M
-    clear_m: float = DEFAULT_CLEAR_M
-
-    def __post_init__(self) -> None:
-        expect(self.body, str, "name of the body", TaskError)
-        checked_height_m(self.hover_m, "hover distance", TaskError)
-        checked_height_m(self.clear_m, "clear height", TaskError)
-        for name in ("T_base_pick", "T_base_place"):
-            object.__setattr__(self, name, checked_pose(getattr(self, name)))
+    T_base_pick: pin.SE3 = field(converter=checked_pose)
+    T_base_place: pin.SE3 = field(converter=checked_pose)
+    hover_m: float = field(
+        default=DEFAULT_HOVER_M,
+        converter=partial(checked_height_m, what="hover distance", error=TaskError),
+    )
+    clear_m: float = field(
+        default=DEFAULT_CLEAR_M,
+        converter=partial(checked_height_m, what="clear height", error=TaskError),
+    )
 
     @property
     def lift_m(self) -> float:
@@ -81,19 +115,6 @@ class PickAndPlace(OneLine):
     def _facts(self) -> tuple[str, ...]:
         way = f"from {position(self.T_base_pick)} to {position(self.T_base_place)}"
         return phrase(self.body), way, f"hover {self.hover_m:g} m"
-
-
-def checked_height_m(value: object, what: str, error: type[BaxterError]) -> float:
-    """How far the tip is to rise, if that can be: above zero, and not beyond `FARTHEST_M`.
-
-    Raises:
-        BaxterError: of class `error`, when it is not.
-    """
-    height_m = positive_scalar(value, what, error)
-    if height_m > FARTHEST_M:
-        hint = millimetres_hint(height_m)
-        raise error(f"{what} must be at most {FARTHEST_M:g} m, got {height_m:g}{hint}")
-    return height_m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +148,7 @@ class PlanRequest:
     line_tolerance: LineTolerance = STRICT
     q_name: InitVar[str] = "q_start"
     clip_start: InitVar[bool] = False
-    q_start: FloatArray = field(init=False)
+    q_start: FloatArray = dataclasses.field(init=False)
 
     def __post_init__(self, q_given: ArrayLike, q_name: str, clip_start: bool) -> None:
         arm = expect(self.manipulator, Manipulator, "manipulator", TaskError).arm

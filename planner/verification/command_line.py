@@ -27,10 +27,9 @@ from baxter_kin.command_line import (
 from baxter_kin.description import RobotDescription
 from baxter_kin.limits import PRESETS
 from planner.certificate.robot import Robot
-from planner.motion.response import Response
+from planner.motion.response import Response, load_response
 from planner.plan import Plan
 from planner.plan_file import load_plan
-from planner.response_file import load_response
 from planner.verification.inspection import robot_difference, verify
 from planner.verification.report import robot_limits
 

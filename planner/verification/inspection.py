@@ -8,7 +8,6 @@ not. The search for rows, and the table of worst values, need not be trusted.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from functools import cache
 from os import PathLike
 from typing import Any
@@ -18,6 +17,7 @@ import numpy as np
 from baxter_kin import JointLimits
 from baxter_kin.description import RobotDescription
 from baxter_kin.errors import expect, expect_all, quoted, shortened
+from baxter_kin.fields import evolve
 from planner.certificate.checking import Certified, check
 from planner.certificate.errors import NotCertifiedError
 from planner.certificate.robot import Robot
@@ -148,8 +148,8 @@ def _in_world(plan: Plan, world: State) -> Plan:
         return plan
     arm = {name: at for name, at in plan.start.joints.items() if name.startswith(f"{plan.limb}_")}
     start = State(world.scene, {**world.joints, **arm}, world.attachments)
-    steps = tuple(replace(step, state=None, contacts=(), proof=None) for step in plan)
-    return replace(plan, start=start, steps=steps)
+    steps = tuple(evolve(step, state=None, contacts=(), proof=None) for step in plan)
+    return evolve(plan, start=start, steps=steps)
 
 
 def _judged(

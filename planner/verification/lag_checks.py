@@ -10,11 +10,12 @@ the tip, by the same lemma.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from planner.certificate.boxes import Tube, box_gaps_m, box_rows
 from planner.certificate.intervals import norm_bound
@@ -180,7 +181,7 @@ class _Clearances:
         kernel = rows_kernel()
         if kernel is None or self._trees is None:
             return search_tube(self._robot, self._clusters, pairs, tube)
-        there = self._trees, self._trees.pairs(replace(step, pairs=pairs)), tube
+        there = self._trees, self._trees.pairs(evolve(step, pairs=pairs)), tube
         for share in SHARES:
             found = kernel.search_tube(self._chain, *there, share=share)
             if found.outcome in (Outcome.PROVEN, Outcome.TOO_NEAR):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeVar
 
@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import (
     Attachment,
     Body,
@@ -94,11 +95,11 @@ class Problem:
 
     def with_task(self, **changes: Any) -> Problem:
         """The same with another task."""
-        return replace(self, task=replace(self.task, **changes))  # type: ignore[type-var]
+        return evolve(self, task=evolve(self.task, **changes))  # type: ignore[type-var]
 
     def with_bodies(self, bodies: Sequence[Body]) -> Problem:
         """The same with more bodies."""
-        return replace(self, scene=Scene.of([*self.scene, *bodies]))
+        return evolve(self, scene=Scene.of([*self.scene, *bodies]))
 
 
 def make_problem(family: str, number: int, seed: int) -> Problem:
@@ -195,7 +196,7 @@ def _margins(draw: Draw) -> Problem:
     assert problem.task is not None
     # fingers may come near the body only where the tip goes straight, so from above it
     problem = problem.with_task(clear_m=0.13, hover_m=max(0.13, problem.task.hover_m))
-    problem = replace(problem, margin_m=draw.within(0.002, 0.020))
+    problem = evolve(problem, margin_m=draw.within(0.002, 0.020))
     return _among(draw, problem, draw.count(0, 3))
 
 
@@ -222,8 +223,8 @@ def _other_hand(draw: Draw) -> Problem:
     down_m = draw.within(0.0, height / 2 - 0.008) if height > 0.05 else 0.0
     world.attach(other, "held", _at(0.0, 0.0, down_m))
     held = tuple(found for found in [world.holding(other)] if found is not None)
-    manipulator = replace(base, q_others=world.q)
-    return replace(problem, manipulator=manipulator, scene=world.scene, held=held)
+    manipulator = evolve(base, q_others=world.q)
+    return evolve(problem, manipulator=manipulator, scene=world.scene, held=held)
 
 
 def _free(draw: Draw) -> Problem:
@@ -236,7 +237,7 @@ def _free(draw: Draw) -> Problem:
         clear = [b for b in found if _arm_distance_m(m, b, [start, goal]) > MIN_NEAR_M]
         problem = problem.with_bodies(clear)
     margin_m = draw.within(0.002, 0.01) if draw.happens(0.3) else 0.0
-    return _crowded(draw, replace(problem, margin_m=margin_m), draw.count(0, 3))
+    return _crowded(draw, evolve(problem, margin_m=margin_m), draw.count(0, 3))
 
 
 def _several_parts(draw: Draw) -> Problem:
@@ -250,7 +251,7 @@ def _several_parts(draw: Draw) -> Problem:
     if draw.happens(0.5):
         problem = _on_a_step(draw, problem)
     if draw.happens(0.3):
-        problem = replace(problem, margin_m=draw.within(0.0, 0.003))
+        problem = evolve(problem, margin_m=draw.within(0.0, 0.003))
     return problem
 
 
@@ -259,7 +260,7 @@ def _on_meshes(draw: Draw) -> Problem:
     problem = _plain(draw)
     T_pick, T_place = problem.ends
     body = problem.scene[BODY]
-    problem = replace(problem, scene=problem.scene.without(BODY))
+    problem = evolve(problem, scene=problem.scene.without(BODY))
     for i in draw.one(([0], [1], [0, 1])):
         support = _mesh_support(draw, f"support{i}", problem.ends[i].translation)
         problem = problem.with_bodies([support])

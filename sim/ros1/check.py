@@ -135,7 +135,7 @@ def _save_description(link: BaxterLink, file: Path) -> None:
 
 
 def _identified(link: BaxterLink, options: CheckOptions, signals: Signals) -> int:
-    from planner.response_file import save_response  # noqa: PLC0415
+    from planner.motion.response import save_response  # noqa: PLC0415
     from sim.errors import SimulationError  # noqa: PLC0415
     from sim.ros1.execution.identification import Identification  # noqa: PLC0415
 

@@ -251,7 +251,7 @@ def _settings(options: ExecuteOptions, response: Response | None) -> ExecutionOp
 
 def _response(options: ExecuteOptions, plan: Plan) -> Response | None:
     from planner import Response  # noqa: PLC0415
-    from planner.response_file import load_response  # noqa: PLC0415
+    from planner.motion.response import load_response  # noqa: PLC0415
 
     if options.response is not None:
         return load_response(options.response, plan.limb)

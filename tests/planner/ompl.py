@@ -7,7 +7,7 @@ from importlib.util import find_spec
 
 import pytest
 
-from planner.paths.rrt import NEWEST_PYTHON
+from planner.motion.rrt import NEWEST_PYTHON
 
 needs_ompl = pytest.mark.skipif(
     sys.version_info[:2] > NEWEST_PYTHON and find_spec("ompl") is None,

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from planner.paths import rrt
+from planner.motion import rrt
 
 machines: Any = import_module("setting_up.machine")
 progresses: Any = import_module("setting_up.progress")

@@ -1,22 +1,30 @@
-"""What is asked of the tip at the knots of a motion, with derivatives.
+"""Constraints on the tip at the knots of a motion, with first and second derivatives.
 
-On a line it is the tip's error against the pose at some fraction of the line, which is an unknown
-of its own, and where it is entered or left at speed, that speed; elsewhere the tip's height.
+On a line, the error of the tip with respect to the pose at some fraction of the line is bounded;
+the fraction is an unknown. Where a line is entered or left at speed, so is that speed. Elsewhere
+the tip keeps a minimum height.
+
+Each constraint is a CasADi function of the joint angles, for any arm: its geometry is among the
+numeric inputs. Everything is expressed in the frame of the arm's first axis, as
+Denavit-Hartenberg parameters describe it. The functions needed at every knot run as machine code
+where a C compiler is found, compiled once for all robots.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from baxter_kin.compilation.machine_code import compiled
+from baxter_kin.kinematics.symbolic import Shape, SymbolicChain
 from baxter_kin.validation import FloatArray, Indices
-from planner.motion.program.nodes import NodeFunctions, above, moving, on_line
-from planner.motion.program.phases import Phase
-from planner.motion.program.sparse import Rows, SparseSum, constant
-from planner.motion.program.unknowns import Numbers, Unknowns
+from planner.motion.program.rows import Rows, SparseSum, constant
+from planner.motion.program.unknowns import LINE_NUMBERS, Numbers, Phase, Unknowns
 from planner.splines import AT_KNOT
 
 
@@ -185,3 +193,108 @@ def _inputs(knots: Sequence[_Knot], unknowns: Unknowns, inputs: int) -> tuple[In
             columns[row, -1] = of_phase if orders > 1 else fractions[knot.place]
             weights[row, -1, 0] = 1.0
     return columns, weights
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NodeFunctions:
+    """A function and its derivatives; the node's own numbers come first, the arm's last.
+
+    Attributes:
+        value: `(z, numbers, geometry) -> e`.
+        first: `(z, numbers, geometry) -> de/dz`, dense.
+        second: `(z, numbers, geometry, multipliers) -> d2(multipliers . e)/dz2`, dense.
+    """
+
+    value: ca.Function
+    first: ca.Function
+    second: ca.Function
+
+    @property
+    def all(self) -> tuple[ca.Function, ca.Function, ca.Function]:
+        """In this order."""
+        return self.value, self.first, self.second
+
+    @classmethod
+    def of(cls, name: str, e: ca.SX, z: ca.SX, numbers: ca.SX, geometry: ca.SX) -> NodeFunctions:
+        """Differentiate."""
+        given, multipliers = [z, numbers, geometry], ca.SX.sym("multipliers", e.numel())
+        hessian, _ = ca.hessian(ca.dot(multipliers, e), z)
+        options = {"cse": True}
+        return cls(
+            ca.Function(name, given, [e], options),
+            ca.Function(f"{name}_first", given, [ca.densify(ca.jacobian(e, z))], options),
+            ca.Function(f"{name}_second", [*given, multipliers], [ca.densify(hessian)], options),
+        )
+
+
+def on_line() -> NodeFunctions:
+    """How far the tip is from a line: z is (q, s), e is (position, m; rotation, rad), 6 x 1.
+
+    Against the pose at the fraction s of the way. The rotation is the sine of its angle, about the
+    axes of that pose; numbers are `line_numbers`.
+    """
+    return _at_knots()[0]
+
+
+def above() -> NodeFunctions:
+    """How far the tip is above a height of base, m: z is q, the number is the height."""
+    return _at_knots()[1]
+
+
+@cache
+def _at_knots() -> tuple[NodeFunctions, NodeFunctions]:
+    functions = _on_line(), _above()
+    machine_code = compiled([each for node in functions for each in node.all])
+    if machine_code is None:
+        return functions
+    return NodeFunctions(*machine_code[:3]), NodeFunctions(*machine_code[3:])
+
+
+def _on_line() -> NodeFunctions:
+    q, p_tip, R_tip, geometry = _tip()
+    s, numbers = ca.SX.sym("s"), ca.SX.sym("line", LINE_NUMBERS)
+    p_start, R_start, way, axis, angle = ca.vertsplit(numbers, [0, 3, 12, 15, 18, 19])
+    cross = ca.skew(axis)
+    turn = ca.SX.eye(3) + ca.sin(angle * s) * cross + (1 - ca.cos(angle * s)) * cross @ cross
+    E = (turn @ ca.reshape(R_start, 3, 3)).T @ R_tip
+    skew = ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]) / 2
+    e = ca.vertcat(p_tip - p_start - s * way, skew)
+    return NodeFunctions.of("on_line", e, ca.vertcat(q, s), numbers, geometry)
+
+
+@cache
+def moving() -> NodeFunctions:
+    """What a tip's motion lacks to one along a line: z is (q, q', q'', T), e is 12 x 1.
+
+    Derivatives of q are by the fraction of the duration T; e is the tip's velocity, linear and
+    angular, and acceleration by that fraction, less those of the line, m and rad. Numbers are
+    `line_numbers`, then first and second derivative of the line's fraction by time.
+    """
+    q, p_tip, R_tip, geometry = _tip()
+    dq, ddq, T = ca.SX.sym("dq", 7), ca.SX.sym("ddq", 7), ca.SX.sym("T")
+    numbers = ca.SX.sym("numbers", LINE_NUMBERS + 2)
+    _, way, axis, angle, speed, acceleration = ca.vertsplit(numbers, [0, 12, 15, 18, 19, 20, 21])
+    W = ca.reshape(ca.jtimes(ca.vec(R_tip), q, dq), 3, 3) @ R_tip.T
+    twist = ca.vertcat(ca.jtimes(p_tip, q, dq), W[2, 1], W[0, 2], W[1, 0])
+    state, rates = ca.vertcat(q, dq), ca.vertcat(dq, ddq)
+    line = ca.vertcat(way, angle * axis)
+    e = ca.vertcat(
+        twist - T * speed * line, ca.jtimes(twist, state, rates) - T**2 * acceleration * line
+    )
+    return NodeFunctions.of("moving", e, ca.vertcat(q, dq, ddq, T), numbers, geometry)
+
+
+def _above() -> NodeFunctions:
+    q, p_tip, _, geometry = _tip()
+    height = ca.SX.sym("height")
+    up = geometry[-4:]
+    e = ca.dot(up[:3], p_tip) + up[3] - height
+    return NodeFunctions.of("above", e, q, height, geometry)
+
+
+def _tip() -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Joint angles, the tip's position and rotation seen from the first axis, the geometry."""
+    chain, others = SymbolicChain.of_shape(Shape.GENERAL), ca.SX.sym("others", 9 + 4)
+    p_tip = chain.p_link_last + chain.R_link_last @ chain.p_last_tip
+    R_tip = chain.R_link_last @ ca.reshape(others[:9], 3, 3)
+    return chain.q, p_tip, R_tip, ca.vertcat(chain.dimensions, others)

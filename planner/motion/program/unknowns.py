@@ -1,22 +1,26 @@
-"""What a motion program solves for, and what it is given: where each number stands."""
+"""Motion programs: their phases, their task, their unknowns, and the layout of their parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from baxter_kin import Arm, JointLimits
+from baxter_kin.kinematics.dh_parameters import DHParameters
+from baxter_kin.kinematics.symbolic import dimensions_of
 from baxter_kin.validation import FloatArray, Indices
-from planner.motion.program.nodes import (
-    GEOMETRY_NUMBERS,
-    LINE_NUMBERS,
-    geometry_numbers,
-    line_numbers,
-)
-from planner.motion.program.phases import MotionTask, Phase
+from planner.motion.straight_line import StraightLine
+
+LINE_NUMBERS = 19
+"""First position and rotation, way, axis and angle of the turn."""
+
+GEOMETRY_NUMBERS = 31 + 9 + 4
+"""Dimensions of the chain, rotation of the tip, what is up."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,3 +118,74 @@ def numbers_of(
 def ends_of(task: MotionTask) -> tuple[FloatArray, FloatArray]:
     """Start and goal as they stand behind the unknowns."""
     return task.q_start, task.q_start if task.q_goal is None else task.q_goal
+
+
+class Phase(NamedTuple):
+    """What the arm does between two moments.
+
+    Attributes:
+        intervals: of its spline.
+        line: which of the lines the tip follows; None where it is free.
+        ends: from which fraction of the line to which.
+        rests: whether the arm rests at the end.
+        at_goal: whether it rests there at the configuration that is given; its height on the way
+            does not matter then.
+        enters: whether the tip has a speed along its line at the start, which is given; for the
+            first phase.
+        leaves: the same at the end; for the last phase.
+    """
+
+    intervals: int
+    line: int | None = None
+    ends: tuple[float, float] = (0.0, 1.0)
+    rests: bool = False
+    at_goal: bool = False
+    enters: bool = False
+    leaves: bool = False
+
+    @property
+    def keeps_height(self) -> bool:
+        """Whether its tip stays above a height."""
+        return self.line is None and not self.at_goal
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionTask:
+    """What a program is solved for.
+
+    Attributes:
+        q_start: where the arm is at first, shape (7,), rad.
+        lines: those of the phases, by their numbers.
+        tolerance: of the lines, at the knots, along and about each axis, m and rad.
+        heights_m: the least height of the tip in base, for each phase that keeps one.
+        q_goal: where the arm rests at last, if that is given, shape (7,), rad.
+        rates: of the fraction of the line, by time, where it is entered and left at speed: first
+            and second derivative there, then here.
+    """
+
+    q_start: FloatArray
+    lines: tuple[StraightLine, ...] = ()
+    tolerance: tuple[float, float] = (1.0, 1.0)
+    heights_m: tuple[float, ...] = ()
+    q_goal: FloatArray | None = None
+    rates: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+
+
+def line_numbers(line: StraightLine, arm: Arm) -> FloatArray:
+    """A line of the tip as `on_line` takes it, shape (19,)."""
+    first = _parameters(arm).T_base_first.inverse()
+    start, way, turn = first * line.T_base_start, *np.split(line.twist, 2)
+    angle = np.linalg.norm(turn)
+    axis = turn / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
+    parts = start.translation, start.rotation.ravel("F"), first.rotation @ way
+    return np.concatenate([*parts, first.rotation @ axis, [angle]])
+
+
+_parameters = lru_cache(maxsize=8)(DHParameters.of)
+
+
+def geometry_numbers(arm: Arm) -> FloatArray:
+    """An arm as all of them take it, shape (44,)."""
+    dh = _parameters(arm)
+    up = np.append(dh.T_base_first.rotation[2], dh.T_base_first.translation[2])
+    return np.concatenate([dimensions_of(dh), dh.T_last_tip.rotation.ravel("F"), up])

@@ -20,7 +20,7 @@ from baxter_kin.value_objects import clear, seconds
 from planner import Grip, Manipulator, Plan, TrackingProof, plan_start_move, prove_tracking, verify
 from planner.completion import complete
 from planner.motion.joint_move import MAX_CLIP_RAD, ROUNDING_RAD
-from planner.pick_place.tracking.proof import START_RAD
+from planner.pick_place.tracking import START_RAD
 from planner.state import State
 from sim.errors import SimulationError
 from sim.ros1.execution.guard.path_guard import KEPT_M

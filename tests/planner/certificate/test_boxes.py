@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from baxter_kin.fields import evolve
 from planner.certificate.body import Body
 from planner.certificate.boxes import (
     CUT_FIRST,
@@ -130,7 +130,7 @@ def test_a_box_of_no_width_has_the_gap_itself(
 ) -> None:
     rng = np.random.default_rng(6)
     boxes = random_boxes(pairs, clusters, rng, 50)
-    boxes = replace(boxes, low=boxes.high)
+    boxes = evolve(boxes, low=boxes.high)
     n = rng.normal(size=(50, 3))
     gaps = box_gaps_m(own, clusters, pairs, boxes, n)
     for row in range(50):
@@ -148,7 +148,7 @@ def test_joints_that_move_both_do_not_count(
     n = rng.normal(size=(100, 3))
     levels = [(pairs[i].second.level, pairs[i].first.level) for i in boxes.pair.tolist()]
     counts = np.array([[m <= joint < k for joint in range(7)] for m, k in levels])
-    other = replace(
+    other = evolve(
         boxes, low=np.where(counts, boxes.low, -1.0), high=np.where(counts, boxes.high, 1.0)
     )
     one, another = (box_gaps_m(own, clusters, pairs, each, n) for each in (boxes, other))
@@ -224,7 +224,7 @@ def test_a_direction_without_a_length_is_refused(
 def test_what_slides_while_joints_move_is_refused(
     own: Robot, clusters: Clusters, pairs: list[Pair]
 ) -> None:
-    sliding = replace(pairs[0], first=replace(pairs[0].first, slide_m=(0.0, 0.01)))
+    sliding = evolve(pairs[0], first=evolve(pairs[0].first, slide_m=(0.0, 0.01)))
     boxes = random_boxes([sliding], clusters, np.random.default_rng(9), 1)
     with pytest.raises(NotCertifiedError, match="slides"):
         box_gaps_m(own, clusters, [sliding], boxes, np.ones((1, 3)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from planner import Plan, load_plan, save_plan
 from planner.certificate.__main__ import main
 from planner.certificate.body import Body
@@ -298,7 +298,7 @@ def test_no_certificate_is_found_for_a_world_in_the_way(
 ) -> None:
     change(certified)
     witness = Witness.of_file(certified["certificate"])
-    steps = tuple(replace(step, margin_m=0.0) for step in witness.steps)
+    steps = tuple(evolve(step, margin_m=0.0) for step in witness.steps)
     robot = Robot(text, "left")
     with pytest.raises(NotCertifiedError, match=reason):
         witness_of(Timeline(certified["plan"], (), robot, body, steps), body.digest, steps)
@@ -336,14 +336,14 @@ def test_what_is_held_at_first_may_not_reach_into_the_palm(
 
 
 def told(**entries: Any) -> Callable[[Witness], Witness]:
-    return lambda witness: replace(witness, **entries)
+    return lambda witness: evolve(witness, **entries)
 
 
 def at_step(number: int, **entries: Any) -> Callable[[Witness], Witness]:
     def change(witness: Witness) -> Witness:
         steps = list(witness.steps)
-        steps[number] = replace(steps[number], **entries)
-        return replace(witness, steps=tuple(steps))
+        steps[number] = evolve(steps[number], **entries)
+        return evolve(witness, steps=tuple(steps))
 
     return change
 
@@ -363,7 +363,7 @@ def traced(**changes: Callable[[Any], Any]) -> Callable[[Witness], Witness]:
 
     def change(witness: Witness) -> Witness:
         columns = {name: by(getattr(witness.trace, name)) for name, by in changes.items()}
-        return replace(witness, trace=replace(witness.trace, **columns))
+        return evolve(witness, trace=evolve(witness.trace, **columns))
 
     return change
 
@@ -430,8 +430,8 @@ def test_random_letters_and_directions_certify_nothing_false(
             letters[rng.integers(len(letters))] = rng.integers(0, 6)
         else:
             directions[rng.integers(len(directions))] = rng.integers(-127, 128, 3)
-        trace = replace(witness.trace, letters=letters, directions=directions)
-        changed = replace(witness, trace=trace)
+        trace = evolve(witness.trace, letters=letters, directions=directions)
+        changed = evolve(witness, trace=trace)
         try:
             found = check(certified, text, body=body, certificate=changed)
         except NotCertifiedError:

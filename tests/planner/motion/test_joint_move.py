@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 import planner.motion.joint_move
 from baxter_kin import Arm, JointLimits
 from baxter_kin.errors import ConfigurationError
+from baxter_kin.fields import evolve
 from baxter_kin.frames import raised
 from planner import (
     Manipulator,
@@ -402,7 +402,7 @@ def test_a_moving_start_on_the_boundary_of_what_can_stay_in_the_limits_costs_no_
     v = 0.3 * rng.uniform(-1.0, 1.0, 7) * limits.v_max
     for i in np.flatnonzero(rng.random(7) < 0.5):
         v[i] = np.sign(a[i]) * (limits.v_max[i] - a[i] ** 2 / (2 * limits.j_max[i]))
-    roomy = replace(limits, q_min=limits.q_min - 10.0, q_max=limits.q_max + 10.0)
+    roomy = evolve(limits, q_min=limits.q_min - 10.0, q_max=limits.q_max + 10.0)
     motion = plan_joint_move(q_start, q_goal, roomy, v_start=v, a_start=a)
     slower = plan_joint_move(q_start, q_goal, roomy, v_start=v * (1 - 1e-9), a_start=a)
     assert motion.duration <= slower.duration + REPLANNED_S
@@ -528,7 +528,7 @@ class TestRestTime:
         self, left: Arm, seed: int, nearness: float, speed: float, jerk: float
     ) -> None:
         rng = np.random.default_rng(seed)
-        limits = replace(
+        limits = evolve(
             left.limits, v_max=left.limits.v_max * speed, j_max=left.limits.j_max * jerk / 20.0
         )
         start, other = left.random_configuration(rng), left.random_configuration(rng)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, IKService, JointLimits
 from baxter_kin.errors import ConfigurationError, PoseError
+from baxter_kin.fields import evolve
 from baxter_kin.kinematics.arm import MIRROR
 from baxter_kin.validation import FloatArray
 from planner import (
@@ -27,8 +27,8 @@ from planner import (
 )
 from planner.errors import MotionError
 from planner.motion import straight_move
-from planner.motion.guess import Followed, Way, along
 from planner.motion.joint_move import POSITION_TOLERANCE_RAD, RATIO_TOLERANCE
+from planner.motion.program.guess import Followed, along
 from planner.splines import Sketch
 from planner.trajectory import CONTINUITY_TOLERANCE
 from tests.planner.lines import (
@@ -126,9 +126,19 @@ def test_what_is_known_stays_where_another_guess_cannot_be_followed(
     monkeypatch.setattr(straight_move, "is_on_line", lambda *_: next(looks, False))
     asked = list[int]()
 
-    def stuck(arm: Arm, limits: JointLimits, q: FloatArray, way: Way) -> Sketch | Followed:
-        asked.append(way.intervals)
-        return Followed([], 0.2, q) if len(asked) > 2 else along(arm, limits, q, way)
+    def stuck(
+        arm: Arm,
+        limits: JointLimits,
+        q: FloatArray,
+        line: StraightLine,
+        intervals: int,
+        *,
+        ends_at_rest: bool,
+    ) -> Sketch | Followed:
+        asked.append(intervals)
+        if len(asked) > 2:
+            return Followed([], 0.2, q)
+        return along(arm, limits, q, line, intervals, ends_at_rest=ends_at_rest)
 
     monkeypatch.setattr(straight_move, "along", stuck)
     found = drawn_move(left, 354)[0]
@@ -302,7 +312,7 @@ def test_self_motion_leads_past_a_limit(left: Arm) -> None:
     i = int(np.argmax(free.q_goal - q))
     narrow = np.array(left.limits.q_max)
     narrow[i] = (q[i] + free.q_goal[i]) / 2
-    limits = replace(left.limits, q_max=narrow)
+    limits = evolve(left.limits, q_max=narrow)
     motion = plan_straight_move(left, q, above(0.0), limits)
     assert_inside(motion)
     assert left.T_base_tip(motion.q_goal).isApprox(above(0.0), 1e-8)
@@ -420,7 +430,7 @@ def test_a_joint_that_hardly_moves_makes_it_slow_and_is_no_reason_to_refuse(
     bounds = np.array(getattr(left.limits, name))
     bounds[joint] *= share
     changed: dict[str, Any] = {name: bounds}
-    motion = plan_straight_move(left, q_above(left), above(0.0), replace(left.limits, **changed))
+    motion = plan_straight_move(left, q_above(left), above(0.0), evolve(left.limits, **changed))
     assert_inside(motion)
     off_m, _ = farthest_off(motion, left, left.T_base_tip(q_above(left)), above(0.0))
     assert off_m <= STRAIGHT_M

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from baxter_kin.frames import raised
 from planner import (
     Body,
@@ -176,7 +176,7 @@ class TestObstacles:
         wall = box("wall", (0.3, 0.02, 0.3), 0.72, 0.075, -0.005)
         body = RobotBody.load()
         lacking = {name: link for name, link in body.links.items() if "forearm" not in name}
-        thin = Manipulator.of(robot, "left", body=replace(body, links=lacking))
+        thin = Manipulator.of(robot, "left", body=evolve(body, links=lacking))
         believed = planned(TASK, thin, scene.with_body(wall))
         assert believed.is_valid
         found = verify(believed)
@@ -189,8 +189,8 @@ class TestObstacles:
         self, manipulator: Manipulator, walled: Scene, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """The program is not led, and the search around has no time."""
-        monkeypatch.setattr("planner.motion.avoidance.ROUNDS", 0)
-        monkeypatch.setattr("planner.pick_place.cycle.TIMEOUT_S", 1e-9)
+        monkeypatch.setattr("planner.motion.program.motion_program.ROUNDS", 0)
+        monkeypatch.setattr("planner.pick_place.cycles.TIMEOUT_S", 1e-9)
         failure = planned(TASK, manipulator, walled).failure
         assert failure is not None
         assert failure.stage == "place: approach"

@@ -78,15 +78,14 @@ def test_a_rise_out_of_reach_is_refused_at_its_stage(
     assert not builder.steps
 
 
-def test_a_move_that_collides_is_not_added(
+def test_a_motion_that_collides_is_refused(
     builder: PlanBuilder, manipulator: Manipulator, context: CollisionContext
 ) -> None:
     below = manipulator.ik.solve(overhead(0.65, 0.2, -0.25), current=builder.q).q
     with pytest.raises(NoSolutionError) as stop:
-        builder.add_move("dive", plan_joint_move(builder.q, below, manipulator.limits), context)
+        proven("dive", plan_joint_move(builder.q, below, manipulator.limits), context)
     assert stop.value.failure.contact is not None
     assert stop.value.failure.contact.nearest.second == "table"
-    assert not builder.steps
 
 
 @pytest.mark.parametrize(("share", "told"), [(1.0, None), (0.5, 0.5)])
@@ -123,7 +122,8 @@ def test_the_proof_of_a_motion_is_above_the_margin_of_its_situation(
 ) -> None:
     arm, guarded = manipulator.arm, manipulator.context(scene, margin_m=0.01)
     motion = free_motion("there", (arm.start, arm.neutral), manipulator, guarded)
-    assert proven("there", motion, guarded).proven_m > 0.01
+    assert motion.proof.proven_m > 0.01
+    assert proven("there", motion.trajectory, guarded).proof.proven_m == motion.proof.proven_m
 
 
 @pytest.mark.parametrize(("margin_m", "is_refused"), [(0.1, False), (0.2, True)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from baxter_kin import Baxter
 from baxter_kin.errors import ConfigurationError
+from baxter_kin.fields import evolve
 from baxter_kin.frames import raised
 from planner import (
     Body,
@@ -121,7 +121,7 @@ def test_every_waypoint_is_asked_of_the_service_and_its_answer_is_told(
 
 
 def test_a_move_in_joint_angles_has_no_seed(plan: Plan) -> None:
-    move = replace(plan.moves[0], T_base_tip=None, ik=None)
+    move = evolve(plan.moves[0], T_base_tip=None, ik=None)
     assert (move.seed_label, move.moved_rad) == ("(joint angles)", 0.0)
 
 
@@ -357,7 +357,7 @@ class TestLineTolerance:
     ) -> None:
         wide, start = LineTolerance(0.001, math.radians(0.5)), manipulator.arm.start
         loose = plan_pick_and_place(TASK, manipulator, scene, start, line_tolerance=wide)
-        found = verify(replace(loose, line_tolerance=LineTolerance()))
+        found = verify(evolve(loose, line_tolerance=LineTolerance()))
         assert not found["distance from line"].is_passed
 
     def test_a_tight_one_is_kept_and_proven(

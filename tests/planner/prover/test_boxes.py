@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from baxter_kin.description import RobotDescription
+from baxter_kin.fields import evolve
 from planner import Plan
 from planner.certificate.boxes import Tube, box_gaps_m, box_rows
 from planner.certificate.rows import Pair, Step
@@ -34,7 +34,7 @@ def step(timeline: Timeline, request: pytest.FixtureRequest) -> Step:
     moves = [step for step in timeline.steps if step.motion is not None]
     held = [step for step in moves if any(pair.first.name == "block" for pair in step.pairs)]
     found = (held or moves)[0] if request.param else moves[0]
-    return replace(found, pairs=[pair for pair in found.pairs if pair.is_counted])
+    return evolve(found, pairs=[pair for pair in found.pairs if pair.is_counted])
 
 
 def tube_of(step: Step, wide_rad: float) -> Tube:
@@ -102,7 +102,7 @@ def test_a_contact_is_found_where_the_joints_may_be(
 
 def test_nothing_to_prove_is_proven(own_kernel: Kernel, timeline: Timeline, step: Step) -> None:
     none: list[Pair] = []
-    found = sought(own_kernel, timeline, replace(step, pairs=none), tube_of(step, 0.1))
+    found = sought(own_kernel, timeline, evolve(step, pairs=none), tube_of(step, 0.1))
     assert found.outcome == Outcome.PROVEN
     assert found.proven_m == np.inf
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from baxter_kin import pose_from_quaternion
-from baxter_kin.fields import field_names
+from baxter_kin.fields import evolve, field_names
 from planner import (
     Attachment,
     Body,
@@ -65,12 +64,12 @@ def spoiled(plan: Plan, label: str, **changes: Any) -> Plan:
 def with_moves(plan: Plan, trajectories: dict[str, Trajectory]) -> Plan:
     """The plan with other trajectories in some moves."""
     steps = [
-        replace(step, trajectory=trajectories[step.label])
+        evolve(step, trajectory=trajectories[step.label])
         if isinstance(step, Move) and step.label in trajectories
         else step
         for step in plan
     ]
-    return replace(plan, steps=tuple(steps))
+    return evolve(plan, steps=tuple(steps))
 
 
 def move_of(plan: Plan, label: str) -> Move:
@@ -91,14 +90,14 @@ def plan(manipulator: Manipulator, world: Scene) -> Plan:
     task = PickAndPlace("block", PICK, PLACE)
     made = plan_pick_and_place(task, manipulator, world, manipulator.arm.neutral)
     assert made.is_valid, str(made.failure)
-    return without_statements(replace(made, start=State.of(manipulator, world)))
+    return without_statements(evolve(made, start=State.of(manipulator, world)))
 
 
 @pytest.fixture(scope="session")
 def stopping(plan: Plan, manipulator: Manipulator) -> Plan:
     """The same waypoints by joint moves from rest to rest, so that any one can be exchanged."""
     steps = [
-        replace(
+        evolve(
             step,
             trajectory=plan_joint_move(
                 step.trajectory.q_start, step.trajectory.q_goal, manipulator.limits
@@ -109,7 +108,7 @@ def stopping(plan: Plan, manipulator: Manipulator) -> Plan:
         else step
         for step in plan
     ]
-    return replace(plan, steps=tuple(steps))
+    return evolve(plan, steps=tuple(steps))
 
 
 @pytest.fixture(scope="session")
@@ -118,8 +117,8 @@ def certificate(plan: Plan) -> Certificate:
 
 
 def with_bodies(plan: Plan, change: Callable[[Scene], Scene]) -> Plan:
-    state = replace(plan.start, scene=change(plan.start.scene))
-    return replace(plan, start=state)
+    state = evolve(plan.start, scene=change(plan.start.scene))
+    return evolve(plan, start=state)
 
 
 TABLE_M = -0.155
@@ -147,7 +146,7 @@ def cube_plan(manipulator: Manipulator, cube_scene: Scene) -> Plan:
     task = PickAndPlace("block", pick, place)
     made = plan_pick_and_place(task, manipulator, cube_scene, manipulator.arm.neutral)
     assert made.is_valid, str(made.failure)
-    return without_statements(replace(made, start=State.of(manipulator, cube_scene)))
+    return without_statements(evolve(made, start=State.of(manipulator, cube_scene)))
 
 
 @pytest.fixture(scope="session")

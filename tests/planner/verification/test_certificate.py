@@ -6,12 +6,12 @@ import json
 import math
 import pickle
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from baxter_kin.errors import UnknownNameError
+from baxter_kin.fields import evolve
 from planner import Certificate, Plan, Response, Scene, State, verify
 from planner.completion import complete
 from planner.verification import Check
@@ -51,17 +51,17 @@ def test_a_certificate_is_that_of_the_plan_and_world_it_was_made_of(
     again = State(Scene(cube_plan.start.scene.bodies), cube_plan.start.joints)
     assert cube_certificate.is_of(cube_plan)
     assert cube_certificate.is_of(cube_plan, again)
-    assert not cube_certificate.is_of(replace(cube_plan))
-    moved = replace(again, scene=again.scene.moved("block", at(0.70, 0.15, TABLE_M + 1e-12)))
+    assert not cube_certificate.is_of(evolve(cube_plan))
+    moved = evolve(again, scene=again.scene.moved("block", at(0.70, 0.15, TABLE_M + 1e-12)))
     assert not cube_certificate.is_of(cube_plan, moved)
-    turned = replace(again, joints={**again.joints, "head_pan": 1e-12})
+    turned = evolve(again, joints={**again.joints, "head_pan": 1e-12})
     assert not cube_certificate.is_of(cube_plan, turned)
 
 
 def test_a_certificate_for_another_arm_than_the_plan_is_sent_to_is_of_no_plan(
     cube_plan: Plan,
 ) -> None:
-    stated = replace(cube_plan, response=Response((0.38, 0.42), 0.001, 0.3))
+    stated = evolve(cube_plan, response=Response((0.38, 0.42), 0.001, 0.3))
     assert verify(stated).is_of(stated)
     assert not verify(stated, response=Response((0.0, 0.0), late_s=0.0)).is_of(stated)
     assert verify(cube_plan, response=stated.response).is_of(cube_plan)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from baxter_kin.fields import evolve
 from planner import (
     Manipulator,
     Move,
@@ -25,7 +25,7 @@ from planner import (
     verify,
 )
 from planner.errors import TaskError
-from planner.response_file import save_response
+from planner.motion.response import save_response
 from planner.verification import command_line
 from planner.verification.command_line import main
 
@@ -46,7 +46,7 @@ def good(plan: Plan, tmp_path: Path) -> str:
 
 @pytest.fixture
 def bad(plan: Plan, tmp_path: Path) -> str:
-    save_plan(replace(plan, failure=PlanFailure("grasp", "too wide")), tmp_path / "bad.json")
+    save_plan(evolve(plan, failure=PlanFailure("grasp", "too wide")), tmp_path / "bad.json")
     return str(tmp_path / "bad.json")
 
 
@@ -98,9 +98,9 @@ def test_a_move_can_be_said_to_be_straight(good: str, capsys: pytest.CaptureFixt
 def test_limits_can_be_said(
     plan: Plan, manipulator: Manipulator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    harder = replace(manipulator.limits, a_max=np.full(7, 3.0), j_max=np.full(7, 30.0))
+    harder = evolve(manipulator.limits, a_max=np.full(7, 3.0), j_max=np.full(7, 30.0))
     fast = plan_joint_move(plan.q_start, plan.q_start + 0.1, harder)
-    save_plan(replace(plan, steps=(Move("reach out", fast),)), tmp_path / "fast.json")
+    save_plan(evolve(plan, steps=(Move("reach out", fast),)), tmp_path / "fast.json")
     assert main([str(tmp_path / "fast.json")]) == 1
     assert "reach out: acceleration beyond its limit" in capsys.readouterr().err
     limits = ["--acceleration", "3", "--jerk", "30"]
@@ -116,7 +116,7 @@ def test_a_preset_of_limits_can_be_said(
     harder = manipulator.limits.preset("torque-control")
     fast = plan_joint_move(plan.q_start, plan.q_start + 0.1, harder)
     file = str(tmp_path / "fast.json")
-    save_plan(replace(plan, steps=(Move("reach out", fast),)), file)
+    save_plan(evolve(plan, steps=(Move("reach out", fast),)), file)
     assert main([file]) == main([file, "--limits", "safe"]) == 1
     assert "reach out: jerk beyond its limit" in capsys.readouterr().err
     assert main([file, "--limits", "torque-control"]) == 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter, IKService, pose_from_quaternion
+from baxter_kin.fields import evolve
 from planner import (
     Body,
     Box,
@@ -135,7 +135,7 @@ def test_a_hand_that_holds_something_carries_it_from_the_start(tracked_plan: Pla
     lift = [step.label for step in tracked_plan].index("pick: retract")
     state = tracked_plan.steps[lift].state
     assert state is not None
-    found = verify(replace(tracked_plan, start=state, steps=tracked_plan.steps[lift:]))
+    found = verify(evolve(tracked_plan, start=state, steps=tracked_plan.steps[lift:]))
     assert found.is_valid, found.verdict
 
 
@@ -182,7 +182,7 @@ def opened(**by: float) -> Change:
         joints = dict(plan.start.joints)
         for finger, times in by.items():
             joints[f"l_gripper_{finger}_finger_joint"] *= times
-        return replace(plan, start=replace(plan.start, joints=joints))
+        return evolve(plan, start=evolve(plan.start, joints=joints))
 
     return change
 
@@ -219,7 +219,7 @@ ON_TABLE = at(0.70, 0.15, TABLE_M)
 
 def post(x: float, y: float, *, is_movable: bool = False) -> Change:
     body = standing_box("post", (0.010, 0.008, 0.05), x, y, TABLE_M)
-    return with_body(replace(body, is_movable=is_movable))
+    return with_body(evolve(body, is_movable=is_movable))
 
 
 def pushed_into_a_neighbour(plan: Plan) -> Plan:
@@ -263,20 +263,20 @@ def test_the_other_arm_in_the_way_is_found(plan: Plan, robot: Baxter) -> None:
     right = robot.arm("right")
     reached = IKService(right).solve(pose_from_quaternion((0.75, 0.0, 0.03), DOWN))
     joints = {**plan.start.joints, **right.joints(reached.q)}
-    refused(replace(plan, start=replace(plan.start, joints=joints)), "right_|r_gripper")
+    refused(evolve(plan, start=evolve(plan.start, joints=joints)), "right_|r_gripper")
 
 
 def test_what_the_other_hand_holds_is_in_the_way(cube_plan: Plan, holding: State) -> None:
     crossing = at(0.70, 0.15, TABLE_M + 0.06)
     rod = Body("stick", (Part(Box((0.3, 0.006, 0.006)), at(0, 0, 0)),), crossing)
     tip, scene = holding.scene["stick"].T_base_body, holding.scene.without("stick")
-    held = replace(holding.attachments[0], T_link_body=tip.inverse() * crossing)
+    held = evolve(holding.attachments[0], T_link_body=tip.inverse() * crossing)
     refused(cube_plan, "stick", State(scene.with_body(rod), holding.joints, (held,)))
 
 
 def test_what_is_held_stands_where_its_hand_is(cube_plan: Plan, holding: State) -> None:
     away = holding.scene["stick"].T_base_body * at(0.0, 0.0, 0.01)
-    elsewhere = replace(holding, scene=holding.scene.moved("stick", away))
+    elsewhere = evolve(holding, scene=holding.scene.moved("stick", away))
     refused(cube_plan, "stick stands 10.00 mm off the hand", elsewhere)
 
 
@@ -287,8 +287,8 @@ def stepping(label: str, **changes: Any) -> Change:
     """Another step."""
 
     def change(plan: Plan) -> Plan:
-        steps = tuple(replace(s, **changes) if s.label == label else s for s in plan)
-        return replace(plan, steps=steps)
+        steps = tuple(evolve(s, **changes) if s.label == label else s for s in plan)
+        return evolve(plan, steps=steps)
 
     return change
 
@@ -305,12 +305,12 @@ def asking(label: str, T: pin.SE3) -> Change:
 
 
 def without(label: str) -> Change:
-    return lambda p: replace(p, steps=tuple(step for step in p if step.label != label))
+    return lambda p: evolve(p, steps=tuple(step for step in p if step.label != label))
 
 
 def opening_first(opening_m: float) -> Change:
     first = Grip("wide", GripperAction.OPEN, None, opening_m)
-    return lambda plan: replace(plan, steps=(first, *plan.steps))
+    return lambda plan: evolve(plan, steps=(first, *plan.steps))
 
 
 TURN = pin.SE3(pin.exp3(np.array([0.0, 0.0, 4e-6])), np.zeros(3))
@@ -320,7 +320,7 @@ TURN = pin.SE3(pin.exp3(np.array([0.0, 0.0, 4e-6])), np.zeros(3))
     ("change", "reason", "row"),
     [
         (
-            lambda p: replace(p, failure=PlanFailure("place: retract", "no way up")),
+            lambda p: evolve(p, failure=PlanFailure("place: retract", "no way up")),
             "failed",
             "failed steps",
         ),
@@ -399,7 +399,7 @@ def test_a_limit_is_the_plans_too(
     names = ("v_max", "a_max", "j_max")
     peak = trajectory.peak_ratios()[names.index(name)]
     strict: Any = {name: share * peak * np.asarray(getattr(trajectory.limits, name))}
-    limits = replace(trajectory.limits, **strict)
+    limits = evolve(trajectory.limits, **strict)
     found = refused(spoiled(plan, "pick: approach", limits=limits), reason)
     assert not found[row].is_passed
 
@@ -408,7 +408,7 @@ def test_a_joint_beyond_its_range_between_knots_is_refused(plan: Plan) -> None:
     trajectory = move_of(plan, "place: approach").trajectory
     q_max = np.array(trajectory.limits.q_max)
     q_max[3] = trajectory.position_extrema()[1][3] - 1e-7
-    limits = replace(trajectory.limits, q_max=q_max)
+    limits = evolve(trajectory.limits, q_max=q_max)
     found = refused(spoiled(plan, "place: approach", limits=limits), "position beyond")
     assert "left_e1" in found["position margin"].where
 
@@ -417,7 +417,7 @@ def test_the_callers_limits_count(plan: Plan, manipulator: Manipulator) -> None:
     limits, reasons = manipulator.limits, set()
     for name in ("v_max", "a_max", "j_max"):
         strict: Any = {name: 0.5 * np.asarray(getattr(limits, name))}
-        found = verify(plan, limits=replace(limits, **strict))
+        found = verify(plan, limits=evolve(limits, **strict))
         assert not found["stated limits of those judged by"].is_passed
         reasons.add(found.reason.split(" ")[2])
     assert reasons == {"velocity", "acceleration", "jerk"}
@@ -451,14 +451,14 @@ def test_a_finger_may_not_touch_the_block_earlier(plan: Plan, manipulator: Manip
     up, down, low = up_and_down(plan, "pick: descend", manipulator)
     steps = list(plan)
     steps[3:3] = [Move("up again", up), Move("second try", down, low, is_straight=True)]
-    refused(BESIDE_A_FINGER(replace(plan, steps=tuple(steps))), "pick: descend: .*block")
+    refused(BESIDE_A_FINGER(evolve(plan, steps=tuple(steps))), "pick: descend: .*block")
 
 
 def test_a_block_set_down_on_the_way_is_refused(plan: Plan, manipulator: Manipulator) -> None:
     up, down, low = up_and_down(plan, "place: descend", manipulator)
     steps = list(plan)
     steps[7:7] = [Move("lift", up), Move("set down again", down, low)]
-    refused(replace(plan, steps=tuple(steps)), "place: descend: block and table")
+    refused(evolve(plan, steps=tuple(steps)), "place: descend: block and table")
 
 
 def test_a_block_dragged_along_the_table_is_refused(plan: Plan, manipulator: Manipulator) -> None:
@@ -468,7 +468,7 @@ def test_a_block_dragged_along_the_table_is_refused(plan: Plan, manipulator: Man
     back = plan_joint_move(drag.q_goal, held.q_start, manipulator.limits)
     steps = list(plan)
     steps[4:4] = [Move("drag", drag, aside), Move("drag back", back)]
-    refused(replace(plan, steps=tuple(steps)), "drag: it slides")
+    refused(evolve(plan, steps=tuple(steps)), "drag: it slides")
 
 
 # What a plan states of itself
@@ -491,7 +491,7 @@ def test_a_stated_proof_is_compared_with_what_is_certified(cube_plan: Plan) -> N
 def test_statements_about_another_world_are_not_compared(tracked_plan: Plan) -> None:
     scene = tracked_plan.start.scene
     T = scene["block"].T_base_body * at(0.0, 0.001, 0.0)
-    found = verify(tracked_plan, replace(tracked_plan.start, scene=scene.moved("block", T)))
+    found = verify(tracked_plan, evolve(tracked_plan.start, scene=scene.moved("block", T)))
     assert found.is_valid, found.verdict
     assert found["stated proofs beyond what is certified"].where == "nothing is stated"
 
@@ -514,19 +514,19 @@ def shift(rng: np.random.Generator) -> pin.SE3:
 
 def elsewhere(rng: np.random.Generator, state: State) -> State:
     name = str(rng.choice(list(state.scene.bodies)))
-    return replace(state, scene=state.scene.moved(name, state.scene[name].T_base_body * shift(rng)))
+    return evolve(state, scene=state.scene.moved(name, state.scene[name].T_base_body * shift(rng)))
 
 
 def another_joint(rng: np.random.Generator, state: State) -> State:
     name = str(rng.choice(list(state.joints)))
     by = 10 ** rng.uniform(-3.2, -1) * rng.choice([-1, 1])
-    return replace(state, joints={**state.joints, name: state.joints[name] + by})
+    return evolve(state, joints={**state.joints, name: state.joints[name] + by})
 
 
 def without_a_body(rng: np.random.Generator, state: State) -> State:
     held = {each.body for each in state.attachments}
     name = str(rng.choice(sorted(set(state.scene.bodies) - held)))
-    return replace(state, scene=state.scene.without(name))
+    return evolve(state, scene=state.scene.without(name))
 
 
 def held_otherwise(rng: np.random.Generator, state: State) -> State:
@@ -535,9 +535,9 @@ def held_otherwise(rng: np.random.Generator, state: State) -> State:
         side = str(rng.choice(["left", "right"]))
         return state.held_by(f"{side}_gripper", "block", shift(rng))
     (held,) = state.attachments
-    off = replace(held, T_link_body=held.T_link_body * shift(rng))
-    others: list[Any] = [(), (replace(held, link="right_gripper"),), (off,)]
-    return replace(state, attachments=others[rng.integers(3)])
+    off = evolve(held, T_link_body=held.T_link_body * shift(rng))
+    others: list[Any] = [(), (evolve(held, link="right_gripper"),), (off,)]
+    return evolve(state, attachments=others[rng.integers(3)])
 
 
 def another_state(rng: np.random.Generator, step: Step) -> dict[str, object]:
@@ -556,9 +556,9 @@ def another_contact(rng: np.random.Generator, step: Step) -> dict[str, object]:
     number = int(rng.integers(len(contacts)))
     chosen = contacts[number]
     changed = {
-        1: replace(chosen, end_s=chosen.end_s + 10 ** rng.uniform(-2, 0)),
-        2: replace(chosen, least_m=chosen.least_m - 10 ** rng.uniform(-5, -2)),
-        3: replace(chosen, begin_s=-(10 ** rng.uniform(-3, 0))),
+        1: evolve(chosen, end_s=chosen.end_s + 10 ** rng.uniform(-2, 0)),
+        2: evolve(chosen, least_m=chosen.least_m - 10 ** rng.uniform(-5, -2)),
+        3: evolve(chosen, begin_s=-(10 ** rng.uniform(-3, 0))),
     }[which]
     return {"contacts": (*contacts[:number], changed, *contacts[number + 1 :])}
 

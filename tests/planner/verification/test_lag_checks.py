@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
+from baxter_kin.fields import evolve
 from planner import Manipulator, PickAndPlace, Plan, Response, Scene, plan_pick_and_place, verify
 from planner.errors import TaskError
 from planner.verification import Certificate
@@ -52,7 +51,7 @@ def test_without_a_response_nothing_is_added(tracked_plan: Plan, slow: Certifica
 
 
 def test_a_plan_of_no_moves_has_nothing_to_track(tracked_plan: Plan) -> None:
-    empty = replace(tracked_plan, steps=())
+    empty = evolve(tracked_plan, steps=())
     found = verify(empty, response=Response((0.3, 0.5)))
     assert found[NAMES[0]].is_passed
 

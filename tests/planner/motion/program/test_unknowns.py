@@ -12,9 +12,16 @@ import pytest
 from baxter_kin import Arm
 from baxter_kin.frames import raised
 from planner import StraightLine
-from planner.motion.program.nodes import geometry_numbers, line_numbers
-from planner.motion.program.phases import MotionTask, Phase
-from planner.motion.program.unknowns import Numbers, Unknowns, ends_of, numbers_of
+from planner.motion.program.unknowns import (
+    MotionTask,
+    Numbers,
+    Phase,
+    Unknowns,
+    ends_of,
+    geometry_numbers,
+    line_numbers,
+    numbers_of,
+)
 
 CYCLE = (Phase(4), Phase(5, 0, (1.0, 0.0), rests=True), Phase(4, 0), Phase(6, 1, rests=True))
 TO_GOAL = (Phase(4), Phase(5, rests=True, at_goal=True))
@@ -103,3 +110,19 @@ def test_each_number_of_a_task_stands_where_the_program_reads_it(arm: Arm, unit_
 
 def test_without_a_goal_the_start_stands_in_its_place(left: Arm) -> None:
     assert [each.tolist() for each in ends_of(MotionTask(left.start))] == [left.start.tolist()] * 2
+
+
+@pytest.mark.parametrize(
+    ("phase", "keeps_height"),
+    [
+        (Phase(4), True),
+        (Phase(4, rests=True), True),
+        (Phase(4, line=0), False),
+        (Phase(4, line=1, enters=True), False),
+        (Phase(4, rests=True, at_goal=True), False),
+    ],
+)
+def test_the_tip_keeps_a_height_where_it_is_on_no_line_and_goes_to_no_configuration(
+    phase: Phase, keeps_height: bool
+) -> None:
+    assert phase.keeps_height is keeps_height

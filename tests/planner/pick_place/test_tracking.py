@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from baxter_kin import Baxter
+from baxter_kin.fields import evolve
 from baxter_kin.validation import FloatArray
 from planner import (
     Body,
@@ -29,11 +30,12 @@ from planner import (
     save_plan,
     verify,
 )
+from planner.clearance import Clearance
 from planner.completion import move_contexts
 from planner.errors import ResponseError, TaskError, TrajectoryError
 from planner.motion.tracking_tube import SETTLED_RAD
-from planner.pick_place.tracking.proof import START_RAD, planned_for
-from planner.pick_place.tracking.runs import REST_RAD_S
+from planner.pick_place.tracked_runs import REST_RAD_S, MoveTracking
+from planner.pick_place.tracking import START_RAD, planned_for
 from planner.trajectory import Trajectory, joined
 from tests.conftest import overhead
 
@@ -114,7 +116,7 @@ def test_it_is_refused_at_full_speed_with_the_speed_that_would_do(
 
 def test_what_would_be_hit_is_named(tracked_plan: Plan, manipulator: Manipulator) -> None:
     """A lead of 0.4 s turns uncertain lags into centimetres: the table is found within reach."""
-    led = replace(FULL, lead_s=0.4)
+    led = evolve(FULL, lead_s=0.4)
     found = prove_tracking(tracked_plan, led, manipulator=manipulator, seek_speed=False)
     failures = [move.failure for move in found.moves if move.failure]
     assert any("l_gripper_r_finger_tip may be" in failure for failure in failures)
@@ -215,7 +217,7 @@ def test_a_thing_that_only_a_lagging_arm_hits_is_found(
         pin.SE3(np.eye(3), way[off.argmax()] - np.array([0.0, 0.0, BLOCK_BELOW_M])),
     )
     scene = tracked_plan.start.scene.with_body(ball)
-    plan = replace(tracked_plan, start=replace(tracked_plan.start, scene=scene))
+    plan = evolve(tracked_plan, start=evolve(tracked_plan.start, scene=scene))
     contexts = move_contexts(plan, manipulator)
     for move, context in zip(plan.moves, contexts, strict=True):
         assert context.prove(move.trajectory).is_clear, move.label
@@ -226,7 +228,7 @@ def test_a_thing_that_only_a_lagging_arm_hits_is_found(
 
 
 def test_an_invalid_plan_is_not_proven(tracked_plan: Plan, manipulator: Manipulator) -> None:
-    failed = replace(tracked_plan, failure=PlanFailure("place: open", "no way"))
+    failed = evolve(tracked_plan, failure=PlanFailure("place: open", "no way"))
     found = prove_tracking(failed, SLOW, manipulator=manipulator)
     assert not found.is_valid
     assert "no way" in str(found.failure)
@@ -235,7 +237,7 @@ def test_an_invalid_plan_is_not_proven(tracked_plan: Plan, manipulator: Manipula
 def test_a_plan_that_does_not_rest_where_fingers_act_is_refused(
     tracked_plan: Plan, manipulator: Manipulator
 ) -> None:
-    cut = replace(tracked_plan, steps=tracked_plan.steps[:2])
+    cut = evolve(tracked_plan, steps=tracked_plan.steps[:2])
     with pytest.raises(TrajectoryError, match=r"pick: approach ends at 0\.5"):
         prove_tracking(cut, SLOW, manipulator=manipulator)
 
@@ -300,7 +302,7 @@ def test_errors_of_what_is_measured_at_the_start_count(
 ) -> None:
     """Measured 0.02 rad off with an error one way, and a moment later with one the other way."""
     wait = Trajectory.stay(tracked_plan.q_start, tracked_plan.moves[0].trajectory.limits)
-    plan = replace(tracked_plan, steps=(replace(tracked_plan.moves[0], trajectory=wait, ik=None),))
+    plan = evolve(tracked_plan, steps=(evolve(tracked_plan.moves[0], trajectory=wait, ik=None),))
     erring = Response((0.35, 0.45), 0.03)
     found = prove_tracking(plan, erring, manipulator=manipulator, seek_speed=False)
     assert found.moves[0].deviation_rad >= START_RAD + 2 * 0.03
@@ -309,6 +311,57 @@ def test_errors_of_what_is_measured_at_the_start_count(
 def test_a_plan_without_steps_has_nothing_to_prove(
     tracked_plan: Plan, manipulator: Manipulator
 ) -> None:
-    found = prove_tracking(replace(tracked_plan, steps=()), SLOW, manipulator=manipulator)
+    found = prove_tracking(evolve(tracked_plan, steps=()), SLOW, manipulator=manipulator)
     assert found.is_valid
     assert found.moves == ()
+
+
+RESPONSE = Response((0.3, 0.5), 0.001, 0.3)
+MOVE = MoveTracking("lift", 0.02, Clearance(0.03, "hand", "table", 1.0), 0.1, 0.01, 0.005, 0.002)
+
+
+def made(**given: Any) -> TrackingProof:
+    values: dict[str, Any] = {
+        "response": RESPONSE,
+        "moves": (MOVE,),
+        "margin_m": 0.0,
+        "most_off_m": 0.04,
+        "start_rad": 0.02,
+        "rate_rad_s": np.full(7, np.inf),
+        "greatest_speed": 0.3,
+    }
+    return TrackingProof(**{**values, **given})
+
+
+def test_it_is_valid_without_a_failure() -> None:
+    assert made().is_valid
+    assert not made(failure="lift: it hits", greatest_speed=None).is_valid
+
+
+def test_its_clearance_is_the_least_of_its_moves() -> None:
+    other = MoveTracking("sink", 0.01, None, 0.1, 0.01, 0.0)
+    assert made(moves=(MOVE, other)).clearance_m == 0.01
+    assert made(moves=()).clearance_m == np.inf
+
+
+def test_rates_are_read_only() -> None:
+    proof = made(rate_rad_s=[1.0] * 7)
+    with pytest.raises(ValueError, match="read-only"):
+        proof.rate_rad_s[0] = 2.0
+
+
+def test_values_of_other_classes_are_refused() -> None:
+    with pytest.raises(TaskError, match="response"):
+        made(response=0.4)
+    with pytest.raises(TaskError, match="clearance_m"):
+        MoveTracking("lift", None, None, 0.1, 0.01, 0.0)  # type: ignore[arg-type]
+
+
+def test_text_tells_every_move() -> None:
+    text = str(made())
+    assert text.splitlines()[1] == (
+        "  lift: 20.0 mm clear, joints within 0.100 rad, tip within 10.0 mm of its path, 5.0 mm "
+        "where it touches on purpose, 2.0 mm from its goal when settled"
+    )
+    assert str(made(failure="lift: it hits")).startswith("lift: it hits\n")
+    assert repr(MOVE) == "MoveTracking(lift, 20.0 mm clear, tip up to 10.0 mm off, 5.0 mm allowed)"

@@ -11,11 +11,10 @@ from baxter_kin import Arm
 from baxter_kin.frames import raised
 from baxter_kin.validation import FloatArray
 from planner import StraightLine
-from planner.motion.guess import (
+from planner.motion.program.guess import (
     ACCURACY,
     STRIDE_RAD,
     Followed,
-    Way,
     along,
     backwards,
     between,
@@ -86,7 +85,7 @@ def test_where_the_arm_ends_the_line_is_followed_so_far(left: Arm, q: FloatArray
 def test_a_sketch_along_a_line_is_on_it_from_one_end_to_the_other(
     left: Arm, q: FloatArray, down: StraightLine, ends_at_rest: bool
 ) -> None:
-    found = along(left, left.limits, q, Way(down, INTERVALS, ends_at_rest))
+    found = along(left, left.limits, q, down, INTERVALS, ends_at_rest=ends_at_rest)
     assert isinstance(found, Sketch)
     assert found.intervals == INTERVALS
     off_m, off_rad = down.off(left.T_base_tips(found.q))
@@ -99,7 +98,7 @@ def test_a_sketch_along_a_line_is_on_it_from_one_end_to_the_other(
 def test_at_rest_at_both_ends_it_keeps_the_limits_of_speed_and_acceleration(
     left: Arm, q: FloatArray, down: StraightLine
 ) -> None:
-    found = along(left, left.limits, q, Way(down, INTERVALS, ends_at_rest=True))
+    found = along(left, left.limits, q, down, INTERVALS, ends_at_rest=True)
     assert isinstance(found, Sketch)
     assert not found.v_ends.any()
     peaks = trajectory_of(found.controls, found.duration_s, left.limits).peak_ratios()
@@ -109,7 +108,7 @@ def test_at_rest_at_both_ends_it_keeps_the_limits_of_speed_and_acceleration(
 def test_left_at_speed_it_leaves_along_the_line(
     left: Arm, q: FloatArray, down: StraightLine
 ) -> None:
-    found = along(left, left.limits, q, Way(down, INTERVALS))
+    found = along(left, left.limits, q, down, INTERVALS)
     assert isinstance(found, Sketch)
     assert not found.v_ends[0].any()
     v_tip = (left.jacobian(found.q[-1]) @ found.v_ends[1])[:3]
@@ -118,7 +117,7 @@ def test_left_at_speed_it_leaves_along_the_line(
 
 
 def test_of_a_line_that_cannot_be_followed_it_is_told_how_far(left: Arm, q: FloatArray) -> None:
-    found = along(left, left.limits, q, Way(up(left, q, 1.0), INTERVALS))
+    found = along(left, left.limits, q, up(left, q, 1.0), INTERVALS)
     assert isinstance(found, Followed)
     assert found.fraction < 1.0
 

@@ -1,4 +1,4 @@
-"""Runs: moves of a plan without a rest in between, tracked by an arm of a stated response."""
+"""Runs: moves of a plan without a rest in between, on an arm of a given response."""
 
 from __future__ import annotations
 
@@ -8,17 +8,56 @@ from typing import NamedTuple
 
 import numpy as np
 
+from baxter_kin.fields import value
 from baxter_kin.validation import FloatArray, Indices
+from baxter_kin.value_objects import clear, millimetres, phrase, sentence
+from planner.clearance import Clearance
 from planner.collision.context import CollisionContext
 from planner.collision.continuous.joint_tube import JointTube
 from planner.collision.continuous.tube_proof import TubeClearance, TubeProofs
-from planner.errors import TrajectoryError
+from planner.errors import TaskError, TrajectoryError
 from planner.motion.off_path import CELLS, OffPath
 from planner.motion.response import Response
 from planner.motion.tracking_tube import JointRange, SettlingTube, tracking_tube
-from planner.pick_place.tracking.result import MoveTracking
 from planner.plan import Move, Step
 from planner.trajectory import Trajectory, joined
+
+
+@value(error=TaskError, eq=True)
+class MoveTracking:
+    """What is proven of one move, wherever in its tube the joints are.
+
+    Attributes:
+        label: of the move.
+        clearance_m: nothing comes nearer to the arm, or to what it carries, than this, but for what
+            is touched on purpose; not above zero where that could not be proven.
+        nearest: the least distance that was found where the arm may be, and when from the first
+            set-point since it rested; None where there is nothing to come near.
+        deviation_rad: how far any joint may be from where the plan has it then.
+        tip_m: how far the tip may be off its path.
+        allowance_m: how far the hand, and what it holds, may be off their path while what they
+            touch on purpose is not proven to be apart from them; zero where it always is.
+        settled_tip_m: how far the tip may be from its goal when all joints are measured as settled,
+            and so when fingers close or open; None where the arm does not rest then.
+        failure: why the move is not proven; None where it is.
+    """
+
+    label: str
+    clearance_m: float
+    nearest: Clearance | None
+    deviation_rad: float
+    tip_m: float
+    allowance_m: float
+    settled_tip_m: float | None = None
+    failure: str | None = None
+
+    def _facts(self) -> tuple[str, ...]:
+        if self.failure is not None:
+            return phrase(self.label), sentence(self.failure)
+        allowance = f"{millimetres(self.allowance_m)} allowed" if self.allowance_m else ""
+        off = f"tip up to {millimetres(self.tip_m)} off"
+        return phrase(self.label), clear(self.clearance_m), off, allowance
+
 
 REST_RAD_S = 1e-6
 """A move that ends slower than this ends at rest."""
@@ -36,18 +75,6 @@ class TrackingDemands(NamedTuple):
     margin_m: float
     most_off_m: float
     start_rad: float
-
-
-class RunFound(NamedTuple):
-    """What is known of a run.
-
-    Attributes:
-        moves: what is proven of each.
-        rates: greatest speed of each joint, shape (7,), rad/s.
-    """
-
-    moves: tuple[MoveTracking, ...]
-    rates: FloatArray
 
 
 class RunTubes(NamedTuple):
@@ -119,9 +146,8 @@ class TrackedRun:
         several = (tracking_tube(self._trajectory, response, start) for start in starts)
         return RunTubes(response, whole, tuple(several))
 
-    def found(self, tracked: RunTubes, asked: TrackingDemands) -> RunFound:
-        """What is proven of it."""
-        found: list[MoveTracking] = []
+    def found(self, tracked: RunTubes, asked: TrackingDemands) -> Iterator[MoveTracking]:
+        """What is proven of each move."""
         for number, (move, (around, tubes)) in enumerate(
             zip(self._moves, self._tubes(tracked), strict=True)
         ):
@@ -129,8 +155,7 @@ class TrackedRun:
             settled_m = self._settled_m(tracked) if is_last else None
             tip_m = max(float(self._tip.over(tube).max()) for tube in tubes)
             off_rad = max(self._deviation_rad(tube, tracked.response.speed) for tube in tubes)
-            found.append(move.found(around, tubes, asked, (off_rad, tip_m, settled_m)))
-        return RunFound(tuple(found), tracked.whole.rates)
+            yield move.found(around, tubes, asked, (off_rad, tip_m, settled_m))
 
     def keeps(self, tracked: RunTubes, asked: TrackingDemands) -> bool:
         """Whether no move fails, and no more than that."""

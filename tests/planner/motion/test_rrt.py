@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from baxter_kin import JointLimits
 from baxter_kin.errors import ConfigurationError
 from planner.errors import MotionError
-from planner.paths.rrt import EDGE_STEP_RAD, LONGEST_EDGE_RAD, search_corners
+from planner.motion.rrt import EDGE_STEP_RAD, LONGEST_EDGE_RAD, search_corners
 from tests.planner.ompl import needs_ompl
 from tests.planner.toy_world import (
     AROUND_DISC,
@@ -99,7 +99,7 @@ def test_the_same_seed_finds_the_same_corners_whatever_was_searched_before(seed:
 
 def test_another_process_finds_the_same_corners() -> None:
     code = (
-        "from tests.planner.paths.test_rrt import found\n"
+        "from tests.planner.motion.test_rrt import found\n"
         "print(','.join(x.hex() for x in found(seed=5).ravel().tolist()))"
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}

@@ -25,20 +25,28 @@ have the arm at its goal.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from baxter_kin.errors import expect
-from baxter_kin.validation import finite_scalar
+from baxter_kin.fields import evolve, field, value
+from baxter_kin.validation import FloatArray, finite_scalar, float_array
+from baxter_kin.value_objects import clear, count, millimetres, sentence
 from planner.clearance import checked_margin_m
 from planner.completion import manipulator_for, move_contexts
 from planner.errors import ResponseError, TaskError
 from planner.manipulator import Manipulator
 from planner.motion.response import Response
 from planner.motion.tracking_tube import JointRange
-from planner.pick_place.tracking.result import TrackingProof
-from planner.pick_place.tracking.runs import RunFound, TrackingDemands, check_rests, runs_of
+from planner.pick_place.tracked_runs import (
+    MoveTracking,
+    RunTubes,
+    TrackedRun,
+    TrackingDemands,
+    check_rests,
+    runs_of,
+)
 from planner.plan import Plan, PlanFailure
 
 MOST_OFF_M = 0.04
@@ -119,10 +127,10 @@ def planned_for(
     tracking = _PlanTracking(plan, manipulator, asked)
     proof = tracking.proof(response)
     if proof.greatest_speed is not None:
-        return replace(plan, response=response.at_speed(proof.greatest_speed))
+        return evolve(plan, response=response.at_speed(proof.greatest_speed))
     failed = next(move for move in proof.moves if move.failure is not None)
     reason = str(proof.failure).removeprefix(f"{failed.label}: ")
-    return replace(plan, failure=PlanFailure(failed.label, reason))
+    return evolve(plan, failure=PlanFailure(failed.label, reason))
 
 
 class _PlanTracking:
@@ -143,9 +151,9 @@ class _PlanTracking:
 
     def proof(self, response: Response, *, seek_speed: bool = True) -> TrackingProof:
         """What is proven of every move, and the greatest speed that would pass."""
-        runs = list(self._found(response))
-        moves = [move for run in runs for move in run.moves]
-        rates = np.max([np.zeros(7), *(run.rates for run in runs)], axis=0)
+        tracked = list(self._tracked(response))
+        moves = [move for run, tubes in tracked for move in run.found(tubes, self._asked)]
+        rates = np.max([np.zeros(7), *(tubes.whole.rates for _, tubes in tracked)], axis=0)
         failure = next((move.failure for move in moves if move.failure is not None), None)
         speed: float | None = response.speed
         if failure is not None:
@@ -162,33 +170,21 @@ class _PlanTracking:
         passes, fails = 0, int(np.ceil(response.speed / SPEED_STEP - 1e-9))
         while fails - passes > 1:
             middle = (passes + fails) // 2
-            if self._passes(response.at_speed(middle * SPEED_STEP)):
+            tracked = self._tracked(response.at_speed(middle * SPEED_STEP))
+            if all(run.keeps(tubes, self._asked) for run, tubes in tracked):
                 passes = middle
             else:
                 fails = middle
         return round(passes * SPEED_STEP, 2) if passes else None
 
-    def _passes(self, response: Response) -> bool:
-        starts = self._starts(response)
+    def _tracked(self, response: Response) -> Iterator[tuple[TrackedRun, RunTubes]]:
+        """The runs in order, each with the tubes of the joints during it."""
+        off_rad = self._asked.start_rad + response.settled_error_rad  # measurements have errors
+        starts: tuple[JointRange, ...] = ((self._q_start - off_rad, self._q_start + off_rad),)
         for run in self._runs:
-            tracked = run.tracked(response, starts)
-            if not run.keeps(tracked, self._asked):
-                return False
-            starts = tracked.starts
-        return True
-
-    def _found(self, response: Response) -> Iterator[RunFound]:
-        """Run after run."""
-        starts = self._starts(response)
-        for run in self._runs:
-            tracked = run.tracked(response, starts)
-            yield run.found(tracked, self._asked)
-            starts = tracked.starts
-
-    def _starts(self, response: Response) -> tuple[JointRange, ...]:
-        """Where joints may be before the first run."""
-        off_rad = self._asked.start_rad + response.settled_error_rad  # what is measured has errors
-        return ((self._q_start - off_rad, self._q_start + off_rad),)
+            tubes = run.tracked(response, starts)
+            yield run, tubes
+            starts = tubes.starts
 
 
 def _advice(response: Response, speed: float | None) -> str:
@@ -210,3 +206,74 @@ def _amount(given: object, name: str) -> float:
     if value < 0.0:
         raise ResponseError(f"{name} must not be negative, got {value:g}")
     return value
+
+
+def _rates(given: ArrayLike) -> FloatArray:
+    """A read-only copy of speeds, which may be infinite."""
+    rates = float_array(given, "rate_rad_s", TaskError)
+    rates.setflags(write=False)
+    return rates
+
+
+@value(error=TaskError)
+class TrackingProof:
+    """Whether a plan stays clear on an arm that follows its set-points so.
+
+    Attributes:
+        response: of the arm, and how set-points are sent.
+        moves: what is proven of each move, in order; none of a plan that is invalid itself.
+        margin_m: the distance that was asked for.
+        most_off_m: how far the hand may be off its path in moves in which it may touch something.
+        start_rad: how far each joint may be from the plan's start, as it is measured.
+        rate_rad_s: greatest speed of each joint on the way, shape (7,), rad/s: the robot's own cap
+            must be above it. Infinite for a joint that may catch up at once.
+        greatest_speed: the greatest speed that is known to pass with all else as it is: that of the
+            response where it passes, else one that was searched for; None where none was found.
+        failure: why it is not proven, in a sentence; None where it is.
+
+    Raises:
+        TaskError: when a value is of another class.
+    """
+
+    response: Response
+    moves: tuple[MoveTracking, ...]
+    margin_m: float
+    most_off_m: float
+    start_rad: float
+    rate_rad_s: FloatArray = field(converter=_rates)
+    greatest_speed: float | None
+    failure: str | None = None
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether every path that the joints may take is proven."""
+        return self.failure is None
+
+    @property
+    def clearance_m(self) -> float:
+        """The least that is proven of all moves, contacts on purpose left out."""
+        return min((move.clearance_m for move in self.moves), default=float("inf"))
+
+    def __str__(self) -> str:
+        verdict = "every path that the joints may take is clear"
+        lines = [self.failure or verdict, *map(_told, self.moves)]
+        return "\n".join(lines)
+
+    def _facts(self) -> tuple[str, ...]:
+        if self.failure is not None:
+            return count(len(self.moves), "move"), sentence(self.failure)
+        return count(len(self.moves), "move"), f"valid, {clear(self.clearance_m)}"
+
+
+def _told(move: MoveTracking) -> str:
+    """A move in a line."""
+    parts = [
+        clear(move.clearance_m),
+        f"joints within {move.deviation_rad:.3f} rad",
+        f"tip within {millimetres(move.tip_m)} of its path",
+    ]
+    if move.allowance_m:
+        parts.append(f"{millimetres(move.allowance_m)} where it touches on purpose")
+    if move.settled_tip_m is not None:
+        parts.append(f"{millimetres(move.settled_tip_m)} from its goal when settled")
+    return f"  {move.label}: {', '.join(parts)}"

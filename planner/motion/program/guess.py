@@ -26,37 +26,33 @@ SPEEDING, SPARE, REACTION = 0.75, 1.1, 0.3
 motion from rest to rest; and between lines, times the durations of both, to turn round."""
 
 
-class Way(NamedTuple):
-    """How a line is followed.
-
-    Attributes:
-        line: of the tip.
-        intervals: of the sketch.
-        ends_at_rest: whether the arm rests at its end too, or leaves it faster and faster.
-    """
-
-    line: StraightLine
-    intervals: int
-    ends_at_rest: bool = False
-
-
-def along(arm: Arm, limits: JointLimits, q: FloatArray, way: Way) -> Sketch | Followed:
+def along(
+    arm: Arm,
+    limits: JointLimits,
+    q: FloatArray,
+    line: StraightLine,
+    intervals: int,
+    *,
+    ends_at_rest: bool = False,
+) -> Sketch | Followed:
     """Along a line, from rest at a configuration; how far where the arm cannot follow.
 
     Args:
         arm: whose tip moves.
         limits: of its joints.
         q: where the tip is at the beginning of the line, shape (7,), rad.
-        way: what to follow.
+        line: of the tip.
+        intervals: of the sketch.
+        ends_at_rest: whether the arm also rests at the end, or leaves the line while accelerating.
     """
-    t = np.linspace(0.0, 1.0, 1 + way.intervals)
-    passed = _eased(t) if way.ends_at_rest else t**2
-    there = followed(arm, limits, q, way.line, passed[1:].tolist())
-    if len(there.qs) < way.intervals:
+    t = np.linspace(0.0, 1.0, 1 + intervals)
+    passed = _eased(t) if ends_at_rest else t**2
+    there = followed(arm, limits, q, line, passed[1:].tolist())
+    if len(there.qs) < intervals:
         return there
     qs = np.array([q, *there.qs])
     v_ends, duration_s = np.zeros((2, len(q))), float(rest_to_rest_s(qs[-1] - q, limits))
-    if way.ends_at_rest:
+    if ends_at_rest:
         controls = Sketch(qs, v_ends, 1.0).controls
         velocity, acceleration, _ = trajectory_of(controls, 1.0, limits).peak_ratios()
         duration_s = max(duration_s, velocity, acceleration**0.5)

@@ -14,10 +14,9 @@ import pytest
 from baxter_kin.errors import MissingLibraryError
 from planner import Manipulator, Scene
 from planner.errors import FreeMoveError
-from planner.motion import free_move
+from planner.motion import free_move, rrt
 from planner.motion.joint_move import plan_joint_move
-from planner.paths import rrt
-from planner.paths.rrt import search_corners
+from planner.motion.rrt import search_corners
 from planner.pick_place.plan_builder import NoSolutionError, free_motion
 from tests.planner import toy_world
 from tests.planner.motion.test_free_move import (
@@ -128,13 +127,13 @@ def test_a_python_that_is_too_new_is_told_so(monkeypatch: pytest.MonkeyPatch) ->
 TESTS_OF_SEARCHES = """
 import sys, pytest
 sys.modules["ompl"] = None
-from planner.paths import rrt
+from planner.motion import rrt
 rrt.NEWEST_PYTHON = eval(sys.argv[1])
 sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", *sys.argv[2:]]))
 """
 """Runs tests without OMPL, as if wheels of it ended with a Python."""
 
-FREE_MOVES = str(Path(__file__).parents[1] / "motion" / "test_free_move.py")
+FREE_MOVES = str(Path(__file__).with_name("test_free_move.py"))
 """Tests of which some search, and only these may be skipped."""
 
 

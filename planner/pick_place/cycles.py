@@ -1,25 +1,29 @@
-"""The motions of a pick and place as one program, from a crude guess or from planned ones."""
+"""The motions of a pick and place: as one program, or with a stop above pick and place."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
+from baxter_kin.validation import FloatArray
 from planner.collision.context import CollisionContext
-from planner.motion.avoidance import LED_CLEAR_M, Motions, led_around
-from planner.motion.guess import Followed, Way, along, backwards, between
-from planner.motion.line_knots import at_knots, intervals_on, is_on_line
-from planner.motion.program.clearance_rows import Clearances
-from planner.motion.program.motion_program import MotionProgram
-from planner.motion.program.phases import MotionTask, Phase
-from planner.motion.straight_line import StraightLine
+from planner.errors import MotionError
+from planner.motion.program.guess import Followed, along, backwards, between
+from planner.motion.program.motion_program import LED_CLEAR_M, MotionProgram, Motions, led_around
+from planner.motion.program.rows import Clearances
+from planner.motion.program.unknowns import MotionTask, Phase
+from planner.motion.straight_line import StraightLine, at_knots, intervals_on, is_on_line
+from planner.motion.straight_move import plan_straight_move
 from planner.pick_place.candidates import CandidatePair
-from planner.pick_place.cycle import MOVES, SIDEWAYS, Cycle
-from planner.pick_place.task import PickAndPlace, PlanRequest
+from planner.pick_place.plan_builder import NoSolutionError, ProvenMotion, free_motion, proven
+from planner.pick_place.task import MOVES, SIDEWAYS, PickAndPlace, PlanRequest
 from planner.splines import Sketch
+from planner.trajectory import Trajectory
 
 ENTRY, ACROSS = 14, 20
 """Intervals on the way to the first line, and between both lines."""
@@ -140,9 +144,9 @@ class CycleProgram:
         pick, place, end = self._task.lines
         entry, at_pick, _, across, at_place, at_end = self._intervals
         arm, limits = self._manipulator.arm, self._manipulator.limits
-        up_pick = along(arm, limits, pair.q_pick, Way(pick, at_pick))
-        up_place = along(arm, limits, pair.q_place, Way(place, at_place))
-        up_end = along(arm, limits, pair.q_place, Way(end, at_end, ends_at_rest=True))
+        up_pick = along(arm, limits, pair.q_pick, pick, at_pick)
+        up_place = along(arm, limits, pair.q_place, place, at_place)
+        up_end = along(arm, limits, pair.q_place, end, at_end, ends_at_rest=True)
         if isinstance(up_pick, Followed) or isinstance(up_place, Followed):
             return None
         if isinstance(up_end, Followed):
@@ -169,3 +173,105 @@ def _program(intervals: tuple[int, ...], joints: int) -> MotionProgram:
         ),
         joints,
     )
+
+
+TIMEOUT_S = 2.0
+"""When to give up the search for one way around; a wall on the table takes a tenth of a second."""
+
+
+class Cycle(NamedTuple):
+    """The motions in the order of `MOVES`, from rest to rest where the gripper acts.
+
+    Attributes:
+        to_pick: to the line above the pick.
+        down_to_pick: down it, to rest.
+        up_from_pick: up again.
+        to_place: to the line above the place.
+        down_to_place: down it, to rest.
+        up_from_place: up to where the cycle ends.
+    """
+
+    to_pick: Trajectory
+    down_to_pick: Trajectory
+    up_from_pick: Trajectory
+    to_place: Trajectory
+    down_to_place: Trajectory
+    up_from_place: Trajectory
+
+    @property
+    def by_stage(self) -> dict[str, Trajectory]:
+        """The motions by the labels of their moves."""
+        return dict(zip(MOVES, self, strict=True))
+
+    @property
+    def q_pick(self) -> FloatArray:
+        """The configuration at the pick, shape (7,), rad."""
+        return self.down_to_pick.q_goal
+
+    @property
+    def q_place(self) -> FloatArray:
+        """The configuration at the place, shape (7,), rad."""
+        return self.down_to_place.q_goal
+
+    @property
+    def duration_s(self) -> float:
+        """Of all of them."""
+        return sum(motion.duration for motion in self)
+
+
+class StoppingCycles:
+    """Cycles that stop above pick and place; their lines are planned once for each solution."""
+
+    def __init__(
+        self, request: PlanRequest, task: PickAndPlace, contexts: Mapping[str, CollisionContext]
+    ) -> None:
+        """For a task, in the situations of the stages, by their labels."""
+        self._request, self._task, self._contexts = request, task, contexts
+        self._planned: dict[tuple[str, bytes], Trajectory | NoSolutionError] = {}
+
+    def of(self, q_pick: FloatArray, q_place: FloatArray) -> tuple[Cycle, dict[str, ProvenMotion]]:
+        """The motions for a pair of solutions, and those of them that are proven, by stage.
+
+        Between the lines the arm goes around obstacles.
+
+        Raises:
+            NoSolutionError: when the arm cannot follow a line from one of them, a line collides, or
+                there is no way between.
+        """
+        task, contexts, q_start = self._task, self._contexts, self._request.q_start
+        up_pick = self._line("pick: retract", q_pick, task.T_base_above_pick)
+        up_place = self._line("place: descend", q_place, task.T_base_above_place)
+        up_end = self._line("place: retract", q_place, task.T_base_end)
+        down_pick, down_place = up_pick.reversed(), up_place.reversed()
+        found = {
+            stage: proven(stage, motion, contexts[stage])
+            for stage, motion in (
+                ("pick: descend", down_pick),
+                ("place: descend", down_place),
+                ("place: retract", up_end),
+            )
+        }
+        for stage, ends in (
+            ("pick: approach", (q_start, down_pick.q_start)),
+            ("place: approach", (up_pick.q_goal, down_place.q_start)),
+        ):
+            manipulator, context = self._request.manipulator, contexts[stage]
+            found[stage] = free_motion(stage, ends, manipulator, context, TIMEOUT_S)
+        to_pick, to_place = (found[stage].trajectory for stage in SIDEWAYS)
+        return Cycle(to_pick, down_pick, up_pick, to_place, down_place, up_end), found
+
+    def _line(self, stage: str, q: FloatArray, T_base_top: pin.SE3) -> Trajectory:
+        key = stage, q.tobytes()
+        if key not in self._planned:
+            arm, limits = self._request.manipulator.arm, self._request.manipulator.limits
+            tolerance = self._request.line_tolerance
+            try:
+                self._planned[key] = plan_straight_move(
+                    arm, q, T_base_top, limits, line_tolerance=tolerance
+                )
+            except MotionError as cause:
+                self._planned[key] = NoSolutionError.at(stage, str(cause))
+        found = self._planned[key]
+        if isinstance(found, NoSolutionError):
+            raise found
+        return found

@@ -1,1 +1,0 @@
-"""Ways around obstacles."""
