@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.ik.geometry.closed_form import ClosedForm
+from baxter_kin.ik.reach.closed_form import ClosedForm
 from baxter_kin.ik.redundancy.pieces import STARTS, all_pieces, pieces_through
 from baxter_kin.ik.redundancy.self_motion import STEP_RAD, SelfMotion, checked_step
 from baxter_kin.ik.redundancy.solution_curve import POSE_MISMATCH, SolutionCurve
@@ -80,7 +80,7 @@ def solutions(
 ) -> tuple[SelfMotion, ...]:
     """The distinct ways to reach a pose; ordered as `distinct_solutions`.
 
-    Found from a sweep of closed forms over s0 (`baxter_kin.ik.geometry.closed_form`), which visits
+    Found from a sweep of closed forms over s0 (`baxter_kin.ik.reach.closed_form`), which visits
     all loops near the limits, and from random seeds besides. Nothing is found when the pose has no
     solution.
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
-from baxter_kin.ik.geometry.linkage import Linkage
+from baxter_kin.ik.reach.linkage import Linkage
 from baxter_kin.validation import (
     Checked,
     FloatArray,

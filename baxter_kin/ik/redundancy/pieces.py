@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin.errors import ConfigurationError
-from baxter_kin.ik.geometry.closed_form import ClosedForm
+from baxter_kin.ik.reach.closed_form import ClosedForm
 from baxter_kin.ik.redundancy.continuation import EndKind, filled
 from baxter_kin.ik.redundancy.curve_functions import RESIDUAL_TOLERANCE
 from baxter_kin.ik.redundancy.cutting import Piece, pieces_inside

@@ -7,7 +7,7 @@ import pytest
 from baxter_kin import Arm, IKService, SeedType
 from baxter_kin.errors import RequestError
 from baxter_kin.ik import Backend, NearestTo, Tolerance
-from baxter_kin.ik.geometry.reach import ReachBound
+from baxter_kin.ik.reach.bound import ReachBound
 from baxter_kin.ik.task import Task
 from baxter_kin.ik.tolerance import EXACT, FREE
 from tests.conftest import at

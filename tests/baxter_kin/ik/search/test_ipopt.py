@@ -9,7 +9,7 @@ import pytest
 
 from baxter_kin import Arm, IKService, quaternion_xyzw
 from baxter_kin.errors import RequestError
-from baxter_kin.ik.geometry.reach import ReachBound
+from baxter_kin.ik.reach.bound import ReachBound
 from baxter_kin.ik.search.ipopt import IpoptSearcher, NearestSearcher, Program
 from baxter_kin.ik.seeds import NullSpaceMap
 from baxter_kin.ik.tolerance import EXACT

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.errors import DescriptionError
-from baxter_kin.ik.geometry.linkage import ROUNDING, Linkage
+from baxter_kin.ik.reach.linkage import ROUNDING, Linkage
 from tests.calibrated import MOST_M, MOST_RAD, calibrated_arm
 
 

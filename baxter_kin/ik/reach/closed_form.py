@@ -1,7 +1,7 @@
 """Starts that are nearly solutions: the arm's inverse kinematics in closed form, but for the wrist.
 
 With s0 given, the shoulder S is known, and the pose gives the wrist W (letters as in
-`baxter_kin.ik.geometry.linkage`). Were the wrist not offset from the forearm's axis, |W - S| would
+`baxter_kin.ik.reach.linkage`). Were the wrist not offset from the forearm's axis, |W - S| would
 give e1, the height of W above the plane that s1 turns in would give e0, the direction within it s1,
 and the tool's direction w0 and w1: two solutions each for e1, e0 and the wrist. The offset of 10 mm
 makes all of that depend on w0 a little; a few rounds of substitution settle it. What is out of
@@ -19,7 +19,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from baxter_kin.ik.geometry.linkage import Linkage
+from baxter_kin.ik.reach.linkage import Linkage
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray
 

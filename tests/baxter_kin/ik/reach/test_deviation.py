@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.ik.geometry.linkage import ROUNDING, Linkage
-from baxter_kin.ik.geometry.nearby_deviation import NearbyDeviation
+from baxter_kin.ik.reach.deviation import NearbyDeviation
+from baxter_kin.ik.reach.linkage import ROUNDING, Linkage
 from baxter_kin.validation import FloatArray
 from tests.calibrated import calibrated_arm
 

@@ -5,13 +5,12 @@ import pinocchio as pin
 import pytest
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.ik.geometry import pose_sweep
-from baxter_kin.ik.geometry.linkage import Linkage
-from baxter_kin.ik.geometry.pose_cells import PoseCells
-from baxter_kin.ik.geometry.pose_sweep import LEVELS, MOST_SURVIVORS, PoseSweep
-from baxter_kin.ik.geometry.shoulder_sweep import ShoulderSweep
+from baxter_kin.ik.reach import pose_sweep
+from baxter_kin.ik.reach.linkage import Linkage
+from baxter_kin.ik.reach.pose_sweep import LEVELS, MOST_SURVIVORS, PoseCells, PoseSweep
+from baxter_kin.ik.reach.shoulder_sweep import ShoulderSweep
 from baxter_kin.validation import FloatArray
-from tests.baxter_kin.ik.geometry.test_shoulder_sweep import pushed, reached
+from tests.baxter_kin.ik.reach.test_shoulder_sweep import pushed, reached
 from tests.calibrated import calibrated_arm
 
 RADIUS_M = 1e-5

@@ -37,8 +37,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baxter_kin.ik.geometry.linkage import Linkage
-from baxter_kin.ik.geometry.uncertain import Flags
+from baxter_kin.ik.reach.linkage import Linkage
+from baxter_kin.ik.reach.shoulder_sweep import Flags
 from baxter_kin.kinematics.symbolic import QUARTERS
 from baxter_kin.validation import FloatArray
 

@@ -1,7 +1,7 @@
 """Proofs that a pose is out of an arm's reach: sound geometry, by how far, and from which bound.
 
 A proof never errs: a pose that the arm reaches inside its limits has none. The converse does not
-hold; `None` says nothing. Bounds, cheapest first (letters as in `baxter_kin.ik.geometry.linkage`):
+hold; `None` says nothing. Bounds, cheapest first (letters as in `baxter_kin.ik.reach.linkage`):
 
 - *span, fold*: the pose fixes the wrist W, and |W - S| lies between the lengths that upper arm and
   forearm span straight and fully bent (`Shells`).
@@ -11,27 +11,243 @@ hold; `None` says nothing. Bounds, cheapest first (letters as in `baxter_kin.ik.
 For a position in any orientation, the tip takes the wrist's place and only the outer bounds remain.
 For a pose that may be turned a little, the wrist keeps *span* and *fold*, less how far it can get.
 Collisions play no part.
+
+*Span and fold* (`Shells`): |W - S| lies between the lengths that upper arm and forearm span
+straight and fully bent, and the tip is at most a hand farther, for S anywhere on its arc about the
+s0 axis.
+
+*Positions* (`PositionSweep`): let v be the point seen from S. For one angle of s0, the elbow lies
+on the sphere of radius |E - S| about S, within `elbow_angle` of the arc that s1 lets u sweep in the
+vertical plane of s0. The tip is at most `tip_distance_m(0)` from the elbow. So v is out of reach by
+its distance from that part of the sphere less that length. Turning s0 by an angle moves v, seen
+from the arm, by no more than the angle times the point's distance from the s0 axis: evaluated at
+the middles of cells, less that slack, the distance holds for all angles.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import PoseError
-from baxter_kin.ik.geometry.linkage import Linkage
-from baxter_kin.ik.geometry.pose_sweep import MANY_SURVIVORS, MOST_SURVIVORS, PoseSweep
-from baxter_kin.ik.geometry.reach_proof import ReachProof
-from baxter_kin.ik.geometry.shells import Shells
-from baxter_kin.ik.geometry.shoulder_sweep import ShoulderSweep
-from baxter_kin.ik.geometry.uncertain import Flags
+from baxter_kin.ik.reach.linkage import FAR_M, Linkage
+from baxter_kin.ik.reach.pose_sweep import MANY_SURVIVORS, MOST_SURVIVORS, PoseSweep
+from baxter_kin.ik.reach.shoulder_sweep import SWEEP_MARGIN_M, Flags, ShoulderSweep
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import JOINTS, Arm
 from baxter_kin.validation import FloatArray, finite_array
+
+CELLS, SPLIT, LEVELS = 32, 8, 3
+"""The s0 range starts as 32 cells; those that could still hold the least distance are split in
+eight, down to 1.7 mrad."""
+
+
+class PositionSweep:
+    """The sweep for one arm."""
+
+    def __init__(self, linkage: Linkage) -> None:
+        self._arm = linkage
+        self._upper = linkage.upper_span_m
+        self.tip_reach_m = linkage.tip_distance_m(0.0)
+        self._s1_middle = 0.5 * (linkage.q_min[1] + linkage.q_max[1])
+        self._s1_half = 0.5 * (linkage.q_max[1] - linkage.q_min[1])
+        self._offsets = (2.0 * np.arange(SPLIT) + 1.0) / SPLIT - 1.0
+
+    def excess_m(self, point: FloatArray) -> float:
+        """A lower bound on how far the tip stays from a point; negative when nothing is proved.
+
+        Args:
+            point: seen from the first axis, shape (3,), m; finite.
+        """
+        low, high = self._arm.q_min[0], self._arm.q_max[0]
+        half = (high - low) / (2 * CELLS)
+        s0 = np.linspace(low + half, high - half, CELLS)
+        radius, settled = math.hypot(point[0], point[1]), math.inf
+        for _ in range(LEVELS):
+            excess = self._excess_at(s0, point)
+            bounds = excess - radius * half
+            is_open = bounds < excess.min()
+            if not is_open.any():
+                break
+            settled = min(settled, float(bounds[~is_open].min(initial=math.inf)))
+            s0 = (s0[is_open, None] + half * self._offsets).ravel()
+            half /= SPLIT
+        return min(settled, float(bounds.min()))
+
+    def _excess_at(self, s0: FloatArray, point: FloatArray) -> FloatArray:
+        """The bound at single angles of s0, shape (n,)."""
+        x, y, z = point.tolist()
+        radially = x * np.cos(s0) + y * np.sin(s0) - self._arm.shoulder_offset_m
+        sideways = y * np.cos(s0) - x * np.sin(s0)
+        in_plane = np.hypot(radially, z)
+        distance = np.hypot(in_plane, sideways)
+        turn = -np.arctan2(z, radially) - self._s1_middle
+        past = np.abs(np.remainder(turn + math.pi, 2.0 * math.pi) - math.pi) - self._s1_half
+        along = in_plane * np.cos(np.maximum(past, 0.0))
+        angle = np.arctan2(np.sqrt(np.maximum(distance**2 - along**2, 0.0)), along)
+        off = np.maximum(angle - self._arm.elbow_angle, 0.0)
+        to_elbow = np.hypot(distance - self._upper * np.cos(off), self._upper * np.sin(off))
+        excess: FloatArray = to_elbow - self.tip_reach_m
+        return excess
+
+
+class Shells:
+    """The lengths of one arm, and what they leave out; excesses are lower bounds.
+
+    Attributes:
+        span_m: from S to W with the arm straight, the deviation from the linkage included.
+        fold_m: the same fully bent, less the deviation.
+        radius_m: from S to the tip with the arm straight, the deviation included.
+        tip_reach_m: from E to the tip with forearm and hand straight, the deviation included.
+    """
+
+    def __init__(self, linkage: Linkage) -> None:
+        self._arm, deviation = linkage, linkage.deviation
+        self._span_m = linkage.wrist_distance_m(0.0)
+        self._fold_m = linkage.wrist_distance_m(linkage.max_bend)
+        self._radius_m = linkage.upper_span_m + linkage.tip_distance_m(0.0)
+        self._position_sweep = PositionSweep(linkage)
+        self.span_m = self._span_m + deviation.wrist_m
+        self.fold_m = self._fold_m - deviation.wrist_m
+        self.radius_m = self._radius_m + deviation.tip_m
+        self.tip_reach_m = self._position_sweep.tip_reach_m + deviation.tip_m
+        self._wrist_margin_m = SWEEP_MARGIN_M + deviation.wrist_m
+        self._tip_margin_m = SWEEP_MARGIN_M + deviation.tip_m
+        low, high = linkage.q_min[0], linkage.q_max[0]
+        self._s0_middle, self._s0_half = 0.5 * (low + high), 0.5 * (high - low)
+
+    def wrist_excess_m(self, wrists: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How far wrists, (m, 3), lie beyond the span, and how far inside the fold, (m,) each."""
+        near, far = self._distances(wrists)
+        return near - self._span_m - self._wrist_margin_m, self._fold_m - far - self._wrist_margin_m
+
+    def tip_excess_m(self, point: FloatArray) -> float:
+        """How far a tip, (3,), lies beyond the straight arm."""
+        nearest_m = float(self._distances(point[None])[0][0])
+        return nearest_m - self._radius_m - self._tip_margin_m
+
+    def elbow_excess_m(self, point: FloatArray) -> float:
+        """How far a tip, (3,), lies beyond forearm and hand from where s0 and s1 let E go."""
+        return self._position_sweep.excess_m(point) - self._tip_margin_m
+
+    def _distances(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The least and the greatest distance of points, (m, 3), to S over all angles of s0.
+
+        The distance grows with the angle between `radial` and the point's azimuth, up to half a
+        turn, so that each extreme lies at an end of the range or where that angle is 0 or pi.
+        """
+        (x, y, z), offset = points.T.clip(-FAR_M, FAR_M), self._arm.shoulder_offset_m
+        radius = np.hypot(x, y)
+        turn = np.arctan2(y, x) - self._s0_middle
+        off = np.abs(np.arctan2(np.sin(turn), np.cos(turn)))
+        least, most = (off - self._s0_half).clip(min=0.0), (off + self._s0_half).clip(max=np.pi)
+
+        def distance(angle: FloatArray) -> FloatArray:
+            radially, sideways = radius * np.cos(angle) - offset, radius * np.sin(angle)
+            length: FloatArray = np.hypot(np.hypot(radially, sideways), z)
+            return length
+
+        return distance(least), distance(most)
+
+
+@dataclass(frozen=True, slots=True)
+class ReachProof:
+    """That a pose is out of reach, and why; `str()` of it is the clause in words.
+
+    Attributes:
+        excess_m: a lower bound, above zero, on how far the pose must be moved, keeping its
+            orientation, before the arm reaches it. For a position: in any orientation.
+        bound: what it follows from: "span", "fold", "shoulder", "wrist" or "limits".
+        text: a clause with numbers, such as "12 mm beyond the 0.745 m that upper arm and forearm
+            span from left_s1, with the wrist at (1.021, 0.305, 0.214) m".
+    """
+
+    excess_m: float
+    bound: str
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+    def less(self, leeway_m: float) -> ReachProof | None:
+        """What is left of it where the pose may give way by so much; None when nothing is."""
+        if leeway_m == 0.0:
+            return self
+        if self.excess_m <= leeway_m:
+            return None
+        text = f"{self.text}, and no more than {_length_up(leeway_m)} can be made up"
+        return ReachProof(self.excess_m - leeway_m, self.bound, text)
+
+    @classmethod
+    def of(
+        cls,
+        bound: str,
+        excess_m: float,
+        wrist: FloatArray,
+        names: Mapping[str, str],
+        most_m: float = 0,
+    ) -> ReachProof:
+        """The proof that a bound gives for a pose.
+
+        Args:
+            bound: its name.
+            excess_m: by how far.
+            wrist: where the pose puts it, seen from base, shape (3,), m.
+            names: the arm's joint names by their short ones, such as "s1".
+            most_m: the length that spans and folds speak of.
+        """
+        clause = _OF_POSES[bound].format(length=_length(excess_m), most_m=most_m, **names)
+        return cls(excess_m, bound, f"{clause}, with the wrist at {_words(wrist)}")
+
+    @classmethod
+    def of_position(
+        cls, bound: str, excess_m: float, tip: FloatArray, names: Mapping[str, str], most_m: float
+    ) -> ReachProof:
+        """The same for a position of the tip, seen from base, shape (3,), m."""
+        clause = _OF_POSITIONS[bound].format(length=_length(excess_m), most_m=most_m, **names)
+        return cls(excess_m, bound, f"{clause}, with the tip at {_words(tip)}")
+
+
+_OF_POSES = {
+    "span": "{length} beyond the {most_m:.3f} m that upper arm and forearm span from {s1}",
+    "fold": "{length} inside the {most_m:.3f} m that the wrist keeps from {s1} with {e1} fully "
+    "bent",
+    "shoulder": "at least {length} from where the limits of {s0}, {s1} and {e1} let the wrist go",
+    "wrist": "at least {length} from where {w1} can hold the tool in this orientation with {s0}, "
+    "{s1} and {e1} inside their limits",
+    "limits": "at least {length} from where the limits of all joints together let the tool be in "
+    "this orientation",
+}
+
+_OF_POSITIONS = {
+    "span": "{length} beyond the {most_m:.3f} m that the straight arm spans from {s1}",
+    "shoulder": "{length} beyond the {most_m:.3f} m that forearm and hand span from where {s0} and "
+    "{s1} let the elbow go",
+}
+
+
+def _words(p_base: FloatArray) -> str:
+    return "({:.6g}, {:.6g}, {:.6g}) m".format(*(round(x, 3) + 0.0 for x in p_base.tolist()))
+
+
+def _length_up(length_m: float) -> str:
+    """The length, rounded up."""
+    return f"{math.ceil(1e3 * length_m)} mm"
+
+
+def _length(length_m: float) -> str:
+    """The length, rounded down so that the words claim no more than the proof."""
+    if length_m >= 10.0:
+        return f"{length_m:.6g} m"
+    digits = 0 if length_m >= 0.01 else 1 if length_m >= 1e-3 else 3
+    scale = 10.0**digits
+    return f"{math.floor(1e3 * length_m * scale) / scale:.{digits}f} mm"
+
 
 RADII_M = np.array([1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1])
 """Distances that the sweeps can certify; the largest that holds is reported."""

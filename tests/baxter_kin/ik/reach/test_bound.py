@@ -1,16 +1,206 @@
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter, BaxterError, Tolerance
-from baxter_kin.ik.geometry.linkage import Linkage
-from baxter_kin.ik.geometry.reach import ReachBound
-from baxter_kin.ik.geometry.shoulder_sweep import SWEEP_MARGIN_M
+from baxter_kin.ik.reach.bound import PositionSweep, ReachBound, ReachProof, Shells
+from baxter_kin.ik.reach.linkage import Linkage
+from baxter_kin.ik.reach.shoulder_sweep import SWEEP_MARGIN_M
+from baxter_kin.kinematics.arm import JOINTS
 from baxter_kin.validation import FloatArray
+
+RESOLUTION_M = 1e-2
+"""Of the bound: cells of 1.7 mrad, and points up to 3 m away from the axis."""
+
+coordinates = st.floats(-3.0, 3.0)
+points = st.tuples(coordinates, coordinates, coordinates).map(np.array)
+
+
+@pytest.fixture(scope="module")
+def left_linkage(left: Arm) -> Linkage:
+    return Linkage.of(left)
+
+
+@pytest.fixture(scope="module")
+def sweep(left_linkage: Linkage) -> PositionSweep:
+    return PositionSweep(left_linkage)
+
+
+def elbow_distance_m(left_linkage: Linkage, point: FloatArray) -> float:
+    """From a point to the nearest of elbows all over the ranges of s0, s1 and e0."""
+    ranges = zip(left_linkage.q_min[:3], left_linkage.q_max[:3], (120, 60, 60), strict=True)
+    grid = np.meshgrid(*(np.linspace(low, high, count) for low, high, count in ranges))
+    s0, s1, e0 = (angles.ravel() for angles in grid)
+    zero = np.zeros_like(s0)
+    radial = np.array([np.cos(s0), np.sin(s0), zero])
+    down = np.array([zero, zero, zero - 1.0])
+    u = np.cos(s1) * radial + np.sin(s1) * down
+    swing = np.cos(s1) * down - np.sin(s1) * radial
+    r = np.cos(e0) * swing + np.sin(e0) * np.cross(u.T, swing.T).T
+    elbow = (
+        left_linkage.shoulder_offset_m * radial
+        + left_linkage.upper_m * u
+        + left_linkage.elbow_offset_m * r
+    )
+    return float(np.linalg.norm(elbow.T - point, axis=1).min())
+
+
+def test_it_bounds_the_distance_to_sampled_elbows_from_below_and_not_by_much(
+    left_linkage: Linkage, sweep: PositionSweep
+) -> None:
+    grid_m, cap_m = 0.03, 0.07  # between neighbours; across the arc, where e0 does not lead
+    for point in np.random.default_rng(1).uniform(-2.0, 2.0, (25, 3)):
+        sampled = elbow_distance_m(left_linkage, point) - sweep.tip_reach_m
+        assert sampled - cap_m - grid_m <= sweep.excess_m(point) <= sampled
+
+
+def test_no_tip_of_the_arm_has_an_excess(
+    left: Arm, left_linkage: Linkage, sweep: PositionSweep
+) -> None:
+    rng, rounding = np.random.default_rng(2), 1e-9
+    for _ in range(300):
+        tip = left.T_base_tip(left.random_configuration(rng)).translation
+        assert sweep.excess_m(left_linkage.T_base_first.actInv(tip)) <= rounding
+
+
+@given(points, points)
+def test_it_changes_by_no_more_than_the_point_moves(
+    sweep: PositionSweep, one: FloatArray, other: FloatArray
+) -> None:
+    change = abs(sweep.excess_m(one) - sweep.excess_m(other))
+    assert change <= np.linalg.norm(one - other) + RESOLUTION_M
+
+
+@given(points)
+def test_mirrored_points_of_both_arms_have_the_same(robot: Baxter, point: FloatArray) -> None:
+    one, other = (PositionSweep(Linkage.of(robot.arm(side))) for side in ("left", "right"))
+    mirrored = point * np.array([1.0, -1.0, 1.0])
+    urdf_digits = 1e-5
+    assert one.excess_m(point) == pytest.approx(other.excess_m(mirrored), abs=urdf_digits)
+
+
+@pytest.fixture(scope="module")
+def linkage(any_arm: Arm) -> Linkage:
+    return Linkage.of(any_arm)
+
+
+@pytest.fixture(scope="module")
+def shells(linkage: Linkage) -> Shells:
+    return Shells(linkage)
+
+
+def distances(linkage: Linkage, point: FloatArray) -> FloatArray:
+    """From a point, (3,), to S at many angles of s0, m."""
+    s0 = np.linspace(linkage.q_min[0], linkage.q_max[0], 20_001)
+    arc = linkage.shoulder_offset_m * np.array([np.cos(s0), np.sin(s0), np.zeros_like(s0)])
+    away: FloatArray = np.linalg.norm(arc.T - point, axis=1)
+    return away
+
+
+def test_excesses_are_what_dense_sampling_of_the_first_joint_finds(
+    linkage: Linkage, shells: Shells
+) -> None:
+    points = np.random.default_rng(1).uniform(-1.2, 1.2, (100, 3))
+    beyond_m, inside_m = shells.wrist_excess_m(points)
+    sampling = 1e-8  # an arc of 0.069 m in steps of 0.2 mrad, at an extreme
+    for point, beyond, inside in zip(points, beyond_m, inside_m, strict=True):
+        away = distances(linkage, point)
+        assert beyond == pytest.approx(away.min() - shells.span_m - SWEEP_MARGIN_M, abs=sampling)
+        assert inside == pytest.approx(shells.fold_m - away.max() - SWEEP_MARGIN_M, abs=sampling)
+        expected = away.min() - shells.radius_m - SWEEP_MARGIN_M
+        assert shells.tip_excess_m(point) == pytest.approx(expected, abs=sampling)
+
+
+def test_no_wrist_and_no_tip_of_the_arm_has_an_excess(
+    any_arm: Arm, linkage: Linkage, shells: Shells
+) -> None:
+    rng = np.random.default_rng(2)
+    qs = [any_arm.random_configuration(rng) for _ in range(300)]
+    for i, e1 in enumerate(np.resize([linkage.elbow_angle, any_arm.limits.q_max[3]], 100)):
+        qs[i][3] = e1  # nearly straight, and fully bent
+    Ts = np.array([any_arm.T_base_tip(q).homogeneous for q in qs])
+    wrists = linkage.targets(Ts)[:, :3, 3]
+    assert max(map(np.max, shells.wrist_excess_m(wrists))) <= 0.0
+    tips = (Ts[:, :3, 3] - linkage.T_base_first.translation) @ linkage.T_base_first.rotation
+    assert max(map(shells.tip_excess_m, tips)) <= 0.0
+    assert max(map(shells.elbow_excess_m, tips)) <= 0.0
+
+
+def test_the_elbow_leaves_out_what_the_straight_arm_does_not(shells: Shells) -> None:
+    """Straight down, which s1 does not allow."""
+    point = np.array([0.0, 0.0, 0.01 - shells.radius_m])
+    assert shells.tip_excess_m(point) <= 0.0 < shells.elbow_excess_m(point)
+
+
+def test_infinitely_far_points_have_a_finite_excess(shells: Shells) -> None:
+    far = np.array([1e308, -1e308, 1e308])
+    assert 1e299 < shells.tip_excess_m(far) < np.inf
+
+
+NAMES = {joint: f"left_{joint}" for joint in JOINTS}
+WRIST = np.array([1.0204, -0.0001, 0.25])
+
+
+def proof_of(excess_m: float) -> ReachProof:
+    return ReachProof.of("span", excess_m, WRIST, NAMES, 0.745)
+
+
+@pytest.mark.parametrize(
+    ("bound", "joints"),
+    [
+        ("span", ["s1"]),
+        ("fold", ["s1", "e1"]),
+        ("shoulder", ["s0", "s1", "e1"]),
+        ("wrist", ["w1", "s0", "s1", "e1"]),
+        ("limits", []),
+    ],
+)
+def test_a_proof_of_each_bound_names_its_joints_and_the_wrist(
+    bound: str, joints: list[str]
+) -> None:
+    proof = ReachProof.of(bound, 0.0123, WRIST, NAMES, 0.745)
+    assert proof.bound == bound
+    assert re.findall(r"left_(\w\d)", str(proof)) == joints
+    assert "12 mm" in str(proof)
+    assert str(proof).endswith(", with the wrist at (1.02, 0, 0.25) m")
+
+
+@pytest.mark.parametrize("bound", ["span", "shoulder"])
+def test_a_proof_of_a_position_names_the_tip(bound: str) -> None:
+    proof = ReachProof.of_position(bound, 0.5, WRIST, NAMES, 1.1334)
+    assert str(proof).startswith("500 mm beyond the 1.133 m that ")
+    assert str(proof).endswith(", with the tip at (1.02, 0, 0.25) m")
+
+
+@given(st.floats(1e-6, 1e4))
+def test_the_words_claim_no_more_than_the_proof_and_little_less(excess_m: float) -> None:
+    number, unit = str(proof_of(excess_m)).split()[:2]
+    said_m = float(number) * {"m": 1.0, "mm": 1e-3}[unit]
+    digits = 1e-9 if excess_m < 10.0 else 5e-6 * excess_m  # six, of metres
+    assert excess_m - max(1e-6, 0.1 * excess_m) <= said_m <= excess_m + digits
+
+
+@given(st.floats(1e-6, 1.0), st.floats(0.0, 1.0))
+def test_what_can_be_made_up_is_taken_off(excess_m: float, leeway_m: float) -> None:
+    left = proof_of(excess_m).less(leeway_m)
+    assert (left is None) == (excess_m <= leeway_m)
+    if left is not None:
+        assert left.excess_m == excess_m - leeway_m
+        assert left.bound == "span"
+
+
+def test_what_can_be_made_up_is_said_and_rounded_up() -> None:
+    proof = proof_of(0.1)
+    assert str(proof.less(0.0121)) == f"{proof}, and no more than 13 mm can be made up"
+    assert proof.less(0.0) == proof
+
 
 MIRROR_Y = np.diag([1.0, -1.0, 1.0])
 

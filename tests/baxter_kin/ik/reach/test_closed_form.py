@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.frames import angle_between
-from baxter_kin.ik.geometry.closed_form import BLOCK, ClosedForm
+from baxter_kin.ik.reach.closed_form import BLOCK, ClosedForm
 
 SUBSTITUTED_M = 0.020
 SUBSTITUTED_RAD = 0.06
