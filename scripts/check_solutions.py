@@ -35,7 +35,7 @@ from baxter_kin.ik import (
     solutions,
     trace_self_motion,
 )
-from baxter_kin.ik.redundancy.objectives import Objective
+from baxter_kin.ik.self_motion.objectives import Objective
 
 FloatArray = NDArray[np.float64]
 

@@ -1,6 +1,10 @@
 """Inverse kinematics: the program, its fast search and its reference, the service, redundancy."""
 
-from baxter_kin.ik.redundancy.objectives import (
+from baxter_kin.ik.result import IKFailure, IKResult
+from baxter_kin.ik.search.ipopt import Program
+from baxter_kin.ik.search.searcher import Backend
+from baxter_kin.ik.seeds import SeedMode, SeedType
+from baxter_kin.ik.self_motion.objectives import (
     FarthestFromLimits,
     MostManipulable,
     NearestTo,
@@ -9,11 +13,7 @@ from baxter_kin.ik.redundancy.objectives import (
     TowardsGoal,
     best_on,
 )
-from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
-from baxter_kin.ik.result import IKFailure, IKResult
-from baxter_kin.ik.search.ipopt import Program
-from baxter_kin.ik.search.searcher import Backend
-from baxter_kin.ik.seeds import SeedMode, SeedType
+from baxter_kin.ik.self_motion.tracing import SelfMotion, trace_self_motion
 from baxter_kin.ik.service import IKService
 from baxter_kin.ik.solution_set import distinct_solutions, sample_solutions, solutions
 from baxter_kin.ik.tolerance import Tolerance

@@ -16,15 +16,15 @@ import pinocchio as pin
 
 from baxter_kin.errors import RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
-from baxter_kin.ik.redundancy.objectives import Objective, Scope, best_of, best_on, checked_scope
-from baxter_kin.ik.redundancy.pieces import all_pieces
-from baxter_kin.ik.redundancy.self_motion import trace_self_motion
 from baxter_kin.ik.requests import BLOCK, Requests, SeedLike, as_list
 from baxter_kin.ik.result import IKResult
 from baxter_kin.ik.search.batch import COARSE_ROUNDS, Batch
 from baxter_kin.ik.search.searcher import Backend, Searcher
 from baxter_kin.ik.search.solver import Solver, Solvers
 from baxter_kin.ik.seeds import SeedMode, SeedType
+from baxter_kin.ik.self_motion.objectives import Objective, Scope, best_of, best_on, checked_scope
+from baxter_kin.ik.self_motion.pieces import all_pieces
+from baxter_kin.ik.self_motion.tracing import trace_self_motion
 from baxter_kin.ik.tolerance import Tolerance
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray

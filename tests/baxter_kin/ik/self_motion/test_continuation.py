@@ -5,23 +5,29 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter
-from baxter_kin.ik.redundancy.continuation import (
+from baxter_kin.ik.self_motion.continuation import (
     LONGEST_STEP_RAD,
     EndKind,
     filled,
+    least,
+    loops_near,
     may_leave,
+    root,
     walk,
     walk_both_ways,
     with_last,
 )
-from baxter_kin.ik.redundancy.curve_functions import MAX_TURN_RAD
-from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints
-from baxter_kin.ik.redundancy.segment import cubics
-from baxter_kin.ik.redundancy.self_motion import trace_self_motion
-from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
-from tests.baxter_kin.ik.redundancy.test_self_motion import (
+from baxter_kin.ik.self_motion.curve_kernel import MAX_TURN_RAD
+from baxter_kin.ik.self_motion.pieces import pieces_inside
+from baxter_kin.ik.self_motion.solution_curve import CurvePoint, CurvePoints, SolutionCurve, cubics
+from baxter_kin.ik.self_motion.tracing import trace_self_motion
+from baxter_kin.ik.solution_set import distinct_solutions
+from tests.baxter_kin.ik.self_motion.test_pieces import pieces_of
+from tests.baxter_kin.ik.self_motion.test_tracing import (
     ALONE,
     CLOSED,
     CROSSING,
@@ -31,6 +37,29 @@ from tests.baxter_kin.ik.redundancy.test_self_motion import (
     spread,
     with_limits,
 )
+
+
+@given(where=st.floats(0.01, 0.99), power=st.sampled_from([1, 3]))
+def test_root_is_found(where: float, power: int) -> None:
+    found = root(lambda x: (x - where) ** power, 0.0, 1.0)
+    flat = 1e-3 if power == 3 else 1e-9  # where the function is within 1e-12 of zero
+    assert found == pytest.approx(where, abs=flat)
+
+
+def test_root_at_the_lower_end_is_found() -> None:
+    assert root(lambda x: x, 0.0, 1.0) == 0.0
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0.6, 1.0), (0.0, 0.4), (1.0, 0.0)])
+def test_no_change_from_negative_to_positive_is_no_root(lower: float, upper: float) -> None:
+    assert root(lambda x: x - 0.5, lower, upper) is None
+
+
+@given(where=st.floats(0.0, 1.0))
+def test_least_value_is_found(where: float) -> None:
+    value, x = least(lambda x: math.fabs(x - where), 0.0, 1.0, 1e-9)
+    assert x == pytest.approx(where, abs=1e-9)
+    assert value == math.fabs(x - where)
 
 
 def test_end_reads_as_a_sentence(left: Arm) -> None:
@@ -241,3 +270,25 @@ def test_a_limit_that_is_crossed_between_two_points_inside_ends_the_curve(
         narrow = with_limits(left, robot, left.limits.q_min, q_max)
         _, end = walk(SolutionCurve(narrow, left.T_base_tip(CLOSED)), start)
         assert end.joint_name == left.joint_names[joint]
+
+
+def test_loop_holds_its_pieces_and_no_others(arm: Arm) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        q = arm.random_configuration(rng)
+        solution_curve = SolutionCurve(arm, arm.T_base_tip(q))
+        (loop,) = loops_near(solution_curve, np.array([q]))
+        pieces = list(pieces_inside(solution_curve, [loop]))
+        on = pieces[0].points.then(*(piece.points for piece in pieces[1:]))
+        assert loop.holds(on.q, on.tangent).all()
+        assert not loop.holds(on.q, -on.tangent).any()
+        across = np.linalg.svd(on.tangent[:1])[2][3]
+        assert not loop.holds(on.q[:1] + 0.01 * across, on.tangent[:1]).any()
+
+
+def test_loop_that_limits_do_not_cut_is_one_piece(left: Arm) -> None:
+    assert len(distinct_solutions(left, [CLOSED])) == 1
+
+
+def test_point_that_stands_alone_has_no_loop(left: Arm) -> None:
+    assert pieces_of(left, singular_near(left, ALONE)) == []

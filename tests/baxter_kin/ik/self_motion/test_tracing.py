@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from baxter_kin import Arm, Baxter, BaxterError
 from baxter_kin.errors import ConfigurationError, PoseError, RequestError
 from baxter_kin.frames import angle_between
-from baxter_kin.ik.redundancy.continuation import EndKind
-from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
+from baxter_kin.ik.self_motion.continuation import EndKind
+from baxter_kin.ik.self_motion.tracing import SelfMotion, trace_self_motion
 from baxter_kin.kinematics.arm import MIRROR
 from baxter_kin.validation import FloatArray
 

@@ -4,7 +4,7 @@ Seven joints reach a pose of six coordinates along a curve: the arm's elbow swin
 stands still (Burdick, "On the inverse kinematics of redundant manipulators: characterization of the
 self-motion manifolds", ICRA 1989). Joint limits cut it into connected pieces. `trace_self_motion`
 follows the piece through one configuration to both its ends;
-`baxter_kin.ik.redundancy.continuation` says how.
+`baxter_kin.ik.self_motion.continuation` says how.
 """
 
 from __future__ import annotations
@@ -18,10 +18,14 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.ik.redundancy.continuation import CurveEnd, EndKind, filled, walk_both_ways
-from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints
-from baxter_kin.ik.redundancy.segment import Segment, arc_lengths
-from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
+from baxter_kin.ik.self_motion.continuation import CurveEnd, EndKind, filled, walk_both_ways
+from baxter_kin.ik.self_motion.solution_curve import (
+    CurvePoint,
+    CurvePoints,
+    Segment,
+    SolutionCurve,
+    arc_lengths,
+)
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import (
     FloatArray,
@@ -262,7 +266,7 @@ def assembled(
 
     Args:
         solution_curve: whose curve.
-        points: as `baxter_kin.ik.redundancy.continuation.walk` leaves them.
+        points: as `baxter_kin.ik.self_motion.continuation.walk` leaves them.
         start: which of them the tracing began at.
         ends: why they end.
         step_rad: the longest step.

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from baxter_kin import Arm, Baxter
 from baxter_kin.errors import ConfigurationError, RequestError
-from baxter_kin.ik.redundancy.objectives import (
+from baxter_kin.ik.self_motion.objectives import (
     FarthestFromLimits,
     MostManipulable,
     NearestTo,
@@ -20,11 +20,11 @@ from baxter_kin.ik.redundancy.objectives import (
     best_of,
     best_on,
 )
-from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
+from baxter_kin.ik.self_motion.tracing import SelfMotion, trace_self_motion
 from baxter_kin.ik.solution_set import distinct_solutions
 from baxter_kin.validation import FloatArray
-from tests.baxter_kin.ik.redundancy.test_cutting import WITH_TINY_PIECE
-from tests.baxter_kin.ik.redundancy.test_self_motion import ALONE, CLOSED, singular_near
+from tests.baxter_kin.ik.self_motion.test_pieces import WITH_TINY_PIECE
+from tests.baxter_kin.ik.self_motion.test_tracing import ALONE, CLOSED, singular_near
 
 LOCATED = 1e-9
 """How far above the least cost an answer may be: costs of size 1, flat at their least."""

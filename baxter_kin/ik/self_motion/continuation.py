@@ -9,7 +9,7 @@ problems", 1977; Allgower and Georg, "Numerical Continuation Methods", 1990, ch.
   its sign: a change of sign is a jump to another branch, or a way through a singularity. Otherwise
   halve the step.
 
-`baxter_kin.ik.redundancy.curve_kernel` takes the steps, as long ones as the curve's bends allow;
+`baxter_kin.ik.self_motion.curve_kernel` takes the steps, as long ones as the curve's bends allow;
 `filled` then puts points between them. A direction ends on a joint limit, where the curve closes,
 or at a singularity.
 """
@@ -17,6 +17,7 @@ or at a singularity.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import pairwise
@@ -24,12 +25,78 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from baxter_kin.ik.redundancy.curve_functions import MAX_TURN_RAD, MIN_STEP_RAD, RESIDUAL_TOLERANCE
-from baxter_kin.ik.redundancy.curve_points import CurvePoint, CurvePoints, whole_turns_off
-from baxter_kin.ik.redundancy.root_finding import root
-from baxter_kin.ik.redundancy.segment import Segment, arc_lengths, cubics
-from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
+from baxter_kin.ik.self_motion.curve_kernel import (
+    MAX_TURN_RAD,
+    MIN_STEP_RAD,
+    RESIDUAL_TOLERANCE,
+    SINGULAR,
+)
+from baxter_kin.ik.self_motion.solution_curve import (
+    CurvePoint,
+    CurvePoints,
+    Segment,
+    SolutionCurve,
+    arc_lengths,
+    cubics,
+    feet,
+    whole_turns_off,
+)
 from baxter_kin.validation import FloatArray, Indices
+
+_ROOT_ITERATIONS = 100
+_ROOT_VALUE = 1e-12
+_ROOT_WIDTH = 1e-14
+
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+
+def root(function: Callable[[float], float], lower: float, upper: float) -> float | None:
+    """Where `function` changes from negative or zero to positive.
+
+    False position with the Illinois rule (Dowell and Jarratt, 1971): the value of an end that was
+    kept twice counts half.
+
+    Returns:
+        None when the ends do not differ in sign this way.
+    """
+    low, high = function(lower), function(upper)
+    if low > 0.0 or high <= 0.0:
+        return None
+    kept = 0.0
+    for _ in range(_ROOT_ITERATIONS):
+        guess = upper - high * (upper - lower) / (high - low)
+        value = function(guess)
+        if abs(value) <= _ROOT_VALUE or upper - lower <= _ROOT_WIDTH:
+            return guess
+        if value > 0.0:
+            upper, high, low = guess, value, 0.5 * low if kept < 0.0 else low
+            kept = -1.0
+        else:
+            lower, low, high = guess, value, 0.5 * high if kept > 0.0 else high
+            kept = 1.0
+    return lower
+
+
+def least(
+    function: Callable[[float], float], lower: float, upper: float, width: float
+) -> tuple[float, float]:
+    """The least value between two ends with one minimum between them, and where it is.
+
+    By golden section (Kiefer, 1953), until the minimum is known to lie within `width`.
+    """
+    inner = [upper - _GOLDEN * (upper - lower), lower + _GOLDEN * (upper - lower)]
+    values = [function(inner[0]), function(inner[1])]
+    while upper - lower > width:
+        if values[0] <= values[1]:
+            upper = inner[1]
+            inner = [upper - _GOLDEN * (upper - lower), inner[0]]
+            values = [function(inner[0]), values[0]]
+        else:
+            lower = inner[0]
+            inner = [inner[1], lower + _GOLDEN * (upper - lower)]
+            values = [values[1], function(inner[1])]
+    return min(zip(values, inner, strict=True))
+
 
 MAX_POINTS = 50_000
 """In one direction, so that nothing runs for ever; curves of Baxter have hundreds."""
@@ -298,3 +365,68 @@ def _closure_on(
         return None
     turns = np.round((found[0] - start.q) / (2.0 * math.pi))
     return replace(start, q=start.q + 2.0 * math.pi * turns), CurveEnd(EndKind.CLOSED)
+
+
+ON_LOOP_RAD, ALONG = 1e-3, 0.9
+"""How near to the cubics between its points a configuration of the pose lies on a loop, and the
+cosine of its direction with theirs. Beside singularities cubics are off by so much, elsewhere by
+less than 1e-4."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loop:
+    """The curve of a pose through a point, whatever the limits.
+
+    Attributes:
+        points: less whole turns, as near to the middle of the joint ranges as they come.
+        ends: why it goes no further: it closed, unless it meets a singularity.
+    """
+
+    points: CurvePoints
+    ends: tuple[CurveEnd, CurveEnd]
+
+    @classmethod
+    def through(cls, solution_curve: SolutionCurve, start: CurvePoint) -> Loop:
+        """Follow it from a point, inside the limits or not."""
+        points, _, ends = walk_both_ways(solution_curve.without_limits, start)
+        return cls(solution_curve.into_range(points), ends)
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it returns to its first point."""
+        return self.ends[1].kind is EndKind.CLOSED
+
+    def holds(self, q: FloatArray, tangent: FloatArray) -> NDArray[np.bool_]:
+        """Whether configurations that reach the pose lie on it.
+
+        Args:
+            q: shape (n, 7), rad.
+            tangent: in the direction that every curve has, shape (n, 7); where two strands pass
+                each other closely, they go opposite ways.
+
+        Returns:
+            Shape (n,).
+        """
+        if len(self.points) < 2:
+            return np.zeros(len(q), dtype=np.bool_)
+        distance, direction = feet(self.points.q, self.points.tangent, q)
+        is_along = np.einsum("ij,ij->i", direction, tangent) > ALONG
+        is_on: NDArray[np.bool_] = (distance <= ON_LOOP_RAD) & is_along
+        return is_on
+
+
+def loops_near(solution_curve: SolutionCurve, starts: FloatArray) -> list[Loop]:
+    """The loops that Newton's method leads to from configurations, shape (n, 7), rad."""
+    found = solution_curve.nearest_many(starts)
+    is_good = found.residual <= RESIDUAL_TOLERANCE
+    places = solution_curve.points(found, found.tangent).part(is_good)
+    is_regular = found.rank[is_good] > SINGULAR
+    loops: list[Loop] = []
+    while len(places):
+        first = places[0] if is_regular[0] else solution_curve.without_limits.start(places.q[0])
+        is_left = np.arange(len(places)) > 0
+        if first is not None:
+            loops.append(Loop.through(solution_curve, first))
+            is_left &= ~loops[-1].holds(places.q, places.tangent)
+        places, is_regular = places.part(is_left), is_regular[is_left]
+    return loops

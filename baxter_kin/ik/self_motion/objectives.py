@@ -15,8 +15,8 @@ from typing import Protocol
 import numpy as np
 
 from baxter_kin.errors import ConfigurationError, RequestError, expect, member_of, quoted
-from baxter_kin.ik.redundancy.root_finding import least
-from baxter_kin.ik.redundancy.self_motion import SelfMotion
+from baxter_kin.ik.self_motion.continuation import least
+from baxter_kin.ik.self_motion.tracing import SelfMotion
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, finite_array, finite_rows
 from baxter_kin.value_objects import Frozen, OneLine, numbers
