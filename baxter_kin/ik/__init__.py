@@ -1,4 +1,4 @@
-"""Inverse kinematics: the program, its fast search and its reference, the service, redundancy."""
+"""Inverse kinematics: the service, all solutions of a pose, its self-motion, objectives."""
 
 from baxter_kin.ik.result import IKFailure, IKResult
 from baxter_kin.ik.search.ipopt import Program
@@ -10,7 +10,6 @@ from baxter_kin.ik.self_motion.objectives import (
     NearestTo,
     Objective,
     Scope,
-    TowardsGoal,
     best_on,
 )
 from baxter_kin.ik.self_motion.tracing import SelfMotion, trace_self_motion
@@ -33,7 +32,6 @@ __all__ = [
     "SeedType",
     "SelfMotion",
     "Tolerance",
-    "TowardsGoal",
     "best_on",
     "distinct_solutions",
     "sample_solutions",

@@ -29,7 +29,7 @@ import numpy as np
 
 from baxter_kin.compilation.buffered import BufferedFunction
 from baxter_kin.compilation.machine_code import compiled
-from baxter_kin.ik.search.exact_search import SEEN_FROM, rotation_error, symbols
+from baxter_kin.ik.search.search_function import SEEN_FROM, rotation_error, symbols
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape, SymbolicChain, dimensions_of

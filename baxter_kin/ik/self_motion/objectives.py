@@ -8,7 +8,7 @@ that of several.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
@@ -88,47 +88,6 @@ class NearestTo(Frozen, OneLine):
 
     def _facts(self) -> tuple[str, ...]:
         return (f"q_seed={numbers(self.q_seed)} rad",)
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class TowardsGoal(Frozen, OneLine):
-    """Towards a goal in the null space, each joint as strongly as its gain says.
-
-    Cost: `1/2 sum_i gain_i (q_i - goal_i)^2`: the criterion whose negative gradient, projected on
-    the null space, is the classic secondary motion `k (q_goal - q)` (Liegeois, "Automatic
-    supervisory control of the configuration and behavior of multibody mechanisms", 1977). A gain of
-    zero leaves its joint free. Along a curve only the ratios of the gains matter.
-
-    Attributes:
-        q_goal: shape (7,), rad; inside the limits or not.
-        gain: of each joint, shape (7,); none below zero, at least one above it; 1 by default.
-
-    Raises:
-        ConfigurationError: when `q_goal` has another shape or is not finite.
-        RequestError: when the gains have another shape, are not finite, below zero or all zero.
-    """
-
-    q_goal: FloatArray
-    gain: FloatArray = field(default_factory=lambda: np.ones(7))
-
-    def __post_init__(self) -> None:
-        goal = finite_array(self.q_goal, (7,), "q_goal", ConfigurationError)
-        gain = finite_array(self.gain, (7,), "gain", RequestError)
-        if (gain < 0.0).any() or not gain.any():
-            raise RequestError(
-                "gains must not be below zero, and one of them above it, got "
-                f"{quoted(gain.tolist())}"
-            )
-        object.__setattr__(self, "q_goal", goal)
-        object.__setattr__(self, "gain", gain)
-
-    def costs(self, arm: Arm, q: FloatArray) -> FloatArray:  # noqa: ARG002 - the same for every arm
-        """Half the squared distance to the goal, weighted by the gains, shape (n,), rad^2."""
-        rows = finite_rows(q, 7, "q", ConfigurationError)
-        return 0.5 * np.square(rows - self.q_goal) @ self.gain
-
-    def _facts(self) -> tuple[str, ...]:
-        return f"q_goal={numbers(self.q_goal)} rad", f"gain={numbers(self.gain)}"
 
 
 @dataclass(frozen=True, slots=True)

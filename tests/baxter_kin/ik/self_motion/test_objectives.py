@@ -16,7 +16,6 @@ from baxter_kin.ik.self_motion.objectives import (
     MostManipulable,
     NearestTo,
     Objective,
-    TowardsGoal,
     best_of,
     best_on,
 )
@@ -35,7 +34,6 @@ def objectives(arm: Arm, seed: int) -> list[Objective]:
     rng = np.random.default_rng(seed)
     return [
         NearestTo(arm.random_configuration(rng)),
-        TowardsGoal(arm.random_configuration(rng), rng.uniform(0.0, 1.0, 7)),
         FarthestFromLimits(),
         MostManipulable(),
     ]
@@ -87,28 +85,6 @@ def test_way_to_the_nearest_is_normal_to_the_curve(curve: SelfMotion) -> None:
     best = best_on(curve, NearestTo(seed))
     self_motion = np.linalg.svd(curve.arm.jacobian(best))[2][6]
     assert abs(self_motion @ (best - seed)) < 1e-6
-
-
-def test_joint_without_gain_does_not_count(curve: SelfMotion) -> None:
-    gain = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    goal = np.full(7, 3.0)
-    goal[2] = curve.at(0.7)[2]
-    assert best_on(curve, TowardsGoal(goal, gain))[2] == pytest.approx(goal[2], abs=1e-7)
-
-
-def test_greater_gain_brings_its_joint_nearer(curve: SelfMotion) -> None:
-    goal, joint = curve.arm.neutral, 2
-    misses = []
-    for extra in (0.0, 10.0, 1000.0):
-        best = best_on(curve, TowardsGoal(goal, np.ones(7) + extra * np.eye(7)[joint]))
-        misses.append(abs(float(best[joint] - goal[joint])))
-    assert misses == sorted(misses, reverse=True)
-
-
-def test_equal_gains_are_nearest_to_the_goal(curve: SelfMotion) -> None:
-    goal = curve.arm.neutral
-    one, other = (best_on(curve, kind(goal)) for kind in (TowardsGoal, NearestTo))
-    np.testing.assert_allclose(one, other, atol=1e-7)
 
 
 def test_cost_of_limits_is_zero_on_one_and_minus_one_in_the_middle(left: Arm) -> None:
@@ -172,18 +148,6 @@ def test_minimum_between_points_is_found_even_when_another_point_is_lower(
 def test_malformed_seed_is_refused(q: Any) -> None:
     with pytest.raises(ConfigurationError, match="q_seed"):
         NearestTo(q)
-
-
-@pytest.mark.parametrize("q", [np.zeros(6), [math.nan] * 7, "q"])
-def test_malformed_goal_is_refused(q: Any) -> None:
-    with pytest.raises(ConfigurationError, match="q_goal"):
-        TowardsGoal(q)
-
-
-@pytest.mark.parametrize("gain", [1.0, np.ones(6), -np.ones(7), np.zeros(7), [math.inf] * 7])
-def test_malformed_gain_is_refused(left: Arm, gain: Any) -> None:
-    with pytest.raises(RequestError, match="gain"):
-        TowardsGoal(left.neutral, gain)
 
 
 @pytest.mark.parametrize("costs", [np.zeros(3), 0.0, [math.nan]])
