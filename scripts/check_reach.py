@@ -25,7 +25,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter, IKResult, IKService
-from baxter_kin.ik.search.ipopt import NearestSearcher
+from baxter_kin.ik.search.ipopt import IpoptSearcher
 from baxter_kin.ik.seeds import NullSpaceMap
 
 FloatArray = NDArray[np.float64]
@@ -59,7 +59,7 @@ def main() -> int:
 
 def kinds_of(arm: Arm, count: int, rng: np.random.Generator) -> list[str]:
     """What came of each pose."""
-    ik, nearest = IKService(arm), NearestSearcher(arm, NullSpaceMap(arm))
+    ik, nearest = IKService(arm), IpoptSearcher(arm, NullSpaceMap(arm), is_nearest=True)
     found: list[str] = []
     while len(found) < count:
         edge = boundary(ik, rng)
@@ -125,7 +125,7 @@ def moved(T: pin.SE3, by: FloatArray) -> pin.SE3:
     return pin.SE3(T.rotation, T.translation + by)
 
 
-def kind(ik: IKService, nearest: NearestSearcher, T: pin.SE3) -> str:
+def kind(ik: IKService, nearest: IpoptSearcher, T: pin.SE3) -> str:
     """What came of a pose."""
     result = ik.solve(T)
     if result.failure is None:

@@ -1,19 +1,18 @@
-"""Inverse kinematics: the program, its fast search and its reference, the service, redundancy."""
+"""Inverse kinematics: the service, all solutions of a pose, its self-motion, objectives."""
 
-from baxter_kin.ik.redundancy.objectives import (
+from baxter_kin.ik.result import IKFailure, IKResult
+from baxter_kin.ik.search.ipopt import Program
+from baxter_kin.ik.search.searcher import Backend
+from baxter_kin.ik.seeds import SeedMode, SeedType
+from baxter_kin.ik.self_motion.objectives import (
     FarthestFromLimits,
     MostManipulable,
     NearestTo,
     Objective,
     Scope,
-    TowardsGoal,
     best_on,
 )
-from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
-from baxter_kin.ik.result import IKFailure, IKResult
-from baxter_kin.ik.search.ipopt import Program
-from baxter_kin.ik.search.searcher import Backend
-from baxter_kin.ik.seeds import SeedMode, SeedType
+from baxter_kin.ik.self_motion.tracing import SelfMotion, trace_self_motion
 from baxter_kin.ik.service import IKService
 from baxter_kin.ik.solution_set import distinct_solutions, sample_solutions, solutions
 from baxter_kin.ik.tolerance import Tolerance
@@ -33,7 +32,6 @@ __all__ = [
     "SeedType",
     "SelfMotion",
     "Tolerance",
-    "TowardsGoal",
     "best_on",
     "distinct_solutions",
     "sample_solutions",

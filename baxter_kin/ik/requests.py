@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baxter_kin.errors import ConfigurationError, RequestError
-from baxter_kin.ik.search.exact_search import SEED_TOLERANCE_RAD
+from baxter_kin.ik.search.search_function import SEED_TOLERANCE_RAD
 from baxter_kin.ik.seeds import SeedMode, SeedType
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, float_array

@@ -122,34 +122,6 @@ class IKResult(Frozen, OneLine):
         q = finite_array(self.q, (len(self.joint_names),), "q", ConfigurationError)
         object.__setattr__(self, "q", q)
 
-    @classmethod
-    def trusted(
-        cls,
-        joint_names: tuple[str, ...],
-        q: FloatArray,
-        seed_type: SeedType,
-        errors: tuple[float, float],
-        failure: IKFailure | None = None,
-    ) -> IKResult:
-        """A result of values that were checked before, made in a tenth of the time.
-
-        Args:
-            joint_names: the joints of `q`.
-            q: shape (7,), rad, read-only.
-            seed_type: whose start converged.
-            errors: position error in m, orientation error in rad.
-            failure: None, or why there is no solution.
-        """
-        result = object.__new__(cls)
-        put_names, put_q, put_seed_type, put_offset, put_angle, put_failure = _SETTERS
-        put_names(result, joint_names)
-        put_q(result, q)
-        put_seed_type(result, seed_type)
-        put_offset(result, errors[0])
-        put_angle(result, errors[1])
-        put_failure(result, failure)
-        return result
-
     @property
     def is_valid(self) -> bool:
         """Whether `q` reaches the pose within 1e-6 m and 1e-6 rad inside the limits."""
@@ -178,3 +150,30 @@ _PUT_ASK = _Pending._ask.__set__  # type: ignore[attr-defined]  # the slot
 
 _SETTERS = tuple(getattr(IKResult, slot.name).__set__ for slot in fields(IKResult))
 """What writes the slots of a frozen result, in half the time of `object.__setattr__`."""
+
+
+def unchecked_result(
+    joint_names: tuple[str, ...],
+    q: FloatArray,
+    seed_type: SeedType,
+    errors: tuple[float, float],
+    failure: IKFailure | None = None,
+) -> IKResult:
+    """A result of the service, whose values need no checks: made in a tenth of the time.
+
+    Args:
+        joint_names: as of `IKResult`.
+        q: shape (7,), rad, read-only.
+        seed_type: as of `IKResult`.
+        errors: of position, m, and orientation, rad.
+        failure: as of `IKResult`.
+    """
+    result = object.__new__(IKResult)
+    put_names, put_q, put_seed_type, put_offset, put_angle, put_failure = _SETTERS
+    put_names(result, joint_names)
+    put_q(result, q)
+    put_seed_type(result, seed_type)
+    put_offset(result, errors[0])
+    put_angle(result, errors[1])
+    put_failure(result, failure)
+    return result

@@ -18,9 +18,8 @@ from typing import Protocol
 import numpy as np
 
 from baxter_kin.errors import UnknownNameError
-from baxter_kin.ik.geometry.closed_form import ClosedForm
-from baxter_kin.ik.task import Task
-from baxter_kin.ik.tolerance import EXACT, Tolerance
+from baxter_kin.ik.reach.closed_form import ClosedForm
+from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, Indices
 

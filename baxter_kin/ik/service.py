@@ -11,23 +11,20 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any
 
-import numpy as np
 import pinocchio as pin
 
 from baxter_kin.errors import RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose, pose_matrices
-from baxter_kin.ik.redundancy.objectives import Objective, Scope, best_of, best_on, checked_scope
-from baxter_kin.ik.redundancy.pieces import all_pieces
-from baxter_kin.ik.redundancy.self_motion import trace_self_motion
 from baxter_kin.ik.requests import BLOCK, Requests, SeedLike, as_list
 from baxter_kin.ik.result import IKResult
-from baxter_kin.ik.search.batch import COARSE_ROUNDS, Batch
-from baxter_kin.ik.search.searcher import Backend, Searcher
-from baxter_kin.ik.search.solver import Solver, Solvers
+from baxter_kin.ik.search.batch import Batch, Solver, Solvers
+from baxter_kin.ik.search.searcher import Backend
 from baxter_kin.ik.seeds import SeedMode, SeedType
-from baxter_kin.ik.tolerance import Tolerance
+from baxter_kin.ik.self_motion.objectives import Objective, Scope, best_of, best_on, checked_scope
+from baxter_kin.ik.self_motion.pieces import all_pieces
+from baxter_kin.ik.self_motion.tracing import trace_self_motion
+from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.kinematics.arm import Arm
-from baxter_kin.validation import FloatArray
 from baxter_kin.value_objects import OneLine
 
 OBJECTIVE_STEP_RAD = 0.1
@@ -124,56 +121,13 @@ class IKService(OneLine):
         result = None
         if mode is SeedMode.AUTO and isinstance(T_base_tip, pin.SE3):
             if current is None:
-                result = self._at_once(solver, T_base_tip, seed, SeedType.USER)
+                result = solver.solve_one(T_base_tip, seed, SeedType.USER)
             elif seed is None:
-                result = self._at_once(solver, T_base_tip, current, SeedType.CURRENT)
+                result = solver.solve_one(T_base_tip, current, SeedType.CURRENT)
         if result is not None:
             return result
         seeds = None if seed is None else [seed]
         return self._answers(solver, Requests([T_base_tip], seeds, current, mode))[0]
-
-    def _at_once(
-        self, solver: Solver, T_base_tip: pin.SE3, q_seed: Any, seed_type: SeedType
-    ) -> IKResult | None:
-        """What the first searches of a `Batch` of one would find, in a tenth of the time.
-
-        None when they find nothing, or the input needs a closer look.
-        """
-        fast, names = solver.fast, self.arm.joint_names
-        if fast is None:
-            return None
-        if q_seed is None:
-            checked_pose(T_base_tip)
-        elif type(q_seed) is not np.ndarray or q_seed.shape != (7,) or q_seed.dtype != np.float64:
-            return None  # a masked array, too, is looked at more closely
-        else:
-            q, report = fast.search_one(q_seed, T_base_tip)
-            is_solved, offset, angle, _, is_valid_input = report.tolist()
-            if is_solved == 1.0:
-                return IKResult.trusted(names, _frozen(q), seed_type, (offset, angle))
-            if is_valid_input != 1.0:
-                return None
-        return self._at_once_from_map(solver, fast, T_base_tip)
-
-    def _at_once_from_map(
-        self, solver: Solver, fast: Searcher, T_base_tip: pin.SE3
-    ) -> IKResult | None:
-        """The same without a seed; the pose must be valid."""
-        found, names = fast.search_one_from_map(T_base_tip), self.arm.joint_names
-        if found is None:
-            return None
-        is_solved, offset, angle, *_ = found[1].tolist()
-        if is_solved == 1.0:
-            return IKResult.trusted(names, _frozen(found[0]), SeedType.NS_MAP, (offset, angle))
-        Ts = T_base_tip.homogeneous[None]
-        if solver.explainer.are_out_of_reach_at_a_glance(Ts).any():
-            return None
-        for q_start in solver.starts.coarse.starts(Ts, sum(COARSE_ROUNDS))[0]:
-            q, report = fast.search_one(q_start, T_base_tip)
-            is_solved, offset, angle, *_ = report.tolist()
-            if is_solved == 1.0:
-                return IKResult.trusted(names, _frozen(q), SeedType.NS_MAP, (offset, angle))
-        return None
 
     def _solver(self, tolerance: Tolerance | None) -> Solver:
         if tolerance is None:
@@ -273,9 +227,8 @@ class IKService(OneLine):
             q = best_on(curve, objective)
         else:
             q = best_of(all_pieces(arm, self.search, T_base_tip, step_rad, result.q), objective)
-        best = self._solvers.exact.explainer.measured(T_base_tip.homogeneous, _frozen(q))
-        errors = best.position_error_m, best.orientation_error_rad
-        return IKResult.trusted(arm.joint_names, best.q, result.seed_type, errors)
+        errors = EXACT.excess(T_base_tip, arm.T_base_tip(q))
+        return IKResult(arm.joint_names, q, result.seed_type, *errors)
 
     def _chained(self, solver: Solver, requests: Requests) -> Iterator[list[IKResult]]:
         current, seeds = requests.current, requests.seeds
@@ -290,10 +243,3 @@ class IKService(OneLine):
         batch = Batch(Ts, table, SeedMode.of(requests.mode))
         batch.solve(solver)
         return list(batch.results(solver))
-
-
-def _frozen(q: FloatArray) -> FloatArray:
-    """A copy that nobody can change."""
-    q = q.copy()
-    q.setflags(write=False)
-    return q

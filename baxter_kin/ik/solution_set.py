@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike
 
 from baxter_kin.errors import ConfigurationError, RequestError, expect
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.ik.geometry.closed_form import ClosedForm
-from baxter_kin.ik.redundancy.pieces import STARTS, all_pieces, pieces_through
-from baxter_kin.ik.redundancy.self_motion import STEP_RAD, SelfMotion, checked_step
-from baxter_kin.ik.redundancy.solution_curve import POSE_MISMATCH, SolutionCurve
+from baxter_kin.ik.reach.closed_form import ClosedForm
+from baxter_kin.ik.self_motion.pieces import STARTS, all_pieces, pieces_through
+from baxter_kin.ik.self_motion.solution_curve import POSE_MISMATCH, SolutionCurve
+from baxter_kin.ik.self_motion.tracing import STEP_RAD, SelfMotion, checked_step
 from baxter_kin.ik.service import IKService
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, whole_scalar
@@ -39,7 +39,7 @@ def distinct_solutions(
     """The distinct connected pieces of one pose's self-motion, found from candidates.
 
     All pieces on which candidates lie, and all others of the same loops
-    (`baxter_kin.ik.redundancy.loop`); loops without a candidate are missed.
+    (`baxter_kin.ik.self_motion.continuation`); loops without a candidate are missed.
 
     Ordered by length, the longest first, then by the lowest joint values on them, joint by joint
     from the shoulder: the same order whatever the order of the candidates.
@@ -80,7 +80,7 @@ def solutions(
 ) -> tuple[SelfMotion, ...]:
     """The distinct ways to reach a pose; ordered as `distinct_solutions`.
 
-    Found from a sweep of closed forms over s0 (`baxter_kin.ik.geometry.closed_form`), which visits
+    Found from a sweep of closed forms over s0 (`baxter_kin.ik.reach.closed_form`), which visits
     all loops near the limits, and from random seeds besides. Nothing is found when the pose has no
     solution.
 

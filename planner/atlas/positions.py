@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from baxter_kin import Baxter
 from baxter_kin.fields import evolve, integer, scalar, value
-from baxter_kin.ik.geometry.linkage import Linkage
+from baxter_kin.ik.reach.linkage import Linkage
 from baxter_kin.validation import (
     FloatArray,
     finite_array,

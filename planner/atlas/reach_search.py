@@ -31,8 +31,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from baxter_kin import IKService
-from baxter_kin.ik.geometry.closed_form import ClosedForm
-from baxter_kin.ik.geometry.reach import ReachBound
+from baxter_kin.ik.reach.bound import ReachBound
+from baxter_kin.ik.reach.closed_form import ClosedForm
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, Indices

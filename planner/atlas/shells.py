@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from baxter_kin.ik.geometry.linkage import Linkage
+from baxter_kin.ik.reach.linkage import Linkage
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, Indices
 

@@ -11,7 +11,7 @@ from baxter_kin import Arm, IKService, JointLimits
 from baxter_kin.errors import expect, millimetres_hint
 from baxter_kin.frames import PoseLike
 from baxter_kin.ik import sample_solutions
-from baxter_kin.ik.geometry.reach import ReachBound
+from baxter_kin.ik.reach.bound import ReachBound
 from baxter_kin.validation import FloatArray, finite_scalar, whole_scalar
 from planner.errors import MotionError, StraightMoveError
 from planner.motion.joint_move import (

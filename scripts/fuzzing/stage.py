@@ -38,7 +38,7 @@ from baxter_kin import (
     ik,
 )
 from baxter_kin.description import RobotDescription
-from baxter_kin.ik.task import Task
+from baxter_kin.ik.tolerance import Task
 from planner.verification import Relation
 from sim.recording.playback import retell
 from sim.ros1.definitions import message_type
@@ -177,10 +177,6 @@ class _Lasting:
     @cached_property
     def NearestTo(self) -> ik.NearestTo:
         return ik.NearestTo(self.q)
-
-    @cached_property
-    def TowardsGoal(self) -> ik.TowardsGoal:
-        return ik.TowardsGoal(self.q)
 
     @cached_property
     def Program(self) -> ik.Program:

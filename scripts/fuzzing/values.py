@@ -65,7 +65,6 @@ BY_PARAMETER: MappingProxyType[str, Make] = MappingProxyType(
         "costs.q": lambda stage: _seven(stage)[None],
         "about.axis": _constant("z"),
         "pose_from_quaternion.quat_xyzw": _constant((0.0, 0.0, 0.0, 1.0)),
-        "TowardsGoal.gain": lambda _: np.ones(7),
         "JointLimits.names": lambda stage: stage["JointLimits"].names,
         "joint_names": lambda stage: stage["Arm"].joint_names,
         "Mesh.vertices": lambda stage: stage["Mesh"].vertices,

@@ -1,37 +1,43 @@
-"""Batch: poses that are searched for together, round by round, until all are solved or given up.
+"""Solver and batch: which searches a pose gets, in which order, until it is solved or given up.
 
-A round is a start, or a few, for every pose that is still open. The rounds of a seed type follow
-each other; the types follow in the order of the seed mode. So a pose among many is treated exactly
-as alone.
+The poses of a batch are searched for together, round by round. A round is one start, or a few, for
+every pose that is still open. The rounds of a seed type follow each other; the types follow in the
+order of the seed mode. So a pose among many is treated exactly as alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
+from baxter_kin.frames import checked_pose
 from baxter_kin.ik.result import (
     ORIENTATION_TOLERANCE_RAD,
     POSITION_TOLERANCE_M,
     IKFailure,
     IKResult,
+    unchecked_result,
 )
-from baxter_kin.ik.search.buffered_search import Found
 from baxter_kin.ik.search.explanation import BestAttempt, Explainer
-from baxter_kin.ik.search.searcher import Search
-from baxter_kin.ik.search.solver import Solver
+from baxter_kin.ik.search.ipopt import IpoptSearcher
+from baxter_kin.ik.search.searcher import Backend, Found, Search, Searcher
 from baxter_kin.ik.seeds import (
     MAP_STARTS,
     SEED_STARTS,
     ComputedStarts,
+    NullSpaceMap,
     SeedMode,
     SeedType,
     starts_around,
 )
+from baxter_kin.ik.tolerance import EXACT, Tolerance
+from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray, Indices
 
 COARSE_ROUNDS = (1, 1, 2, 4)
@@ -46,7 +52,125 @@ SCATTERED_POLISH_ROUNDS, SCATTERED_POLISHED = 6, 64
 NEAR_M, NEAR_RAD = 0.02, 0.05
 """Attempts that end farther away than this are stuck, not slow."""
 
+MAX_SOLVERS = 16
+"""Number of tolerances whose solvers are kept; another one displaces the oldest."""
+
 _SEED_TYPES = tuple(SeedType)
+
+
+class Solver:
+    """Solves the requests of one tolerance for one arm.
+
+    Attributes:
+        arm: whose tip is placed.
+        fast: the fast search; None with the backend IPOPT.
+        search: what searches: the fast one, or IPOPT.
+        starts: where searches start without a seed.
+        explainer: says why there is no solution.
+    """
+
+    def __init__(self, arm: Arm, backend: Backend, tolerance: Tolerance) -> None:
+        self.arm, self._tolerance = arm, tolerance
+        self.starts = NullSpaceMap(arm, tolerance)
+        is_fast = backend is not Backend.IPOPT
+        self.fast = Searcher(arm, backend, tolerance) if is_fast else None
+        self.search: Search = self.fast or self._ipopt
+        self.explainer = Explainer(arm, self.search, self.starts, tolerance)
+
+    @cached_property
+    def last_resort(self) -> Search | None:
+        """Another search, for poses that the fast one did not solve from any start.
+
+        For exact poses, the search for the nearest position.
+        """
+        if self.fast is None:
+            return None
+        return (
+            self._ipopt
+            if self._tolerance != EXACT
+            else IpoptSearcher(self.arm, self.starts, is_nearest=True)
+        )
+
+    @cached_property
+    def _ipopt(self) -> IpoptSearcher:
+        return IpoptSearcher(self.arm, self.starts, self._tolerance)
+
+    def solve_one(self, T_base_tip: pin.SE3, q_seed: Any, seed_type: SeedType) -> IKResult | None:
+        """The result of the first searches of a `Batch` of one pose, in a tenth of the time.
+
+        Args:
+            T_base_tip: the pose.
+            q_seed: the only seed; None for none.
+            seed_type: its type.
+
+        Returns:
+            None when these searches fail, or when the seed must be converted or checked first.
+
+        Raises:
+            PoseError: when there is no seed and the pose is invalid.
+        """
+        fast = self.fast
+        if fast is None:
+            return None
+        if q_seed is None:
+            checked_pose(T_base_tip)
+        elif type(q_seed) is not np.ndarray or q_seed.shape != (7,) or q_seed.dtype != np.float64:
+            return None
+        else:
+            q, report = fast.search_one(q_seed, T_base_tip)
+            is_solved, offset, angle, _, is_valid_input = report.tolist()
+            if is_solved == 1.0:
+                return self._result(q, seed_type, offset, angle)
+            if is_valid_input != 1.0:
+                return None
+        for q, report in self._from_map(fast, T_base_tip):
+            is_solved, offset, angle, *_ = report.tolist()
+            if is_solved == 1.0:
+                return self._result(q, SeedType.NS_MAP, offset, angle)
+        return None
+
+    def _from_map(
+        self, fast: Searcher, T_base_tip: pin.SE3
+    ) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Searches from setpoints, then from coarsely computed starts unless they are hopeless."""
+        found = fast.search_one_from_map(T_base_tip)
+        if found is None:
+            return
+        yield found
+        Ts = T_base_tip.homogeneous[None]
+        if not self.explainer.are_out_of_reach_at_a_glance(Ts).any():
+            for q_start in self.starts.coarse.starts(Ts, sum(COARSE_ROUNDS))[0]:
+                yield fast.search_one(q_start, T_base_tip)
+
+    def _result(self, q: FloatArray, seed_type: SeedType, offset: float, angle: float) -> IKResult:
+        q = q.copy()
+        q.setflags(write=False)
+        return unchecked_result(self.arm.joint_names, q, seed_type, (offset, angle))
+
+
+class Solvers:
+    """The solvers of one arm.
+
+    Attributes:
+        exact: the solver for poses met in every respect.
+    """
+
+    def __init__(self, arm: Arm, backend: Backend) -> None:
+        self._arm, self._backend = arm, backend
+        self._others: dict[Tolerance, Solver] = {}
+        self.exact = Solver(arm, backend, EXACT)
+
+    def within(self, tolerance: Tolerance) -> Solver:
+        """The solver for what a tolerance leaves free."""
+        if tolerance == EXACT:
+            return self.exact
+        solver = self._others.get(tolerance)
+        if solver is None:
+            solver = Solver(self._arm, self._backend, tolerance)
+            for oldest in list(self._others)[: 1 - MAX_SOLVERS]:
+                self._others.pop(oldest, None)  # another thread may have been quicker
+            self._others[tolerance] = solver
+        return solver
 
 
 class Batch:
@@ -105,11 +229,10 @@ class Batch:
         rows = zip(self._q, *columns, strict=True)
         for i, (q, seed_type, offset, angle) in enumerate(rows):
             if seed_type:
-                yield IKResult.trusted(names, q, _SEED_TYPES[seed_type], (offset, angle))
+                yield unchecked_result(names, q, _SEED_TYPES[seed_type], (offset, angle))
             else:
                 failure = IKFailure.later(partial(self._why, i, explainer))
-                errors = offset, angle
-                yield IKResult.trusted(names, q, SeedType.INVALID, errors, failure)
+                yield unchecked_result(names, q, SeedType.INVALID, (offset, angle), failure)
 
     def _search_from_seeds(self, solver: Solver, seed_type: SeedType) -> None:
         seeds = self._seeds[seed_type]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from baxter_kin.errors import millimetres_hint
 from baxter_kin.frames import read_with_w_first
-from baxter_kin.ik.geometry.linkage import FAR_M
-from baxter_kin.ik.geometry.reach import ReachBound
+from baxter_kin.ik.reach.bound import ReachBound
+from baxter_kin.ik.reach.linkage import FAR_M
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, IKFailure
 from baxter_kin.ik.search.searcher import Search
 from baxter_kin.ik.seeds import NullSpaceMap, SeedType

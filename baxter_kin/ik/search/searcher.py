@@ -1,29 +1,146 @@
-"""Searcher: runs the search function on one pose or on many, wherever it is evaluated."""
+"""Searcher: runs the search function for one pose, or for many side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
+from baxter_kin.compilation.buffered import BufferedFunction
 from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.errors import member_of
-from baxter_kin.ik.search.arm_numbers import ArmNumbers
-from baxter_kin.ik.search.buffered_search import BatchedSearch, BufferedSearch, Found
-from baxter_kin.ik.search.exact_search import iterations_of, search_function, step_function
-from baxter_kin.ik.search.map_search import PATIENCE, map_search_function
-from baxter_kin.ik.search.task_search import task_search_function
+from baxter_kin.ik.search.search_function import ArmNumbers, search_functions
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
-from baxter_kin.ik.task import Task
-from baxter_kin.ik.tolerance import EXACT, Tolerance
+from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
 from baxter_kin.kinematics.arm import LIMBS, Arm
+from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape
-from baxter_kin.validation import FloatArray
+from baxter_kin.validation import FloatArray, Indices
+
+BATCH_SIZES = (1, 16, 64, 256)
+"""How many searches one call does in a row. Calls of the largest run side by side; what remains
+goes into the smallest that holds it, filled up with searches that end at once."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """Results of m searches.
+
+    Attributes:
+        q: last iterates, shape (m, 7), rad.
+        is_valid: shape (m,), whether they converged to a valid pose inside the bounds.
+        position_error_m: shape (m,).
+        orientation_error_rad: shape (m,).
+        iterations: shape (m,).
+    """
+
+    q: FloatArray
+    is_valid: NDArray[np.bool_]
+    position_error_m: FloatArray
+    orientation_error_rad: FloatArray
+    iterations: FloatArray
+
+    def improve(self, at: Indices, other: Found) -> None:
+        """Replace the results at `at`, shape (k,), by others that are valid or nearer.
+
+        Valid results stay.
+        """
+        residual = self.position_error_m[at] + self.orientation_error_rad[at]
+        is_nearer = other.position_error_m + other.orientation_error_rad < residual
+        is_better = (is_nearer | other.is_valid) & ~self.is_valid[at]
+        for field_ in fields(self):
+            getattr(self, field_.name)[at[is_better]] = getattr(other, field_.name)[is_better]
+
+
+class BatchedSearch:
+    """A search function for many requests at a time."""
+
+    def __init__(self, function: ca.Function, filler: tuple[FloatArray, ...]) -> None:
+        """Prepare it.
+
+        Args:
+            function: whose last inputs are the same for all requests.
+            filler: its first inputs, such that it ends at once.
+        """
+        shared = list(range(len(filler), function.n_in()))
+        self._filler = [_rows(value) for value in filler]
+        self._mapped = {
+            size: BufferedFunction(
+                function.map(f"{function.name()}_{size}", "serial", size, shared, [])
+            )
+            for size in BATCH_SIZES
+        }
+
+    def __call__(self, inputs: tuple[FloatArray, ...], shared: tuple[FloatArray, ...]) -> Found:
+        """Results for inputs of shape (m, ...) each, and shared ones."""
+        count, size = len(inputs[0]), BATCH_SIZES[-1]
+        parts = [slice(at, at + size) for at in range(0, max(count, 1), size)]
+        with _side_by_side(len(parts)) as each:
+            found = each(lambda part: self._run([x[part] for x in inputs], shared), parts)
+            q, report = (np.concatenate(column) for column in zip(*found, strict=True))
+        return Found(q, report[:, 0] == 1.0, report[:, 1], report[:, 2], report[:, 3])
+
+    def _run(
+        self, inputs: list[FloatArray], shared: tuple[FloatArray, ...]
+    ) -> tuple[FloatArray, FloatArray]:
+        """One call, for no more requests than the largest batch holds."""
+        count = len(inputs[0])
+        size = next(size for size in BATCH_SIZES if size >= count)
+        mapped, own = self._mapped[size], len(inputs)
+        for memory, filler, given in zip(mapped.inputs, self._filler, inputs, strict=False):
+            rows = memory.reshape(size, *filler.shape)
+            rows[:count], rows[count:] = _rows(given), filler
+        for memory, value in zip(mapped.inputs[own:], shared, strict=True):
+            memory[:] = _rows(value)
+        mapped.run()
+        q, report = mapped.outputs
+        return q[:count].copy(), report[:count].copy()
+
+
+def _rows(values: FloatArray) -> FloatArray:
+    """Matrices (..., n, n) by columns, as CasADi stores them; vectors (..., n) as they are."""
+    return values.swapaxes(-1, -2) if values.shape[-2:] == (4, 4) else values
+
+
+@contextmanager
+def _side_by_side(count: int) -> Iterator[Callable[..., Iterable[Any]]]:
+    """A `map` on all available cores when there are several calls; CasADi releases the GIL."""
+    cores = min(count, len(os.sched_getaffinity(0)))
+    if cores < 2:
+        yield map
+        return
+    with ThreadPoolExecutor(cores, "ik-search") as pool:
+        yield pool.map
+
+
+class BufferedSearch(BufferedFunction):
+    """A search function for one request at a time, without copies.
+
+    Attributes:
+        request: views of its first inputs: vectors, and matrices by rows.
+        q: last iterate, shape (7,), rad.
+        report: shape (5,).
+    """
+
+    def __init__(self, function: ca.Function, given: tuple[FloatArray, ...]) -> None:
+        """Prepare it, with the last inputs fixed."""
+        super().__init__(function)
+        own = len(self.inputs) - len(given)
+        for memory, value in zip(self.inputs[own:], given, strict=True):
+            memory[:] = _rows(value)
+        self.request = [rows[0] if len(rows) == 1 else rows.T for rows in self.inputs[:own]]
+        self.q, self.report = (rows[0] for rows in self.outputs)
+
 
 FINE_ROUNDS = (2, 2, 4, 8, 16, 32, 64, 128)
 """Few poses get there, and all but one of 100,000 at joint limits were solved by the first 128."""
@@ -54,11 +171,11 @@ class Backend(str, Enum):
 
 
 class Search(Protocol):
-    """What runs searches.
+    """Runs searches.
 
     Attributes:
         backend: where.
-        fine_rounds: how many starts computed with care it is given at once, round by round.
+        fine_rounds: how many finely computed starts it is given at once, round by round.
         scattered_starts: how many from all over the joint ranges, for poses that are left then.
     """
 
@@ -80,7 +197,7 @@ class Searcher:
 
     Attributes:
         backend: where it runs: `COMPILED` or `CASADI`.
-        fine_rounds: how many starts computed with care it is given at once, round by round.
+        fine_rounds: how many finely computed starts it is given at once, round by round.
         scattered_starts: how many from all over the joint ranges, for poses that are left then.
     """
 
@@ -90,31 +207,35 @@ class Searcher:
     def __init__(
         self, arm: Arm, backend: str | Backend = Backend.AUTO, tolerance: Tolerance = EXACT
     ) -> None:
-        """Make it ready; without a working compiler it runs in the virtual machine.
+        """Prepare the search; without a working compiler it runs in the virtual machine.
 
         Raises:
             UnknownNameError: when there is no such backend.
             DescriptionError: when the arm is not built like Baxter's.
         """
-        task, self._map = Task.of(arm, tolerance), NullSpaceMap(arm, tolerance)
-        self._numbers = ArmNumbers.of(arm.at_gripper)
-        functions_of = exact_functions if task.is_exact else _task_functions
-        functions, self.backend = evaluated(functions_of, self._numbers.shape, Backend.of(backend))
-        self._turned = slice(None) if task.is_exact else (slice(None), np.argsort(task.columns))
-        self._task = task
-        self._given = () if task.is_exact else task.numbers(self._numbers.T_last_tip)
+        self._task, self._map = Task.of(arm, tolerance), NullSpaceMap(arm, tolerance)
+        self._numbers = ArmNumbers.of(arm)
+        functions, self.backend = _evaluated(self._numbers.shape, Backend.of(backend))
+        columns = self._task.columns
+        is_turned = columns != sorted(columns)
+        self._turned = (slice(None), np.argsort(columns)) if is_turned else slice(None)
+        self._given = self._task.numbers(DHParameters.of(arm).T_last_tip)
         self._arm = self._numbers.within()
-        T = task.turned(arm.T_base_tip(arm.neutral).homogeneous)
-        self._one = BufferedSearch(functions[0], (*self._given, self._arm))
-        self._many = BatchedSearch(functions[0], (arm.neutral, T))
+        T = arm.T_base_tip(arm.neutral).homogeneous
+        shared = self._given, self._arm
+        self._one = BufferedSearch(functions[0], shared)
+        self._many = BatchedSearch(functions[0], (arm.neutral, self._task.turned(T)))
         self._one_from_map, self._many_from_map = None, None
-        if task.is_exact:
+        self._T_tip_gripper = None
+        if arm.tip_frame != arm.gripper_frame:
+            self._T_tip_gripper = arm.T_gripper_tip.inverse().homogeneous
+        if tolerance == EXACT:
             from_map = functions[1 + LIMBS.index(arm.side)]
-            self._one_from_map = BufferedSearch(from_map, (self._arm,))
-            self._many_from_map = BatchedSearch(from_map, (T,))
+            self._one_from_map = BufferedSearch(from_map, shared)
+            self._many_from_map = BatchedSearch(from_map, (T, self._gripper_poses(T)))
 
     def search_one(self, q_start: FloatArray, T_base_tip: pin.SE3) -> tuple[FloatArray, FloatArray]:
-        """One search, with nothing checked and nothing copied.
+        """One search; its input is not checked and its output not copied.
 
         Args:
             q_start: shape (7,), rad.
@@ -134,12 +255,14 @@ class Searcher:
     def search_one_from_map(self, T_base_tip: pin.SE3) -> tuple[FloatArray, FloatArray] | None:
         """The same from the nearest setpoints; the pose must be valid.
 
-        None for a tolerance or a tool: what starts suit them takes longer to find.
+        None for a tolerance: finding the starts that suit one takes longer.
         """
         one = self._one_from_map
         if one is None:
             return None
-        one.request[0][:] = T_base_tip.homogeneous
+        T = T_base_tip.homogeneous
+        one.request[0][:] = T
+        one.request[1][:] = self._gripper_poses(T)
         one.run()
         return one.q, one.report
 
@@ -154,20 +277,24 @@ class Searcher:
             bounds: others than the joint limits, shape (14,), rad.
         """
         arm = self._arm if bounds is None else self._numbers.within(bounds)
-        return self._many((q_starts, self._task.turned(Ts)), (*self._given, arm))
+        return self._many((q_starts, self._task.turned(Ts)), (self._given, arm))
 
     def search_from_map(self, Ts: FloatArray) -> Found:
         """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
         if self._many_from_map is None:
             return search_from_setpoints(self, self._map, Ts)
-        return self._many_from_map((Ts,), (self._arm,))
+        return self._many_from_map((Ts, self._gripper_poses(Ts)), (self._given, self._arm))
+
+    def _gripper_poses(self, Ts: FloatArray) -> FloatArray:
+        """Where poses of the tip, shape (..., 4, 4), put the gripper."""
+        return Ts if self._T_tip_gripper is None else Ts @ self._T_tip_gripper
 
 
 def search_from_setpoints(search: Search, map_: NullSpaceMap, Ts: FloatArray) -> Found:
     """Searches for poses, shape (m, 4, 4), each from its nearest setpoints until one is valid.
 
-    What `baxter_kin.ik.search.map_search` does for exact poses of the gripper, but that a search
-    with little hope goes on to its last iteration.
+    `map_search_function` does this for exact poses; here, a search with little hope goes on to its
+    last iteration.
     """
     nearest, poses = map_.nearest(Ts), np.arange(len(Ts))
     found = search.search(map_.setpoints[nearest[:, 0]], Ts)
@@ -181,33 +308,16 @@ def search_from_setpoints(search: Search, map_: NullSpaceMap, Ts: FloatArray) ->
 
 
 @cache
-def evaluated(
-    functions_of: Callable[[Shape], Sequence[ca.Function]], shape: Shape, wanted: Backend
-) -> tuple[Sequence[ca.Function], Backend]:
-    """The functions for arms of a shape where they are wanted, or else in the virtual machine.
+def _evaluated(shape: Shape, wanted: Backend) -> tuple[Sequence[ca.Function], Backend]:
+    """The search functions for arms of a shape: as machine code, or in the virtual machine.
 
-    When they have to be compiled, those for other shapes are too: no robot but the first has to
-    wait.
+    Functions for the other shapes are compiled at the same time, so that no robot but the first has
+    to wait.
     """
-    functions = functions_of(shape)
+    functions = search_functions(shape)
     if wanted is not Backend.CASADI:
         others = (other for other in Shape if other is not shape)
-        machine_code = compiled(functions, lambda: map(functions_of, others))
+        machine_code = compiled(functions, lambda: map(search_functions, others))
         if machine_code is not None:
             return machine_code, Backend.COMPILED
     return functions, Backend.CASADI
-
-
-@cache
-def exact_functions(shape: Shape) -> tuple[ca.Function, ...]:
-    """For exact poses of grippers: from a start, from the left map, from the right one."""
-    step = step_function(shape)
-    impatient = iterations_of(step, PATIENCE)
-    from_maps = (map_search_function(shape, impatient, side) for side in LIMBS)
-    return search_function(shape, iterations_of(step)), *from_maps
-
-
-@cache
-def _task_functions(shape: Shape) -> tuple[ca.Function, ...]:
-    """For tasks with freedom, and tools: from a start."""
-    return (task_search_function(shape),)

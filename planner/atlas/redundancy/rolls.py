@@ -16,21 +16,21 @@ import pinocchio as pin
 
 from baxter_kin import IKService
 from baxter_kin.ik import SelfMotion
-from baxter_kin.ik.redundancy.curve_points import CurvePoints
-from baxter_kin.ik.redundancy.cutting import Piece, pieces_inside
-from baxter_kin.ik.redundancy.loop import Loop, loops_near
-from baxter_kin.ik.redundancy.pieces import (
+from baxter_kin.ik.self_motion.continuation import Loop, loops_near
+from baxter_kin.ik.self_motion.pieces import (
     AT_LIMITS_RAD,
     STARTS,
+    Piece,
     apart,
     as_curve,
     filled_pieces,
     off_curves,
     order,
+    pieces_inside,
     swept,
     traced,
 )
-from baxter_kin.ik.redundancy.solution_curve import SolutionCurve
+from baxter_kin.ik.self_motion.solution_curve import CurvePoints, SolutionCurve
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray
 from planner.atlas.rotations import about_z

@@ -17,8 +17,9 @@ from baxter_kin.compilation.compiler import compilers
 from baxter_kin.compilation.kernel_cache import KernelCache, PrivateFolder, user_folder
 from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.errors import FileError
-from baxter_kin.ik.search.arm_numbers import ArmNumbers
-from baxter_kin.ik.search.searcher import exact_functions
+from baxter_kin.ik.search.search_function import ArmNumbers, search_functions
+from baxter_kin.ik.tolerance import EXACT, Task
+from baxter_kin.kinematics.dh_parameters import DHParameters
 from tests.baxter_kin.compilation.test_limited_process import ends
 
 Provide = Callable[..., None]
@@ -130,15 +131,17 @@ def test_several_functions_share_a_library(cache: Path, square: ca.Function) -> 
 
 def test_searches_give_the_same_as_in_the_virtual_machine(cache: Path, any_arm: Arm) -> None:
     numbers = ArmNumbers.of(any_arm)
-    functions = exact_functions(numbers.shape)
+    functions = search_functions(numbers.shape)
     machine_code = compiled(functions)
     assert machine_code is not None
+    task = Task.of(any_arm, EXACT).numbers(DHParameters.of(any_arm).T_last_tip)
     rng = np.random.default_rng(0)
     for _ in range(50):
         T = any_arm.T_base_tip(any_arm.random_configuration(rng)).homogeneous
-        inputs = (any_arm.random_configuration(rng), T, numbers.within())
+        inputs = (any_arm.random_configuration(rng), T, task, numbers.within())
         for i, function in enumerate(functions):
-            both = function(*inputs[i > 0 :]), machine_code[i](*inputs[i > 0 :])
+            given = (T, *inputs[1:]) if i > 0 else inputs  # from the map: tip and gripper
+            both = function(*given), machine_code[i](*given)
             for expected, found in zip(*both, strict=True):
                 np.testing.assert_allclose(np.array(found), np.array(expected), atol=1e-9)
 

@@ -9,6 +9,7 @@ import pytest
 
 from baxter_kin import Arm, IKFailure, IKResult, IKService, SeedType
 from baxter_kin.errors import ConfigurationError
+from baxter_kin.ik.result import unchecked_result
 from tests.conftest import overhead
 
 
@@ -81,14 +82,14 @@ def test_a_result_has_either_a_seed_type_or_a_failure(
 
 
 @pytest.mark.parametrize("failure", [None, IKFailure("no way")], ids=["valid", "invalid"])
-def test_a_trusted_result_is_the_checked_one(left: Arm, failure: IKFailure | None) -> None:
+def test_an_unchecked_result_is_the_checked_one(left: Arm, failure: IKFailure | None) -> None:
     kind = SeedType.CURRENT if failure is None else SeedType.INVALID
     checked = IKResult(left.joint_names, left.start, kind, 1e-9, 2e-9, failure)
-    trusted = IKResult.trusted(left.joint_names, left.start, kind, (1e-9, 2e-9), failure)
+    unchecked = unchecked_result(left.joint_names, left.start, kind, (1e-9, 2e-9), failure)
     for field in fields(IKResult):
-        assert np.all(getattr(checked, field.name) == getattr(trusted, field.name)), field.name
-    assert repr(checked) == repr(trusted)
-    assert trusted.is_valid == (failure is None)
+        assert np.all(getattr(checked, field.name) == getattr(unchecked, field.name)), field.name
+    assert repr(checked) == repr(unchecked)
+    assert unchecked.is_valid == (failure is None)
 
 
 def test_angles_are_copied_and_read_only(left: Arm) -> None:

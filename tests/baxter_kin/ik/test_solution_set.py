@@ -11,8 +11,8 @@ from baxter_kin import Arm, IKService
 from baxter_kin.errors import ConfigurationError, PoseError, RequestError
 from baxter_kin.frames import angle_between
 from baxter_kin.ik import sample_solutions
-from baxter_kin.ik.redundancy.objectives import NearestTo, best_on
-from baxter_kin.ik.redundancy.self_motion import SelfMotion, trace_self_motion
+from baxter_kin.ik.self_motion.objectives import NearestTo, best_on
+from baxter_kin.ik.self_motion.tracing import SelfMotion, trace_self_motion
 from baxter_kin.ik.solution_set import MOST_CANDIDATES, MOST_TURNS, distinct_solutions, solutions
 from baxter_kin.validation import FloatArray
 from tests.conftest import at, overhead

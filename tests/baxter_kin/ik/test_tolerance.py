@@ -9,8 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from baxter_kin import Arm, IKService, SeedType
 from baxter_kin.errors import RequestError, UnknownNameError
+from baxter_kin.ik import Backend, NearestTo
+from baxter_kin.ik.reach.bound import ReachBound
 from baxter_kin.ik.tolerance import FREE, Tolerance
+from tests.conftest import at
 
 ROUNDING = 1e-9
 
@@ -244,3 +248,277 @@ def test_the_excess_is_of_poses(pose: Any) -> None:
 def test_bounds_in_degrees_are_asked_about(bounds: dict[str, Any]) -> None:
     with pytest.raises(RequestError, match=r"are these degrees\? .* 5 deg is 0.08727 rad"):
         Tolerance(**bounds)
+
+
+WITHIN = 1e-6
+"""In m and rad: what an answer may exceed its tolerance by."""
+
+TOOL = pin.SE3(pin.exp3(np.array([0.3, -0.5, 0.2])), np.array([0.03, -0.02, 0.15]))
+
+TOLERANCES = {
+    "exact": Tolerance(),
+    "position": Tolerance.position_only(),
+    "position within 1 cm": Tolerance.position_only(0.01),
+    "about x": Tolerance.about("x"),
+    "about z": Tolerance.about("z"),
+    "about y, leaning": Tolerance.about("y", tilt_rad=0.2),
+    "about z, leaning": Tolerance.about("z", tilt_rad=0.02),
+    "about y, in a box": Tolerance.tilt_box("y", tilt_rad=(0.2, 0.1)),
+    "1 cm and 0.1 rad": Tolerance((0.01,) * 3, (0.1,) * 3),
+    "in a plane": Tolerance((FREE, FREE, 0.0)),
+    "a finger's width": Tolerance((0.0, 0.0, 1e-4), (0.0, 1e-3, 0.0)),
+}
+
+
+@pytest.fixture(scope="module", params=["gripper", "camera", "tool"])
+def tipped(arm: Arm, request: pytest.FixtureRequest) -> Arm:
+    """The arm with one tip or another."""
+    tips = {"gripper": arm.gripper_frame, "camera": f"{arm.side}_hand_camera", "tool": TOOL}
+    return arm.with_tip(tips[request.param])
+
+
+@pytest.fixture(scope="module")
+def service(tipped: Arm) -> IKService:
+    return IKService(tipped)
+
+
+def reachable(arm: Arm, count: int, seed: int) -> list[pin.SE3]:
+    """Every third pose is of a configuration with joints at their limits."""
+    rng, limits = np.random.default_rng(seed), arm.limits
+    qs = [arm.random_configuration(rng) for _ in range(count)]
+    for q in qs[::3]:
+        joints = rng.choice(7, 2, replace=False)
+        q[joints] = np.where(rng.random(2) < 0.5, limits.q_min[joints], limits.q_max[joints])
+    return [arm.T_base_tip(q) for q in qs]
+
+
+@pytest.mark.parametrize("name", TOLERANCES)
+def test_every_reachable_pose_is_solved_within_its_tolerance(
+    tipped: Arm, service: IKService, name: str
+) -> None:
+    tolerance, poses = TOLERANCES[name], reachable(tipped, 200, 1)
+    for T, result in zip(poses, service.solve_batch(poses, tolerance=tolerance), strict=True):
+        assert result.is_valid, str(result.failure)
+        excess = tolerance.excess(T, tipped.T_base_tip(result.q))
+        assert max(excess) <= WITHIN
+        assert excess == pytest.approx(
+            (result.position_error_m, result.orientation_error_rad), abs=1e-9
+        )
+        assert not tipped.limits.violations(result.q)
+
+
+def test_bounds_above_zero_are_kept_exactly(left: Arm, ik: IKService) -> None:
+    tolerance, poses = Tolerance((1e-3,) * 3, (1e-2,) * 3), reachable(left, 200, 2)
+    for T, result in zip(poses, ik.solve_batch(poses, tolerance=tolerance), strict=True):
+        assert tolerance.excess(T, left.T_base_tip(result.q)) == (0.0, 0.0)
+
+
+def test_poses_out_of_reach_become_solvable_by_what_is_free(left: Arm, ik: IKService) -> None:
+    T = at(0.6, 0.3, 0.2)
+    backwards = pin.SE3(pin.exp3(np.array([0.0, -np.pi / 2, 0.0])), T.translation)
+    assert not ik.solve(backwards).is_valid
+    result = ik.solve(backwards, tolerance=Tolerance.position_only())
+    assert result.is_valid
+    reached = left.T_base_tip(result.q).translation
+    assert np.linalg.norm(reached - T.translation) <= WITHIN
+
+
+def test_a_seed_near_the_solution_is_where_it_came_from(left: Arm, ik: IKService) -> None:
+    T, tolerance = left.T_base_tip(left.start), Tolerance.about("z")
+    seed = np.array(left.start) + 0.05
+    for result in (
+        ik.solve(T, seed, tolerance=tolerance),
+        ik.solve_batch([T], [seed], tolerance=tolerance)[0],
+    ):
+        assert result.seed_type is SeedType.USER
+        assert np.abs(result.q - left.start).max() < 0.3
+    chained = ik.solve_batch([T, T], current=seed, chain=True, tolerance=tolerance)
+    assert [r.seed_type for r in chained] == [SeedType.CURRENT, SeedType.CURRENT]
+    streamed = list(ik.solve_stream(iter([T]), tolerance=tolerance))
+    assert streamed[0].is_valid
+
+
+def lean_rad(T: pin.SE3, reached: pin.SE3, axis: int) -> float:
+    """The angle between an axis of one frame and that of another."""
+    a, b = T.rotation[:, axis], reached.rotation[:, axis]
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+@pytest.mark.parametrize("name", ["x", "y", "z"])
+@pytest.mark.parametrize("tilt_rad", [1e-9, 1e-4, np.radians(5.0), 0.4, np.pi / 2])
+def test_the_axis_leans_by_no_more_than_the_cone(
+    left: Arm, ik: IKService, name: str, tilt_rad: float
+) -> None:
+    axis, tolerance = "xyz".index(name), Tolerance.about(name, tilt_rad=tilt_rad)
+    poses = reachable(left, 150, 7)
+    for T, result in zip(poses, ik.solve_batch(poses, tolerance=tolerance), strict=True):
+        assert result.is_valid, str(result.failure)
+        reached = left.T_base_tip(result.q)
+        assert lean_rad(T, reached, axis) <= tilt_rad + WITHIN
+        assert np.linalg.norm(reached.translation - T.translation) <= WITHIN
+
+
+def aslant(arm: Arm, tilt_rad: float) -> list[pin.SE3]:
+    """Poses from which the arm reaches one within the cone about z, near its edge."""
+    rng, found = np.random.default_rng(8), []
+    for reached in reachable(arm, 600, 9):
+        towards, lean = rng.uniform(-np.pi, np.pi), tilt_rad * rng.uniform(0.7, 1.0)
+        back = pin.exp3(-lean * np.array([np.cos(towards), np.sin(towards), 0.0]))
+        roll = pin.exp3(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
+        found.append(reached * pin.SE3(roll @ back, np.zeros(3)))
+    return found
+
+
+def needing_a_lean(arm: Arm, service: IKService, tilt_rad: float) -> list[pin.SE3]:
+    """Those of them that are not solved upright."""
+    poses = aslant(arm, tilt_rad)
+    upright = service.solve_batch(poses, tolerance=Tolerance.about("z"))
+    return [T for T, result in zip(poses, upright, strict=True) if not result.is_valid]
+
+
+@pytest.mark.parametrize("tilt_rad", [0.02, 0.1, 0.4])
+def test_poses_within_reach_only_when_leaning_are_solved_by_leaning(
+    left: Arm, ik: IKService, tilt_rad: float
+) -> None:
+    tolerance, poses = Tolerance.about("z", tilt_rad=tilt_rad), needing_a_lean(left, ik, tilt_rad)
+    assert len(poses) > 10
+    for T, result in zip(poses, ik.solve_batch(poses, tolerance=tolerance), strict=True):
+        assert result.is_valid, str(result.failure)
+        assert WITHIN < lean_rad(T, left.T_base_tip(result.q), 2) <= tilt_rad + WITHIN
+
+
+def test_ipopt_leans_where_the_fast_search_does(left: Arm, ik: IKService) -> None:
+    reference, tolerance = IKService(left, Backend.IPOPT), Tolerance.about("z", tilt_rad=0.4)
+    for T in needing_a_lean(left, ik, 0.4)[:8]:
+        result = reference.solve(T, tolerance=tolerance)
+        assert result.is_valid, str(result.failure)
+        assert WITHIN < lean_rad(T, left.T_base_tip(result.q), 2) <= 0.4 + WITHIN
+
+
+def test_about_is_the_cone_that_it_was_believed_to_be_while_five_degrees_gave_seven(
+    left: Arm, ik: IKService
+) -> None:
+    five, poses = np.radians(5.0), aslant(left, np.radians(7.0))[:200]
+    cone, box = Tolerance.about("z", tilt_rad=five), Tolerance.tilt_box("z", tilt_rad=five)
+    leans = {}
+    for tolerance in (cone, box):
+        results = ik.solve_batch(poses, tolerance=tolerance)
+        leans[tolerance] = max(
+            lean_rad(T, left.T_base_tip(result.q), 2)
+            for T, result in zip(poses, results, strict=True)
+            if result.is_valid
+        )
+    assert leans[cone] <= five + WITHIN
+    assert np.degrees(leans[box]) > 6.0
+
+
+@pytest.mark.parametrize("name", ["position", "about z", "about y, leaning", "1 cm and 0.1 rad"])
+def test_ipopt_solves_the_same_tasks(left: Arm, name: str) -> None:
+    reference, tolerance = IKService(left, Backend.IPOPT), TOLERANCES[name]
+    for T in reachable(left, 8, 3):
+        result = reference.solve(T, tolerance=tolerance)
+        assert result.is_valid, str(result.failure)
+        assert max(tolerance.excess(T, left.T_base_tip(result.q))) <= WITHIN
+
+
+def test_without_a_compiler_the_answers_are_the_same(left: Arm, ik: IKService) -> None:
+    virtual, tolerance = IKService(left, Backend.CASADI), Tolerance.about("x")
+    for T in reachable(left, 30, 4):
+        q, other = (service.solve(T, tolerance=tolerance).q for service in (virtual, ik))
+        np.testing.assert_allclose(q, other, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", TOLERANCES)
+def test_no_proof_is_false(tipped: Arm, name: str) -> None:
+    """Requests that a reachable pose fulfils, often only just."""
+    tolerance, rng = TOLERANCES[name], np.random.default_rng(5)
+    reach = ReachBound(tipped, tolerance)
+    asked = []
+    for reached in reachable(tipped, 300, 6):
+        T = reached * _within(tolerance, rng).inverse()
+        assert max(tolerance.excess(T, reached)) <= 1e-9
+        assert reach.proof(T) is None
+        asked.append(T.homogeneous)
+    assert not reach.are_outside_shells(np.array(asked)).any()
+
+
+def _within(tolerance: Tolerance, rng: np.random.Generator) -> pin.SE3:
+    """A deviation that the tolerance allows, at its bounds."""
+    signs = rng.choice([-1.0, 1.0], 6)
+    p = np.where(np.isinf(tolerance.position_m), 2.0, tolerance.position_m) * signs[:3]
+    if tolerance.is_position_only:
+        return pin.SE3(pin.exp3(rng.normal(size=3)), p)
+    r = np.array(tolerance.rotation_rad) * signs[3:]
+    roll = np.zeros(3)
+    if tolerance.free_axis is not None:
+        roll[tolerance.free_axis] = rng.uniform(-3.0, 3.0)
+        if tolerance.tilt_rad > 0.0:
+            r = rng.normal(size=3)
+            r[tolerance.free_axis] = 0.0
+            r *= tolerance.tilt_rad / np.linalg.norm(r)
+        r[tolerance.free_axis] = 0.0
+    return pin.SE3(pin.exp3(r) @ pin.exp3(roll), p)
+
+
+@pytest.mark.parametrize("axis", ["x", "z"])
+def test_no_lean_is_proven_away_at_the_edge_of_the_reach(tipped: Arm, axis: str) -> None:
+    """Poses that the arm, straight or fully bent, reaches by leaning in any direction."""
+    tolerance, rng, unit = Tolerance.about(axis, tilt_rad=0.4), np.random.default_rng(10), np.eye(3)
+    reach = ReachBound(tipped, tolerance)
+    along, across = unit["xyz".index(axis)], unit["xyz".index(axis) - 1]
+    asked = []
+    for e1 in np.repeat([0.0, tipped.limits.q_max[3]], 40):
+        q = tipped.random_configuration(rng)
+        q[3] = e1
+        for towards in np.arange(8) * np.pi / 4:
+            lean = pin.exp3(0.4 * (pin.exp3(towards * along) @ across))
+            turned = pin.SE3(lean @ pin.exp3(rng.uniform(-3.0, 3.0) * along), np.zeros(3))
+            asked.append(tipped.T_base_tip(q) * turned.inverse())
+    assert not any(reach.proof(T) for T in asked)
+
+
+def test_what_leans_a_little_is_proven_out_of_reach_by_its_wrist(left: Arm, ik: IKService) -> None:
+    T, bound = at(1.0, 0.3, -0.1), ReachBound(left)
+    assert bound.proof_of_position(T.translation) is None
+    five, ten = (
+        ik.solve(T, tolerance=Tolerance.about("z", tilt_rad=np.radians(tilt))).failure
+        for tilt in (5.0, 10.0)
+    )
+    assert five is not None
+    assert ten is not None
+    assert five.beyond_reach_m > ten.beyond_reach_m > 0.0
+    assert "span from left_s1, with the wrist at" in str(five)
+    assert "no more than 34 mm can be made up" in str(five)
+
+
+@pytest.mark.parametrize("name", ["exact", "position", "about z", "1 cm and 0.1 rad"])
+def test_poses_far_out_of_reach_are_proven_so(tipped: Arm, service: IKService, name: str) -> None:
+    result = service.solve(at(2.5, 0.0, 0.5), tolerance=TOLERANCES[name])
+    assert result.failure is not None
+    assert result.failure.beyond_reach_m > 0.5
+    assert "proven out of reach" in str(result.failure)
+    what = "position (2.5" if name == "position" else "pose at (2.5"
+    assert what in str(result.failure)
+
+
+def test_another_tip_is_where_it_was_asked_to_be(tipped: Arm, service: IKService) -> None:
+    q_seed = np.array(tipped.start) + 0.02
+    T = tipped.T_base_tip(tipped.start)
+    result = service.solve(T, current=q_seed)
+    assert result.seed_type is SeedType.CURRENT
+    assert max(Tolerance().excess(T, tipped.T_base_tip(result.q))) <= WITHIN
+
+
+def test_an_objective_with_a_tolerance_is_refused(left: Arm, ik: IKService) -> None:
+    with pytest.raises(RequestError, match="either an objective or a tolerance"):
+        ik.solve(
+            left.T_base_tip(left.start),
+            objective=NearestTo(left.start),
+            tolerance=Tolerance.position_only(),
+        )
+
+
+def test_what_is_no_tolerance_is_refused(left: Arm, ik: IKService) -> None:
+    tolerance: object = 0.1
+    with pytest.raises(RequestError, match="tolerance must be of class Tolerance, got float"):
+        ik.solve(left.T_base_tip(left.start), tolerance=tolerance)  # type: ignore[arg-type]

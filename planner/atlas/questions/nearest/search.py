@@ -18,7 +18,7 @@ from baxter_kin import IKService
 from baxter_kin.errors import expect
 from baxter_kin.fields import value
 from baxter_kin.frames import PoseLike, checked_pose
-from baxter_kin.ik.geometry.reach import ReachBound
+from baxter_kin.ik.reach.bound import ReachBound
 from baxter_kin.ik.result import ORIENTATION_TOLERANCE_RAD, POSITION_TOLERANCE_M, IKResult
 from baxter_kin.kinematics.arm import Arm
 from baxter_kin.validation import FloatArray

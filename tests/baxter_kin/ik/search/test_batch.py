@@ -7,11 +7,50 @@ from numpy.typing import NDArray
 
 from baxter_kin import Arm, Baxter, IKService, SeedMode, SeedType
 from baxter_kin.ik import Tolerance
-from baxter_kin.ik.search.batch import COARSE_ROUNDS, Batch
-from baxter_kin.ik.search.buffered_search import Found
-from baxter_kin.ik.search.searcher import Backend, Searcher
-from baxter_kin.ik.search.solver import Solvers
+from baxter_kin.ik.search.batch import COARSE_ROUNDS, MAX_SOLVERS, Batch, Solvers
+from baxter_kin.ik.search.ipopt import IpoptSearcher
+from baxter_kin.ik.search.searcher import Backend, Found, Searcher
 from tests.conftest import at, overhead
+
+
+def test_many_tolerances_in_turn_cost_bounded_memory(left: Arm) -> None:
+    service, T = IKService(left), left.T_base_tip(left.start)
+    for i in range(40):
+        tolerance = Tolerance.position_only(1e-3 * (1 + i))
+        assert service.solve(T, left.start, tolerance=tolerance).is_valid
+    assert len(service._solvers._others) <= 16
+
+
+def test_the_solver_of_a_tolerance_is_made_once_and_the_oldest_is_forgotten(left: Arm) -> None:
+    solvers = Solvers(left, Backend.CASADI)
+    first = solvers.within(Tolerance.position_only(1e-3))
+    assert solvers.within(Tolerance.position_only(1e-3)) is first
+    assert solvers.within(Tolerance()) is solvers.exact
+    for i in range(MAX_SOLVERS):
+        last = solvers.within(Tolerance.position_only(1.0 + i))
+    assert solvers.within(Tolerance.position_only(float(MAX_SOLVERS))) is last
+    assert solvers.within(Tolerance.position_only(1e-3)) is not first
+
+
+def test_the_last_resort_of_exact_poses_comes_near_and_that_of_others_solves(left: Arm) -> None:
+    """Far out of reach, the one keeps the orientation, and the other is of the task."""
+    solvers, T = Solvers(left, Backend.CASADI), left.T_base_tip(left.start)
+    resorts = solvers.exact.last_resort, solvers.within(Tolerance.about("z")).last_resort
+    far = T.homogeneous
+    far[:3, 3] *= 3.0
+    nearest, task = (search.search(left.start[None], far[None]) for search in resorts if search)
+    assert nearest.orientation_error_rad[0] <= 1e-6
+    assert nearest.position_error_m[0] > 0.1
+    assert not task.is_valid[0]
+    assert task.iterations[0] > 0
+
+
+def test_what_ipopt_does_not_solve_has_no_last_resort(left: Arm) -> None:
+    solver = Solvers(left, Backend.IPOPT).exact
+    assert solver.fast is None
+    assert isinstance(solver.search, IpoptSearcher)
+    assert solver.last_resort is None
+
 
 TOLERANCE = 1e-6
 """In m and rad: what counts as a solution."""

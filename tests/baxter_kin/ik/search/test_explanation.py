@@ -8,10 +8,10 @@ import pytest
 
 from baxter_kin import Arm, IKService, SeedMode, SeedType, pose_from_quaternion
 from baxter_kin.frames import angle_between
-from baxter_kin.ik.geometry.linkage import Linkage
+from baxter_kin.ik.reach.linkage import Linkage
+from baxter_kin.ik.search.batch import Solvers
 from baxter_kin.ik.search.explanation import BestAttempt, Explainer
 from baxter_kin.ik.search.searcher import Backend
-from baxter_kin.ik.search.solver import Solvers
 from baxter_kin.ik.tolerance import EXACT, Tolerance
 from tests.conftest import at, overhead
 

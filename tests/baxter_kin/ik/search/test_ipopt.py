@@ -9,10 +9,11 @@ import pytest
 
 from baxter_kin import Arm, IKService, quaternion_xyzw
 from baxter_kin.errors import RequestError
-from baxter_kin.ik.geometry.reach import ReachBound
-from baxter_kin.ik.search.ipopt import IpoptSearcher, NearestSearcher, Program
+from baxter_kin.ik.reach.bound import ReachBound
+from baxter_kin.ik.search.ipopt import IpoptSearcher, Program
+from baxter_kin.ik.search.search_function import INSET
 from baxter_kin.ik.seeds import NullSpaceMap
-from baxter_kin.ik.tolerance import EXACT
+from baxter_kin.ik.tolerance import EXACT, Tolerance
 from baxter_kin.validation import FloatArray
 from tests.conftest import overhead
 
@@ -64,7 +65,7 @@ def test_half_a_turn_away_the_error_is_not_zero(left: Arm) -> None:
 def test_the_objective_is_half_the_squared_distance(left: Arm) -> None:
     q, q_seed, T = left.start, left.neutral, left.T_base_tip(left.neutral)
     p = np.concatenate([T.translation, quaternion_xyzw(T), q_seed])
-    to_seed, to_position = Program.of(left), Program.of_nearest(left)
+    to_seed, to_position = Program.of(left), Program.of(left, is_nearest=True)
     (found,) = evaluated(to_seed, to_seed.objective, q, p)
     assert found == pytest.approx(0.5 * np.sum((q - q_seed) ** 2))
     (found,) = evaluated(to_position, to_position.objective, q, p)
@@ -74,7 +75,7 @@ def test_the_objective_is_half_the_squared_distance(left: Arm) -> None:
 
 def test_the_nearest_position_is_no_farther_than_what_a_proof_leaves(left: Arm) -> None:
     """A pose out of reach: the way there is longer than the proven excess, and not by much."""
-    search = NearestSearcher(left, NullSpaceMap(left))
+    search = IpoptSearcher(left, NullSpaceMap(left), is_nearest=True)
     bound = ReachBound(left)
     q = np.array([0.3, -0.2, 0.0, 0.187, 0.0, 0.9, 0.2])  # nearly straight
     T = left.T_base_tip(q)
@@ -96,15 +97,42 @@ def test_bounds_other_than_the_limits_are_kept(left: Arm) -> None:
     starts = NullSpaceMap(left)
     T, q = left.T_base_tip(left.start), np.array(left.start)
     bounds = np.concatenate([q - 0.2, q + 0.2])
-    for search in (IpoptSearcher(left, starts, EXACT), NearestSearcher(left, starts)):
+    for search in (IpoptSearcher(left, starts), IpoptSearcher(left, starts, is_nearest=True)):
         found = search.search((q + 0.1)[None], T.homogeneous[None], bounds)
         assert found.is_valid[0]
         assert np.abs(found.q[0] - q).max() <= 0.2
         assert max(EXACT.excess(T, left.T_base_tip(found.q[0]))) <= 1e-6
 
 
+@pytest.mark.parametrize(
+    ("tolerance", "expected_size"),
+    [(Tolerance((0.01, 0.02, 0.0), (0.1, 0.0, 0.2)), 6), (Tolerance.about("x", tilt_rad=0.2), 4)],
+    ids=["box", "cone"],
+)
+def test_what_a_tolerance_constrains_is_zero_at_the_pose_and_as_wide_as_allowed(
+    any_arm: Arm, tolerance: Tolerance, expected_size: int
+) -> None:
+    program, rng = Program.of(any_arm, tolerance), np.random.default_rng(5)
+    assert program.widths.shape == program.pose_error.shape[:1] == (expected_size,)
+    for _ in range(20):
+        q = any_arm.random_configuration(rng)
+        turn, shift = 0.1 * rng.normal(size=3), 0.02 * rng.normal(size=3)
+        T = any_arm.T_base_tip(q) * pin.SE3(pin.exp3(turn), shift)
+        for target, is_inside in ((any_arm.T_base_tip(q), True), (T, None)):
+            p = np.concatenate([target.translation, quaternion_xyzw(target), q])
+            error = evaluated(program, program.pose_error, q, p)
+            excess = np.abs(error) - program.widths
+            inside = max(tolerance.excess(target, any_arm.T_base_tip(q))) <= 1e-9
+            assert is_inside is None or inside
+            assert (excess.max() <= 2 * INSET) == inside
+
+
 @pytest.mark.parametrize("arm", [None, "left"])
 def test_what_is_no_arm_has_no_program(arm: Any) -> None:
-    for state in (Program.of, Program.of_nearest):
-        with pytest.raises(RequestError, match="arm must be of class Arm"):
-            state(arm)
+    with pytest.raises(RequestError):
+        Program.of(arm)
+
+
+def test_the_nearest_position_takes_no_tolerance(left: Arm) -> None:
+    with pytest.raises(RequestError):
+        Program.of(left, Tolerance.about("z"), is_nearest=True)

@@ -8,7 +8,7 @@ import pytest
 
 from baxter_kin import Arm, Baxter, IKService
 from baxter_kin.ik import SelfMotion, solutions, trace_self_motion
-from baxter_kin.ik.redundancy.continuation import EndKind
+from baxter_kin.ik.self_motion.continuation import EndKind
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from planner.atlas.reach_search import is_coaxial
 from planner.atlas.redundancy.rolls import STEP_RAD, pieces_of_rolls, turned, with_witness

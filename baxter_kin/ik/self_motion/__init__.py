@@ -1,0 +1,1 @@
+"""The self-motion of a pose: its curves, their pieces inside the limits, the best point on them."""

@@ -1,0 +1,590 @@
+"""The configurations of an arm that reach one pose: the solution set of IK.
+
+For seven joints the solution set is a curve wherever the Jacobian J (6 x 7) has full rank; its unit
+tangent spans the null space of J. The cofactors of J are a null vector that is continuous in q,
+which gives every curve one direction: the one in which `det [J; tangent']` is positive.
+
+Where the rank drops to five, the null space is a plane and the set is no curve: two branches
+cross, or the point stands alone. Second derivatives decide (Allgower and Georg, "Numerical
+Continuation Methods", 1990, ch. 8): with w the left null vector of J and N a basis of the plane,
+the branches leave along those N a for which the quadratic form `w' (dJ along N a) N a` vanishes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from baxter_kin.errors import ConfigurationError
+from baxter_kin.ik.self_motion.curve_kernel import (
+    RESIDUAL_TOLERANCE,
+    SINGULAR,
+    Corrected,
+    CurveKernel,
+    Steps,
+)
+from baxter_kin.kinematics.arm import Arm
+from baxter_kin.validation import FloatArray, Indices
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CurvePoint:
+    """One point of the curve.
+
+    Attributes:
+        q: configuration, shape (7,), rad.
+        tangent: unit direction of travel, shape (7,).
+        determinant: of `[J; tangent']`; its size is Yoshikawa's manipulability.
+        residual: norm of the pose error, m and rad together.
+        clearance_rad: from the joint nearest to a limit to that limit; below zero outside.
+    """
+
+    q: FloatArray
+    tangent: FloatArray
+    determinant: float
+    residual: float
+    clearance_rad: float
+
+    @property
+    def measures(self) -> tuple[float, float, float]:
+        """Determinant, residual and clearance."""
+        return self.determinant, self.residual, self.clearance_rad
+
+    def reversed(self) -> CurvePoint:
+        """The same point, travelled the other way."""
+        return replace(self, tangent=-self.tangent, determinant=-self.determinant)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CurvePoints:
+    """Points of the curve in order, n of them, in one array that is quickly cut and joined.
+
+    Attributes:
+        rows: q, tangent, determinant, residual and clearance of each, as of `CurvePoint`; shape
+            (n, 17).
+    """
+
+    rows: FloatArray
+
+    @classmethod
+    def of(cls, points: Iterable[CurvePoint]) -> CurvePoints:
+        """Those points."""
+        rows = [np.concatenate([p.q, p.tangent, p.measures]) for p in points]
+        return cls(np.reshape(rows, (-1, 17)))
+
+    @property
+    def q(self) -> FloatArray:
+        """Configurations, shape (n, 7), rad."""
+        return self.rows[:, :7]
+
+    @property
+    def tangent(self) -> FloatArray:
+        """Unit directions of travel, shape (n, 7)."""
+        return self.rows[:, 7:14]
+
+    @property
+    def determinant(self) -> FloatArray:
+        """Of `[J; tangent']`, shape (n,)."""
+        return self.rows[:, 14]
+
+    @property
+    def residual(self) -> FloatArray:
+        """Norms of the pose error, shape (n,), m and rad together."""
+        return self.rows[:, 15]
+
+    @property
+    def clearance_rad(self) -> FloatArray:
+        """From the joint nearest to a limit to that limit, shape (n,); below zero outside."""
+        return self.rows[:, 16]
+
+    @property
+    def chords_rad(self) -> FloatArray:
+        """Distances between neighbours, whole turns of joints apart, shape (n - 1,), rad."""
+        squares = np.square(whole_turns_off(np.diff(self.q, axis=0))).sum(axis=1)
+        return np.asarray(np.sqrt(squares))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, i: int) -> CurvePoint:
+        row = self.rows[i]
+        return CurvePoint(row[:7], row[7:14], *row[14:].tolist())
+
+    def part(self, index: slice | NDArray[np.generic]) -> CurvePoints:
+        """Some of them."""
+        return CurvePoints(self.rows[index])
+
+    def reversed(self) -> CurvePoints:
+        """The same points, travelled the other way."""
+        rows = np.array(self.rows[::-1])
+        rows[:, 7:15] *= -1.0
+        return CurvePoints(rows)
+
+    def then(self, *others: CurvePoints) -> CurvePoints:
+        """These points, then others."""
+        return CurvePoints(np.concatenate([self.rows, *(other.rows for other in others)]))
+
+
+def whole_turns_off(angles: FloatArray) -> FloatArray:
+    """The same angles but for whole turns, in [-pi, pi]."""
+    turns = np.round(angles / (2.0 * math.pi))
+    return angles - 2.0 * math.pi * turns
+
+
+TOUCHING_RAD = 1e-11
+"""How far outside its limits a joint may be by rounding: of the pose, of limits, of what touches
+several limits at once."""
+
+POSE_MISMATCH = 1e-5
+"""How far, in m and rad together, a configuration may miss the pose it is said to reach: ten times
+the tolerance of the IK service."""
+
+_CORRECTIONS, _MAX_CORRECTION_RAD = 2, 1.0
+"""Calls of three Newton steps each, and how far all of them may lead."""
+
+_REPEATS = 2
+"""More such calls for what is far from the curve, as closed forms of an arm as drawn are from that
+of a calibrated one."""
+
+_DIFFERENCE_RAD = 1e-4
+"""Step of the central difference of J: its error, the square, is far below `_FLAT`."""
+
+_FLAT = 1e-6
+"""Curvature, 1/rad, below which the quadratic form counts as zero."""
+
+
+class SolutionCurve:
+    """All configurations of an arm that reach one pose.
+
+    Attributes:
+        arm: whose joints reach it.
+        T_base_tip: the pose of the tip, seen from base.
+        kernel: computes along its curves.
+        has_limits: whether curves end on joint limits.
+        q_min: where curves end, shape (7,), rad: the arm's lower limits, or minus infinity.
+        q_max: the same above.
+    """
+
+    def __init__(self, arm: Arm, T_base_tip: pin.SE3, *, has_limits: bool = True) -> None:
+        self.arm = arm
+        self.kernel = CurveKernel.of(arm)
+        self.has_limits = has_limits
+        unlimited = np.full(7, np.inf)
+        self.q_min = arm.limits.q_min if has_limits else -unlimited
+        self.q_max = arm.limits.q_max if has_limits else unlimited
+        self._middle = 0.5 * (arm.limits.q_min + arm.limits.q_max)
+        self.T_base_tip = _orthonormal(T_base_tip)
+        self._base_from_tip = np.zeros((6, 6))
+        self._base_from_tip[:3, :3] = self._base_from_tip[3:, 3:] = self.T_base_tip.rotation
+        self._matrix = self.T_base_tip.homogeneous
+
+    @cached_property
+    def without_limits(self) -> SolutionCurve:
+        """The same pose, whatever the limits."""
+        return SolutionCurve(self.arm, self.T_base_tip, has_limits=False)
+
+    def limited_by(self, joints: Iterable[int]) -> SolutionCurve:
+        """The same pose, with the limits of these joints alone: for cutting curves that exist."""
+        limited = SolutionCurve(self.arm, self.T_base_tip)
+        is_limited = np.isin(np.arange(7), list(joints))
+        limited.q_min = np.where(is_limited, self.q_min, -np.inf)
+        limited.q_max = np.where(is_limited, self.q_max, np.inf)
+        return limited
+
+    def error(self, q: FloatArray) -> FloatArray:
+        """The twist from the pose of `q` to the target, shape (6,), m and rad, linear first.
+
+        Along the axes of base up to the square of the error; of the right size whatever it is.
+        """
+        twist = pin.log6(self.arm.T_base_tip(q).actInv(self.T_base_tip)).vector
+        error: FloatArray = self._base_from_tip @ twist
+        return error
+
+    def corrected(
+        self, q: FloatArray, normal: FloatArray, tolerance: float = RESIDUAL_TOLERANCE
+    ) -> tuple[FloatArray, float] | None:
+        """The configuration of the curve in a hyperplane through `q`, and its residual.
+
+        Newton's method on `[J; normal'] dq = [error; 0]`.
+
+        Args:
+            q: a configuration near the curve, shape (7,), rad.
+            normal: of the hyperplane, shape (7,).
+            tolerance: the residual to reach, m and rad together.
+
+        Returns:
+            None when it does not converge nearby.
+        """
+        moved = q
+        for _ in range(_CORRECTIONS):
+            found = self.kernel.corrected(moved, normal, self._matrix)
+            moved, residual = found.q[0], float(found.residual[0])
+            if residual <= tolerance:
+                is_near = np.square(moved - q).sum() <= _MAX_CORRECTION_RAD**2
+                return (moved, residual) if is_near else None
+        return None
+
+    def onto(self, q: FloatArray) -> FloatArray:
+        """The configuration next to `q` that reaches the pose inside the limits.
+
+        Raises:
+            ConfigurationError: when `q`, shape (7,), rad, misses the pose by more than
+                `POSE_MISMATCH`, or there is no such configuration.
+        """
+        limits = self.arm.limits
+        miss = float(np.linalg.norm(self.error(q)))
+        if miss > POSE_MISMATCH:
+            raise ConfigurationError(
+                f"q misses the pose by {miss:.3g} (m and rad together); allowed is "
+                f"{POSE_MISMATCH:g}"
+            )
+        found = self.corrected(q, np.linalg.svd(self.arm.jacobian(q))[2][6])
+        for _ in range(len(q)):
+            if found is None:
+                break
+            nearby = np.clip(found[0], limits.q_min, limits.q_max)
+            excess = np.abs(found[0] - nearby)
+            if not excess.any():
+                return nearby
+            held = np.eye(len(q))[int(np.argmax(excess))]
+            found = self.corrected(nearby * held + found[0] * (1.0 - held), held)
+        raise ConfigurationError(
+            f"q misses the pose by {miss:.3g}, and no configuration next to it reaches the pose "
+            "inside the limits"
+        )
+
+    def corrected_many(self, q: FloatArray, normal: FloatArray) -> Corrected:
+        """The same for configurations, shape (n, 7), with their residuals, however large."""
+        return self.kernel.corrected_many(q, normal, self._matrix)
+
+    def nearest_many(self, q: FloatArray) -> Corrected:
+        """Configurations, shape (n, 7), moved onto the curve by steps of least norm."""
+        found = self.kernel.corrected_many(q, np.zeros_like(q), self._matrix)
+        for _ in range(_REPEATS):
+            off = np.flatnonzero(~(found.residual <= RESIDUAL_TOLERANCE))
+            again = self.kernel.corrected_many(found.q[off], np.zeros((len(off), 7)), self._matrix)
+            for values, better in zip(found, again, strict=True):
+                values[off] = better
+        return found
+
+    def march(self, state: FloatArray, max_step_rad: float) -> tuple[CurvePoints, Steps]:
+        """The points of one block of steps, and the steps; as `CurveKernel.march`."""
+        steps = self.kernel.march(state, self._matrix, max_step_rad)
+        clearance = self.clearance_rad(steps.q)
+        return CurvePoints(np.column_stack([*steps[:4], clearance])), steps
+
+    def point(self, q: FloatArray, ahead: FloatArray) -> CurvePoint:
+        """The point of the curve at `q`, its tangent on the side of `ahead`.
+
+        Args:
+            q: shape (7,), rad; as good as on the curve.
+            ahead: shape (7,).
+        """
+        return self.points(self.kernel.measured(q, self._matrix), ahead[None])[0]
+
+    def points(self, found: Corrected, ahead: FloatArray) -> CurvePoints:
+        """Points of the curve, their tangents on the sides of `ahead`, shape (n, 7)."""
+        sign = np.where((found.tangent * ahead).sum(axis=1) < 0.0, -1.0, 1.0)
+        determinant, clearance = sign * found.determinant, self.clearance_rad(found.q)
+        columns = found.q, sign[:, None] * found.tangent, determinant, found.residual, clearance
+        return CurvePoints(np.column_stack(columns))
+
+    def into_range(self, points: CurvePoints) -> CurvePoints:
+        """The points less whole turns: as near to the middle of the ranges as they come.
+
+        Those outside a limit by no more than `TOUCHING_RAD` are put on it.
+        """
+        rows = np.array(points.rows)
+        rows[:, :7] = self.turned(points.q)
+        rows[:, 16] = self.clearance_rad(rows[:, :7])
+        for i in np.flatnonzero((rows[:, 16] < 0.0) & (rows[:, 16] >= -TOUCHING_RAD)):
+            rows[i] = CurvePoints.of([self.touching(rows[i, :7], rows[i, 7:14])]).rows
+        return CurvePoints(rows)
+
+    def touching(self, q: FloatArray, ahead: FloatArray) -> CurvePoint:
+        """As `point`, moved onto the limits where `q` is outside by rounding."""
+        return self.point(np.clip(q, self.q_min, self.q_max), ahead)
+
+    def turned(self, q: FloatArray) -> FloatArray:
+        """Configurations less whole turns, shape (n, 7), rad, likewise."""
+        return self._middle + whole_turns_off(q - self._middle)
+
+    def clearance_rad(self, q: FloatArray) -> FloatArray:
+        """How far the joint nearest to a limit is inside it; below zero outside.
+
+        Args:
+            q: shape (..., 7), rad.
+
+        Returns:
+            Shape (...,), rad.
+        """
+        clearance: FloatArray = np.minimum(q - self.q_min, self.q_max - q).min(axis=-1)
+        return clearance
+
+    def start(self, q: FloatArray, towards: FloatArray | None = None) -> CurvePoint | None:
+        """The point of the curve at `q`, travelled in the direction every curve has.
+
+        Where two branches cross, the branch whose direction is nearest to `towards`, shape (7,), on
+        its side; without `towards`, the first branch, on the side on which the joint that moves
+        most grows. The determinant is zero there.
+
+        Returns:
+            None when the point stands alone.
+        """
+        J, residual = self.arm.jacobian(q), float(np.linalg.norm(self.error(q)))
+        U, sigma, Vt = np.linalg.svd(J)
+        tangent, determinant = Vt[6], 0.0
+        if sigma[5] > SINGULAR:
+            determinant = float(np.linalg.det(np.vstack([J, tangent])))
+            tangent = math.copysign(1.0, determinant) * tangent
+        else:
+            directions = self._branches(q, U[:, 5], Vt[5:])
+            if not directions:
+                return None
+            tangent = _nearest_direction(directions, towards)
+        clearance = float(self.clearance_rad(q))
+        return CurvePoint(q, tangent, abs(determinant), residual, clearance)
+
+    def way(self, start: FloatArray, end: FloatArray) -> FloatArray:
+        """The joint motion between two configurations, shape (7,), rad.
+
+        Without limits whole turns of a joint do not count. Inside limits there are none.
+        """
+        if self.has_limits:
+            return end - start
+        return whole_turns_off(end - start)
+
+    def _branches(self, q: FloatArray, left_null: FloatArray, null: FloatArray) -> list[FloatArray]:
+        form = np.array([self._second_derivative(q, n) @ left_null @ null.T for n in null])
+        (low, high), axes = np.linalg.eigh(0.5 * (form + form.T))
+        if low > _FLAT or high < -_FLAT:
+            return []
+        a, b = math.sqrt(max(high, 0.0)), math.sqrt(max(-low, 0.0))
+        scale = math.hypot(a, b)
+        if scale == 0.0:
+            return []
+        ways = (a * axes[:, 0] + sign * b * axes[:, 1] for sign in (1.0, -1.0))
+        return [way / scale @ null for way in ways]
+
+    def _second_derivative(self, q: FloatArray, direction: FloatArray) -> FloatArray:
+        """Transposed change of J along `direction`, shape (7, 6), per rad."""
+        ahead = self.arm.jacobian(q + _DIFFERENCE_RAD * direction)
+        behind = self.arm.jacobian(q - _DIFFERENCE_RAD * direction)
+        change: FloatArray = (ahead - behind).T / (2.0 * _DIFFERENCE_RAD)
+        return change
+
+
+def _orthonormal(T: pin.SE3) -> pin.SE3:
+    """The pose with the rotation nearest to its own, which may be off by rounded digits.
+
+    The orthogonal factor of the polar decomposition (Higham, 1986).
+    """
+    U, _, Vt = np.linalg.svd(T.rotation)
+    return pin.SE3(U @ Vt, T.translation)
+
+
+def _nearest_direction(directions: list[FloatArray], towards: FloatArray | None) -> FloatArray:
+    if towards is None:
+        first = directions[0]
+        return first if first[np.argmax(np.abs(first))] > 0.0 else -first
+    best = max(directions, key=lambda direction: abs(float(direction @ towards)))
+    return best if best @ towards >= 0.0 else -best
+
+
+_EXACT = 1e-13
+"""Residual, m and rad together, of a corrected point: what rounding leaves after one step more."""
+
+
+_PROJECTIONS = 3
+
+_RIVALS = 4
+"""Segments that are looked at, those whose chords are nearest: curves pass each other closely."""
+
+
+class Segment:
+    """The curve from one point to the next, by Hermite's cubic through both and their tangents."""
+
+    def __init__(self, solution_curve: SolutionCurve, a: CurvePoint, b: CurvePoint) -> None:
+        self._curve = solution_curve
+        self.a, self.b = a, b
+        self._chord = b.q - a.q
+        self.length_rad = float(arc_lengths(self._chord, a.tangent, b.tangent))
+
+    def estimate(self, u: float) -> FloatArray:
+        """The cubic at a share `u` of the way, in [0, 1], shape (7,), rad.
+
+        Off the curve by the fourth power of the length.
+        """
+        return self._cubic(u)[0]
+
+    def direction(self, u: float) -> FloatArray:
+        """The unit direction of the cubic at `u`, shape (7,)."""
+        slope = self._cubic(u)[1]
+        unit: FloatArray = slope / math.sqrt(slope @ slope)
+        return unit
+
+    def exact(self, u: float) -> FloatArray:
+        """The configuration of the curve at `u`, shape (7,), rad, a fresh array.
+
+        Where the corrector fails, which takes a singularity: the nearer end.
+        """
+        if u in (0.0, 1.0):
+            return np.array(self.b.q if u else self.a.q)
+        found = self._curve.corrected(*self._cubic(u), _EXACT)
+        if found is None:
+            return np.array(self.a.q if u < 0.5 else self.b.q)
+        return found[0]
+
+    def _cubic(self, u: float) -> tuple[FloatArray, FloatArray]:
+        weights = _weights(u, self.length_rad)
+        position, slope = weights @ np.array([self._chord, self.a.tangent, self.b.tangent])
+        return self.a.q + position, slope
+
+    def coefficients(self, joint: int) -> tuple[float, float, float, float]:
+        """Of that joint of the cubic, as powers of `u` from 0 to 3, rad."""
+        h, rise = self.length_rad, float(self._chord[joint])
+        first, last = h * float(self.a.tangent[joint]), h * float(self.b.tangent[joint])
+        return (
+            float(self.a.q[joint]),
+            first,
+            3.0 * rise - 2.0 * first - last,
+            first + last - 2 * rise,
+        )
+
+    def turns(self, joint: int) -> list[float]:
+        """0, 1, and between them, in order, where that joint of the cubic turns back."""
+        _, c1, c2, c3 = self.coefficients(joint)
+        return [
+            0.0,
+            *sorted(u for u in _quadratic_roots(3.0 * c3, 2.0 * c2, c1) if 0.0 < u < 1.0),
+            1.0,
+        ]
+
+
+def cubics(
+    q: FloatArray, tangent: FloatArray, segment: Indices, u: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Points and slopes of the cubics between the points of a curve.
+
+    Args:
+        q: the points, shape (n, 7), rad; whole turns between neighbours do not count.
+        tangent: unit directions there, shape (n, 7).
+        segment: on which of the n - 1 cubics, shape (k,).
+        u: at which share of it, in [0, 1], shape (k,).
+
+    Returns:
+        Configurations, rad, and what the cubics do there per share, rad; shape (k, 7) each.
+    """
+    chord = whole_turns_off(np.diff(q, axis=0))
+    length = arc_lengths(chord, tangent[:-1], tangent[1:])[segment]
+    ends = np.array([chord[segment], tangent[segment], tangent[segment + 1]])
+    position, slope = np.einsum("ijk,jkl->ikl", _weights(u, length), ends)
+    return q[segment] + position, slope
+
+
+def feet(
+    q: FloatArray, tangent: FloatArray, near: FloatArray, breaks: Indices | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """How far configurations are from the cubics through points, and how these run there.
+
+    Whole turns of a joint do not count. Exact for those closer than the bends of the curve.
+
+    Args:
+        q: points of one curve or of several, one after the other, two or more of each; shape
+            (n, 7), rad.
+        tangent: unit directions there, shape (n, 7).
+        near: the configurations, shape (k, 7), rad.
+        breaks: the first points of all curves but the first.
+
+    Returns:
+        Distances, shape (k,), rad, and unit directions of the cubics, shape (k, 7).
+    """
+    squares = _chord_distances(_on_circles(q), _on_circles(near))
+    if breaks is not None:
+        squares[:, breaks - 1] = np.inf
+    count = min(_RIVALS, squares.shape[1])
+    segment = np.argpartition(squares, count - 1, axis=1)[:, :count].ravel()
+    each = np.repeat(near, count, axis=0)
+    distance, direction = _cubic_feet(q, tangent, each, segment)
+    distance = distance.reshape(len(near), count)
+    best = np.argmin(distance, axis=1) + count * np.arange(len(near))
+    return distance.ravel()[best], direction[best]
+
+
+def _chord_distances(points: FloatArray, near: FloatArray) -> FloatArray:
+    """Squares of the distances from points, (k, m), to chords of a polygon, (n, m): (k, n - 1)."""
+    start, chord = points[:-1], np.diff(points, axis=0)
+    length = np.square(chord).sum(axis=1).clip(min=np.finfo(float).tiny)
+    along = (near @ chord.T - (start * chord).sum(axis=1)) / length
+    share = along.clip(0.0, 1.0)
+    offset = np.square(near).sum(axis=1)[:, None] - 2.0 * near @ start.T
+    offset += np.square(start).sum(axis=1)
+    squares: FloatArray = offset + length * share * (share - 2.0 * along)
+    return squares
+
+
+def _cubic_feet(
+    q: FloatArray, tangent: FloatArray, near: FloatArray, segment: Indices
+) -> tuple[FloatArray, FloatArray]:
+    """`feet` on one segment each, by Newton's method on the share of the way."""
+    start, chord = q[segment], whole_turns_off(q[segment + 1] - q[segment])
+    ends = np.array([chord, tangent[segment], tangent[segment + 1]])
+    length = arc_lengths(*ends)
+    miss = offset = whole_turns_off(near - start)
+    slope, u = chord, np.zeros(len(near))
+    for _ in range(_PROJECTIONS):
+        step = (miss * slope).sum(axis=1) / np.square(slope).sum(axis=1)
+        u = (u + step).clip(0.0, 1.0)
+        position, slope = np.einsum("ijk,jkl->ikl", _weights(u, length), ends)
+        miss = offset - position
+    distance: FloatArray = np.sqrt(np.square(miss).sum(axis=1))
+    return distance, slope / np.sqrt(np.square(slope).sum(axis=1))[:, None]
+
+
+def _on_circles(q: FloatArray) -> FloatArray:
+    """Each angle as a point of the unit circle, shape (n, 14): whole turns make no difference."""
+    return np.concatenate([np.cos(q), np.sin(q)], axis=1)
+
+
+def _weights(u: float | FloatArray, h: float | FloatArray) -> FloatArray:
+    """What chord and both tangents count in Hermite's cubic, and in its slope: shape (2, 3, ...).
+
+    Args:
+        u: shares of the way, shape (...).
+        h: lengths, shape (...), rad.
+    """
+    back = 1.0 - u
+    position = u * u * (3.0 - 2.0 * u), h * u * back * back, -h * u * u * back
+    slope = 6.0 * u * back, h * back * (1.0 - 3.0 * u), -h * u * (2.0 - 3.0 * u)
+    return np.array([position, slope])
+
+
+def _quadratic_roots(a: float, b: float, c: float) -> list[float]:
+    """The real roots of `a u^2 + b u + c`, without cancellation (Press et al., 1992, 5.6)."""
+    square = b * b - 4.0 * a * c
+    if square < 0.0:
+        return []
+    t = -0.5 * (b + math.copysign(math.sqrt(square), b))
+    return [over / under for over, under in ((t, a), (c, t)) if under != 0.0]
+
+
+def arc_lengths(chord: FloatArray, tangent_a: FloatArray, tangent_b: FloatArray) -> FloatArray:
+    """The lengths of cubics between points whose unit tangents are known, shape (...), rad.
+
+    Simpson's rule on the speed of the cubic; off by the fifth power of the length.
+
+    Args:
+        chord: from a to b, shape (..., 7), rad.
+        tangent_a: shape (..., 7).
+        tangent_b: shape (..., 7).
+    """
+    straight = np.sqrt(np.square(chord).sum(axis=-1))
+    middle = 1.5 * chord - 0.25 * straight[..., None] * (tangent_a + tangent_b)
+    lengths: FloatArray = (straight + 2.0 * np.sqrt(np.square(middle).sum(axis=-1))) / 3.0
+    return lengths
