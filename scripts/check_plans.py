@@ -18,15 +18,18 @@ import os
 import statistics
 import sys
 import time
-from collections.abc import Iterable, Sequence
+import traceback
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from typing import Any
 
-from referee.problems import FAMILIES
-from referee.trial import Trial, run_trial
+from referee.checker import check_plan, task_faults
+from referee.problems import FAMILIES, make_problem, planned
 from tqdm import tqdm
 
 from baxter_kin.command_line import OneSentenceParser, file_to_write, whole_number
+from planner import verify
 
 SHOWN = 3
 """Findings printed of each contradicted plan; the file has all."""
@@ -42,6 +45,73 @@ HEADER = (
     "refusal s (median, max)",
     "planning s (median)",
 )
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The result of one problem, from start to end.
+
+    Attributes:
+        family: of problems.
+        number: of the problem within its family.
+        seed: of all problems.
+        planning_s: processor time of the planner, which other processes do not change.
+        waited_s: wall time of the planner.
+        verify_s: processor time of the certificate; 0 without a plan.
+        check_s: processor time of the independent check; 0 without a plan.
+        motion_s: duration of the moves; 0 without a plan.
+        refusal: why there is no plan, or None.
+        rejected: why the certificate says no, or None.
+        findings: of the independent check.
+        error: the exception, or None.
+    """
+
+    family: str
+    number: int
+    seed: int
+    planning_s: float = 0.0
+    waited_s: float = 0.0
+    verify_s: float = 0.0
+    check_s: float = 0.0
+    motion_s: float = 0.0
+    refusal: str | None = None
+    rejected: str | None = None
+    findings: tuple[str, ...] = ()
+    error: str | None = None
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the planner made a plan."""
+        return self.refusal is None and self.planning_s > 0.0
+
+
+def run_trial(family: str, number: int, seed: int) -> Trial:
+    """Plan, verify and check a problem; an exception is part of the result."""
+    known: dict[str, Any] = {}
+    try:
+        problem = make_problem(family, number, seed)
+        started = time.perf_counter()
+        plan = _timed(known, "planning_s", lambda: planned(problem))
+        known["waited_s"] = time.perf_counter() - started
+        if plan.failure is not None:
+            return Trial(family, number, seed, **known, refusal=str(plan.failure))
+        known["motion_s"] = plan.motion_time_s
+        certificate = _timed(known, "verify_s", lambda: verify(plan))
+        if not certificate.is_valid:
+            known["rejected"] = certificate.verdict
+        found = _timed(known, "check_s", lambda: check_plan(plan, margin_m=problem.margin_m))
+        found += task_faults(plan, problem.task, problem.q_goal)
+        return Trial(family, number, seed, **known, findings=tuple(map(str, found)))
+    except Exception:  # every exception is counted
+        return Trial(family, number, seed, **known, error=traceback.format_exc())
+
+
+def _timed(known: dict[str, Any], name: str, call: Callable[[], Any]) -> Any:
+    """The result of a call, whose processor time is recorded."""
+    started = time.process_time()
+    found = call()
+    known[name] = time.process_time() - started
+    return found
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -40,14 +40,14 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from referee.problems import Problem, make_problem
+from referee.problems import make_problem, planned
 from served_urdf import served_urdf
 from tqdm import tqdm
 
 from baxter_kin import Baxter
 from baxter_kin.description.hands import ElectricGripper
 from baxter_kin.fields import evolve, field_names
-from planner import Manipulator, Plan, Response, plan_pick_and_place, plan_start_move, verify
+from planner import Manipulator, Plan, Response, verify
 from planner.pick_place.tracking.proof import prove_tracking
 from planner.plan import Move
 from sim import Recorder, Recording, Simulation, World
@@ -248,15 +248,7 @@ _RECORDERS = {
 def _planned(family: str, number: int) -> tuple[Plan, Manipulator]:
     problem = make_problem(family, number, SEED)
     problem = evolve(problem, manipulator=_manipulator(problem.manipulator.arm.side, number))
-    return _solved(problem), problem.manipulator
-
-
-def _solved(problem: Problem) -> Plan:
-    at = problem.manipulator, problem.scene, problem.q_start
-    options: dict[str, Any] = {"margin_m": problem.margin_m, "held": problem.held}
-    if problem.task is None:
-        return plan_start_move(*at, problem.q_goal, **options)
-    return plan_pick_and_place(problem.task, *at, **options)
+    return planned(problem), problem.manipulator
 
 
 @cache

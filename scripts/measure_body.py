@@ -24,9 +24,8 @@ from itertools import product
 
 import numpy as np
 import pinocchio as pin
-from referee.clearance import distance_m, inverse
-from referee.solids import Array, Solid, box_solid
-from referee.urdf import Robot, load_robot
+from referee.robot import Robot, load_robot
+from referee.solids import Array, Solid, box_solid, distance_m, inverse
 from tqdm import tqdm
 
 from baxter_kin import Arm, Baxter
@@ -145,12 +144,12 @@ def _is_in(meshes: _Distances, pair: tuple[str, str]) -> bool:
     """
     if meshes.are_nested(*pair):
         return True
-    group, solids = load_robot().group, load_robot().solids
+    robot = load_robot()
     return any(
         meshes.of(link, other, 0.0) == 0.0
         for inner, other in (pair, pair[::-1])
-        for link in solids
-        if inner in group and group[link] == group[inner] and link != other
+        if inner in robot.chains
+        for link in robot.rigid_to(inner) & robot.solids.keys() - {other}
     )
 
 
@@ -192,7 +191,7 @@ class _Distances:
 
 
 def _holds(outer: Solid, inner: Solid, T_outer_inner: Array) -> bool:
-    middle = T_outer_inner[:3, :3] @ inner.centre + T_outer_inner[:3, 3]
+    middle = T_outer_inner[:3, :3] @ inner.vertices.mean(axis=0) + T_outer_inner[:3, 3]
     return bool(outer.contains(middle[None])[0])
 
 
@@ -222,7 +221,7 @@ def _pairs(side: str, boxes: tuple[str, ...]) -> list[tuple[str, str]]:
         if one != other
         and frozenset((one, other)) not in skipped
         and not {one, other} <= hand
-        and not (other in robot.group and robot.group[one] == robot.group[other])
+        and other not in robot.rigid_to(one)
     ]
 
 

@@ -31,8 +31,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from referee.checker import check_plan
-from referee.problems import FAMILIES, make_problem
-from referee.trial import planned
+from referee.problems import FAMILIES, make_problem, planned
 from tqdm import tqdm
 
 from baxter_kin.description import RobotDescription

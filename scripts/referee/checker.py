@@ -1,39 +1,60 @@
 """A plan from its first instant to its last: everything that moves against everything else.
 
-Runs of moves between gripper actions are looked at every millisecond, gripper actions at least
-every 0.05 mm of a finger's way. How closing fingers push a body, and where a body that is let go
-ends up, is in `fingers`; what may touch, in `rules`.
+Moves between two gripper actions are sampled every millisecond, gripper actions at least every
+0.05 mm of a finger's way. Of the toolkit only data is read: knots of trajectories, gripper actions,
+bodies, joints. Positions are the cubics through the knots: `q + v t + a t^2 / 2 + j t^3 / 6`.
 
-Not seen: what a pushed or carried body takes along or tips over, how one that is let go turns until
-it lies flat, links of the robot wholly inside each other, what is thinner than the arm moves in a
-millisecond (2 mm) and inside none of the solids at its beginning, cables and covers. Depths are of
-one surface in the other solid, so never more than it takes to part the two.
+Not covered: what a pushed or carried body takes along or tips over, how one that is let go turns
+until it lies flat, links of the robot wholly inside each other, what is thinner than the arm moves
+in a millisecond (2 mm) and inside none of the solids at its beginning, cables and covers. Depths
+are of one surface in the other solid, so never more than it takes to part the two.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from referee.clearance import Track
-from referee.findings import Finding
-from referee.fingers import Closing, Travel, closing, line_travel
-from referee.motion import arm_joints, motion_faults, sampled
-from referee.pairs import Span, When, broken
-from referee.rules import BRUSHING, CONTACT_M, DROP_M, FORBIDDEN, PRESS_M, PRESSING, Rule, apart
+from referee.pairs import (
+    BRUSHING,
+    CONTACT_M,
+    FORBIDDEN,
+    PRESSING,
+    Finding,
+    Rule,
+    Span,
+    Track,
+    broken,
+    held_findings,
+    margin_rule,
+)
+from referee.robot import Robot, arm_joints, load_robot
 from referee.solids import Array
-from referee.stage import Stage, Thing
-from referee.supported import held_findings
-from referee.urdf import Robot, load_robot
+from referee.stage import Stage, Thing, closing, openings_m
+
+Links = dict[str, list[Track]]
+
+STEP_S, FINGER_SPEED_M_S = 1e-3, 0.05
+
+ROUNDING = 1e-7
+"""Largest difference of q, v or a that is rounding; rad, s."""
 
 STRAIGHT_M, STRAIGHT_RAD = 2e-4, 1e-3
 """How far a tip may leave a line, and turn, that counts as straight."""
 
+MAX_DROP_M, MAX_FALL_M = 1e-2, 1.0
+"""How far a body that is let go may fall, and how far its fall is followed."""
+
+REACHED = 1e-5
+"""How far entries of a tip pose or joint angles may be from what was asked; m, rad."""
+
 JOINED_M = 1e-5
-"""How far a body in a hand may be from where the scene says it is."""
+"""How far a body in a hand may be from where the scene has it."""
 
 STATED_M, LEVELLED = 5e-4, 0.018
 """How far a finger, or a body that was held, may be from where a step states it, and how much a
@@ -41,7 +62,7 @@ body may turn as it comes down: the planner's fingers are hulls of those that cl
 
 
 def check_plan(plan: Any, *, margin_m: float = 0.0, state: Any = None) -> list[Finding]:
-    """Everything that speaks against a plan; nothing when it is right.
+    """Everything that contradicts a plan; nothing when it is right.
 
     Args:
         plan: its steps, `q_start`, limb and state.
@@ -52,55 +73,124 @@ def check_plan(plan: Any, *, margin_m: float = 0.0, state: Any = None) -> list[F
     findings = list(motion_faults(plan, robot))
     if any(finding.kind == "jumps" for finding in findings):
         return findings
-    known = plan.start if state is None else state
-    return findings + list(_Check(plan, known, robot, margin_m).findings())
+    return findings + list(_Check(plan, state, robot, margin_m).findings())
+
+
+# The numbers of trajectories
+
+
+def motion_faults(plan: Any, robot: Robot) -> Iterator[Finding]:
+    """Jumps, limits of the URDF that are exceeded, and motion where there should be rest."""
+    joints = [robot.joint(name) for name in arm_joints(plan.limb)]
+    names = [joint.name for joint in joints]
+    lower, upper, speed = np.array([[j.lower, j.upper, j.speed] for j in joints]).T
+    before = [np.array(plan.q_start, dtype=float), np.zeros(7), np.zeros(7)]
+    for step in plan.steps:
+        label = step.label
+        if not hasattr(step, "trajectory"):
+            yield from _excess("moves where it should rest", label, np.array(before[1:]), ["arm"])
+            continue
+        knots = np.array(step.trajectory.knots_s, dtype=float)
+        ends = _states(step.trajectory, np.arange(len(knots) - 1), np.diff(knots))
+        _, states = sampled(step.trajectory)
+        for name, old, new, end in zip("qva", before, states, ends, strict=True):
+            at_knots = np.array(getattr(step.trajectory, name))[1:]
+            yield from _excess("jumps", label, new[0] - old, [f"{name} at its start"])
+            yield from _excess("jumps", label, end - at_knots, [f"{name} at a knot"])
+        q, v, _ = states
+        over = np.maximum(np.maximum(lower - q, q - upper), 0.0)
+        yield from _excess("position limit", label, over, names)
+        yield from _excess("velocity limit", label, np.maximum(np.abs(v) - speed, 0.0), names)
+        before = [state[-1] for state in states]
+    yield from _excess("moves where it should rest", "the end", np.array(before[1:]), ["arm"])
+
+
+def sampled(trajectory: Any) -> tuple[Array, list[Array]]:
+    """Every millisecond, every knot, and the end: times, shape (n,), and q, v, a, shape (n, 7)."""
+    knots = np.array(trajectory.knots_s, dtype=float)
+    t = np.union1d(np.arange(0.0, knots[-1], STEP_S), knots)
+    i = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, max(len(knots) - 2, 0))
+    return t, _states(trajectory, i, t - knots[i])
+
+
+def _states(trajectory: Any, i: Any, dt: Array) -> list[Array]:
+    """q, v and a so long after some knots."""
+    q, v, a = (np.array(getattr(trajectory, name))[i] for name in "qva")
+    j = np.vstack([np.array(trajectory.j).reshape(-1, 7), np.zeros(7)])[i]
+    dt = dt[:, None]
+    return [q + dt * (v + dt * (a / 2 + dt * j / 6)), v + dt * (a + dt * j / 2), a + dt * j]
+
+
+def _excess(kind: str, label: str, excess: Array, names: list[str]) -> Iterator[Finding]:
+    """What is more than rounding; the columns of an array are named."""
+    worst = np.abs(excess).reshape(-1, len(names)).max(axis=0, initial=0.0)
+    if worst.max() > ROUNDING:
+        yield Finding(kind, label, names[int(worst.argmax())], amount=float(worst.max()))
+
+
+# What was asked
+
+
+def task_faults(plan: Any, task: Any, q_goal: Array | None) -> Iterator[Finding]:
+    """What is missing of a pick and place, or of a free move.
+
+    A plan that does nothing is not right.
+    """
+    stage = Stage(load_robot(), plan.limb, {j.name: 0.0 for j in load_robot().joints}, {})
+    at, grips = np.array(plan.q_start), []
+    for step in plan.steps:
+        if hasattr(step, "trajectory"):
+            at = np.array(step.trajectory.q)[-1]
+        elif task is not None and step.body == task.body:
+            grips.append((str(step.action.value), at))
+    if task is None:
+        off = float(np.abs(at - np.array(q_goal)).max())
+        if off > REACHED:
+            yield Finding("does not reach its goal", "the end", plan.limb, amount=off)
+        return
+    done = [action for action, _ in grips]
+    if done != ["close", "open"]:
+        yield Finding("does not carry it", "the plan", task.body, detail=f"but {done}")
+        return
+    for (action, q), pose in zip(grips, (task.T_base_pick, task.T_base_place), strict=True):
+        off = float(np.abs(stage.moved(q).tip(plan.limb) - pose.homogeneous).max())
+        if off > REACHED:
+            yield Finding("is not where it was asked to be", action, "tip", amount=off)
+
+
+# What moves
 
 
 @dataclass(frozen=True)
 class _Run:
-    """Moves between two gripper actions, sampled.
+    """Samples of moves between two gripper actions, or of one gripper action.
 
     Attributes:
-        q: of the arm, shape (n, 7).
-        labels: of each sample's move.
-        times_s: within it.
-        line_out: up to here the first move goes straight; 0 if it does not.
-        line_in: from here the last move does; n if it does not.
+        joints: of the arm or of the fingers, shape (n,) each, by name.
+        labels: the step of each sample.
+        times_s: the time in that step, shape (n,).
+        line_out: the sample up to which the first move is straight; 0 if it is not.
+        line_in: the sample from which the last move is; n if it is not.
     """
 
-    q: Array
+    joints: dict[str, Array]
     labels: list[str]
     times_s: Array
     line_out: int
     line_in: int
 
+    @property
+    def count(self) -> int:
+        """How many samples."""
+        return len(self.labels)
+
     def when(self, sample: int) -> tuple[str, float]:
         """Step and time of a sample."""
         return self.labels[sample], float(self.times_s[sample])
 
-
-def stated_otherwise(step: Any, stage: Stage) -> Iterator[Finding]:
-    """Where the state that a step states differs from the stage at its beginning."""
-    state, things = step.state, dict(stage.things)
-    if state is None:
-        return
-    if stage.in_hand is not None:
-        things[stage.in_hand.name] = stage.in_hand
-    for name, value in stage.joints.items():
-        off = abs(float(state.joints.get(name, np.inf)) - value)
-        if off > (STATED_M if "finger" in name else JOINED_M):
-            yield Finding("is not as stated", step.label, 0.0, name, "state", off)
-    for name in things.keys() ^ state.scene.bodies.keys():
-        yield Finding("is there or stated, not both", step.label, 0.0, name, "state", np.nan)
-    for name in things.keys() & state.scene.bodies.keys():
-        T = np.array(state.scene[name].T_base_body.homogeneous)
-        off = float(np.abs(T[:3, 3] - things[name].T[:3, 3]).max())
-        turned = float(np.abs(T[:3, :3] - things[name].T[:3, :3]).max())
-        if off > STATED_M + 0.1 * turned or turned > LEVELLED:
-            yield Finding("is not where it is stated", step.label, 0.0, name, "state", off)
-    own = [each.body for each in state.attachments if each.side == stage.limb]
-    if own != ([] if stage.held is None else [stage.held.name]):
-        yield Finding("is not what is held", step.label, 0.0, str(own), "state", np.nan)
+    def all_along(self, rule: Rule) -> list[Span]:
+        """One rule from start to end."""
+        return [Span(0, self.count, rule)]
 
 
 class _Check:
@@ -108,11 +198,10 @@ class _Check:
 
     def __init__(self, plan: Any, state: Any, robot: Robot, margin_m: float) -> None:
         self._steps = list(plan.steps)
-        self._rest = apart(margin_m)
-        self._margin_m = margin_m
-        self._state = state
-        self._judges_states = state is plan.start
-        self._stage = Stage.of(plan, state, robot)
+        self._rest = margin_rule(margin_m)
+        self._state = plan.start if state is None else state
+        self._judges_states = self._state is plan.start
+        self._stage = Stage.of(plan, self._state, robot)
         self._released: str | None = None
 
     def findings(self) -> Iterator[Finding]:
@@ -127,234 +216,218 @@ class _Check:
             moves = []
             if self._judges_states:
                 yield from stated_otherwise(step, self._stage)
-            yield from self._gripped(step)
+            yield from self._closed(step) if _closes(step) else self._opened(step)
         yield from self._moved(moves, None)
 
     def _held_elsewhere(self) -> Iterator[Finding]:
-        """Bodies in hands that the scene sees somewhere else."""
+        """Bodies in hands that the scene has somewhere else."""
         for holding in self._state.attachments:
-            said = np.array(self._state.scene[holding.body].T_base_body.homogeneous)
+            stated = np.array(self._state.scene[holding.body].T_base_body.homogeneous)
             T = self._stage.tip(holding.side) @ np.array(holding.T_link_body.homogeneous)
-            off = float(np.abs(T - said).max())
+            off = float(np.abs(T - stated).max())
             if off > JOINED_M:
                 names = holding.body, f"{holding.side} hand"
-                yield Finding("is not where it is held", "start", 0.0, *names, off)
+                yield Finding("is not where it is held", "start", *names, off)
+
+    def _robot_and_things(
+        self,
+        run: _Run,
+        links: Links,
+        moving: set[str],
+        spans_of: Callable[[str, str], list[Span]],
+        grasped: Thing | None,
+    ) -> Iterator[Finding]:
+        """Links that move, against all others and against the bodies that stand."""
+        stage, names = self._stage, sorted(links, key=lambda link: link not in moving)
+        for number, first in enumerate(names):
+            for second in names[number + 1 :]:
+                between = stage.robot.joints_between(first, second)
+                if between < 2 or not moving & {first, second}:
+                    continue
+                rule = FORBIDDEN if between == 2 else self._rest
+                yield from broken(links[first], links[second], run.all_along(rule), run.when)
+        others = {thing.name: thing.tracks() for thing in stage.others(grasped)}
+        for link, name in product(moving & links.keys(), others):
+            yield from broken(links[link], others[name], spans_of(link, name), run.when)
+
+    def _grasped_and_robot(self, run: _Run, links: Links, tracks: list[Track]) -> Iterator[Finding]:
+        """A body in the hand, against all links."""
+        stage = self._stage
+        for link, solids in links.items():
+            rule = FORBIDDEN if link in stage.hand_links else self._rest
+            if link in stage.finger_links:
+                rule = PRESSING
+            yield from broken(tracks, solids, run.all_along(rule), run.when)
 
     # Moves
 
     def _moved(self, moves: list[Any], grip: Any) -> Iterator[Finding]:
         if not moves:
             return
-        stage, run = self._stage, self._run(moves)
-        joints = dict(zip(arm_joints(stage.limb), run.q.T, strict=True))
-        links = stage.links(joints)
-        moving = stage.robot.below(set(arm_joints(stage.limb)))
+        stage, (run, q) = self._stage, self._run(moves)
         wanted = grip.body if grip is not None and _closes(grip) else None
         if self._judges_states:
             for move in moves:
                 yield from stated_otherwise(move, stage.moved(np.array(move.trajectory.q_start)))
             yield from self._stated_to_touch(moves, grip, wanted)
-        yield from self._robot_itself(links, moving, len(run.q), run.when)
-        for link in moving & links.keys():
-            for track in links[link]:
-                for thing in stage.things.values():
-                    spans = self._spans(link, thing.name, wanted, run)
-                    for other in thing.tracks():
-                        yield from broken(track, other, spans, run.when)
+
+        links, moving = stage.links(run.joints), stage.robot.below(run.joints)
+        spans_of = partial(self._spans, run, wanted)
+        yield from self._robot_and_things(run, links, moving, spans_of, None)
         if stage.held is not None:
-            yield from self._carried(run, links, grip)
-        self._stage = stage.moved(run.q[-1])
-        self._released = None
+            puts_down = grip is not None and not _closes(grip)
+            yield from self._carried(run, links, stage.held, stage.tips(q), puts_down)
+        self._stage, self._released = stage.moved(q[-1]), None
+
+    def _run(self, moves: list[Any]) -> tuple[_Run, Array]:
+        """Samples of moves, and the arm's positions, shape (n, 7)."""
+        found = [(move.label, *sampled(move.trajectory)) for move in moves]
+        labels = [label for label, t, _ in found for _ in t]
+        times_s = np.concatenate([t for _, t, _ in found])
+        q = np.concatenate([states[0] for _, _, states in found])
+        first, last = len(found[0][1]), len(q) - len(found[-1][1])
+        tips = self._stage.tips(q)
+        out = first if _is_straight(tips[:first]) else 0
+        into = last if _is_straight(tips[last:]) else len(q)
+        return _Run(self._stage.arm(q), labels, times_s, out, into), q
+
+    def _spans(self, run: _Run, wanted: str | None, link: str, body: str) -> list[Span]:
+        """The rules of a link with a body that stands, over moves."""
+        out = run.line_out if body == self._released else 0
+        into = run.line_in if body == wanted else run.count
+        if link not in self._stage.hand_links or (out == 0 and into == run.count):
+            return run.all_along(self._rest)
+        near = BRUSHING if link in self._stage.finger_links else FORBIDDEN
+        if out > into:  # one straight move that is both
+            return run.all_along(near)
+        return [Span(0, out, near), Span(out, into, self._rest), Span(into, run.count, near)]
+
+    def _carried(
+        self, run: _Run, links: Links, held: Thing, tips: Array, puts_down: bool
+    ) -> Iterator[Finding]:
+        """What is held, against the robot and the bodies that stand."""
+        stage, T = self._stage, tips @ self._stage.T_tip_held
+        tracks = held.tracks(T)
+        yield from self._grasped_and_robot(run, links, tracks)
+        carry = stage.supports(held.at(T[0]))
+        receive = stage.supports(held.at(T[-1]), MAX_DROP_M) if puts_down else set()
+        for name, thing in stage.things.items():
+            if name not in carry | receive:
+                yield from broken(tracks, thing.tracks(), run.all_along(self._rest), run.when)
+                continue
+            for track, other in ((one, two) for two in thing.tracks() for one in tracks):
+                yield from held_findings(
+                    track,
+                    other,
+                    ends=(name in carry, name in receive),
+                    lines=(run.line_out, run.line_in),
+                    tips=tips[:, :3, 3],
+                    rest=self._rest,
+                    when=run.when,
+                )
 
     def _stated_to_touch(
         self, moves: list[Any], grip: Any, wanted: str | None
     ) -> Iterator[Finding]:
-        """What moves state to touch, and nothing says that it should."""
+        """Contacts that moves state as intended without a reason."""
         stage, hand = self._stage, f"{self._stage.limb} hand"
         for number, move in enumerate(moves):
-            is_last = number == len(moves) - 1
+            is_first, is_last = number == 0, number == len(moves) - 1
             may: set[tuple[str, str]] = set()
             if stage.held is not None:
                 puts_down = is_last and grip is not None and not _closes(grip)
-                at = [stage] * (number == 0) + [stage.moved(move.trajectory.q_goal)] * puts_down
-                for held in (moment.in_hand for moment in at):
-                    assert held is not None
-                    may |= {
-                        (held.name, name)
-                        for name, thing in stage.things.items()
-                        if held.gap_m(thing) <= PRESS_M + CONTACT_M
-                    }
-            else:
-                names = {wanted} if is_last and wanted else {self._released} if number == 0 else ()
-                may = {(name, hand) for name in names if name is not None and move.is_straight}
+                at = [stage] * is_first + [stage.moved(move.trajectory.q_goal)] * puts_down
+                may = {
+                    (held.name, name)
+                    for held in (moment.in_hand for moment in at)
+                    for name, thing in stage.things.items()
+                    if held is not None and held.gap_m(thing) <= PRESSING.max_depth_m + CONTACT_M
+                }
+            elif move.is_straight:
+                touched = {wanted} if is_last and wanted else {self._released} if is_first else ()
+                may = {(name, hand) for name in touched if name is not None}
             stated = {(each.body, each.other.replace("pads", "hand")) for each in move.contacts}
-            for first, second in stated - may:
-                yield Finding("is stated to touch", move.label, 0.0, first, second, np.nan)
-
-    def _run(self, moves: list[Any]) -> _Run:
-        states = [sampled(move.trajectory) for move in moves]
-        labels = [move.label for move, found in zip(moves, states, strict=True) for _ in found.t]
-        q = np.concatenate([found.q for found in states])
-        first, last = len(states[0].t), len(q) - len(states[-1].t)
-        run = _Run(q, labels, np.concatenate([found.t for found in states]), 0, len(q))
-        tips = self._tips(q)
-        return replace(
-            run,
-            line_out=first if _is_straight(tips[:first]) else 0,
-            line_in=last if _is_straight(tips[last:]) else len(q),
-        )
-
-    def _tips(self, q: Array) -> Array:
-        joints = dict(zip(arm_joints(self._stage.limb), q.T, strict=True))
-        poses = self._stage.robot.poses({**self._stage.joints, **joints})
-        return poses[f"{self._stage.limb}_gripper"]
-
-    def _spans(self, link: str, body: str, wanted: str | None, run: _Run) -> list[Span]:
-        """The rules of a link with a body that stands, over a run."""
-        count = len(run.q)
-        out = run.line_out if body == self._released else 0
-        into = run.line_in if body == wanted else count
-        if link not in self._stage.hand or (out == 0 and into == count):
-            return [Span(0, count, self._rest)]
-        near = BRUSHING if link in self._stage.fingers else FORBIDDEN
-        if out > into:  # one straight move that is both
-            return [Span(0, count, near)]
-        return [Span(0, out, near), Span(out, into, self._rest), Span(into, count, near)]
-
-    def _robot_itself(
-        self, links: dict[str, list[Track]], moving: set[str], count: int, when: When
-    ) -> Iterator[Finding]:
-        """Links that move against all others."""
-        names = list(links)
-        for number, first in enumerate(names):
-            for second in names[number + 1 :]:
-                if first not in moving and second not in moving:
-                    continue
-                if self._stage.robot.are_joined(first, second):
-                    continue
-                is_near = self._stage.robot.are_neighbours(first, second)
-                rule = FORBIDDEN if is_near else self._rest
-                for one in links[first]:
-                    for other in links[second]:
-                        pair = (one, other) if one.moves else (other, one)
-                        yield from broken(*pair, [Span(0, count, rule)], when)
-
-    def _carried(self, run: _Run, links: dict[str, list[Track]], grip: Any) -> Iterator[Finding]:
-        """What is held, against the robot and the bodies that stand."""
-        stage, count = self._stage, len(run.q)
-        assert stage.held is not None
-        tips = self._tips(run.q)
-        T = tips @ stage.T_tip_held
-        tracks = stage.held.tracks(T)
-        for link, solids in links.items():
-            rule = _of_held(link, stage, self._rest)
-            for held in tracks:
-                for solid in solids:
-                    yield from broken(held, solid, [Span(0, count, rule)], run.when)
-        begin, end = stage.held.at(T[0]), stage.held.at(T[-1])
-        puts_down = grip is not None and not _closes(grip)
-        supports = stage.supports(begin), stage.supports(end, DROP_M) if puts_down else set()
-        for name, thing in stage.things.items():
-            for other in thing.tracks():
-                for held in tracks:
-                    if name in supports[0] | supports[1]:
-                        yield from held_findings(
-                            held,
-                            other,
-                            ends=(name in supports[0], name in supports[1]),
-                            lines=(run.line_out, run.line_in),
-                            tips=tips[:, :3, 3],
-                            rest=self._rest,
-                            when=run.when,
-                        )
-                    else:
-                        yield from broken(held, other, [Span(0, count, self._rest)], run.when)
+            for names in sorted(stated - may):
+                yield Finding("is stated to touch", move.label, *names)
 
     # Gripper actions
-
-    def _gripped(self, grip: Any) -> Iterator[Finding]:
-        if _closes(grip):
-            yield from self._closed(grip)
-        else:
-            yield from self._opened(grip)
 
     def _closed(self, grip: Any) -> Iterator[Finding]:
         stage = self._stage
         if stage.held is not None or (grip.body is not None and grip.body not in stage.things):
-            yield Finding("nothing to close on", grip.label, 0.0, str(grip.body), "", np.nan)
+            yield Finding("nothing to close on", grip.label, str(grip.body))
             return
         thing = None if grip.body is None else stage.things[grip.body]
         found = closing(stage, thing)
         if thing is not None and not found.holds:
-            yield Finding("missed by the fingers", grip.label, 0.0, thing.name, "", np.nan)
-        travel = found.travel(grip.label)
-        yield from self._fingers_travel(travel, thing, found.T_things)
-        self._stage = stage.opened(found.opening_m)
+            yield Finding("missed by the fingers", grip.label, thing.name)
+        yield from self._fingers_move(grip.label, found.openings_m, thing, found.T_things)
+        self._stage = stage.opened(float(found.openings_m[-1]))
         if thing is not None and found.holds:
-            self._stage = self._take(thing, found)
-
-    def _take(self, thing: Thing, found: Closing) -> Stage:
-        T_tip_thing = np.linalg.inv(self._stage.tip(self._stage.limb)) @ found.T_things[-1]
-        return self._stage.with_thing(thing.at(found.T_things[-1])).holding(thing.name, T_tip_thing)
+            T = found.T_things[-1]
+            T_tip_thing = np.linalg.inv(self._stage.tip(stage.limb)) @ T
+            self._stage = self._stage.with_thing(thing.at(T)).holding(thing.name, T_tip_thing)
 
     def _opened(self, grip: Any) -> Iterator[Finding]:
         goal = self._stage.stroke_m if grip.opening_m is None else float(grip.opening_m)
-        held = self._stage.held
-        if (None if held is None else held.name) != grip.body:
-            named = "nothing" if held is None else held.name
-            yield Finding("is not what is held", grip.label, 0.0, str(grip.body), named, np.nan)
-        if held is not None:
-            self._stage = self._stage.released()
-        stage = self._stage
-        thing = None if held is None else stage.things[held.name]
-        travel = line_travel(grip.label, stage.opening_m, goal)
-        T_things = None if thing is None else thing.T
-        yield from self._fingers_travel(travel, thing, T_things)
+        held = None if self._stage.held is None else self._stage.held.name
+        if held != grip.body:
+            names = str(grip.body), held or "nothing"
+            yield Finding("is not what is held", grip.label, *names)
+        stage = self._stage = self._stage.released()
+        thing = None if held is None else stage.things[held]
+        openings = openings_m(stage.opening_m, goal)
+        yield from self._fingers_move(grip.label, openings, thing, thing and thing.T)
         self._stage = stage.opened(goal)
         if thing is not None:
-            drop_m = stage.fallen(thing, 1.0)
-            if drop_m > DROP_M + CONTACT_M:
-                yield Finding("falls", grip.label, 0.0, thing.name, "", drop_m)
+            drop_m = stage.drop_m(thing, MAX_FALL_M)
+            if drop_m > MAX_DROP_M + CONTACT_M:
+                yield Finding("falls", grip.label, thing.name, amount=drop_m)
             self._stage = self._stage.with_thing(thing.raised(-drop_m))
             self._released = thing.name
 
-    def _fingers_travel(
-        self, travel: Travel, thing: Thing | None, T_things: Array | None
+    def _fingers_move(
+        self, label: str, openings: Array, thing: Thing | None, T_things: Array | None
     ) -> Iterator[Finding]:
         """Both fingers, and what they push, while they travel."""
-        stage, count = self._stage, len(travel.openings_m)
-        first, second = stage.finger_names
-        links = stage.links({first: travel.openings_m, second: -travel.openings_m})
-        fingers = stage.fingers
-        yield from self._robot_itself(links, fingers, count, travel.when)
-        for link in fingers & links.keys():
-            for track in links[link]:
-                for other in stage.things.values():
-                    if thing is not None and other.name == thing.name:
-                        continue
-                    for still in other.tracks():
-                        spans = [Span(0, count, self._rest)]
-                        yield from broken(track, still, spans, travel.when)
-        if thing is None or T_things is None:
+        stage, count = self._stage, len(openings)
+        way_m = np.append(0.0, np.abs(np.diff(openings)).cumsum())
+        run = _Run(stage.fingers(openings), [label] * count, way_m / FINGER_SPEED_M_S, 0, count)
+        rest, links = run.all_along(self._rest), stage.links(run.joints)
+        yield from self._robot_and_things(run, links, stage.finger_links, lambda *_: rest, thing)
+        if thing is None:
             return
-        supports = stage.supports(thing)
-        for track in thing.tracks(T_things):
-            for link, solids in links.items():
-                rule = _of_held(link, stage, self._rest)
-                for solid in solids:
-                    yield from broken(track, solid, [Span(0, count, rule)], travel.when)
-            if track.moves:
-                for name, other in stage.things.items():
-                    rule = PRESSING if name in supports else self._rest
-                    for still in other.tracks() if name != thing.name else []:
-                        yield from broken(track, still, [Span(0, count, rule)], travel.when)
+        supports, tracks = stage.supports(thing), thing.tracks(T_things)
+        yield from self._grasped_and_robot(run, links, tracks)
+        if any(track.moves for track in tracks):
+            for other in stage.others(thing):
+                spans = run.all_along(PRESSING) if other.name in supports else rest
+                yield from broken(tracks, other.tracks(), spans, run.when)
 
 
-def _of_held(link: str, stage: Stage, rest: Rule) -> Rule:
-    """The rule of a grasped body with a link."""
-    if link in stage.fingers:
-        return PRESSING
-    return FORBIDDEN if link in stage.hand else rest
+def stated_otherwise(step: Any, stage: Stage) -> Iterator[Finding]:
+    """Where the state that a step states differs from the stage at its beginning."""
+    state, things = step.state, dict(stage.things)
+    if state is None:
+        return
+    if stage.in_hand is not None:
+        things[stage.in_hand.name] = stage.in_hand
+    for name, value in stage.joints.items():
+        off = abs(float(state.joints.get(name, np.inf)) - value)
+        if off > (STATED_M if "finger" in name else JOINED_M):
+            yield Finding("is not as stated", step.label, name, "state", off)
+    for name in sorted(things.keys() | state.scene.bodies.keys()):
+        if name not in things or name not in state.scene.bodies:
+            yield Finding("is there or stated, not both", step.label, name, "state")
+            continue
+        T = np.array(state.scene[name].T_base_body.homogeneous)
+        off = float(np.abs(T[:3, 3] - things[name].T[:3, 3]).max())
+        turned = float(np.abs(T[:3, :3] - things[name].T[:3, :3]).max())
+        if off > STATED_M + 0.1 * turned or turned > LEVELLED:
+            yield Finding("is not where it is stated", step.label, name, "state", off)
+    own = [each.body for each in state.attachments if each.side == stage.limb]
+    if own != ([] if stage.held is None else [stage.held.name]):
+        yield Finding("is not what is held", step.label, str(own), "state")
 
 
 def _closes(grip: Any) -> bool:

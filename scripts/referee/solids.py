@@ -1,16 +1,16 @@
-"""Solids: triangles as FCL sees them, and what is inside.
+"""Solids: triangles for FCL, their distances, and what is inside.
 
 A convex solid of the scene can be eroded: shrunk so that every point of it is at least so deep in
 the original. What touches the eroded solid is so deep in the original. Cylinders and spheres become
-inscribed polyhedra, so what is reported is never more than what is there; what is lost is below
-5 um for radii up to 3 cm.
+inscribed polyhedra, so no reported depth is more than the true one; what is lost is below 5 um for
+radii up to 3 cm.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cache, cached_property
 from typing import Any
 
 import fcl
@@ -21,22 +21,26 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 Array = NDArray[np.float64]
-Faces = NDArray[np.int64]
 
 CYLINDER_SIDES = 192
 SPHERE_SUBDIVISIONS = 5
-SMALLEST_M = 1e-7
-"""What is left of a solid counts as nothing below this."""
 
-DIRECTIONS = 200
-"""Rays that ask whether a point is enclosed by a mesh."""
+MIN_SIZE_M = 1e-7
+"""A smaller rest of an eroded solid counts as nothing."""
 
-ENCLOSED = 0.9
-"""A point is when so many of them are stopped: the links are open where the next one begins."""
+RAYS = 200
+"""Rays that decide whether a point is enclosed by a mesh."""
 
-PIECE_FACES = 1500
-"""Meshes of more triangles are bounded by several boxes; at most `MOST_PIECES`."""
-MOST_PIECES = 16
+MIN_STOPPED = 0.9
+"""Share of them that are stopped around an enclosed point: links are open where the next begins."""
+
+TOUCHING_M = 1e-9
+"""Rounding of FCL's distance, which is zero where two solids intersect."""
+
+MAX_DEPTH_M = 0.05
+"""Greater depths are reported as this."""
+
+STILL = fcl.Transform()
 
 
 @dataclass(eq=False)
@@ -47,20 +51,17 @@ class Solid:
         name: link or body.
         vertices: shape (n, 3), m.
         faces: shape (m, 3).
-        depth_m: of a convex solid, how deep points, shape (n, 3), are inside; negative outside.
-            None of a mere surface.
-        shrink: of a convex solid, what is left of it when so much is taken off everywhere.
+        shrink: of a convex solid, what is left when so much is taken off everywhere, or None; None
+            of a mere surface.
     """
 
     name: str
     vertices: Array
-    faces: Faces
-    depth_m: Callable[[Array], Array] | None = None
+    faces: NDArray[np.int64]
     shrink: Callable[[float], Solid | None] | None = None
-    _eroded: dict[float, Solid | None] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def surface(cls, name: str, vertices: Array, faces: Faces) -> Solid:
+    def surface(cls, name: str, vertices: Array, faces: NDArray[np.int64]) -> Solid:
         """A mesh that may have holes."""
         corners = vertices[faces]
         areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -70,95 +71,124 @@ class Solid:
     @property
     def is_convex(self) -> bool:
         """Whether it is solid and convex, not a mere surface."""
-        return self.depth_m is not None
-
-    def eroded(self, depth_m: float) -> Solid | None:
-        """What is left of it when so much is taken off everywhere; a mere surface stays itself.
-
-        None when nothing is left.
-        """
-        if depth_m == 0.0 or self.shrink is None:
-            return self
-        if depth_m not in self._eroded:
-            self._eroded[depth_m] = self.shrink(depth_m)
-        return self._eroded[depth_m]
+        return self.shrink is not None
 
     @cached_property
-    def fcl_object(self) -> Any:
-        """For FCL, as the first of a pair."""
-        return fcl.CollisionObject(self._bvh)
-
-    @cached_property
-    def fcl_other(self) -> Any:
-        """For FCL, as the second of a pair."""
-        return fcl.CollisionObject(self._bvh)
-
-    @cached_property
-    def _bvh(self) -> Any:
+    def fcl(self) -> Any:
+        """The triangles for FCL."""
         model = fcl.BVHModel()
         model.beginModel(len(self.faces), len(self.vertices))
         model.addSubModel(self.vertices, self.faces)
         model.endModel()
-        return model
-
-    @cached_property
-    def boxes(self) -> Array:
-        """Axis-aligned boxes around all its triangles, shape (k, 2, 3): low and high corners."""
-        corners = self.vertices[self.faces]
-        pieces = [corners]
-        while len(pieces) < MOST_PIECES and max(map(len, pieces)) > PIECE_FACES:
-            largest = max(range(len(pieces)), key=lambda i: len(pieces[i]))
-            pieces += _halves(pieces.pop(largest))
-        return np.array([[p.min(axis=(0, 1)), p.max(axis=(0, 1))] for p in pieces])
-
-    @cached_property
-    def corners(self) -> Array:
-        """The corners of the box around it, shape (8, 3)."""
-        return box_corners(self.box)
+        return fcl.CollisionObject(model)
 
     @cached_property
     def box(self) -> Array:
-        """The box around all of it, low and high corner, shape (2, 3)."""
-        return np.array([self.boxes[:, 0].min(axis=0), self.boxes[:, 1].max(axis=0)])
+        """The box around its triangles, low and high corner, shape (2, 3)."""
+        corners = self.vertices[self.faces]
+        return np.array([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
 
-    @property
-    def centre(self) -> Array:
-        """The mean of its vertices, shape (3,)."""
-        middle: Array = self.vertices.mean(axis=0)
-        return middle
+    @cached_property
+    def corners(self) -> Array:
+        """The corners of that box, shape (8, 3)."""
+        return trimesh.bounds.corners(self.box)
 
     def contains(self, points: Array) -> NDArray[np.bool_]:
         """Whether points, shape (n, 3), are inside: in a convex solid, or enclosed by a surface."""
-        if self.depth_m is not None:
-            return self.depth_m(points) > 0.0
-        in_hull = (points @ self._hull[:, :3].T + self._hull[:, 3]).max(axis=1) < 0.0
-        inside = np.zeros(len(points), dtype=np.bool_)
-        for number in np.flatnonzero(in_hull):
-            inside[number] = self._encloses(points[number])
+        planes = self._hull.equations
+        inside = (points @ planes[:, :3].T + planes[:, 3]).max(axis=1) < 0.0
+        if not self.is_convex:
+            inside[inside] = [self._encloses(point) for point in points[inside]]
         return inside
 
     @cached_property
-    def _hull(self) -> Array:
-        return ConvexHull(self.vertices).equations
+    def _hull(self) -> ConvexHull:
+        return ConvexHull(self.vertices)
 
     def _encloses(self, point: Array) -> bool:
-        """Whether hardly a ray out of a point is free."""
-        free = sum(not self._is_hit(point, direction) for direction in _directions())
-        return free <= (1.0 - ENCLOSED) * DIRECTIONS
+        """Whether the mesh stops nearly every ray from a point.
 
-    def _is_hit(self, point: Array, direction: Array) -> bool:
-        """Whether a ray meets a triangle (Moller and Trumbore 1997)."""
-        a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
-        first, second = b - a, c - a
-        h = np.cross(direction, second)
-        determinant = np.einsum("ij,ij->i", first, h)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            s = point - a
-            u = np.einsum("ij,ij->i", s, h) / determinant
-            k = np.cross(s, first)
-            v = k @ direction / determinant
-            t = np.einsum("ij,ij->i", second, k) / determinant
-            return bool(((u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > 0.0)).any())
+        A ray along d meets the triangle a, b, c if d is in the cone of the three.
+        """
+        a, b, c = np.moveaxis(self.vertices[self.faces] - point, 1, 0)
+        normals = np.stack([np.cross(a, b), np.cross(b, c), np.cross(c, a)])
+        volume = np.einsum("ij,ij->i", a, normals[1])
+        sides = np.sign(volume) * (_directions() @ normals.swapaxes(1, 2))
+        is_met = (sides >= 0.0).all(axis=0) & (volume != 0.0)
+        return bool(is_met.any(axis=1).mean() >= MIN_STOPPED)
+
+
+# Pairs
+
+
+def distance_m(first: Solid, second: Solid, T_second_first: Array) -> float:
+    """Distance of surfaces; 0 where they intersect."""
+    first.fcl.setTransform(fcl.Transform(T_second_first[:3, :3], T_second_first[:3, 3]))
+    second.fcl.setTransform(STILL)
+    found = fcl.distance(first.fcl, second.fcl, fcl.DistanceRequest(), fcl.DistanceResult())
+    return float(found) if found > TOUCHING_M else 0.0
+
+
+def eroded(first: Solid, second: Solid, off_m: float) -> tuple[Solid, Solid] | None:
+    """The pair with one of both eroded, the second where it is convex; None if nothing is left."""
+    if off_m == 0.0:
+        return first, second
+    small = second if second.shrink is not None else first
+    left = small if small.shrink is None else small.shrink(off_m)
+    if left is None:
+        return None
+    return (first, left) if small is second else (left, second)
+
+
+def depth_m(first: Solid, second: Solid, T_second_first: Array) -> float:
+    """Greatest depth of a point of one surface in the other solid; nan for two mere surfaces."""
+    if not (first.is_convex or second.is_convex):
+        return float("nan")
+    low, high = 0.0, MAX_DEPTH_M
+    while high - low > max(1e-6, 0.02 * low):
+        middle = (low + high) / 2
+        pair = eroded(first, second, middle)
+        is_so_deep = pair is not None and distance_m(*pair, T_second_first) == 0.0
+        low, high = (middle, high) if is_so_deep else (low, middle)
+    return low
+
+
+def is_inside(first: Solid, second: Solid, T_second_first: Array) -> bool:
+    """Whether one of two whose surfaces do not meet is wholly inside the other.
+
+    False for two mere surfaces, so for two links of the robot, which cannot have got there.
+    """
+    if not (first.is_convex or second.is_convex):
+        return False
+    T = T_second_first
+    return holds(second, first, T) or holds(first, second, inverse(T))
+
+
+def holds(outer: Solid, inner: Solid, T_outer_inner: Array) -> bool:
+    """Whether points of one solid are inside another."""
+    low, high = outer.box
+    points = inner.vertices if outer.is_convex else inner.vertices.mean(axis=0)[None]
+    points = placed(T_outer_inner, points)
+    within = ((points > low) & (points < high)).all(axis=1)
+    return bool(within.any()) and bool(outer.contains(points[within]).any())
+
+
+def placed(T: Array, points: Array) -> Array:
+    """Points, shape (n, 3), seen through poses, shape (..., 4, 4)."""
+    found: Array = points @ np.swapaxes(T[..., :3, :3], -1, -2) + T[..., None, :3, 3]
+    return found
+
+
+def inverse(T: Array) -> Array:
+    """The inverse of poses, shape (..., 4, 4)."""
+    back = np.zeros(T.shape)
+    back[..., :3, :3] = np.swapaxes(T[..., :3, :3], -1, -2)
+    back[..., :3, 3] = -(back[..., :3, :3] @ T[..., :3, 3, None])[..., 0]
+    back[..., 3, 3] = 1.0
+    return back
+
+
+# Shapes
 
 
 def box_mesh(size_m: Array) -> trimesh.Trimesh:
@@ -171,8 +201,12 @@ def cylinder_mesh(radius_m: float, length_m: float) -> trimesh.Trimesh:
     return trimesh.creation.cylinder(radius_m, length_m, sections=CYLINDER_SIDES)
 
 
+def _ball_mesh(radius_m: float) -> trimesh.Trimesh:
+    return trimesh.creation.icosphere(SPHERE_SUBDIVISIONS, radius_m)
+
+
 def solid_of(name: str, shape: Any) -> Solid:
-    """A shape of the scene, in its own frame; which it is, its measures say."""
+    """A shape of the scene, in its own frame; its measures say which it is."""
     if hasattr(shape, "size_m"):
         return box_solid(name, np.array(shape.size_m))
     if hasattr(shape, "length_m"):
@@ -186,44 +220,30 @@ def solid_of(name: str, shape: Any) -> Solid:
 
 def box_solid(name: str, size_m: Array) -> Solid:
     """A cuboid about the origin."""
-    mesh = box_mesh(size_m)
-
-    def depth_m(points: Array) -> Array:
-        return (size_m / 2 - np.abs(points)).min(axis=1)
-
-    def shrink(off_m: float) -> Solid | None:
-        left = size_m - 2 * off_m
-        return box_solid(name, left) if left.min() > SMALLEST_M else None
-
-    return Solid(name, np.array(mesh.vertices), np.array(mesh.faces), depth_m, shrink)
+    return _solid(name, box_mesh, size_m)
 
 
 def cylinder_solid(name: str, radius_m: float, length_m: float) -> Solid:
     """A cylinder about z."""
-    mesh = cylinder_mesh(radius_m, length_m)
-
-    def depth_m(points: Array) -> Array:
-        side = radius_m - np.hypot(points[:, 0], points[:, 1])
-        return np.minimum(side, length_m / 2 - np.abs(points[:, 2]))
-
-    def shrink(off_m: float) -> Solid | None:
-        radius, length = radius_m - off_m, length_m - 2 * off_m
-        return cylinder_solid(name, radius, length) if min(radius, length) > SMALLEST_M else None
-
-    return Solid(name, np.array(mesh.vertices), np.array(mesh.faces), depth_m, shrink)
+    return _solid(name, lambda size: cylinder_mesh(size[0] / 2, size[1]), [2 * radius_m, length_m])
 
 
 def sphere_solid(name: str, radius_m: float) -> Solid:
     """A ball about the origin."""
-    mesh = trimesh.creation.icosphere(SPHERE_SUBDIVISIONS, radius_m)
+    return _solid(name, lambda size: _ball_mesh(size[0] / 2), [2 * radius_m])
 
-    def depth_m(points: Array) -> Array:
-        return radius_m - np.linalg.norm(points, axis=1)
 
+def _solid(name: str, mesh_of: Callable[[Array], trimesh.Trimesh], extents_m: Any) -> Solid:
+    """A shape about the origin that erosion shortens by twice the depth along each extent."""
+    extents = np.asarray(extents_m, dtype=float)
+    mesh = mesh_of(extents)
+
+    @cache
     def shrink(off_m: float) -> Solid | None:
-        return sphere_solid(name, radius_m - off_m) if radius_m - off_m > SMALLEST_M else None
+        left = extents - 2 * off_m
+        return _solid(name, mesh_of, left) if left.min() > MIN_SIZE_M else None
 
-    return Solid(name, np.array(mesh.vertices), np.array(mesh.faces), depth_m, shrink)
+    return Solid(name, np.array(mesh.vertices), np.array(mesh.faces), shrink)
 
 
 def hull_solid(name: str, points: Array) -> Solid:
@@ -231,40 +251,24 @@ def hull_solid(name: str, points: Array) -> Solid:
     hull = ConvexHull(points)
     number = np.full(len(points), -1)
     number[hull.vertices] = np.arange(len(hull.vertices))
-    planes = hull.equations
 
-    def depth_m(others: Array) -> Array:
-        return -(others @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-
+    @cache
     def shrink(off_m: float) -> Solid | None:
-        inner = planes + np.array([0.0, 0.0, 0.0, off_m])
+        inner = hull.equations + np.array([0.0, 0.0, 0.0, off_m])
         # the deepest point: max r with normal @ x + offset + r <= 0
         ones, bounds = np.ones((len(inner), 1)), [(None, None)] * 3 + [(0.0, None)]
         found = linprog([0, 0, 0, -1], np.hstack([inner[:, :3], ones]), -inner[:, 3], bounds=bounds)
-        if not found.success or found.x[3] < SMALLEST_M:
+        if not found.success or found.x[3] < MIN_SIZE_M:
             return None
         return hull_solid(name, HalfspaceIntersection(inner, found.x[:3]).intersections)
 
-    return Solid(name, points[hull.vertices], number[hull.simplices], depth_m, shrink)
+    return Solid(name, points[hull.vertices], number[hull.simplices], shrink)
 
 
-def box_corners(box: Array) -> Array:
-    """The eight corners of a box of low and high, shape (2, 3)."""
-    return np.array(
-        [[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
-    )
-
-
-def _halves(corners: Array) -> list[Array]:
-    centres = corners.mean(axis=1)
-    axis = int(np.ptp(centres, axis=0).argmax())
-    order = centres[:, axis].argsort()
-    return [corners[order[: len(order) // 2]], corners[order[len(order) // 2 :]]]
-
-
+@cache
 def _directions() -> Array:
     """Directions spread evenly over a sphere (a Fibonacci lattice), shape (n, 3)."""
-    i = np.arange(DIRECTIONS) + 0.5
-    z, turn = 1.0 - 2.0 * i / DIRECTIONS, np.pi * (1.0 + 5.0**0.5) * i
+    i = np.arange(RAYS) + 0.5
+    z, turn = 1.0 - 2.0 * i / RAYS, np.pi * (1.0 + 5.0**0.5) * i
     r = np.sqrt(1.0 - z * z)
     return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)

@@ -15,7 +15,7 @@ from planner import Cylinder, Sphere
 
 
 def test_its_kinematics_are_those_of_pinocchio(robot: Baxter) -> None:
-    ours = importlib.import_module("referee.urdf").load_robot()
+    ours = importlib.import_module("referee.robot").load_robot()
     data, rng = robot.model.createData(), np.random.default_rng(0)
     for _ in range(20):
         q = rng.uniform(robot.model.lowerPositionLimit, robot.model.upperPositionLimit)
@@ -27,7 +27,7 @@ def test_its_kinematics_are_those_of_pinocchio(robot: Baxter) -> None:
 
 
 def test_its_limits_are_those_of_pinocchio(robot: Baxter) -> None:
-    ours = importlib.import_module("referee.urdf").load_robot()
+    ours = importlib.import_module("referee.robot").load_robot()
     for name, i in zip(robot.joint_names, robot.indices(robot.joint_names), strict=True):
         joint, model = ours.joint(name), robot.model
         bounds = model.lowerPositionLimit[i], model.upperPositionLimit[i], model.velocityLimit[i]
@@ -35,7 +35,7 @@ def test_its_limits_are_those_of_pinocchio(robot: Baxter) -> None:
 
 
 def test_it_sees_the_original_meshes() -> None:
-    solids = importlib.import_module("referee.urdf").load_robot().solids
+    solids = importlib.import_module("referee.robot").load_robot().solids
     wrist = solids["left_lower_forearm"][0]
     assert len(wrist.faces) > 13_000
     assert wrist.box[:, 2] == pytest.approx((-0.086, 0.083), abs=1e-3)  # the URDF says +- 0.05
@@ -47,7 +47,7 @@ def test_it_sees_the_original_meshes() -> None:
 
 def test_no_sample_is_passed_over_that_is_too_close() -> None:
     solids = importlib.import_module("referee.solids")
-    clearance = importlib.import_module("referee.clearance")
+    pairs = importlib.import_module("referee.pairs")
     rng = np.random.default_rng(1)
     first, second = (
         solids.box_solid("a", np.array([0.1, 0.2, 0.05])),
@@ -59,19 +59,15 @@ def test_no_sample_is_passed_over_that_is_too_close() -> None:
             T = np.tile(np.eye(4), (120, 1, 1))
             for pose, s in zip(T, np.linspace(0, 1, 120), strict=True):
                 pose[:3, :3], pose[:3, 3] = pin.exp3(s * turn), begin + s * way
-            found = clearance.approach(
-                clearance.Track(first, T), clearance.Track(second, np.eye(4)), needed
-            )
-            all_m = np.array([clearance.distance_m(first, second, pose) for pose in T])
-            assert bool(found.hits) == bool((all_m <= needed).any())
-            if found.hits:
-                assert found.hits[0][0] == int(np.flatnonzero(all_m <= needed)[0])
+            hits = pairs._hits(first, second, T, needed)
+            all_m = np.array([solids.distance_m(first, second, pose) for pose in T])
+            assert bool(hits) == bool((all_m <= needed).any())
+            if hits:
+                assert hits[0][0] == int(np.flatnonzero(all_m <= needed)[0])
 
 
 def test_depth_is_what_must_be_taken_off() -> None:
     solids = importlib.import_module("referee.solids")
-    pairs = importlib.import_module("referee.pairs")
-    track = importlib.import_module("referee.clearance").Track
     wall = solids.box_solid("wall", np.array([1.0, 1.0, 0.2]))
     shapes = (
         solids.box_solid("box", np.full(3, 0.1)),
@@ -81,7 +77,7 @@ def test_depth_is_what_must_be_taken_off() -> None:
     T = np.eye(4)
     T[2, 3] = 0.1 + 0.05 - 0.004
     for shape in shapes:
-        deep_m = pairs.depth_m(track(shape, T), track(wall, np.eye(4)), 0)
+        deep_m = solids.depth_m(shape, wall, T)
         assert deep_m == pytest.approx(0.004, rel=0.05)
 
 
@@ -97,8 +93,7 @@ def test_round_bodies_are_no_larger_than_they_are() -> None:
 
 def test_distances_are_no_longer_than_from_any_vertex() -> None:
     solids = importlib.import_module("referee.solids")
-    clearance = importlib.import_module("referee.clearance")
-    robot = importlib.import_module("referee.urdf").load_robot()
+    robot = importlib.import_module("referee.robot").load_robot()
     rng, half = np.random.default_rng(3), np.array([0.01, 0.025, 0.04])
     box = solids.box_solid("box", 2 * half)
     for link in ("left_lower_forearm", "l_gripper_l_finger", "left_wrist"):
@@ -112,5 +107,5 @@ def test_distances_are_no_longer_than_from_any_vertex() -> None:
             T[:3, :3], T[:3, 3] = pin.exp3(rng.normal(0, 2, 3)), rng.normal(0, 0.15, 3)
             seen = used @ T[:3, :3].T + T[:3, 3]
             nearest = np.linalg.norm(np.maximum(np.abs(seen) - half, 0.0), axis=1).min()
-            found = clearance.distance_m(mesh, box, T)
+            found = solids.distance_m(mesh, box, T)
             assert nearest - longest <= found <= nearest + 1e-9
