@@ -1,4 +1,4 @@
-"""Options of command lines that say where work is done: this machine's cores, or a Dask cluster."""
+"""Options of commands that choose the workers: this machine's cores, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from baxter_kin.errors import RequestError, quoted
-from baxter_kin.parallel.engine import Engine
-from baxter_kin.parallel.local_pool import MOST_WORKERS, LocalPool
+from baxter_kin.parallel.engine import MAX_WORKERS, Engine, LocalPool
 from baxter_kin.validation import whole_scalar
 
 
@@ -16,8 +15,8 @@ def add_engine_options(parser: argparse._ActionsContainer, *, needs: str = "") -
     """Add `--jobs`, `--scheduler` and `--local-cluster`; `engine_of` reads them.
 
     Args:
-        parser: to which.
-        needs: what the machines of a cluster need, as the end of a sentence.
+        parser: a parser or a group of its options.
+        needs: requirements of the machines of a cluster, as the end of a sentence.
     """
     choice = parser.add_mutually_exclusive_group()
     choice.add_argument(
@@ -62,9 +61,9 @@ def engine_of(arguments: argparse.Namespace) -> Iterator[Engine]:
 
 
 def _workers(text: str) -> int:
-    """How many workers."""
+    """The type of an option: a number of workers."""
     try:
-        return whole_scalar(int(text), "workers", RequestError, least=1, most=MOST_WORKERS)
+        return whole_scalar(int(text), "workers", RequestError, least=1, most=MAX_WORKERS)
     except ValueError:
-        told = f"{quoted(text)} is not a whole number from 1 to {MOST_WORKERS}"
-        raise argparse.ArgumentTypeError(told) from None
+        message = f"{quoted(text)} is not a whole number from 1 to {MAX_WORKERS}"
+        raise argparse.ArgumentTypeError(message) from None
