@@ -7,10 +7,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from baxter_kin.command_line import option, whole_number
-from baxter_kin.parallel.engine import Engine
-from baxter_kin.parallel.local_pool import MOST_WORKERS, LocalPool
+from baxter_kin.parallel.engine import MAX_WORKERS, Engine, LocalPool
 
-_workers = whole_number(1, MOST_WORKERS)
+_workers = whole_number(1, MAX_WORKERS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

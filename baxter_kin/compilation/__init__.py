@@ -1,1 +1,1 @@
-"""CasADi functions as machine code: from the user's cache, or compiled, tried and kept there."""
+"""Compile CasADi functions and C to machine code, test it, and keep it in the user's cache."""

@@ -1,8 +1,8 @@
-"""Whether a compiled library computes what CasADi's virtual machine does.
+"""Compare a compiled library with CasADi's virtual machine.
 
-As a program it finds that out in a process of its own, since rubbish can kill the interpreter that
-loads it: `python agreement.py LIBRARY FUNCTION...`, with the functions as CasADi saves them. Its
-exit status is 0 when all agree. So that it starts in half a second, it needs CasADi and NumPy only.
+As a program it does so in a process of its own, since rubbish can kill the interpreter that loads
+it: `python agreement.py LIBRARY FUNCTION...`, with the functions as CasADi saves them. Its exit
+status is 0 when all agree. It imports CasADi and NumPy only, so that it starts in half a second.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ _PROBES = 5
 
 
 def loaded(functions: Sequence[ca.Function], library: str) -> tuple[ca.Function, ...] | None:
-    """The functions as a library has them; None when it does not, or computes something else.
+    """The functions of a library; None when it lacks one, or computes something else.
 
     Args:
-        functions: as the virtual machine has them.
-        library: a path. What it holds is run, and must be known not to be rubbish.
+        functions: the same for the virtual machine.
+        library: a path. Its code is run, so it must not be rubbish.
     """
     try:
         externals = tuple(ca.external(function.name(), library) for function in functions)
@@ -35,7 +35,7 @@ def loaded(functions: Sequence[ca.Function], library: str) -> tuple[ca.Function,
 
 
 def _agree(function: ca.Function, external: ca.Function) -> bool:
-    """Whether both give the same on random inputs, shapes included."""
+    """Whether both have the same shapes, and the same outputs for random inputs."""
     shapes = _shapes(function)
     if shapes != _shapes(external):
         return False
@@ -50,7 +50,7 @@ def _agree(function: ca.Function, external: ca.Function) -> bool:
 
 
 def _shapes(function: ca.Function) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Of its inputs and of its outputs."""
+    """Shapes of its inputs and of its outputs."""
     inputs = [function.size_in(i) for i in range(function.n_in())]
     return inputs, [function.size_out(i) for i in range(function.n_out())]
 

@@ -1,4 +1,4 @@
-"""CasADi functions on memory that they read and write directly: no copies, no objects between."""
+"""CasADi functions that read and write NumPy arrays directly, without copies."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class BufferedFunction(threading.local):
 
     Attributes:
         inputs: memory of each input, a row for each of its columns.
-        outputs: the same of each output.
+        outputs: memory of each output, a row for each of its columns.
         run: evaluates the function.
     """
 
@@ -29,9 +29,9 @@ class BufferedFunction(threading.local):
             self._buffer.set_res(i, array.data)  # type: ignore[call-arg]  # neither here
 
     def __call__(self, *rows: FloatArray) -> list[FloatArray]:
-        """Each output's columns as rows, copied, for each input's columns as rows.
+        """Evaluate it: columns of inputs and outputs are given as rows, and outputs are copied.
 
-        Of an input that gets fewer rows than it has columns, the rest is what it was before.
+        If an input gets fewer rows than it has columns, the other columns keep their values.
         """
         for memory, given in zip(self.inputs, rows, strict=True):
             memory[: len(given)] = given

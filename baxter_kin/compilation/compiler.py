@@ -1,8 +1,8 @@
-"""C compilers: those on PATH, and the one that the Python package `ziglang` holds.
+"""C compilers: those on PATH, and the one that the Python package `ziglang` contains.
 
 A compiler can be broken in three ways: it fails, it succeeds and writes rubbish, or it hangs. The
-first shows by itself; what a compiler has written is tried by whoever asked for it. Whether it
-hangs is found out with one line of C, which takes a working one a fraction of a second.
+first shows by itself; the caller tests the output. A hanging compiler is detected with one line of
+C, which takes a working one a fraction of a second.
 """
 
 from __future__ import annotations
@@ -10,28 +10,30 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import signal
+import subprocess
 import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from baxter_kin.compilation.limited_process import run_within
-
 COMPILERS = ("cc", "gcc", "clang")
-"""Names on PATH, in the order in which they are tried."""
+"""Names on PATH, in the order of preference."""
 
 ZIG = (sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline", "-g0")
-"""Clang as the package `ziglang` brings it. By itself it would compile for this processor only."""
+"""Clang of the package `ziglang`. By default it would compile for this processor only."""
 
 FLAGS = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
 """Nothing tied to one processor, for home folders are shared between machines; strict IEEE."""
 
 ANSWER_S = 10.0
-"""How long a compiler on PATH may take for one line; it takes 0.05 s."""
+"""Time limit of a compiler on PATH for one line; it takes 0.05 s."""
 
 TIMEOUT_S = 180.0
-"""How long one may take for an arm: `cc` takes 1 to 4 s, `ziglang` 10 to 17 s. Also for the first
-line that `ziglang` compiles, since it compiles its own library with it, which once took 9 s."""
+"""Time limit for an arm: `cc` takes 1 to 4 s, `ziglang` 10 to 17 s. Also for the first line that
+`ziglang` compiles, since it compiles its own library with it, which once took 9 s."""
 
 _ONE_LINE = "double twice(double x) { return 2.0 * x; }\n"
 
@@ -41,9 +43,9 @@ class Compiler:
     """A C compiler, which may be broken.
 
     Attributes:
-        command: how it is called.
-        file: by whose change another version is known.
-        answer_s: how long it may take for one line.
+        command: the program and its first arguments.
+        file: changes with the version.
+        answer_s: time limit for one line.
     """
 
     command: tuple[str, ...]
@@ -55,20 +57,16 @@ class Compiler:
 
     @property
     def version_key(self) -> str:
-        """Another one when it is another program or version, the same for all names of it.
-
-        Raises:
-            OSError: when it is gone.
-        """
+        """Differs between programs and versions; the same for all names of one program."""
         status = self.file.stat()
         parts = os.path.realpath(self.file), status.st_mtime_ns, status.st_size
         return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
     def compile(self, source: str, folder: Path) -> Path:
-        """Make a library of C in a folder, which must be this user's own.
+        """Compile C to a library in a folder, which must be this user's own.
 
         Raises:
-            OSError: when the compiler cannot be called.
+            OSError: when the compiler cannot be started.
             subprocess.CalledProcessError: when it fails.
             subprocess.TimeoutExpired: when it hangs.
         """
@@ -84,10 +82,53 @@ class Compiler:
 
 
 def compilers() -> tuple[Compiler, ...]:
-    """What looks like a C compiler here, in the order to try."""
+    """C compilers of this machine, which may be broken, in the order of preference."""
     names = filter(None, map(shutil.which, COMPILERS))
     on_path = [Compiler((path,), Path(path), ANSWER_S) for path in map(os.path.abspath, names)]
     package = find_spec("ziglang")
     if package is None or package.origin is None:
         return tuple(on_path)
     return (*on_path, Compiler(ZIG, Path(package.origin), TIMEOUT_S))
+
+
+def run_within(
+    within_s: float,
+    command: Sequence[str],
+    folder: Path,
+    environment: Mapping[str, str] | None = None,
+) -> None:
+    """Run a program, ignore its output, and wait for it to succeed.
+
+    It runs in a process group of its own, so that the processes that it has started end with it. A
+    process that leaves that group, as a daemon does, is not ended.
+
+    Args:
+        within_s: time limit.
+        command: the program and its arguments.
+        folder: the working directory. Others must not be able to write to it: Python, for one,
+            imports from there.
+        environment: its variables; those of this process by default.
+
+    Raises:
+        OSError: when it cannot be started.
+        subprocess.CalledProcessError: when it fails.
+        subprocess.TimeoutExpired: when it takes longer.
+    """
+    process = subprocess.Popen(
+        command,
+        cwd=folder,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        status = process.wait(within_s)
+    except BaseException:  # Ctrl-C as well: the terminal does not reach that group
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        raise
+    if status != 0:
+        raise subprocess.CalledProcessError(status, command)

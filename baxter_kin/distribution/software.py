@@ -1,15 +1,12 @@
-"""What the numbers of a result depend on: the toolkit's code and the libraries that it calls."""
+"""What the numbers of a result depend on: versions of the toolkit and of the libraries it calls."""
 
 from __future__ import annotations
 
-import hashlib
 import platform
-import sys
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as installed_version
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -22,32 +19,11 @@ LIBRARIES = ("numpy", "pin", "coal", "casadi", "ruckig", "ompl", "zarr", "numcod
 
 ABSENT = "none"
 
-_ROOT = Path(__file__).resolve().parents[2]
-_PACKAGES = ("baxter_kin", "planner", "sim")
-
 
 @lru_cache(maxsize=1)
 def versions() -> Mapping[str, str]:
     """Versions by name: of this toolkit and of the libraries."""
     return MappingProxyType({NAME: version(), **{name: _installed(name) for name in LIBRARIES}})
-
-
-@lru_cache(maxsize=1)
-def _code_digest() -> str:
-    """Of all modules of the toolkit, as they lie there when this is first asked."""
-    digest = hashlib.sha256()
-    for package in _PACKAGES:
-        for module in sorted((_ROOT / package).rglob("*.py")):
-            content = module.read_bytes()
-            digest.update(f"{module.relative_to(_ROOT).as_posix()} {len(content)}\n".encode())
-            digest.update(content)
-    return digest.hexdigest()[:12]
-
-
-def software() -> dict[str, str]:
-    """Versions, that of Python, too, and as "code" the digest of the toolkit's modules."""
-    python = ".".join(map(str, sys.version_info[:2]))
-    return {**versions(), "Python": python, "code": _code_digest()}
 
 
 @lru_cache
@@ -59,7 +35,7 @@ def kind_of_machine(backend: str) -> str:
 
 
 def difference(there: Mapping[str, str], here: Mapping[str, str]) -> str:
-    """In which versions two places differ: "numpy 2.1.0 there and 2.2.6 here"; empty in none."""
+    """The versions that differ: "numpy 2.1.0 there and 2.2.6 here"; empty if none does."""
     return ", ".join(
         f"{name} {there.get(name, ABSENT)} there and {here.get(name, ABSENT)} here"
         for name in dict.fromkeys((*here, *there))

@@ -6,22 +6,29 @@ this is the same client.
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from queue import Empty, SimpleQueue
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from baxter_kin.distribution.extras import run_to_install_extra
 from baxter_kin.errors import MissingLibraryError, RequestError, shortened
-from baxter_kin.parallel.allocator import keep_freed_memory
-from baxter_kin.parallel.engine import MOST_LOSSES, Answer, Backlog, EngineError, Item
-from baxter_kin.parallel.local_cluster import local_cluster
-from baxter_kin.parallel.local_pool import MOST_WORKERS
-from baxter_kin.parallel.parcels import Dump, carried_out, described, opened, packed
+from baxter_kin.parallel.engine import (
+    MAX_WORKERS,
+    Answer,
+    Backlog,
+    Dumps,
+    EngineError,
+    Item,
+    answered,
+    opened,
+    packed,
+)
 from baxter_kin.validation import positive_scalar, whole_scalar
 from baxter_kin.value_objects import OneLine, count
 
@@ -33,16 +40,30 @@ CONNECT_S, START_S, COUNT_AGAIN_S = 10.0, 60.0, 5.0
 PATIENCE_S = 600.0
 """How long a run waits for new workers: those of a cluster may stand in a queue."""
 
+CHECKS = 20
+"""How often it counts them in that time."""
+
 FETCHES_S = (1.0, 3.0, 10.0, 60.0)
-"""How long each attempt may take to fetch an answer from a worker that has said that it has one; a
-worker that was lost meanwhile is noticed between them."""
+"""Timeouts of the attempts to fetch an answer; between them, a lost worker is noticed."""
 
-AHEAD, LEAST_AHEAD = 4, 64
-"""Tasks that the scheduler has for each worker, and altogether while the workers are few: where
-more come, there is work for them at once."""
+AHEAD, MIN_AHEAD = 4, 64
+"""Tasks submitted for each worker, and at least: new workers find work at once."""
 
-LOOKS = 20
-"""How often it looks for them in that time."""
+LOOPBACK = "127.0.0.1"
+
+RESTART_MS = 1000.0
+"""How often a local cluster replaces workers that Dask has given up."""
+
+PRELOAD = """
+import signal
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+"""
+"""Run first by workers of a local cluster: the client answers Ctrl-C, and ends them."""
+
+LARGEST_KEPT = 32 * 2**20
+"""Bytes of one allocation: up to where glibc moves its own thresholds by itself (mallopt(3))."""
+
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # of glibc's malloc.h
 
 _LOG = logging.getLogger(__name__)
 _ONE_AT_A_TIME = Lock()
@@ -52,14 +73,14 @@ class DaskCluster(OneLine):
     """The workers of a scheduler.
 
     A worker with several threads runs one task at a time nevertheless, as tasks expect it. As a
-    context manager it is left at the end.
+    context manager it disconnects at the end.
 
     Attributes:
         workers: how many there were when last counted.
     """
 
     def __init__(self, scheduler: str | Client, *, patience_s: float = PATIENCE_S) -> None:
-        """Join one.
+        """Connect to a scheduler.
 
         Args:
             scheduler: its address, such as "tcp://10.0.0.1:8786", or a client of it.
@@ -75,8 +96,8 @@ class DaskCluster(OneLine):
         self._is_ours = isinstance(scheduler, str)
         self._client: Any = scheduler
         if isinstance(scheduler, str):
-            self._client = self._joined(scheduler)
-        self._address, self.workers = str(self._client.scheduler.address), self._living()
+            self._client = self._connected(scheduler)
+        self._address, self.workers = str(self._client.scheduler.address), self._count()
         self._counted_s = time.monotonic()
         if not self.workers:
             self.close()
@@ -102,7 +123,7 @@ class DaskCluster(OneLine):
             RequestError: when there is not a whole number of workers, at least one.
             EngineError: when they cannot be started.
         """
-        whole_scalar(workers, "workers", RequestError, least=1, most=MOST_WORKERS)
+        whole_scalar(workers, "workers", RequestError, least=1, most=MAX_WORKERS)
         distributed = _distributed()
         with (
             local_cluster(distributed, workers) as cluster,
@@ -119,111 +140,93 @@ class DaskCluster(OneLine):
         self.close()
 
     def close(self) -> None:
-        """Leave it; a client that was given stays open."""
+        """Disconnect; a client that was given stays open."""
         if self._is_ours:
             self._client.close()
 
     def run(
         self, task: Callable[[Item], Answer], items: Sequence[Item]
     ) -> Iterator[tuple[Item, Answer]]:
-        """Items and what the task returned for each, as they come.
+        """Items and the answers of the task, as they arrive.
 
         When all workers are lost it logs a warning and waits for new ones.
 
         Raises:
-            EngineError: when the scheduler is lost, an item with `MOST_LOSSES` workers, all
-                workers for good, or when one has other software than this process.
+            EngineError: when the scheduler is lost, or all workers for good, or when an item kills
+                more workers than Dask's `distributed.scheduler.allowed-failures`.
             Exception: what a task raises.
         """
         ended: SimpleQueue[Any] = SimpleQueue()
-        submitted: dict[Any, int] = {}
-        losses: Counter[int] = Counter()
-        left, dump = Backlog(len(items)), _dump()
+        running: dict[Any, int] = {}
+        left, dumps = Backlog(len(items)), _dumps()
         try:
-            while left or submitted:
-                while left and len(submitted) < max(AHEAD * self.workers, LEAST_AHEAD):
+            while left or running:
+                while left and len(running) < max(AHEAD * self.workers, MIN_AHEAD):
                     at = left.take()
-                    future = self._submitted(packed(task, items[at], dump))
-                    submitted[future] = at
+                    future = self._submitted(packed(task, items[at], dumps))
+                    running[future] = at
                     future.add_done_callback(ended.put)
                 future = self._next(ended)
-                at = submitted.pop(future)
-                report = self._report(future, at, losses)
+                at = running.pop(future)
+                report = self._report(future, at)
                 if report is None:
                     left.give_back(at)
                 else:
                     yield items[at], opened(report)
         finally:
             if self._client.status == "running":
-                self._client.cancel(list(submitted))
+                self._client.cancel(list(running))
 
     def _submitted(self, parcel: bytes) -> Any:
         try:
-            return self._client.submit(_carried_out_alone, parcel, pure=False)
+            return self._client.submit(_answered_alone, parcel, pure=False)
         except Exception as cause:  # Dask raises a bare Exception when its client is closed
             raise self._gone() from cause
 
     def _next(self, ended: SimpleQueue[Any]) -> Any:
         """The next task that ends, however long it takes while there are workers."""
-        looks_in_vain = 0
+        without_workers = 0
         while True:
             try:
-                future = ended.get(timeout=self._patience_s / LOOKS)
+                future = ended.get(timeout=self._patience_s / CHECKS)
             except Empty:
-                looks_in_vain = 0 if self._living() else looks_in_vain + 1
+                without_workers = 0 if self._count() else without_workers + 1
             else:
-                self._count_at_times()
+                if time.monotonic() - self._counted_s > COUNT_AGAIN_S:  # workers come and go
+                    self.workers, self._counted_s = self._count(), time.monotonic()
                 return future
-            if looks_in_vain == 1:
+            if without_workers == 1:
                 _LOG.warning("the scheduler %s has no worker left; waiting", self._address)
-            if looks_in_vain == LOOKS:
+            if without_workers == CHECKS:
                 raise EngineError(
                     f"the scheduler {self._address} has had no worker for {self._patience_s:.0f} "
                     "s; what was stored stays, and the same call goes on from there"
                 )
 
-    def _count_at_times(self) -> None:
-        """Workers come and go; asked once in some seconds at most."""
-        if time.monotonic() - self._counted_s > COUNT_AGAIN_S:
-            self.workers, self._counted_s = self._living(), time.monotonic()
-
-    def _living(self) -> int:
+    def _count(self) -> int:
         """How many workers there are."""
         return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
-    def _report(self, future: Any, at: int, losses: Counter[int]) -> bytes | None:
-        """What a worker has sent for a task; None when it is lost, and the task has to run again.
-
-        Raises:
-            EngineError: when the scheduler is gone, or what the task is lost with is no accident.
-        """
+    def _report(self, future: Any, at: int) -> bytes | None:
+        """The answer of a task; None when it is lost, and the task has to run again."""
         for fetch_s in FETCHES_S:
             if future.status == "lost":
                 return None
             try:
                 report: bytes = future.result(timeout=fetch_s)
-            except self._distributed.TimeoutError:
-                continue
-            except Exception as cause:  # Dask's several ways to say that its client is closed
-                if future.status != "error":
+            except self._distributed.KilledWorker as cause:
+                raise EngineError(
+                    f"{cause.allowed_failures + 1} workers were lost while task {at} ran; look "
+                    "into their logs for what ends them, such as memory"
+                ) from cause
+            except Exception as cause:  # what a task raises, or Dask if its client is closed
+                if future.status == "error":
+                    raise
+                if not isinstance(cause, self._distributed.TimeoutError):
                     raise self._gone() from cause
-                self._note_loss(cause, at, losses)
-                return None
-            return report
+            else:
+                return report
         return None
-
-    def _note_loss(self, cause: BaseException, at: int, losses: Counter[int]) -> None:
-        if not isinstance(cause, self._distributed.KilledWorker):
-            raise EngineError(
-                f"a worker of {self._address} cannot run tasks of this toolkit "
-                f"({described(cause)}); install the same baxter-kin there as here"
-            ) from cause
-        losses[at] += cause.allowed_failures + 1
-        if losses[at] >= MOST_LOSSES:
-            raise EngineError(
-                f"{losses[at]} workers were lost while task {at} ran; look into their logs for "
-                "what ends them, such as memory"
-            ) from cause
 
     def _gone(self) -> EngineError:
         return EngineError(
@@ -231,7 +234,7 @@ class DaskCluster(OneLine):
             "on from there"
         )
 
-    def _joined(self, address: str) -> Any:
+    def _connected(self, address: str) -> Any:
         try:
             return self._distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as cause:
@@ -244,23 +247,76 @@ class DaskCluster(OneLine):
         return self._address, count(self.workers, "worker")
 
 
-def _carried_out_alone(parcel: bytes) -> bytes:
+@contextmanager
+def local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
+    """A Dask cluster of this machine that keeps its number of workers.
+
+    Dask restarts a worker that has died, but gives up one that dies while it starts: after enough
+    such accidents a `LocalCluster` has no worker left. Here the number is set again and again.
+    """
+    from tornado.ioloop import PeriodicCallback  # noqa: PLC0415 - a dependency of Dask
+
+    with distributed.LocalCluster(
+        n_workers=0,
+        threads_per_worker=1,
+        processes=True,
+        host=LOOPBACK,
+        dashboard_address=f"{LOOPBACK}:0",  # without one it listens on all interfaces
+        preload=[PRELOAD],
+        silence_logs="CRITICAL",  # a run reports the death of workers
+    ) as cluster:
+
+        def restart() -> None:
+            for name, nanny in list(cluster.workers.items()):
+                if nanny.status.name in ("failed", "closed"):
+                    del cluster.workers[name]
+            cluster.scale(workers)
+
+        cluster.scale(workers)
+        repeated = PeriodicCallback(restart, RESTART_MS)
+        cluster.loop.add_callback(repeated.start)
+        try:
+            yield cluster
+        finally:
+            cluster.loop.add_callback(repeated.stop)
+
+
+def _answered_alone(parcel: bytes) -> bytes:
     """Run a task while no other runs in this process: what workers of a cluster do."""
     with _ONE_AT_A_TIME:
         keep_freed_memory()
-        return carried_out(parcel, _dump())
+        return answered(parcel, _dumps())
 
 
-def _dump() -> Dump:
+@lru_cache(maxsize=1)
+def keep_freed_memory() -> bool:
+    """Let this process reuse freed memory; gives whether its C library can do so.
+
+    Dask starts workers with `MALLOC_TRIM_THRESHOLD_` at 64 KB, so that freed memory is returned to
+    the system at once. With glibc, every array of 128 KB or more is then mapped anew, page by page:
+    a reach map took a third more processor time.
+    """
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError, TypeError):  # another C library than glibc
+        return False
+    is_set = [
+        mallopt(_M_MMAP_THRESHOLD, LARGEST_KEPT),
+        mallopt(_M_TRIM_THRESHOLD, 2 * LARGEST_KEPT),
+    ]
+    return all(is_set)
+
+
+def _dumps() -> Dumps:
     """How Dask pickles: what is of `__main__`, such as a notebook's functions, by its code."""
-    from distributed.protocol.pickle import dumps  # noqa: PLC0415 - only who has a cluster needs it
+    from distributed.protocol.pickle import dumps  # noqa: PLC0415 - only a cluster needs it
 
     return dumps
 
 
 def _distributed() -> Any:
     try:
-        import distributed  # noqa: PLC0415 - only who has a cluster needs it
+        import distributed  # noqa: PLC0415 - only a cluster needs it
     except ImportError as cause:
         raise MissingLibraryError(
             f"a Dask cluster needs distributed; {run_to_install_extra('atlas')}"

@@ -134,6 +134,7 @@ def compute_block(task: BlockTask) -> BlockReport:
 @lru_cache(maxsize=1)
 def _opened_with_searches(path: str, identity: str) -> tuple[ReachMap, tuple[ReachSearch, ...]]:
     found = opened_for_work(path, identity)
+    check_continued(found.path, {}, found.software, is_complete=False)
     return found, tuple(ReachSearch(found.robot.arm(side), found.rotations) for side in found.arms)
 
 

@@ -192,4 +192,5 @@ def _maps(path: str, reach_path: str) -> tuple[RedundancyMap, ReachMap]:
     found, reach_map = RedundancyMap(path), ReachMap(reach_path)
     if digest_of(reach_map) != found.reach_digest:
         raise AtlasError(f"{shown_path(path)} is not of the reach map {shown_path(reach_path)}")
+    check_continued(found.path, {}, found.software, is_complete=False)
     return found, reach_map

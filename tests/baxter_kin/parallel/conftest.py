@@ -10,18 +10,17 @@ from typing import Any
 
 import pytest
 
-from baxter_kin.parallel.dask_cluster import DaskCluster
-from baxter_kin.parallel.local_cluster import LOOPBACK
+from baxter_kin.parallel.dask_cluster import LOOPBACK, DaskCluster
 
 ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="package")
 def cluster() -> Iterator[DaskCluster]:
-    """Two workers that are started anew when they die; a task is given up with the first."""
+    """Two workers that are restarted when they die; a task is given up with the second."""
     dask: Any = pytest.importorskip("dask", reason="Dask needs Python 3.11")
     with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
         DaskCluster.local(2) as engine,
     ):
         yield engine
@@ -29,11 +28,15 @@ def cluster() -> Iterator[DaskCluster]:
 
 @pytest.fixture(scope="package")
 def scheduler() -> Iterator[str]:
-    """The address of one that has no worker."""
+    """The address of one that has no worker; it takes four losses of a task for an accident."""
+    dask: Any = pytest.importorskip("dask", reason="Dask needs Python 3.11")
     distributed: Any = pytest.importorskip("distributed", reason="Dask needs Python 3.11")
-    with distributed.LocalCluster(
-        n_workers=0, host=LOOPBACK, dashboard_address=f"{LOOPBACK}:0"
-    ) as cluster:
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 4}),
+        distributed.LocalCluster(
+            n_workers=0, host=LOOPBACK, dashboard_address=f"{LOOPBACK}:0"
+        ) as cluster,
+    ):
         yield cluster.scheduler_address
 
 
