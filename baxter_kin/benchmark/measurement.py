@@ -47,7 +47,7 @@ LOOSE_LIMIT_RAD = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """How far an answer is from the pose; infinitely far when there is none.
+    """Errors of an answer; infinite when there is none.
 
     Attributes:
         position_error_m: distance between requested and reached tip.
@@ -97,7 +97,7 @@ class Verifier:
         return pin.SE3(pin.updateFramePlacement(self._model, self._data, self._tip_id))
 
     def verdict(self, T_base_tip: pin.SE3, q: object) -> Verdict:
-        """Measure an answer of any kind; None, or no seven finite numbers, is none."""
+        """The verdict on an answer of any type; valid answers are seven finite numbers."""
         values = _seven_numbers(q)
         if values is None:
             return Verdict(is_claimed=q is not None)
@@ -138,13 +138,13 @@ class Measurement:
     """One contestant on one set of poses.
 
     Attributes:
-        key: of the solver on the command line.
+        key: the solver's name on the command line.
         contestant: the solver.
         limb: "left" or "right".
         scenario: the set of poses.
         times_ns: of every call, in the order of the poses.
         verdicts: on every answer, in the same order.
-        errors: what calls raised, each text with its number; such a call solved nothing.
+        errors: number of exceptions by their text; such a call solved nothing.
     """
 
     key: str
@@ -228,7 +228,7 @@ def measure(
 
 @dataclass(frozen=True, slots=True)
 class _Raised:
-    """Stands where an answer would be."""
+    """The text of an exception, in place of an answer."""
 
     text: str
 
@@ -284,7 +284,7 @@ class BatchMeasurement:
     """One contestant on one batch; the median of a few repeats.
 
     Attributes:
-        key: of the solver on the command line.
+        key: the solver's name on the command line.
         name: of the contestant.
         limb: "left" or "right".
         scenario: the set of poses.

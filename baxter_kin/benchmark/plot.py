@@ -1,7 +1,7 @@
 """Distribution of time against solve rate, drawn (matplotlib enters here).
 
-Each curve tells how many of all poses a solver has solved within a time. It ends at the solve rate,
-at the time of the slowest solved pose: up is more complete, left is faster.
+Each curve shows the share of all poses that a solver has solved within a time. It ends at the solve
+rate, at the time of the slowest solved pose: up is more complete, left is faster.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The poses to solve: reachable by construction, drawn from a seeded generator.
+"""Poses to solve: reachable by construction, drawn from a seeded generator.
 
 Every pose is the tip pose of a configuration inside the limits, so that a solver that does not find
 joint angles for it has failed. A scenario is a way to draw configurations, and a way to draw seeds.

@@ -1,4 +1,4 @@
-"""What was measured, and on what machine: as JSON, and as markdown that is ready for a README."""
+"""Results and the machine they are from: as JSON, and as markdown for a README."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Machine:
 
     @classmethod
     def this(cls) -> Machine:
-        """The one this runs on."""
+        """The machine that this process runs on."""
         return cls(
             cpu=_cpu(),
             cores=os.cpu_count() or 1,
@@ -65,7 +65,7 @@ class Machine:
 
 
 def _cpu() -> str:
-    """The model name as Linux tells it, else what Python knows."""
+    """The model name from Linux, else from Python."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -79,13 +79,13 @@ FORMAT_VERSION = 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BenchmarkOutcome:
-    """What was asked for, what took part, and what was measured.
+    """Options, contestants and measurements of a run.
 
     Attributes:
         options: what the user asked for.
-        machine: what it ran on.
+        machine: the machine it ran on.
         contestants: solvers that took part, by key.
-        absences: solvers that did not, and why.
+        absences: solvers that did not take part, and why.
         rows: one per solver, arm and scenario.
         batches: one per solver with a batch call, and arm; empty unless asked for.
     """
@@ -107,7 +107,7 @@ class BenchmarkOutcome:
         replace_file(path, text.encode())
 
     def as_json(self) -> dict[str, Any]:
-        """As JSON's types."""
+        """JSON-serialisable representation."""
         return {
             "format_version": FORMAT_VERSION,
             "count": self.options.count,
@@ -238,10 +238,10 @@ def _notes(outcome: BenchmarkOutcome) -> Iterable[str]:
     for key, contestant in outcome.contestants.items():
         yield f"{contestant.name} (`{key}`, {contestant.version}): {contestant.settings}."
     yield from dict.fromkeys(f"Not measured: {absence.reason}." for absence in outcome.absences)
-    yield from _complaints(outcome.rows)
+    yield from _irregularities(outcome.rows)
 
 
-def _complaints(rows: Iterable[Measurement]) -> Iterable[str]:
+def _irregularities(rows: Iterable[Measurement]) -> Iterable[str]:
     for row in rows:
         where = f"{row.contestant.name}, {row.limb} arm, {row.scenario.value}"
         if row.wrong_claims:

@@ -231,7 +231,7 @@ def _ended(outcome: MeasuredOutcome, signals: Signals) -> int:
 
 
 def _ms(lateness_s: float) -> str:
-    """In milliseconds; what is early is not late."""
+    """Lateness in milliseconds; early counts as 0."""
     return f"{max(0.0, 1e3 * lateness_s):.1f}"
 
 

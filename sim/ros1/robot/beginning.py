@@ -1,4 +1,4 @@
-"""Beginning: where the arms of a simulated Baxter stand at first, and what stands around it."""
+"""Where the arms of a simulated Baxter are at first, and the bodies around it."""
 
 from __future__ import annotations
 
