@@ -112,11 +112,9 @@ class Solver:
         fast = self.fast
         if fast is None:
             return None
-        if q_seed is None:
-            checked_pose(T_base_tip)
-        elif type(q_seed) is not np.ndarray or q_seed.shape != (7,) or q_seed.dtype != np.float64:
-            return None
-        else:
+        if q_seed is not None:
+            if type(q_seed) is not np.ndarray or q_seed.shape != (7,) or q_seed.dtype != np.float64:
+                return None
             q, report = fast.search_one(q_seed, T_base_tip)
             is_solved, offset, angle, _, is_valid_input = report.tolist()
             if is_solved == 1.0:
@@ -124,9 +122,11 @@ class Solver:
             if is_valid_input != 1.0:
                 return None
         for q, report in self._from_map(fast, T_base_tip):
-            is_solved, offset, angle, *_ = report.tolist()
+            is_solved, offset, angle, _, is_valid_input, *_ = report.tolist()
             if is_solved == 1.0:
                 return self._result(q, SeedType.NS_MAP, offset, angle)
+            if is_valid_input != 1.0:
+                checked_pose(T_base_tip)
         return None
 
     def _from_map(

@@ -45,7 +45,7 @@ import pinocchio as pin
 
 from baxter_kin.frames import ROTATION_TOLERANCE
 from baxter_kin.ik.seeds import FEATURE_WEIGHT_M, MAP_STARTS, setpoint_table
-from baxter_kin.kinematics.arm import LIMBS, Arm
+from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape, SymbolicChain, dimensions_of
 from baxter_kin.validation import FloatArray
@@ -83,6 +83,9 @@ PATIENCE = {8: 0.1, 10: 0.03, 12: 0.01}
 """The largest error, m and 0.6 rad together, that a search from the map may have left at iterations
 of these numbers. Of searches from the nearest setpoint up to 2 % have more and would have
 converged, and more than 7 of the 9 % that would not: the next setpoint is the better bet."""
+
+SETPOINTS = 64
+"""Number of stored setpoints of an arm (`baxter_kin.ik.seeds.setpoint_table`)."""
 
 TASK_NUMBERS = 32
 """Numbers that `TaskNumbers` hands to the search."""
@@ -134,10 +137,9 @@ def columns_of(T: pin.SE3) -> FloatArray:
 
 
 @cache
-def search_functions(shape: Shape) -> tuple[ca.Function, ...]:
-    """All functions for arms of a shape: from a start, from the left map, from the right one."""
-    exact = iterations_of(exact_step(shape), PATIENCE)
-    return search_function(shape), *(map_search_function(shape, exact, side) for side in LIMBS)
+def search_functions(shape: Shape) -> tuple[ca.Function, ca.Function]:
+    """The functions for arms of a shape: from a start, and from the map."""
+    return search_function(shape), map_search_function(shape)
 
 
 def search_function(
@@ -203,6 +205,7 @@ def arm_symbols(shape: Shape) -> tuple[ca.MX, list[ca.MX]]:
     return arm, ca.vertsplit(arm, edges)
 
 
+@cache
 def target_function() -> ca.Function:
     """`(T_base_tip, frames) -> T_first_last`, 4 x 4: where the last axis shall be."""
     T, frames = ca.SX.sym("T", 4, 4), ca.SX.sym("frames", 24)
@@ -263,6 +266,7 @@ def _arrived(offset: ca.MX, angle: ca.MX) -> ca.MX:
     return ca.logic_and(offset <= CONVERGED_M, angle <= CONVERGED_RAD)
 
 
+@cache
 def exact_step(shape: Shape) -> ca.Function:
     """`(q, T_first_last, p_last_tip, bounds, dimensions) -> (q_next, errors at q)`.
 
@@ -417,20 +421,31 @@ def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:
     return ca.vertcat(*x)
 
 
+@cache
 def input_check() -> ca.Function:
-    """`(q, T, bounds) -> (clamped q, 1 if q and T are acceptable, else 0)`.
-
-    A pose is one by the tests of `baxter_kin.frames.checked_pose`.
-    """
+    """`(q, T, bounds) -> (clamped q, 1 if q and T are acceptable, else 0)`."""
     q, T, bounds = ca.SX.sym("q", 7), ca.SX.sym("T", 4, 4), ca.SX.sym("bounds", 14)
     clamped = ca.fmin(ca.fmax(q, bounds[:7]), bounds[7:])
     is_near = _all_within(q - clamped, SEED_TOLERANCE_RAD)
+    is_valid = ca.logic_and(is_near, _is_pose(T))
+    return ca.Function("check", [q, T, bounds], [clamped, is_valid])
+
+
+@cache
+def _pose_check() -> ca.Function:
+    """`T -> 1 if it is a valid pose, else 0`."""
+    T = ca.SX.sym("T", 4, 4)
+    return ca.Function("pose_check", [T], [_is_pose(T)])
+
+
+def _is_pose(T: ca.SX) -> ca.SX:
+    """1 if it passes the tests of `baxter_kin.frames.checked_pose`, else 0."""
     R = T[:3, :3]
     is_orthonormal = _all_within(ca.vec(R.T @ R - ca.SX.eye(3)), ROTATION_TOLERANCE)
     is_affine = _all_within(T[3, :].T - ca.DM([0.0, 0.0, 0.0, 1.0]), ROTATION_TOLERANCE)
-    is_rigid = ca.logic_and(is_orthonormal, is_affine)
-    is_pose = ca.logic_and(is_rigid, ca.det(R) > 0)
-    return ca.Function("check", [q, T, bounds], [clamped, ca.logic_and(is_near, is_pose)])
+    is_finite = _all_within(T[:3, 3], np.finfo(float).max)
+    is_rigid = ca.logic_and(ca.logic_and(is_orthonormal, is_affine), ca.det(R) > 0)
+    return ca.logic_and(is_rigid, is_finite)
 
 
 def _all_within(values: ca.SX, tolerance: float) -> ca.SX:
@@ -441,54 +456,56 @@ def _all_within(values: ca.SX, tolerance: float) -> ca.SX:
     return within
 
 
-def map_search_function(shape: Shape, iterations: ca.Function, side: str) -> ca.Function:
-    """The search for exact poses from the map: `(T_base_tip, T_base_gripper, task, arm) -> ...`.
+def map_search_function(shape: Shape) -> ca.Function:
+    """The search for exact poses from the map, as `(T_base_tip, T_base_gripper, ...) -> ...`.
 
     It starts from the setpoints nearest to the gripper's pose, one after the other. Choosing them
     costs less than one iteration, and poses that the first setpoint solves never meet the others.
 
-    Inputs: valid poses of tip and gripper, 4 x 4; `Task.numbers`; `ArmNumbers.within`. Outputs: the
-    first iterate that converged, else the one that came nearest, 7 x 1; report, 5 x 1: 1 if it
-    converged, else 0; position error in m; orientation error in rad; iterations of all searches;
-    starts.
-
-    Args:
-        shape: of the arms that it is for.
-        iterations: `iterations_of` the `exact_step`.
-        side: "left" or "right": whose setpoints.
+    Inputs: poses of tip and gripper, 4 x 4; `Task.numbers`; `ArmNumbers.within`; and the two arrays
+    of `map_numbers`. Outputs: the first iterate that converged, else the one that came nearest,
+    7 x 1; report, 6 x 1: 1 if it converged and the pose is valid, else 0; position error in m;
+    orientation error in rad; iterations of all searches; 1 if the pose is valid; starts.
     """
     T, T_gripper = ca.MX.sym("T", 4, 4), ca.MX.sym("T_gripper", 4, 4)
     task, (tip, last, *_) = task_symbols()
     arm, (bounds, dimensions, first) = arm_symbols(shape)
-    middles, table = setpoint_table(side)
-    size, setpoints, infinity = len(table), ca.MX(ca.DM(table.T)), ca.MX(ca.inf)
-    nearest = _nearest_function(size)
-    rest = _start(MAP_STARTS, iterations, nearest, setpoints, None)
+    regions, setpoints = ca.MX.sym("regions", SETPOINTS, 13), ca.MX.sym("setpoints", 7, SETPOINTS)
+    iterations = iterations_of(exact_step(shape), PATIENCE)
+    rest = _start(MAP_STARTS, iterations, None)
     for rank in range(MAP_STARTS - 1, 0, -1):
-        rest = _start(rank, iterations, nearest, setpoints, rest)
+        rest = _start(rank, iterations, rest)
     target = target_function()(T, ca.vertcat(first, last))
-    squares = _squares_function(middles)(T_gripper)
+    squares = regions[:, 12] - regions[:, :12] @ _features_function()(T_gripper)
+    infinity = ca.MX(ca.inf)
     no_result = -infinity, ca.MX.zeros(7), ca.vertcat(infinity, infinity), ca.MX(0)
-    outputs = rest(target, tip[9:], bounds, dimensions, squares, *no_result)
-    name = f"map_search_{side}_{shape.name.lower()}"
-    return ca.Function(name, [T, T_gripper, task, arm], list(outputs))
+    q, outcome = rest(target, tip[9:], bounds, dimensions, setpoints, squares, *no_result)
+    is_valid = _pose_check()(T)
+    found = ca.logic_and(outcome[0], is_valid)
+    report = ca.vertcat(found, outcome[1:4], is_valid, outcome[4])
+    inputs = [T, T_gripper, task, arm, regions, setpoints]
+    return ca.Function(f"map_search_{shape.name.lower()}", inputs, [q, report])
 
 
-def _start(
-    rank: int,
-    iterations: ca.Function,
-    nearest: ca.Function,
-    setpoints: ca.MX,
-    rest: ca.Function | None,
-) -> ca.Function:
+def map_numbers(side: str) -> tuple[FloatArray, FloatArray]:
+    """An arm's setpoints as the search from the map takes them, column by column.
+
+    Twice the features of each region's middle, with the square of their length, shape
+    (13, `SETPOINTS`), and a setpoint for each, shape (`SETPOINTS`, 7), rad.
+    """
+    middles, setpoints = setpoint_table(side)
+    return np.vstack([2.0 * middles.T, (middles**2).sum(axis=1)]), setpoints
+
+
+def _start(rank: int, iterations: ca.Function, rest: ca.Function | None) -> ca.Function:
     """The start of that rank, and behind a lazy switch the rest of them.
 
-    `(T, p_last_tip, bounds, dimensions, squares, square of the previous start, best q, its errors,
-    iterations so far) -> (q, report)`.
+    `(T, p_last_tip, bounds, dimensions, setpoints, squares, square of the previous start, best q,
+    its errors, iterations so far) -> (q, outcome)`.
     """
-    sizes = iterations.size1_in(4), setpoints.shape[1]
-    state = T, p_tip, bounds, dimensions, squares, last, q_best, errors_best, count = _state(*sizes)
-    index, square = nearest(squares, last)
+    state = T, p_tip, bounds, dimensions, setpoints, squares, last, *best = _state(iterations)
+    q_best, errors_best, count = best
+    index, square = _nearest_function()(squares, last)
     start = ca.fmin(ca.fmax(setpoints[:, index], bounds[:7]), bounds[7:])
     q, outcome = iterations(start, T, p_tip, bounds, dimensions)
     errors, total = outcome[1:3], count + outcome[3]
@@ -496,27 +513,28 @@ def _start(
     q, errors = ca.if_else(is_better, q, q_best), ca.if_else(is_better, errors, errors_best)
     outputs = [q, ca.vertcat(outcome[0], errors, total, rank)]
     if rest is not None:
-        now = T, p_tip, bounds, dimensions, squares, square, q, errors, total
-        outputs = list(_switch(rank, rest, *sizes)(outcome[0], *now))
+        now = T, p_tip, bounds, dimensions, setpoints, squares, square, q, errors, total
+        outputs = list(_switch(rank, rest, iterations)(outcome[0], *now))
     return ca.Function(f"start_{rank}", list(state), outputs)
 
 
-def _switch(rank: int, rest: ca.Function, dimensions: int, size: int) -> ca.Function:
-    """`(1 if it converged, state) -> (q, report)`: what was found, or what the rest finds."""
-    state = _state(dimensions, size)
+def _switch(rank: int, rest: ca.Function, iterations: ca.Function) -> ca.Function:
+    """`(1 if it converged, state) -> (q, outcome)`: what was found, or what the rest finds."""
+    state = _state(iterations)
     *_, q, errors, count = state
     stay = ca.Function("stay", list(state), [q, ca.vertcat(1, errors, count, rank)])
     go_on = ca.Function("go_on", list(state), list(rest(*state)))
     return ca.Function.if_else("switch", stay, go_on)
 
 
-def _state(dimensions: int, size: int) -> tuple[ca.MX, ...]:
+def _state(iterations: ca.Function) -> tuple[ca.MX, ...]:
     shapes = {
         "T": (4, 4),
         "p_last_tip": (3, 1),
         "bounds": (14, 1),
-        "dimensions": (dimensions, 1),
-        "squares": (size, 1),
+        "dimensions": (iterations.size1_in(4), 1),
+        "setpoints": (7, SETPOINTS),
+        "squares": (SETPOINTS, 1),
         "last": (1, 1),
         "q_best": (7, 1),
         "errors_best": (2, 1),
@@ -525,20 +543,21 @@ def _state(dimensions: int, size: int) -> tuple[ca.MX, ...]:
     return tuple(ca.MX.sym(name, *shape) for name, shape in shapes.items())
 
 
-def _squares_function(middles: FloatArray) -> ca.Function:
-    """`T -> squared distances` to the regions' middles, but for what all have in common, n x 1."""
+@cache
+def _features_function() -> ca.Function:
+    """`T -> pose_features`, 12 x 1."""
     T = ca.SX.sym("T", 4, 4)
     features = ca.vertcat(T[:3, 3], FEATURE_WEIGHT_M * ca.vec(T[:3, :3].T))
-    squares = ca.SX((middles**2).sum(axis=1)) - 2 * ca.SX(middles) @ features
-    return ca.Function("squares", [T], [squares])
+    return ca.Function("features", [T], [features])
 
 
-def _nearest_function(size: int) -> ca.Function:
-    """`(squares, last) -> (index, square)`: the least square above the last one."""
-    squares, last = ca.SX.sym("squares", size), ca.SX.sym("last")
-    index, least = ca.SX(0), ca.SX(ca.inf)
-    for i in range(size):
-        is_nearer = ca.logic_and(squares[i] > last, squares[i] < least)
+@cache
+def _nearest_function() -> ca.Function:
+    """`(squares, last) -> (index, square)`: the smallest square above the last one."""
+    squares, last = ca.SX.sym("squares", SETPOINTS), ca.SX.sym("last")
+    index, nearest = ca.SX(0), ca.SX(ca.inf)
+    for i in range(SETPOINTS):
+        is_nearer = ca.logic_and(squares[i] > last, squares[i] < nearest)
         index = ca.if_else(is_nearer, i, index)
-        least = ca.if_else(is_nearer, squares[i], least)
-    return ca.Function("nearest", [squares, last], [index, least])
+        nearest = ca.if_else(is_nearer, squares[i], nearest)
+    return ca.Function("nearest", [squares, last], [index, nearest])

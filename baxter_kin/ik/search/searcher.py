@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from baxter_kin.compilation.buffered import BufferedFunction
 from baxter_kin.compilation.machine_code import compiled
 from baxter_kin.errors import member_of
-from baxter_kin.ik.search.search_function import ArmNumbers, search_functions
+from baxter_kin.ik.search.search_function import ArmNumbers, map_numbers, search_functions
 from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
 from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
-from baxter_kin.kinematics.arm import LIMBS, Arm
+from baxter_kin.kinematics.arm import Arm
 from baxter_kin.kinematics.dh_parameters import DHParameters
 from baxter_kin.kinematics.symbolic import Shape
 from baxter_kin.validation import FloatArray, Indices
@@ -72,14 +72,9 @@ class BatchedSearch:
             function: whose last inputs are the same for all requests.
             filler: its first inputs, such that it ends at once.
         """
-        shared = list(range(len(filler), function.n_in()))
+        self._function = function
         self._filler = [_rows(value) for value in filler]
-        self._mapped = {
-            size: BufferedFunction(
-                function.map(f"{function.name()}_{size}", "serial", size, shared, [])
-            )
-            for size in BATCH_SIZES
-        }
+        self._mapped: dict[int, BufferedFunction] = {}
 
     def __call__(self, inputs: tuple[FloatArray, ...], shared: tuple[FloatArray, ...]) -> Found:
         """Results for inputs of shape (m, ...) each, and shared ones."""
@@ -96,7 +91,7 @@ class BatchedSearch:
         """One call, for no more requests than the largest batch holds."""
         count = len(inputs[0])
         size = next(size for size in BATCH_SIZES if size >= count)
-        mapped, own = self._mapped[size], len(inputs)
+        mapped, own = self._of_size(size), len(inputs)
         for memory, filler, given in zip(mapped.inputs, self._filler, inputs, strict=False):
             rows = memory.reshape(size, *filler.shape)
             rows[:count], rows[count:] = _rows(given), filler
@@ -105,6 +100,15 @@ class BatchedSearch:
         mapped.run()
         q, report = mapped.outputs
         return q[:count].copy(), report[:count].copy()
+
+    def _of_size(self, size: int) -> BufferedFunction:
+        """The function for so many requests; made when first needed, which takes some ms."""
+        if size not in self._mapped:
+            function = self._function
+            shared = list(range(len(self._filler), function.n_in()))
+            mapped = function.map(f"{function.name()}_{size}", "serial", size, shared, [])
+            self._mapped.setdefault(size, BufferedFunction(mapped))  # another thread may be first
+        return self._mapped[size]
 
 
 def _rows(values: FloatArray) -> FloatArray:
@@ -222,7 +226,7 @@ class Searcher:
         self._given = self._task.numbers(DHParameters.of(arm).T_last_tip)
         self._arm = self._numbers.within()
         T = arm.T_base_tip(arm.neutral).homogeneous
-        shared = self._given, self._arm
+        shared, self._setpoints = (self._given, self._arm), map_numbers(arm.side)
         self._one = BufferedSearch(functions[0], shared)
         self._many = BatchedSearch(functions[0], (arm.neutral, self._task.turned(T)))
         self._one_from_map, self._many_from_map = None, None
@@ -230,9 +234,8 @@ class Searcher:
         if arm.tip_frame != arm.gripper_frame:
             self._T_tip_gripper = arm.T_gripper_tip.inverse().homogeneous
         if tolerance == EXACT:
-            from_map = functions[1 + LIMBS.index(arm.side)]
-            self._one_from_map = BufferedSearch(from_map, shared)
-            self._many_from_map = BatchedSearch(from_map, (T, self._gripper_poses(T)))
+            self._one_from_map = BufferedSearch(functions[1], (*shared, *self._setpoints))
+            self._many_from_map = BatchedSearch(functions[1], (T, self._gripper_poses(T)))
 
     def search_one(self, q_start: FloatArray, T_base_tip: pin.SE3) -> tuple[FloatArray, FloatArray]:
         """One search; its input is not checked and its output not copied.
@@ -253,7 +256,7 @@ class Searcher:
         return one.q, one.report
 
     def search_one_from_map(self, T_base_tip: pin.SE3) -> tuple[FloatArray, FloatArray] | None:
-        """The same from the nearest setpoints; the pose must be valid.
+        """The same from the nearest setpoints; the report has six numbers.
 
         None for a tolerance: finding the starts that suit one takes longer.
         """
@@ -283,7 +286,8 @@ class Searcher:
         """Searches for poses, shape (m, 4, 4), each from its nearest setpoints in turn."""
         if self._many_from_map is None:
             return search_from_setpoints(self, self._map, Ts)
-        return self._many_from_map((Ts, self._gripper_poses(Ts)), (self._given, self._arm))
+        shared = self._given, self._arm, *self._setpoints
+        return self._many_from_map((Ts, self._gripper_poses(Ts)), shared)
 
     def _gripper_poses(self, Ts: FloatArray) -> FloatArray:
         """Where poses of the tip, shape (..., 4, 4), put the gripper."""

@@ -16,13 +16,15 @@ from baxter_kin.ik.search.search_function import (
     PATIENCE,
     ROTATION_WEIGHT_M,
     SEED_TOLERANCE_RAD,
+    SETPOINTS,
     ArmNumbers,
+    map_numbers,
     search_function,
     search_functions,
     solve_symmetric,
     task_coordinates,
 )
-from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap
+from baxter_kin.ik.seeds import MAP_STARTS, NullSpaceMap, setpoint_table
 from baxter_kin.ik.tolerance import EXACT, Task, Tolerance
 from baxter_kin.kinematics.arm import LIMBS
 from baxter_kin.kinematics.dh_parameters import DHParameters
@@ -289,13 +291,25 @@ def test_invalid_input_is_reported(any_arm: Arm) -> None:
 def searches(any_arm: Arm) -> tuple[ca.Function, ca.Function]:
     """From a start, giving up as the map's searches do, and from the map."""
     shape = ArmNumbers.of(any_arm).shape
-    from_map = search_functions(shape)[1 + LIMBS.index(any_arm.side)]
+    from_map = search_functions(shape)[1]
     return search_function(shape, PATIENCE), from_map
 
 
 def run(function: ca.Function, *inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     q, report = (np.array(x).ravel() for x in function(*inputs))
     return q, report
+
+
+def from_map(arm: Arm, T: np.ndarray) -> tuple[np.ndarray, ...]:
+    """The inputs of the search from the map for a pose of the gripper."""
+    return (
+        T,
+        T,
+        task_of(arm),
+        ArmNumbers.of(arm).within(),
+        map_numbers(arm.side)[0].T,
+        map_numbers(arm.side)[1].T,
+    )
 
 
 def one_by_one(search: ca.Function, arm: Arm, T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -309,7 +323,7 @@ def one_by_one(search: ca.Function, arm: Arm, T: np.ndarray) -> tuple[np.ndarray
             best_q, best = q, report[1:3]
         if report[0] == 1.0:
             break
-    return best_q, np.array([report[0], *best, iterations, starts])
+    return best_q, np.array([report[0], *best, iterations, 1.0, starts])
 
 
 def test_it_is_the_search_from_one_setpoint_after_the_other(
@@ -319,11 +333,11 @@ def test_it_is_the_search_from_one_setpoint_after_the_other(
     starts = set()
     for _ in range(150):
         T = any_arm.T_base_tip(any_arm.random_configuration(rng)).homogeneous
-        q, report = run(map_search, T, T, task_of(any_arm), ArmNumbers.of(any_arm).within())
+        q, report = run(map_search, *from_map(any_arm, T))
         expected_q, expected = one_by_one(search, any_arm, T)
         np.testing.assert_array_equal(q, expected_q)
         np.testing.assert_array_equal(report, expected)
-        starts.add(int(report[4]))
+        starts.add(int(report[5]))
     assert {1, 2, 3} <= starts
 
 
@@ -332,12 +346,12 @@ def test_when_all_fail_the_nearest_iterate_is_kept(
 ) -> None:
     T, (search, map_search) = np.eye(4), searches
     T[:3, 3] = 1.6, 0.0, 0.5
-    q, report = run(map_search, T, T, task_of(any_arm), ArmNumbers.of(any_arm).within())
+    q, report = run(map_search, *from_map(any_arm, T))
     expected_q, expected = one_by_one(search, any_arm, T)
     np.testing.assert_array_equal(q, expected_q)
     np.testing.assert_array_equal(report, expected)
     assert report[0] == 0.0
-    assert report[4] == MAP_STARTS
+    assert report[5] == MAP_STARTS
     assert report[3] == MAP_STARTS * min(PATIENCE)
 
 
@@ -398,3 +412,16 @@ def test_an_arm_with_parallel_axes_is_refused(robot: Baxter) -> None:
     arm.model.jointPlacements[2] = T * pin.SE3(pin.exp3(np.array([1.4, 0.0, 0.0])), np.zeros(3))
     with pytest.raises(DescriptionError, match="parallel"):
         ArmNumbers.of(arm)
+
+
+@pytest.mark.parametrize("side", LIMBS)
+def test_the_map_has_as_many_setpoints_as_the_search_takes(side: str) -> None:
+    assert [len(each) for each in setpoint_table(side)] == [SETPOINTS, SETPOINTS]
+
+
+@pytest.mark.parametrize(
+    "T", [np.diag([1.0, 1.0, -1.0, 1.0]), np.full((4, 4), np.nan), np.diag([1.0, 1.0, 1.0, 2.0])]
+)
+def test_an_invalid_pose_is_reported_from_the_map_too(any_arm: Arm, T: np.ndarray) -> None:
+    _, report = run(search_functions(ArmNumbers.of(any_arm).shape)[1], *from_map(any_arm, T))
+    assert report[[0, 4]].tolist() == [0.0, 0.0]
