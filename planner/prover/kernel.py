@@ -45,7 +45,10 @@ SPARE_M = 1e-7
 SINGLE = 1.2e-7
 """The same as a share of the size of what is placed: points are in single precision here."""
 
-_VERSION = 4
+_VERSION = 5
+
+MANY, CELLS = 512, 6 * 4**3
+"""Nodes of so many points have a list of them for so many cells of directions, as in `rows.c`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +188,10 @@ class BoxesFound(NamedTuple):
 class _Tree(ctypes.Structure):
     _fields_ = [
         (name, ctypes.c_void_p)
-        for name in ("x", "y", "z", "first", "count", "children", "low", "high", "reach")
+        for name in (
+            *("x", "y", "z", "first", "count", "children", "low", "high", "reach"),
+            *("lists", "begins", "listed"),
+        )
     ]
 
 
@@ -226,9 +232,13 @@ class _LaidOut:
         tree = (np.ascontiguousarray(x, np.int32) for x in (shape.counts, shape.children))
         boxes = np.empty((2, nodes, 3), np.float32)
         first, reach = np.empty(nodes, np.int32), np.empty(nodes, np.float32)
-        self._arrays = (*columns, first, *tree, *boxes, reach)
+        many = shape.counts[shape.counts >= MANY]
+        room = int(many.sum()) * CELLS // 8
+        begins = np.empty(len(many) * CELLS + 1, np.int32)
+        lists = np.empty(nodes, np.int32), begins, np.empty(room, np.uint16)
+        self._arrays = (*columns, first, *tree, *boxes, reach, *lists)
         self.tree = _Tree(*(array.ctypes.data for array in self._arrays))
-        lay_out(ctypes.c_int32(nodes), ctypes.byref(self.tree))
+        lay_out(ctypes.c_int32(nodes), ctypes.byref(self.tree), ctypes.c_int32(room))
 
 
 _PLACED = np.dtype(

@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ROWS_VERSION 4
+#define ROWS_VERSION 5
 
 enum { BY_DIRECTION, BY_FINE_DIRECTION, BY_MIDDLES, CUT_FIRST, CUT_SECOND, CUT_TIME, NONE = 255 };
 enum { PROVEN, TOO_NEAR, NOT_SHOWN, TOO_MUCH };
@@ -22,6 +22,10 @@ enum {
     MOST_JOINTS = 21,   /* of a chain: along one arm, back, and along the other */
     LANES = 8,          /* points of a cluster that are handled at once */
     TABLE = 1 << 14,    /* entries of a hash table, of which three quarters are used */
+    MANY = 512,         /* a node of so many points has a list of them for each cell of directions */
+    MOST_LISTED = 4096, /* points of such a node */
+    HALVINGS = 3,       /* of each face of a cube of directions, in both ways */
+    CELLS = 6 << (2 * HALVINGS),
     MOST_TASKS = 50000, /* of a level, as in the checker */
     STACK = 512,
     ITERATIONS = 30,
@@ -42,6 +46,9 @@ typedef struct {             /* a tree of clusters in a frame of its own */
     int32_t *first;          /* of each node */
     const int32_t *count, *children;
     float *low, *high, *reach; /* its box, and how far its points are from the origin */
+    int32_t *lists;          /* of each node: where its lists begin in `begins`; -1 if it has none */
+    int32_t *begins;         /* where the list of a cell of directions begins in `listed` */
+    uint16_t *listed;        /* points that may be the lowest along a direction of the cell */
 } Tree;
 
 typedef struct {             /* a tree in the frame of the joint that carries it */
@@ -335,14 +342,43 @@ static double reach_of(const Search *s, Cluster c) {
     return own + placed->ball + placed->disc + norm(placed->p);
 }
 
-/* The least d . x over a cluster without its ball, d in the frame of its tree; and a point there. */
-static double lowest(const Search *s, Cluster c, const double *d, double *at) {
-    const Placed *placed = &s->placed[c.tree];
-    const Tree *tree = &s->trees[placed->tree];
-    const float *x = tree->x + tree->first[c.node], *y = tree->y + tree->first[c.node], *z = tree->z + tree->first[c.node];
-    int count = tree->count[c.node];
+/* The cell of a direction: a face of the cube, then a quadrant of a quadrant. */
+static int cell_of(const double *d) {
+    int axis = fabs(d[1]) > fabs(d[0]) ? 1 : 0;
+    if (fabs(d[2]) > fabs(d[axis])) axis = 2;
+    double u = d[(axis + 1) % 3] / fabs(d[axis]), v = d[(axis + 2) % 3] / fabs(d[axis]), size = 1;
+    int number = 2 * axis + (d[axis] < 0);
+    for (int i = 0; i < HALVINGS; i++) {
+        size /= 2;
+        number = 4 * number + 2 * (u > 0) + (v > 0);
+        u += u > 0 ? -size : size, v += v > 0 ? -size : size;
+    }
+    return number;
+}
+
+/* The least d . x over a node that has lists, of those in the list of d's cell; and a point there. */
+static double lowest_listed(const Tree *tree, int node, const double *d, double *at) {
+    const float *x = tree->x + tree->first[node], *y = tree->y + tree->first[node], *z = tree->z + tree->first[node];
+    int cell = tree->lists[node] + cell_of(d), count = tree->begins[cell + 1] - tree->begins[cell], j = 0;
+    const uint16_t *listed = tree->listed + tree->begins[cell];
     double best = FAR;
-    int i = 0;
+    for (int i = 0; i < count; i++) {
+        int p = listed[i];
+        double value = x[p] * d[0] + y[p] * d[1] + z[p] * d[2];
+        best = value < best ? value : best;
+    }
+    if (at) {
+        while (j < count - 1 && x[listed[j]] * d[0] + y[listed[j]] * d[1] + z[listed[j]] * d[2] > best + 1e-13) j++;
+        at[0] = x[listed[j]], at[1] = y[listed[j]], at[2] = z[listed[j]];
+    }
+    return best;
+}
+
+/* The same of any node, of all its points. */
+static double lowest_of_all(const Tree *tree, int node, const double *d, double *at) {
+    const float *x = tree->x + tree->first[node], *y = tree->y + tree->first[node], *z = tree->z + tree->first[node];
+    int count = tree->count[node], i = 0;
+    double best = FAR;
     if (count >= LANES) {
         double low[LANES];
         for (int l = 0; l < LANES; l++) low[l] = FAR;
@@ -362,6 +398,14 @@ static double lowest(const Search *s, Cluster c, const double *d, double *at) {
         while (i < count - 1 && x[i] * d[0] + y[i] * d[1] + z[i] * d[2] > best + 1e-13) i++;
         at[0] = x[i], at[1] = y[i], at[2] = z[i];
     }
+    return best;
+}
+
+/* The least d . x over a cluster without its ball, d in the frame of its tree; and a point there. */
+static double lowest(const Search *s, Cluster c, const double *d, double *at) {
+    const Placed *placed = &s->placed[c.tree];
+    const Tree *tree = &s->trees[placed->tree];
+    double best = tree->lists[c.node] < 0 ? lowest_of_all(tree, c.node, d, at) : lowest_listed(tree, c.node, d, at);
     if (placed->has_apex && dot(placed->apex, d) < best) {
         best = dot(placed->apex, d);
         if (at) copy(placed->apex, at);
@@ -890,8 +934,57 @@ static int levels(Search *s, Task *tasks, Task *next, uint8_t *letters, int8_t *
     return code;
 }
 
-/* Fill in the boxes of a tree that has its points, and where the points of each node begin. */
-void lay_out(int32_t nodes, Tree *tree) {
+typedef struct { const float *x[3]; int32_t *begins, cells; uint16_t *listed; int32_t count, room; } Lists;
+
+/* List the points, of some, that may be the lowest along a direction of a cell: a face of a cube of
+   directions, then a part of it around (u, v). A point is left out when it is above another one
+   along all four corners of the cell, since heights are linear in between. Whether there is room. */
+static int list_lowest(Lists *l, int face, double u, double v, double size, const uint16_t *some, int count) {
+    int axis = face / 2, a = (axis + 1) % 3, b = (axis + 2) % 3, kept = 0;
+    const float *x = l->x[axis], *y = l->x[a], *z = l->x[b];
+    double along = face % 2 ? -1 : 1, least = INFINITY, heights[MOST_LISTED];
+    uint16_t best = 0, own[MOST_LISTED];
+    for (int i = 0; i < count; i++) {
+        heights[i] = along * x[some[i]] + u * y[some[i]] + v * z[some[i]];
+        if (heights[i] < least) least = heights[i], best = some[i];
+    }
+    for (int i = 0; i < count; i++) {
+        double across = fabs((double)y[some[i]] - y[best]) + fabs((double)z[some[i]] - z[best]);
+        own[kept] = some[i], kept += heights[i] - least <= size * across + 1e-9;
+    }
+    if (size > 1.5 / (1 << HALVINGS)) {
+        int is_room = 1;
+        for (int c = 0; c < 4; c++)
+            is_room = is_room && list_lowest(l, face, u + (c & 2 ? size : -size) / 2, v + (c & 1 ? size : -size) / 2, size / 2, own, kept);
+        return is_room;
+    }
+    if (l->count + kept > l->room) return 0;
+    memcpy(l->listed + l->count, own, kept * sizeof *own);
+    l->count += kept;
+    l->begins[++l->cells] = l->count;
+    return 1;
+}
+
+/* The lists of all nodes of many points, as many as there is room for. */
+static void list_nodes(int32_t nodes, Tree *tree, int32_t room) {
+    uint16_t all[MOST_LISTED];
+    Lists l = {.begins = tree->begins, .listed = tree->listed, .room = room};
+    for (int i = 0; i < MOST_LISTED; i++) all[i] = (uint16_t)i;
+    if (room) l.begins[0] = 0;
+    for (int32_t node = 0; node < nodes; node++) {
+        int32_t count = tree->count[node], at = tree->first[node], before = l.cells, listed = l.count;
+        tree->lists[node] = -1;
+        if (count < MANY || count > MOST_LISTED) continue;
+        l.x[0] = tree->x + at, l.x[1] = tree->y + at, l.x[2] = tree->z + at;
+        int is_room = 1;
+        for (int face = 0; face < 6; face++) is_room = is_room && list_lowest(&l, face, 0, 0, 1, all, count);
+        if (is_room) tree->lists[node] = before; else l.cells = before, l.count = listed;
+    }
+}
+
+/* Fill in the boxes of a tree that has its points, where the points of each node begin, and the
+   lists of large nodes. */
+void lay_out(int32_t nodes, Tree *tree, int32_t room) {
     int32_t at = 0;
     for (int32_t node = 0; node < nodes; node++) {
         double low[3] = {FAR, FAR, FAR}, high[3] = {-FAR, -FAR, -FAR}, reach = 0;
@@ -908,6 +1001,7 @@ void lay_out(int32_t nodes, Tree *tree) {
             tree->low[3 * node + a] = (float)low[a], tree->high[3 * node + a] = (float)high[a];
         tree->reach[node] = (float)(sqrt(reach) * (1 + 1e-6));
     }
+    list_nodes(nodes, tree, room);
 }
 
 int rows_version(void) { return ROWS_VERSION; }
